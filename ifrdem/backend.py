@@ -1,0 +1,113 @@
+"""Starting Taichi on a device, and saying which devices there are."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+
+from .errors import InputError, nearest
+
+ARCHITECTURES = ("cpu", "cuda")
+
+
+@dataclass(frozen=True)
+class Device:
+    """A device that kernels can run on: its architecture name, and what it is."""
+
+    arch: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Running:
+    """What Taichi was started with."""
+
+    arch: str
+    threads: int
+
+
+_running: Running | None = None
+
+
+def _cpu_name() -> str:
+    try:
+        with open("/proc/cpuinfo") as info:
+            for line in info:
+                if line.startswith("model name"):
+                    return line.split(":", 1)[1].strip()
+    except OSError:
+        pass
+    return "CPU"
+
+
+def _cores() -> int:
+    """Cores that this process may use (a container or a batch system may allow fewer than there are)."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def available() -> list[Device]:
+    """The devices that a simulation can run on. Starts nothing."""
+    from . import kernels  # noqa: F401  (keeps Taichi from printing its banner)
+
+    import taichi as ti  # isort: skip
+
+    # Looking for a GPU driver where there is none is not worth a warning.
+    ti.set_logging_level(ti.ERROR)
+    devices = [Device("cpu", f"{_cpu_name()}, {_cores()} threads")]
+    if ti._lib.core.with_cuda():
+        devices.append(Device("cuda", "NVIDIA GPU (CUDA)"))
+    return devices
+
+
+def check(arch: str) -> None:
+    """Raise InputError unless `arch` is known and the device is there. Starts nothing."""
+    if arch not in ARCHITECTURES:
+        allowed = ", ".join(ARCHITECTURES)
+        raise InputError(f"arch = '{arch}': allowed are {allowed}{nearest(arch, ARCHITECTURES)}")
+    present = [device.arch for device in available()]
+    if arch not in present:
+        raise InputError(
+            f"arch = '{arch}': no such device on this machine; present: {', '.join(present)} (see `ifrdem backends`)"
+        )
+
+
+def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
+    """Start Taichi in double precision, or do nothing if it already runs with the same settings.
+
+    Taichi is one per process: starting it with other settings ends every simulation of the process so far.
+
+    Parameters
+    ----------
+    arch : str
+        "cpu" or "cuda". A device that is not there is refused; there is no fall-back.
+    threads : int, optional
+        Threads on the CPU; all cores by default. Results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        If the architecture is unknown or not there, or the number of threads is not positive.
+    """
+    global _running
+    check(arch)
+    if threads is not None and threads < 1:
+        raise InputError(f"threads = {threads}: a number of 1 or more is needed")
+    wanted = Running(arch, threads or _cores())
+    import taichi as ti
+
+    if _running == wanted and ti.lang.impl.get_runtime().prog is not None:
+        return _running
+    ti.init(
+        arch=getattr(ti, arch),
+        default_fp=ti.f64,
+        default_ip=ti.i32,
+        fast_math=False,  # with it, contact times lose bits and collisions are missed
+        cpu_max_num_threads=wanted.threads,
+        offline_cache=True,
+        log_level=ti.WARN,
+        enable_fallback=False,
+    )
+    _running = wanted
+    return wanted

@@ -1,0 +1,231 @@
+"""A gas, its law and the engine that moves it: the object users run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .box import Box
+from .engine import Collisions, Engine, Statistics
+from .errors import InputError
+from .law import IFRLaw
+from .observables import Measure, measure
+from .placement import check_no_overlap
+from .state import Disks, State
+
+Observer = Callable[[State, Measure], None]
+Progress = Callable[[float, int], None]
+
+
+class Simulation:
+    """Rough disks in a periodic box, collided exactly by the IFR law.
+
+    Parameters
+    ----------
+    disks : Disks
+        Masses [mass], radii [length], k and materials of n disks.
+    box : Box
+        The periodic box; its shorter side must be at least three times the largest diameter.
+    law : IFRLaw or sequence of sequences of IFRLaw
+        One law for all pairs, or a symmetric table [material][material].
+    state : State
+        Start: positions [length], velocities [length/time], spins [rad/time].
+    arch : {"cpu", "cuda"}
+        Device; one that is not there is refused.
+    threads : int, optional
+        Threads on the CPU, all cores by default. The trajectory is the same to the last bit for any number.
+    skin : float, optional
+        Extra distance [length] within which neighbours are listed; chosen for speed by default.
+
+    Raises
+    ------
+    InputError
+        If disks overlap at the start, the law could add energy for the disks present, the box is too small,
+        arrays do not fit, or the device is not there.
+
+    Notes
+    -----
+    Limits: a periodic box, no forces between collisions, disks of similar size for speed (the largest sets the
+    grid). A gas that collapses inelastically (smooth disks, e_n well below 0.7) ends with an EngineError.
+    """
+
+    def __init__(
+        self,
+        disks: Disks,
+        box: Box,
+        law: IFRLaw | Sequence[Sequence[IFRLaw]],
+        state: State,
+        *,
+        arch: str = "cpu",
+        threads: int | None = None,
+        skin: float | None = None,
+    ) -> None:
+        if state.n != disks.n:
+            raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
+        self._laws = _law_table(law, disks)
+        _check_energy(self._laws, disks)
+        check_no_overlap(box, disks.radius, state.position)
+        table = np.array([[one.table_row() for one in row] for row in self._laws])
+        self._engine = Engine(disks, box, state, table, arch=arch, threads=threads, skin=skin)
+
+    @property
+    def disks(self) -> Disks:
+        """The constant properties of the disks."""
+        return self._engine.disks
+
+    @property
+    def box(self) -> Box:
+        """The periodic box."""
+        return self._engine.box
+
+    @property
+    def time(self) -> float:
+        """The present time [time]."""
+        return self._engine.time
+
+    @property
+    def collisions(self) -> int:
+        """Collisions so far; each involves two disks."""
+        return self._engine.collisions
+
+    @property
+    def statistics(self) -> Statistics:
+        """What the engine did: epochs, rounds, collisions undone."""
+        return self._engine.statistics
+
+    @property
+    def bytes_allocated(self) -> int:
+        """Memory of the engine's arrays [bytes]."""
+        return self._engine.bytes_allocated
+
+    @property
+    def state(self) -> State:
+        """A copy of the present state, in the order of the disks."""
+        return self._engine.state()
+
+    def run(
+        self,
+        *,
+        t_end: float | None = None,
+        collisions_per_disk: float | None = None,
+        frames: int = 1,
+        observers: Iterable[Observer] = (),
+        progress: Progress | None = None,
+    ) -> None:
+        """Run to a time, or until each disk has had so many collisions on average since the start.
+
+        Parameters
+        ----------
+        t_end : float
+            End [time], not before the present time.
+        collisions_per_disk : float
+            End by 2 * collisions / n. Exactly one of the two must be given.
+        frames : int
+            Frames after the first one, evenly spaced in the quantity that ends the run; a frame at a number of
+            collisions stands right after the last of them.
+        observers : iterable of callables
+            Each is called as `observer(state, measure)` at the beginning and at every frame.
+        progress : callable
+            Called as `progress(time, collisions)` after every epoch.
+
+        Raises
+        ------
+        InputError
+            If not exactly one end is given, or it lies in the past.
+        EngineError
+            If the end cannot be reached: nothing moves, or the gas collapsed inelastically.
+        """
+        observers = list(observers)
+        targets = self._targets(t_end, collisions_per_disk, frames)
+        self._observe(observers)
+        for time, collisions in targets:
+            while self.time < time and (collisions is None or self.collisions < collisions):
+                self._engine.advance(t_end=time, collisions=collisions)
+                if progress is not None:
+                    progress(self.time, self.collisions)
+            self._observe(observers)
+
+    def collide_until(self, t_end: float) -> Collisions:
+        """Run to `t_end` [time] and return every collision on the way, in order."""
+        return self._recorded(lambda: self.time < t_end, t_end=t_end)
+
+    def collide(self, count: int) -> Collisions:
+        """Run for exactly `count` collisions and return them, in order."""
+        target = self.collisions + count
+        return self._recorded(lambda: self.collisions < target, collisions=target)
+
+    def _recorded(self, going: Callable[[], bool], **end: float) -> Collisions:
+        found: list[Collisions] = []
+        self._engine.keep_collisions = True
+        try:
+            while going():
+                self._engine.advance(**end)  # type: ignore[arg-type]
+                if self._engine.last_collisions is not None:
+                    found.append(self._engine.last_collisions)
+        finally:
+            self._engine.keep_collisions = False
+        if not found:
+            return Collisions(np.empty(0), np.empty((0, 2), dtype=np.int32))
+        return Collisions(np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found]))
+
+    def _targets(
+        self, t_end: float | None, collisions_per_disk: float | None, frames: int
+    ) -> list[tuple[float, int | None]]:
+        if (t_end is None) == (collisions_per_disk is None):
+            raise InputError("exactly one of t_end and collisions_per_disk is needed")
+        if frames < 1:
+            raise InputError(f"frames = {frames}: 1 or more is needed")
+        if t_end is not None:
+            if not (math.isfinite(t_end) and t_end >= self.time):
+                raise InputError(
+                    f"t_end = {t_end}: a finite time not before the present one, {self.time}, is needed"
+                )
+            return [(float(t), None) for t in np.linspace(self.time, t_end, frames + 1)[1:]]
+        assert collisions_per_disk is not None
+        end = collisions_per_disk * self.disks.n / 2.0
+        if not (math.isfinite(end) and math.ceil(end) >= self.collisions):
+            raise InputError(
+                f"collisions_per_disk = {collisions_per_disk}: a finite number not below those already had, "
+                f"{2 * self.collisions / max(self.disks.n, 1):.6g}, is needed"
+            )
+        first = self.collisions
+        return [
+            (math.inf, first + math.ceil((math.ceil(end) - first) * frame / frames))
+            for frame in range(1, frames + 1)
+        ]
+
+    def _observe(self, observers: list[Observer]) -> None:
+        if observers:
+            state = self.state
+            measured = measure(self.disks, state)
+            for observer in observers:
+                observer(state, measured)
+
+
+def _law_table(law: IFRLaw | Sequence[Sequence[IFRLaw]], disks: Disks) -> list[list[IFRLaw]]:
+    materials = int(disks.material.max()) + 1 if disks.n else 1
+    if isinstance(law, IFRLaw):
+        return [[law] * materials for _ in range(materials)]
+    table = [list(row) for row in law]
+    if len(table) < materials or any(len(row) != len(table) for row in table):
+        raise InputError(f"law table: a square table of at least {materials} materials is needed")
+    for a, row in enumerate(table):
+        for b, one in enumerate(row):
+            if one.table_row() != table[b][a].table_row():
+                raise InputError(f"law table: [{a}][{b}] and [{b}][{a}] differ; a pair has one law")
+    return table
+
+
+def _check_energy(laws: list[list[IFRLaw]], disks: Disks) -> None:
+    """Refuse a law that could add energy for a pair of disks that is there; the worst cases are pairs of kinds."""
+    kinds: NDArray[np.float64] = np.unique(np.stack([disks.material, disks.k, disks.mass], axis=1), axis=0)
+    if (
+        len(kinds) > 200
+    ):  # a continuous distribution of masses: kbar lies between the k's, whatever the masses
+        kinds = np.unique(np.stack([disks.material, disks.k, np.ones(disks.n)], axis=1), axis=0)
+    for one, (a, k_a, m_a) in enumerate(kinds):
+        for b, k_b, m_b in kinds[one:]:
+            laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)

@@ -1,0 +1,130 @@
+"""What a gas is made of (`Disks`, constant) and where it is now (`State`, changing)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError
+
+
+def _column(name: str, value: ArrayLike, n: int, *, positive: bool) -> NDArray[np.float64]:
+    column = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)))
+    wrong = ~(np.isfinite(column) & (column > 0.0)) if positive else ~np.isfinite(column)
+    if np.any(wrong):
+        i = int(np.argmax(wrong))
+        kind = "a positive finite number" if positive else "a finite number"
+        raise InputError(f"{name}[{i}] = {column[i]}: {kind} is needed")
+    column.flags.writeable = False
+    return column
+
+
+@dataclass(frozen=True, eq=False)
+class Disks:
+    """The constant properties of n disks.
+
+    Every argument but `n` may be a number (the same for all) or an array of shape (n,).
+
+    Parameters
+    ----------
+    n : int
+        Number of disks.
+    mass : array_like
+        Masses m [mass].
+    radius : array_like
+        Radii R [length].
+    k : array_like
+        Shape number in the moment of inertia I = m R^2 / k: 2 for a homogeneous disk, 1 for a hoop.
+    material : array_like of int
+        Index of each disk's material in the law table; 0 where there is one material.
+
+    Raises
+    ------
+    InputError
+        If n is negative, or a mass, radius or k is not a positive finite number.
+    """
+
+    n: int
+    mass: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    k: NDArray[np.float64] = field(default_factory=lambda: np.array(2.0))
+    material: NDArray[np.int32] = field(default_factory=lambda: np.array(0, dtype=np.int32))
+
+    def __post_init__(self) -> None:
+        if int(self.n) != self.n or self.n < 0:
+            raise InputError(f"n = {self.n}: a whole number of disks, 0 or more, is needed")
+        set_ = object.__setattr__
+        set_(self, "n", int(self.n))
+        for name in ("mass", "radius", "k"):
+            set_(self, name, _column(name, getattr(self, name), self.n, positive=True))
+        material = np.array(np.broadcast_to(np.asarray(self.material, dtype=np.int32), (self.n,)))
+        if np.any(material < 0):
+            raise InputError("material: indices of 0 or more are needed")
+        material.flags.writeable = False
+        set_(self, "material", material)
+
+    @property
+    def inertia(self) -> NDArray[np.float64]:
+        """Moments of inertia m R^2 / k [mass length^2], shape (n,)."""
+        return self.mass * self.radius**2 / self.k
+
+
+@dataclass(eq=False)
+class State:
+    """Where n disks are and how they move at one time.
+
+    Attributes
+    ----------
+    position : array (n, 2)
+        Centres [length], inside the box.
+    velocity : array (n, 2)
+        Velocities of the centres [length/time].
+    spin : array (n,)
+        Angular velocities, counter-clockwise [rad/time].
+    time : float
+        The time [time].
+    collisions : array (n,) of int32
+        Collisions that each disk has had.
+    image : array (n, 2) of int32
+        How often each disk has left the box through each side: position + image * lengths is unwrapped.
+
+    Raises
+    ------
+    InputError
+        If shapes do not fit or a value is not finite (the first such disk is named).
+    """
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    spin: NDArray[np.float64]
+    time: float = 0.0
+    collisions: NDArray[np.int32] = None  # type: ignore[assignment]
+    image: NDArray[np.int32] = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        self.position = np.ascontiguousarray(self.position, dtype=np.float64)
+        self.velocity = np.ascontiguousarray(self.velocity, dtype=np.float64)
+        self.spin = np.ascontiguousarray(self.spin, dtype=np.float64)
+        n = len(self.spin)
+        for name, value, shape in (
+            ("position", self.position, (n, 2)),
+            ("velocity", self.velocity, (n, 2)),
+            ("spin", self.spin, (n,)),
+        ):
+            if value.shape != shape:
+                raise InputError(f"{name} has shape {value.shape}: {shape} is needed")
+            finite = np.isfinite(value).reshape(n, -1).all(axis=1)
+            if not finite.all():
+                i = int(np.argmin(finite))
+                raise InputError(f"{name}[{i}] = {value[i]}: every value must be finite")
+        if self.collisions is None:
+            self.collisions = np.zeros(n, dtype=np.int32)
+        if self.image is None:
+            self.image = np.zeros((n, 2), dtype=np.int32)
+
+    @property
+    def n(self) -> int:
+        """Number of disks."""
+        return len(self.spin)

@@ -1,0 +1,88 @@
+"""Columns of the arrays that the engine's kernels share, and the time of contact of two straight flights.
+
+All arrays are `ti.ndarray`s, so that a kernel is compiled once for every number of disks. A disk's *slot* is its
+place in the sorted order of the current epoch; its id never changes.
+
+===========  ============  ==================================================================================
+array        shape, type   a row holds
+===========  ============  ==================================================================================
+flight       (n, 8) real   what flights and events need (64 bytes in double precision)
+body         (n, 2) real   inverse mass, k
+link         (n, 8) int    partner, log chain and stamps of the current epoch
+meta         (n, 5) int    id, material, box crossings, collisions
+cell         (n,) int      cell number: column-major, cell_x * cells_y + cell_y
+neighbour    (n, K) int    neighbour codes, 9 * slot + image shift
+log_real     (c, 11) real  one collision: its time, and both disks' states before it
+log_int      (c, 8) int    its slots, links and flags
+lists        (5, n) int    work lists of the rounds
+counter      (16,) int     their lengths, and totals
+limit        (4,) real     times at which the epoch and the window end
+law          (M, M, 5)     e_n, e_t, mu, contact_point, rho of each pair of materials
+===========  ============  ==================================================================================
+
+Positions are relative to the lower left corner of the disk's cell, so that they lose no precision far from the
+origin; times are relative to the beginning of the epoch. An *image shift* s = 3 (dx + 1) + (dy + 1) says that the
+neighbour's cell lies dx, dy in {-1, 0, 1} cells away, across a periodic side or not; seen from the other disk it is
+8 - s.
+"""
+
+import taichi as ti
+
+# flight: position at time TAU, velocity, spin, radius, time of the earliest predicted event
+X, Y, VX, VY, TAU, SPIN, RADIUS, TE = range(8)
+# body
+INVERSE_MASS, K = range(2)
+# link: neighbour code of the earliest event's partner; latest log record; collisions in this epoch;
+# stamps with the number of a round; the collision from which on to undo; length of the neighbour row
+PARTNER, HEAD, SEQ, ACTIVE, DIRTY, AFFECTED, UNDO, LENGTH = range(8)
+# meta
+ID, MATERIAL, IMAGE_X, IMAGE_Y, COLLISIONS = range(5)
+# log_real: time, then x, y, vx, vy, spin of either disk from column BEFORE + 5 * side on
+TIME, BEFORE = 0, 1
+# log_int: slot, previous record and number in its epoch of either disk (column + side), regime flags, standing
+SLOT, PREVIOUS, NUMBER, REGIME, STANDS = 0, 2, 4, 6, 7
+# lists: disks that predicted again because they changed (two rows, for even and odd rounds), because a
+# neighbour changed (likewise), and disks to be rolled back
+CHANGED_ROW, AFFECTED_ROW, UNDO_ROW = 0, 2, 4
+# counter: the lengths of those five lists, and
+N_LOG = 5  # records written in this epoch, undone ones included
+N_UNDONE = 6  # records undone
+N_VIOLATIONS = 7  # causality violations found
+N_ROUNDS = 8  # rounds in this epoch
+ROUND = 9  # number of the current round, counted through the whole run
+MOST_NEIGHBOURS = 10  # longest neighbour row that was needed
+LOG_FULL = 11  # 1: the log may have no room for another round
+# limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event
+END, LATCHED, FASTEST, EARLIEST = range(4)
+
+ROLLED_BACK = -2  # as a partner: this disk was rolled back and has not predicted again
+FAR = 1.0e30  # a time later than any event
+NEVER = 1 << 30  # "undo from collision number NEVER on": nothing to undo
+
+
+@ti.func
+def contact_delay(rx, ry, vx, vy, sigma):
+    """Time until the separation r + v t has length sigma, FAR if never; 0 for an approaching overlapping pair.
+
+    The smaller root of (r + v t)^2 = sigma^2 in the form that does not cancel, c / (sqrt(b^2 - v^2 c) - b) with
+    b = r.v and c = r^2 - sigma^2. Rounding can leave c a little below 0 at contact. Every term is even under
+    (r, v) -> (-r, -v): both disks of a pair compute bitwise the same time.
+    """
+    delay = FAR
+    b = rx * vx + ry * vy
+    if b < 0.0:
+        v2 = vx * vx + vy * vy
+        c = rx * rx + ry * ry - sigma * sigma
+        d = b * b - v2 * c
+        if d > 0.0:
+            delay = ti.max(c, 0.0) / (ti.sqrt(d) - b)
+    return delay
+
+
+@ti.func
+def meeting_time(xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shift_y, sigma):
+    """Time of contact of two flights, each known from its own clock tau on; FAR if they never touch."""
+    start = ti.max(tau_i, tau_j)
+    rx = (xj + vxj * (start - tau_j)) - (xi + vxi * (start - tau_i)) + shift_x
+    ry = (yj + vyj * (start - tau_j)) - (yi + vyi * (start - tau_i)) + shift_y
+    return start + contact_delay(rx, ry, vxj - vxi, vyj - vyi, sigma)

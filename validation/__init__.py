@@ -1,0 +1,1 @@
+"""Validation: the paper's equations and the cases that hold the simulation against them."""
