@@ -170,20 +170,22 @@ class Engine:
         total = self._cells[0] * self._cells[1]
 
         real, integer, room = ti.f64, ti.i32, max(n, 1)
-        self._flight, self._flight_2 = (ti.ndarray(real, (room, _FLIGHT)) for _ in range(2))
-        self._body, self._body_2 = (ti.ndarray(real, (room, _BODY)) for _ in range(2))
-        self._meta, self._meta_2 = (ti.ndarray(integer, (room, _META)) for _ in range(2))
+        self._flight, self._flight_2 = (ti.Vector.ndarray(_FLIGHT, real, room) for _ in range(2))
+        self._body, self._body_2 = (ti.Vector.ndarray(_BODY, real, room) for _ in range(2))
+        self._meta, self._meta_2 = (ti.Vector.ndarray(_META, integer, room) for _ in range(2))
         self._cell, self._cell_2 = (ti.ndarray(integer, (room,)) for _ in range(2))
-        self._link = ti.ndarray(integer, (room, _LINK))
+        self._link = ti.Vector.ndarray(_LINK, integer, room)
         self._order = ti.ndarray(integer, (room,))
         self._lists = ti.ndarray(integer, (_LISTS, room))
         self._start = ti.ndarray(integer, (total + 1,))
         self._fill = ti.ndarray(integer, (total,))
         self._block = ti.ndarray(integer, (total // 1024 + 1,))
-        self._counter = ti.ndarray(integer, (16,))
-        self._limit = ti.ndarray(real, (4,))
+        # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
+        self._counter = np.zeros(16, dtype=np.int32)
+        self._limit = np.zeros(4)
         self._law = ti.ndarray(real, law_table.shape)
-        self._neighbour = ti.ndarray(integer, (room, _ROW))
+        self._row = _ROW
+        self._neighbour = ti.ndarray(integer, (room * _ROW,))
         self._allocate_log(n + 1024)
 
         position = self.box.wrap(state.position)
@@ -209,15 +211,13 @@ class Engine:
         self._cell.from_numpy(cell)
         self._law.from_numpy(law_table)
         self._link.fill(0)
-        self._counter.fill(0)
-        self._limit.fill(0.0)
 
     def _allocate_log(self, records: int) -> None:
         import taichi as ti
 
         self._log_capacity = records
-        self._log_real = ti.ndarray(ti.f64, (records, _LOG_REAL))
-        self._log_int = ti.ndarray(ti.i32, (records, _LOG_INT))
+        self._log_real = ti.Vector.ndarray(_LOG_REAL, ti.f64, records)
+        self._log_int = ti.Vector.ndarray(_LOG_INT, ti.i32, records)
 
     @property
     def bytes_allocated(self) -> int:
@@ -277,7 +277,7 @@ class Engine:
         self._meta, self._meta_2 = self._meta_2, self._meta
         self._cell, self._cell_2 = self._cell_2, self._cell
         self._duration = 0.0
-        return float(self._limit.to_numpy()[2])
+        return float(self._limit[2])
 
     def _list(self, horizon: float) -> None:
         import taichi as ti
@@ -286,16 +286,16 @@ class Engine:
         from .kernels.sort import list_neighbours
 
         while True:
-            capacity = self._neighbour.shape[1]
             list_neighbours(
-                self.n, capacity, self.skin, horizon, *self._cells, *self._side,
+                self.n, self._row, self.skin, horizon, *self._cells, *self._side,
                 self._flight, self._link, self._meta, self._cell, self._start, self._neighbour, self._counter,
                 self._limit,
             )  # fmt: skip
-            needed = int(self._counter.to_numpy()[MOST_NEIGHBOURS])
-            if needed <= capacity:
+            needed = int(self._counter[MOST_NEIGHBOURS])
+            if needed <= self._row:
                 return
-            self._neighbour = ti.ndarray(ti.i32, (max(self.n, 1), needed + needed // 4))
+            self._row = needed + needed // 4
+            self._neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * self._row,))
 
     def _rounds(self, horizon: float, reach: float) -> float:
         """Rounds until no event before the end is left; returns the end."""
@@ -319,11 +319,11 @@ class Engine:
         everybody, active = self.n, self.n
         while True:
             if active <= FEW:
-                rounds_by_one_thread(everybody, FEW, MOST_ROUNDS, self._log_capacity, *times, *state)
+                rounds_by_one_thread(everybody, FEW, MOST_ROUNDS, self._log_capacity, self._row, *times, *state)
             else:
-                one_round(everybody, self._log_capacity, *times, *state)
+                one_round(everybody, self._log_capacity, self._row, *times, *state)
             everybody = 0
-            counter = self._counter.to_numpy()
+            counter = self._counter
             now = counter[ROUND] % 2
             # Active in the next round: those that just predicted, and those rolled back, which will.
             active = int(counter[CHANGED_ROW : CHANGED_ROW + 2].sum() + counter[AFFECTED_ROW + 1 - now])
@@ -333,7 +333,7 @@ class Engine:
         self.statistics.rounds += int(counter[N_ROUNDS])
         self.statistics.undone += int(counter[N_UNDONE])
         self.statistics.violations += int(counter[N_VIOLATIONS])
-        end = float(self._limit.to_numpy()[END])
+        end = float(self._limit[END])
         earliest = self._earliest()
         if active == 0:
             if earliest < end:
@@ -355,7 +355,7 @@ class Engine:
         from .kernels.rounds import earliest_event
 
         earliest_event(self.n, self._flight, self._limit)
-        return float(self._limit.to_numpy()[EARLIEST])
+        return float(self._limit[EARLIEST])
 
     def _cut(self, end: float) -> None:
         from .kernels.rounds import cut
@@ -365,14 +365,14 @@ class Engine:
     def _standing(self) -> int:
         from .kernels.layout import N_LOG, N_UNDONE
 
-        counter = self._counter.to_numpy()
+        counter = self._counter
         return int(counter[N_LOG] - counter[N_UNDONE])
 
     def _standing_records(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Times, shape (c,), and slots, shape (c, 2), of the collisions that stand, in any order."""
         from .kernels.layout import N_LOG, SLOT, STANDS, TIME
 
-        records = int(self._counter.to_numpy()[N_LOG])
+        records = int(self._counter[N_LOG])
         log_int = self._log_int.to_numpy()[:records]
         stands = log_int[:, STANDS] == 1
         return self._log_real.to_numpy()[:records][stands, TIME], log_int[stands, SLOT : SLOT + 2]

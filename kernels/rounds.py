@@ -84,16 +84,16 @@ def record(
 ):
     """Log a disk's state before its collision number `entry`, and make that its latest."""
     first = BEFORE + 5 * side
-    log_real[entry, first] = flight[slot, X]
-    log_real[entry, first + 1] = flight[slot, Y]
-    log_real[entry, first + 2] = flight[slot, VX]
-    log_real[entry, first + 3] = flight[slot, VY]
-    log_real[entry, first + 4] = flight[slot, SPIN]
-    log_int[entry, SLOT + side] = slot
-    log_int[entry, PREVIOUS + side] = link[slot, HEAD]
-    log_int[entry, NUMBER + side] = link[slot, SEQ]
-    link[slot, HEAD] = entry
-    link[slot, SEQ] += 1
+    log_real[entry][first] = flight[slot][X]
+    log_real[entry][first + 1] = flight[slot][Y]
+    log_real[entry][first + 2] = flight[slot][VX]
+    log_real[entry][first + 3] = flight[slot][VY]
+    log_real[entry][first + 4] = flight[slot][SPIN]
+    log_int[entry][SLOT + side] = slot
+    log_int[entry][PREVIOUS + side] = link[slot][HEAD]
+    log_int[entry][NUMBER + side] = link[slot][SEQ]
+    link[slot][HEAD] = entry
+    link[slot][SEQ] += 1
 
 
 @ti.func
@@ -118,15 +118,15 @@ def collide(
 
     Both members of a pair may be active; the lower slot then does the work. `everybody` > 0 says that all are.
     """
-    code = link[i, PARTNER]
-    t = flight[i, TE]
+    code = link[i][PARTNER]
+    t = flight[i][TE]
     if code >= 0 and t < limit[LATCHED]:
         j = code // 9
         shift = code - 9 * j
         round_ = counter[ROUND]
-        mutual = link[j, PARTNER] == 9 * i + 8 - shift and flight[j, TE] == t
+        mutual = link[j][PARTNER] == 9 * i + 8 - shift and flight[j][TE] == t
         mine = i < j
-        if everybody == 0 and link[j, ACTIVE] != round_:
+        if everybody == 0 and link[j][ACTIVE] != round_:
             mine = True
         if mutual and mine:
             # Always from the lower slot to the higher, whoever does it: the same bits.
@@ -135,43 +135,43 @@ def collide(
             if i != a:
                 shift = 8 - shift
             entry = ti.atomic_add(counter[N_LOG], 1)
-            log_real[entry, TIME] = t
+            log_real[entry][TIME] = t
             record(entry, 0, a, flight, link, log_real, log_int)
             record(entry, 1, b, flight, link, log_real, log_int)
             for disk in ti.static(range(2)):
                 slot = a
                 if ti.static(disk == 1):
                     slot = b
-                flight[slot, X] += flight[slot, VX] * (t - flight[slot, TAU])
-                flight[slot, Y] += flight[slot, VY] * (t - flight[slot, TAU])
-                flight[slot, TAU] = t
-            rx = flight[b, X] - flight[a, X] + (shift // 3 - 1) * side_x
-            ry = flight[b, Y] - flight[a, Y] + (shift % 3 - 1) * side_y
+                flight[slot][X] += flight[slot][VX] * (t - flight[slot][TAU])
+                flight[slot][Y] += flight[slot][VY] * (t - flight[slot][TAU])
+                flight[slot][TAU] = t
+            rx = flight[b][X] - flight[a][X] + (shift // 3 - 1) * side_x
+            ry = flight[b][Y] - flight[a][Y] + (shift % 3 - 1) * side_y
             r = ti.sqrt(rx * rx + ry * ry)
-            p = meta[a, MATERIAL]
-            q = meta[b, MATERIAL]
+            p = meta[a][MATERIAL]
+            q = meta[b][MATERIAL]
             vx_a, vy_a, w_a, vx_b, vy_b, w_b, _, _, sticking, rolling = collide_pair(
                 law[p, q, 0], law[p, q, 1], law[p, q, 2], law[p, q, 3], law[p, q, 4],
                 rx / r, ry / r,
-                body[a, INVERSE_MASS], flight[a, RADIUS], body[a, K],
-                flight[a, VX], flight[a, VY], flight[a, SPIN],
-                body[b, INVERSE_MASS], flight[b, RADIUS], body[b, K],
-                flight[b, VX], flight[b, VY], flight[b, SPIN],
+                body[a][INVERSE_MASS], flight[a][RADIUS], body[a][K],
+                flight[a][VX], flight[a][VY], flight[a][SPIN],
+                body[b][INVERSE_MASS], flight[b][RADIUS], body[b][K],
+                flight[b][VX], flight[b][VY], flight[b][SPIN],
             )  # fmt: skip
-            flight[a, VX] = vx_a
-            flight[a, VY] = vy_a
-            flight[a, SPIN] = w_a
-            flight[b, VX] = vx_b
-            flight[b, VY] = vy_b
-            flight[b, SPIN] = w_b
-            log_int[entry, REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32)
-            log_int[entry, STANDS] = 1
+            flight[a][VX] = vx_a
+            flight[a][VY] = vy_a
+            flight[a][SPIN] = w_a
+            flight[b][VX] = vx_b
+            flight[b][VY] = vy_b
+            flight[b][SPIN] = w_b
+            log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32)
+            log_int[entry][STANDS] = 1
             # The neighbour list is complete while nobody moves further than half the skin, `reach`.
             fastest = ti.sqrt(ti.max(vx_a * vx_a + vy_a * vy_a, vx_b * vx_b + vy_b * vy_b))
             if fastest * limit[END] > reach:
                 ti.atomic_min(limit[END], reach / fastest)
-            link[a, DIRTY] = round_
-            link[b, DIRTY] = round_
+            link[a][DIRTY] = round_
+            link[b][DIRTY] = round_
             row = CHANGED_ROW + round_ % 2
             push(row, a, lists, counter)
             push(row, b, lists, counter)
@@ -187,6 +187,7 @@ def predict(
     flight: ti.template(),
     link: ti.template(),
     meta: ti.template(),
+    row,
     neighbour: ti.template(),
     lists: ti.template(),
     counter: ti.template(),
@@ -195,25 +196,25 @@ def predict(
 ):
     """Steps 2 and 3 (`changed`) or 5 for disk i: its earliest event, whom it affects, who collided too early."""
     round_ = counter[ROUND]
-    x, y, vx, vy = flight[i, X], flight[i, Y], flight[i, VX], flight[i, VY]
-    tau, radius = flight[i, TAU], flight[i, RADIUS]
-    head = link[i, HEAD]
+    x, y, vx, vy = flight[i][X], flight[i][Y], flight[i][VX], flight[i][VY]
+    tau, radius = flight[i][TAU], flight[i][RADIUS]
+    head = link[i][HEAD]
     earliest = FAR
     partner = -1
-    for q in range(link[i, LENGTH]):
-        code = neighbour[i, q]
+    for q in range(link[i][LENGTH]):
+        code = neighbour[row * i + q]
         j = code // 9
         shift = code - 9 * j
         shift_x = (shift // 3 - 1) * side_x
         shift_y = (shift % 3 - 1) * side_y
-        sigma = radius + flight[j, RADIUS]
-        head_j = link[j, HEAD]
+        sigma = radius + flight[j][RADIUS]
+        head_j = link[j][HEAD]
         t = FAR
         # A pair whose latest collision was with each other separates: it cannot meet again in straight flight.
         if head < 0 or head != head_j:
             t = meeting_time(
                 x, y, vx, vy, tau,
-                flight[j, X], flight[j, Y], flight[j, VX], flight[j, VY], flight[j, TAU],
+                flight[j][X], flight[j][Y], flight[j][VX], flight[j][VY], flight[j][TAU],
                 shift_x, shift_y, sigma,
             )  # fmt: skip
         if ti.static(changed):
@@ -221,14 +222,14 @@ def predict(
             undo = NEVER
             entry = head_j
             while entry >= 0:
-                ended = log_real[entry, TIME]
+                ended = log_real[entry][TIME]
                 side = 0
-                if log_int[entry, SLOT] != j:
+                if log_int[entry][SLOT] != j:
                     side = 1
-                before = log_int[entry, PREVIOUS + side]
+                before = log_int[entry][PREVIOUS + side]
                 began = 0.0
                 if before >= 0:
-                    began = log_real[before, TIME]
+                    began = log_real[before][TIME]
                 if ended <= tau:
                     entry = -1
                 else:
@@ -236,47 +237,47 @@ def predict(
                         first = BEFORE + 5 * side
                         crossing = meeting_time(
                             x, y, vx, vy, tau,
-                            log_real[entry, first], log_real[entry, first + 1],
-                            log_real[entry, first + 2], log_real[entry, first + 3], began,
+                            log_real[entry][first], log_real[entry][first + 1],
+                            log_real[entry][first + 2], log_real[entry][first + 3], began,
                             shift_x, shift_y, sigma,
                         )  # fmt: skip
                         if crossing <= ended:
                             early = crossing < ended
                             if crossing == ended:
                                 # An exact tie falls to the smaller pair of ids.
-                                other = log_int[entry, SLOT + 1 - side]
-                                early = precedes(meta[i, ID], meta[j, ID], meta[other, ID], meta[j, ID])
+                                other = log_int[entry][SLOT + 1 - side]
+                                early = precedes(meta[i][ID], meta[j][ID], meta[other][ID], meta[j][ID])
                             if early:
-                                undo = log_int[entry, NUMBER + side]
+                                undo = log_int[entry][NUMBER + side]
                                 t = crossing
                     entry = before
             if undo < NEVER:
                 ti.atomic_add(counter[N_VIOLATIONS], 1)
-                if ti.atomic_min(link[j, UNDO], undo) == NEVER:
+                if ti.atomic_min(link[j][UNDO], undo) == NEVER:
                     push(UNDO_ROW, j, lists, counter)
-            if link[j, DIRTY] != round_:
-                partner_j = link[j, PARTNER]
+            if link[j][DIRTY] != round_:
+                partner_j = link[j][PARTNER]
                 affected = False
                 if partner_j >= 0:
                     affected = partner_j // 9 == i
                 if t < horizon:
-                    if t < flight[j, TE]:
+                    if t < flight[j][TE]:
                         affected = True
-                    elif t == flight[j, TE]:
-                        affected = affected or meta[i, ID] < meta[partner_j // 9, ID]
+                    elif t == flight[j][TE]:
+                        affected = affected or meta[i][ID] < meta[partner_j // 9][ID]
                 if affected:  # nested: Taichi evaluates both sides of `and`
-                    if ti.atomic_max(link[j, AFFECTED], round_) < round_:
+                    if ti.atomic_max(link[j][AFFECTED], round_) < round_:
                         push(AFFECTED_ROW + round_ % 2, j, lists, counter)
         if t < horizon:
             sooner = t < earliest
             if t == earliest:
-                sooner = meta[j, ID] < meta[partner // 9, ID]
+                sooner = meta[j][ID] < meta[partner // 9][ID]
             if sooner:
                 earliest = t
                 partner = code
-    flight[i, TE] = earliest
-    link[i, PARTNER] = partner
-    link[i, ACTIVE] = round_ + 1
+    flight[i][TE] = earliest
+    link[i][PARTNER] = partner
+    link[i][ACTIVE] = round_ + 1
 
 
 @ti.func
@@ -296,20 +297,20 @@ def propagate(link: ti.template(), lists: ti.template(), counter: ti.template(),
         q = 0
         while q < counter[UNDO_ROW]:
             i = lists[UNDO_ROW, q]
-            entry = link[i, HEAD]
+            entry = link[i][HEAD]
             while entry >= 0:
                 side = 0
-                if log_int[entry, SLOT] != i:
+                if log_int[entry][SLOT] != i:
                     side = 1
-                if log_int[entry, NUMBER + side] >= link[i, UNDO]:
-                    j = log_int[entry, SLOT + 1 - side]
-                    number = log_int[entry, NUMBER + 1 - side]
-                    if number < link[j, UNDO]:
-                        if link[j, UNDO] == NEVER:
+                if log_int[entry][NUMBER + side] >= link[i][UNDO]:
+                    j = log_int[entry][SLOT + 1 - side]
+                    number = log_int[entry][NUMBER + 1 - side]
+                    if number < link[j][UNDO]:
+                        if link[j][UNDO] == NEVER:
                             push(UNDO_ROW, j, lists, counter)
-                        link[j, UNDO] = number
+                        link[j][UNDO] = number
                         moved = 1
-                    entry = log_int[entry, PREVIOUS + side]
+                    entry = log_int[entry][PREVIOUS + side]
                 else:
                     entry = -1
             q += 1
@@ -325,34 +326,34 @@ def restore(
     log_int: ti.template(),
 ):
     """Step 4: put disk i back to the state before its first undone collision. It names nobody until it predicts."""
-    undo = link[i, UNDO]
-    entry = link[i, HEAD]
+    undo = link[i][UNDO]
+    entry = link[i][HEAD]
     found = 0
     while found == 0:
         side = 0
-        if log_int[entry, SLOT] != i:
+        if log_int[entry][SLOT] != i:
             side = 1
-        log_int[entry, STANDS] = 0
-        before = log_int[entry, PREVIOUS + side]
+        log_int[entry][STANDS] = 0
+        before = log_int[entry][PREVIOUS + side]
         if side == 0:
             ti.atomic_add(counter[N_UNDONE], 1)
-        if log_int[entry, NUMBER + side] == undo:
+        if log_int[entry][NUMBER + side] == undo:
             first = BEFORE + 5 * side
-            flight[i, X] = log_real[entry, first]
-            flight[i, Y] = log_real[entry, first + 1]
-            flight[i, VX] = log_real[entry, first + 2]
-            flight[i, VY] = log_real[entry, first + 3]
-            flight[i, SPIN] = log_real[entry, first + 4]
-            flight[i, TAU] = 0.0
+            flight[i][X] = log_real[entry][first]
+            flight[i][Y] = log_real[entry][first + 1]
+            flight[i][VX] = log_real[entry][first + 2]
+            flight[i][VY] = log_real[entry][first + 3]
+            flight[i][SPIN] = log_real[entry][first + 4]
+            flight[i][TAU] = 0.0
             if before >= 0:
-                flight[i, TAU] = log_real[before, TIME]
+                flight[i][TAU] = log_real[before][TIME]
             found = 1
         entry = before
-    link[i, HEAD] = entry
-    link[i, SEQ] = undo
-    link[i, UNDO] = NEVER
-    link[i, PARTNER] = ROLLED_BACK
-    flight[i, TE] = FAR
+    link[i][HEAD] = entry
+    link[i][SEQ] = undo
+    link[i][UNDO] = NEVER
+    link[i][PARTNER] = ROLLED_BACK
+    flight[i][TE] = FAR
 
 
 @ti.func
@@ -371,7 +372,7 @@ def next_round(log_capacity, lists: ti.template(), counter: ti.template(), link:
     q = 0
     while q < counter[UNDO_ROW]:
         i = lists[UNDO_ROW, q]
-        link[i, DIRTY] = following
+        link[i][DIRTY] = following
         push(CHANGED_ROW + following % 2, i, lists, counter)
         q += 1
     counter[UNDO_ROW] = 0
@@ -405,21 +406,22 @@ def active_disk(q, everybody, lists: ti.template(), counter: ti.template()):
 def one_round(
     everybody: ti.i32,
     log_capacity: ti.i32,
+    row: ti.i32,
     horizon: ti.f64,
     window: ti.f64,
     side_x: ti.f64,
     side_y: ti.f64,
     reach: ti.f64,
-    flight: ti.types.ndarray(ndim=2),
-    body: ti.types.ndarray(ndim=2),
-    link: ti.types.ndarray(ndim=2),
-    meta: ti.types.ndarray(ndim=2),
-    neighbour: ti.types.ndarray(ndim=2),
+    flight: ti.types.ndarray(ndim=1),
+    body: ti.types.ndarray(ndim=1),
+    link: ti.types.ndarray(ndim=1),
+    meta: ti.types.ndarray(ndim=1),
+    neighbour: ti.types.ndarray(ndim=1),
     lists: ti.types.ndarray(ndim=2),
     counter: ti.types.ndarray(ndim=1),
     limit: ti.types.ndarray(ndim=1),
-    log_real: ti.types.ndarray(ndim=2),
-    log_int: ti.types.ndarray(ndim=2),
+    log_real: ti.types.ndarray(ndim=1),
+    log_int: ti.types.ndarray(ndim=1),
     law: ti.types.ndarray(ndim=3),
 ):
     """One round in parallel. `everybody` = n makes all disks active (a window's first round), 0 the last predicted.
@@ -438,7 +440,7 @@ def one_round(
     for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
         predict(
             lists[CHANGED_ROW + counter[ROUND] % 2, q], True,
-            horizon, side_x, side_y, flight, link, meta, neighbour, lists, counter, log_real, log_int,
+            horizon, side_x, side_y, flight, link, meta, row, neighbour, lists, counter, log_real, log_int,
         )  # fmt: skip
     for _ in range(1):
         propagate(link, lists, counter, log_int)
@@ -446,10 +448,10 @@ def one_round(
         restore(lists[UNDO_ROW, q], flight, link, counter, log_real, log_int)
     for q in range(counter[AFFECTED_ROW + counter[ROUND] % 2]):
         i = lists[AFFECTED_ROW + counter[ROUND] % 2, q]
-        if link[i, PARTNER] != ROLLED_BACK:
+        if link[i][PARTNER] != ROLLED_BACK:
             predict(
                 i, False,
-                horizon, side_x, side_y, flight, link, meta, neighbour, lists, counter, log_real, log_int,
+                horizon, side_x, side_y, flight, link, meta, row, neighbour, lists, counter, log_real, log_int,
             )  # fmt: skip
     for _ in range(1):
         next_round(log_capacity, lists, counter, link)
@@ -461,21 +463,22 @@ def rounds_by_one_thread(
     most_active: ti.i32,
     most_rounds: ti.i32,
     log_capacity: ti.i32,
+    row: ti.i32,
     horizon: ti.f64,
     window: ti.f64,
     side_x: ti.f64,
     side_y: ti.f64,
     reach: ti.f64,
-    flight: ti.types.ndarray(ndim=2),
-    body: ti.types.ndarray(ndim=2),
-    link: ti.types.ndarray(ndim=2),
-    meta: ti.types.ndarray(ndim=2),
-    neighbour: ti.types.ndarray(ndim=2),
+    flight: ti.types.ndarray(ndim=1),
+    body: ti.types.ndarray(ndim=1),
+    link: ti.types.ndarray(ndim=1),
+    meta: ti.types.ndarray(ndim=1),
+    neighbour: ti.types.ndarray(ndim=1),
     lists: ti.types.ndarray(ndim=2),
     counter: ti.types.ndarray(ndim=1),
     limit: ti.types.ndarray(ndim=1),
-    log_real: ti.types.ndarray(ndim=2),
-    log_int: ti.types.ndarray(ndim=2),
+    log_real: ti.types.ndarray(ndim=1),
+    log_int: ti.types.ndarray(ndim=1),
     law: ti.types.ndarray(ndim=3),
 ):
     """The rounds of `one_round`, one after another by one thread, while no more than `most_active` disks are active.
@@ -495,17 +498,17 @@ def rounds_by_one_thread(
             for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
                 predict(
                     lists[CHANGED_ROW + counter[ROUND] % 2, q], True,
-                    horizon, side_x, side_y, flight, link, meta, neighbour, lists, counter, log_real, log_int,
+                    horizon, side_x, side_y, flight, link, meta, row, neighbour, lists, counter, log_real, log_int,
                 )  # fmt: skip
             propagate(link, lists, counter, log_int)
             for q in range(counter[UNDO_ROW]):
                 restore(lists[UNDO_ROW, q], flight, link, counter, log_real, log_int)
             for q in range(counter[AFFECTED_ROW + counter[ROUND] % 2]):
                 i = lists[AFFECTED_ROW + counter[ROUND] % 2, q]
-                if link[i, PARTNER] != ROLLED_BACK:
+                if link[i][PARTNER] != ROLLED_BACK:
                     predict(
                         i, False,
-                        horizon, side_x, side_y, flight, link, meta, neighbour, lists, counter, log_real, log_int,
+                        horizon, side_x, side_y, flight, link, meta, row, neighbour, lists, counter, log_real, log_int,
                     )  # fmt: skip
             next_round(log_capacity, lists, counter, link)
             everybody = 0
@@ -520,7 +523,7 @@ def rounds_by_one_thread(
 
 
 @ti.kernel
-def earliest_event(n: ti.i32, flight: ti.types.ndarray(ndim=2), limit: ti.types.ndarray(ndim=1)):
+def earliest_event(n: ti.i32, flight: ti.types.ndarray(ndim=1), limit: ti.types.ndarray(ndim=1)):
     """`limit[EARLIEST]`: the time of the earliest unprocessed event. Everything before it is final."""
     for _ in range(1):
         limit[EARLIEST] = FAR
@@ -528,28 +531,28 @@ def earliest_event(n: ti.i32, flight: ti.types.ndarray(ndim=2), limit: ti.types.
     for b in range(blocks):
         earliest = FAR
         for i in range(b * BLOCK, ti.min(n, (b + 1) * BLOCK)):
-            earliest = ti.min(earliest, flight[i, TE])
+            earliest = ti.min(earliest, flight[i][TE])
         ti.atomic_min(limit[EARLIEST], earliest)
 
 
 @ti.kernel
 def cut(
     end: ti.f64,
-    flight: ti.types.ndarray(ndim=2),
-    link: ti.types.ndarray(ndim=2),
+    flight: ti.types.ndarray(ndim=1),
+    link: ti.types.ndarray(ndim=1),
     lists: ti.types.ndarray(ndim=2),
     counter: ti.types.ndarray(ndim=1),
-    log_real: ti.types.ndarray(ndim=2),
-    log_int: ti.types.ndarray(ndim=2),
+    log_real: ti.types.ndarray(ndim=1),
+    log_int: ti.types.ndarray(ndim=1),
 ):
     """Undo every collision at `end` or later, to end the epoch there."""
     for _ in range(1):
         counter[UNDO_ROW] = 0
     for entry in range(counter[N_LOG]):
-        if log_int[entry, STANDS] == 1 and log_real[entry, TIME] >= end:
+        if log_int[entry][STANDS] == 1 and log_real[entry][TIME] >= end:
             for side in ti.static(range(2)):
-                i = log_int[entry, SLOT + side]
-                if ti.atomic_min(link[i, UNDO], log_int[entry, NUMBER + side]) == NEVER:
+                i = log_int[entry][SLOT + side]
+                if ti.atomic_min(link[i][UNDO], log_int[entry][NUMBER + side]) == NEVER:
                     push(UNDO_ROW, i, lists, counter)
     for q in range(counter[UNDO_ROW]):
         restore(lists[UNDO_ROW, q], flight, link, counter, log_real, log_int)

@@ -55,14 +55,14 @@ def settle(
     cells_y: ti.i32,
     side_x: ti.f64,
     side_y: ti.f64,
-    flight: ti.types.ndarray(ndim=2),
-    body: ti.types.ndarray(ndim=2),
-    meta: ti.types.ndarray(ndim=2),
-    link: ti.types.ndarray(ndim=2),
+    flight: ti.types.ndarray(ndim=1),
+    body: ti.types.ndarray(ndim=1),
+    meta: ti.types.ndarray(ndim=1),
+    link: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
-    flight_to: ti.types.ndarray(ndim=2),
-    body_to: ti.types.ndarray(ndim=2),
-    meta_to: ti.types.ndarray(ndim=2),
+    flight_to: ti.types.ndarray(ndim=1),
+    body_to: ti.types.ndarray(ndim=1),
+    meta_to: ti.types.ndarray(ndim=1),
     cell_to: ti.types.ndarray(ndim=1),
     start: ti.types.ndarray(ndim=1),
     fill: ti.types.ndarray(ndim=1),
@@ -82,19 +82,19 @@ def settle(
     for _ in range(1):
         limit[FASTEST] = 0.0
     for i in range(n):
-        dt = duration - flight[i, TAU]
-        x = flight[i, X] + flight[i, VX] * dt
-        y = flight[i, Y] + flight[i, VY] * dt
+        dt = duration - flight[i][TAU]
+        x = flight[i][X] + flight[i][VX] * dt
+        y = flight[i][Y] + flight[i][VY] * dt
         step_x = ti.floor(x / side_x, ti.i32)
         step_y = ti.floor(y / side_y, ti.i32)
-        flight[i, X] = x - step_x * side_x
-        flight[i, Y] = y - step_y * side_y
-        flight[i, TAU] = 0.0
+        flight[i][X] = x - step_x * side_x
+        flight[i][Y] = y - step_y * side_y
+        flight[i][TAU] = 0.0
         cx, box_x = wrapped(cell[i] // cells_y + step_x, cells_x)
         cy, box_y = wrapped(cell[i] % cells_y + step_y, cells_y)
-        meta[i, IMAGE_X] += box_x
-        meta[i, IMAGE_Y] += box_y
-        meta[i, COLLISIONS] += link[i, SEQ]
+        meta[i][IMAGE_X] += box_x
+        meta[i][IMAGE_Y] += box_y
+        meta[i][COLLISIONS] += link[i][SEQ]
         cell[i] = cx * cells_y + cy
         ti.atomic_add(fill[cell[i]], 1)
     # Two-level exclusive scan of the counts: blocks, then the block sums by one thread, then within blocks.
@@ -123,32 +123,33 @@ def settle(
         for q in range(start[c] + 1, start[c + 1]):
             moving = order[q]
             place = q
-            while place > start[c] and meta[order[place - 1], ID] > meta[moving, ID]:
+            while place > start[c] and meta[order[place - 1]][ID] > meta[moving][ID]:
                 order[place] = order[place - 1]
                 place -= 1
             order[place] = moving
     for s in range(n):
         i = order[s]
         for column in ti.static(range(8)):
-            flight_to[s, column] = flight[i, column]
+            flight_to[s][column] = flight[i][column]
         for column in ti.static(range(2)):
-            body_to[s, column] = body[i, column]
+            body_to[s][column] = body[i][column]
         for column in ti.static(range(5)):
-            meta_to[s, column] = meta[i, column]
+            meta_to[s][column] = meta[i][column]
         cell_to[s] = cell[i]
-        link[s, PARTNER] = -1
-        link[s, HEAD] = -1
-        link[s, SEQ] = 0
-        link[s, ACTIVE] = -1
-        link[s, DIRTY] = -1
-        link[s, AFFECTED] = -1
-        link[s, UNDO] = NEVER
-        link[s, LENGTH] = 0
+        link[s][PARTNER] = -1
+        link[s][HEAD] = -1
+        link[s][SEQ] = 0
+        link[s][ACTIVE] = -1
+        link[s][DIRTY] = -1
+        link[s][AFFECTED] = -1
+        link[s][UNDO] = NEVER
+        link[s][LENGTH] = 0
     blocks_n = (n + BLOCK - 1) // BLOCK
     for b in range(blocks_n):
         fastest2 = 0.0
         for s in range(b * BLOCK, ti.min(n, (b + 1) * BLOCK)):
-            fastest2 = ti.max(fastest2, flight_to[s, VX] ** 2 + flight_to[s, VY] ** 2)
+            vx, vy = flight_to[s][VX], flight_to[s][VY]
+            fastest2 = ti.max(fastest2, vx * vx + vy * vy)
         ti.atomic_max(limit[FASTEST], ti.sqrt(fastest2))
 
 
@@ -162,12 +163,12 @@ def list_neighbours(
     cells_y: ti.i32,
     side_x: ti.f64,
     side_y: ti.f64,
-    flight: ti.types.ndarray(ndim=2),
-    link: ti.types.ndarray(ndim=2),
-    meta: ti.types.ndarray(ndim=2),
+    flight: ti.types.ndarray(ndim=1),
+    link: ti.types.ndarray(ndim=1),
+    meta: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
     start: ti.types.ndarray(ndim=1),
-    neighbour: ti.types.ndarray(ndim=2),
+    neighbour: ti.types.ndarray(ndim=1),
     counter: ti.types.ndarray(ndim=1),
     limit: ti.types.ndarray(ndim=1),
 ):
@@ -182,9 +183,9 @@ def list_neighbours(
                 counter[item] = 0
         limit[END] = horizon
     for i in range(n):
-        x, y, vx, vy, radius = flight[i, X], flight[i, Y], flight[i, VX], flight[i, VY], flight[i, RADIUS]
+        x, y, vx, vy, radius = flight[i][X], flight[i][Y], flight[i][VX], flight[i][VY], flight[i][RADIUS]
         cx = cell[i] // cells_y
-        cy = cell[i] % cells_y
+        cy = cell[i] - cells_y * cx
         length = 0
         earliest = FAR
         partner = -1
@@ -197,30 +198,31 @@ def list_neighbours(
             shift_x = dx * side_x
             shift_y = dy * side_y
             for j in range(start[other], start[other + 1]):
-                sigma = radius + flight[j, RADIUS]
-                rx = flight[j, X] - x + shift_x
-                ry = flight[j, Y] - y + shift_y
-                if j != i and rx * rx + ry * ry < (sigma + skin) ** 2:
+                sigma = radius + flight[j][RADIUS]
+                rx = flight[j][X] - x + shift_x
+                ry = flight[j][Y] - y + shift_y
+                near = sigma + skin  # squared by hand: Taichi's ** is slow
+                if j != i and rx * rx + ry * ry < near * near:
                     if length < capacity:
-                        neighbour[i, length] = 9 * j + shift
+                        neighbour[capacity * i + length] = 9 * j + shift
                     length += 1
                     t = meeting_time(
                         x, y, vx, vy, 0.0,
-                        flight[j, X], flight[j, Y], flight[j, VX], flight[j, VY], 0.0,
+                        flight[j][X], flight[j][Y], flight[j][VX], flight[j][VY], 0.0,
                         shift_x, shift_y, sigma,
                     )  # fmt: skip
                     if t < horizon:
                         sooner = t < earliest
                         if t == earliest:
-                            sooner = meta[j, ID] < meta[partner // 9, ID]
+                            sooner = meta[j][ID] < meta[partner // 9][ID]
                         if sooner:
                             earliest = t
                             partner = 9 * j + shift
         if length > capacity:
             ti.atomic_max(counter[MOST_NEIGHBOURS], length)
-        link[i, LENGTH] = length
-        link[i, PARTNER] = partner
-        flight[i, TE] = earliest
+        link[i][LENGTH] = length
+        link[i][PARTNER] = partner
+        flight[i][TE] = earliest
 
 
 @ti.kernel
@@ -229,20 +231,20 @@ def export(
     cells_y: ti.i32,
     side_x: ti.f64,
     side_y: ti.f64,
-    flight: ti.types.ndarray(ndim=2),
-    meta: ti.types.ndarray(ndim=2),
+    flight: ti.types.ndarray(ndim=1),
+    meta: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
     real_out: ti.types.ndarray(ndim=2),
     int_out: ti.types.ndarray(ndim=2),
 ):
     """Settled disks in id order: x, y, vx, vy, spin into `real_out` (n, 5); collisions, crossings into `int_out`."""
     for s in range(n):
-        i = meta[s, ID]
-        real_out[i, 0] = (cell[s] // cells_y) * side_x + flight[s, X]
-        real_out[i, 1] = (cell[s] % cells_y) * side_y + flight[s, Y]
-        real_out[i, 2] = flight[s, VX]
-        real_out[i, 3] = flight[s, VY]
-        real_out[i, 4] = flight[s, SPIN]
-        int_out[i, 0] = meta[s, COLLISIONS]
-        int_out[i, 1] = meta[s, IMAGE_X]
-        int_out[i, 2] = meta[s, IMAGE_Y]
+        i = meta[s][ID]
+        real_out[i, 0] = (cell[s] // cells_y) * side_x + flight[s][X]
+        real_out[i, 1] = (cell[s] % cells_y) * side_y + flight[s][Y]
+        real_out[i, 2] = flight[s][VX]
+        real_out[i, 3] = flight[s][VY]
+        real_out[i, 4] = flight[s][SPIN]
+        int_out[i, 0] = meta[s][COLLISIONS]
+        int_out[i, 1] = meta[s][IMAGE_X]
+        int_out[i, 2] = meta[s][IMAGE_Y]
