@@ -33,11 +33,11 @@ from .state import Disks, State
 # Bytes that the arrays take for each disk, with a log of one record a disk and rows of 24 neighbours.
 _LOG_REAL, _LOG_INT = 11, 8
 _FLIGHT, _BODY, _LINK, _META, _LISTS = 8, 2, 8, 5, 5
-_ROW = 24
+ROW = 24  # entries of a neighbour row to begin with; rows grow where more are needed
 BYTES_PER_DISK = (
     2 * (8 * (_FLIGHT + _BODY) + 4 * (_META + 1))
     + 4 * (_LINK + _LISTS + 1)
-    + 4 * _ROW
+    + 4 * ROW
     + 8 * _LOG_REAL
     + 4 * _LOG_INT
 )
@@ -45,6 +45,7 @@ BYTES_PER_DISK = (
 SPEED_MARGIN = 1.15  # how much faster than the fastest disk a disk may become before the epoch is cut short
 FEW = 4096  # up to so many active disks, one thread is faster than several
 MOST_ROUNDS = 2000  # rounds after which an epoch is cut at its earliest unprocessed event
+PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 STALLED_EPOCHS = 50  # epochs in a row that together gain no time: the gas has collapsed
 
 
@@ -138,8 +139,10 @@ class Engine:
         # Beyond half a side, a pair could be near through two images at once.
         widest = shortest / 2.0 - diameter
         if skin is None:
-            skin = default_skin(box.packing_fraction(disks.radius), diameter) if n else shortest / 4.0
-            skin = min(skin, widest)
+            # A handful of disks may as well list everybody, and rarely do so.
+            skin = (
+                min(default_skin(box.packing_fraction(disks.radius), diameter), widest) if n > 16 else widest
+            )
         elif not 0.0 < skin <= widest:
             raise InputError(f"skin = {skin}: must lie above 0 and not above {widest:.6g} in this box")
         self.skin = skin
@@ -150,6 +153,8 @@ class Engine:
         self.keep_collisions = False
         self._duration = 0.0  # part of the current epoch that is done but not yet flown
         self._stalled = 0
+        self.log_growth = 2  # a log that was too short gets longer by this factor
+        self._log_growths = 0
         self._collided_at = self.time
         backend.start(arch, threads=threads)
         self._allocate(state, law_table, diameter + skin)
@@ -184,9 +189,9 @@ class Engine:
         self._counter = np.zeros(16, dtype=np.int32)
         self._limit = np.zeros(4)
         self._law = ti.ndarray(real, law_table.shape)
-        self._row = _ROW
-        self._neighbour = ti.ndarray(integer, (room * _ROW,))
-        self._allocate_log(n + 1024)
+        self._row = ROW
+        self._neighbour = ti.ndarray(integer, (room * ROW,))
+        self.allocate_log(n + 1024)
 
         position = self.box.wrap(state.position)
         index = np.minimum((position / self._side).astype(np.int64), np.array(self._cells) - 1)
@@ -212,7 +217,8 @@ class Engine:
         self._law.from_numpy(law_table)
         self._link.fill(0)
 
-    def _allocate_log(self, records: int) -> None:
+    def allocate_log(self, records: int) -> None:
+        """Make room for so many collisions an epoch; the epoch at hand loses its log."""
         import taichi as ti
 
         self._log_capacity = records
@@ -319,7 +325,9 @@ class Engine:
         everybody, active = self.n, self.n
         while True:
             if active <= FEW:
-                rounds_by_one_thread(everybody, FEW, MOST_ROUNDS, self._log_capacity, self._row, *times, *state)
+                rounds_by_one_thread(
+                    everybody, FEW, MOST_ROUNDS, self._log_capacity, self._row, *times, *state
+                )
             else:
                 one_round(everybody, self._log_capacity, self._row, *times, *state)
             everybody = 0
@@ -397,16 +405,15 @@ class Engine:
         self.time = t_end if reached else self.time + end
         self.collisions += done
         self.statistics.epochs += 1
-        if self.statistics.cut_for_log and self._log_capacity < 4 * self.n:
-            self._allocate_log(2 * self._log_capacity)
-            self.statistics.cut_for_log = 0
+        if self.statistics.cut_for_log > self._log_growths and self.log_growth > 1:
+            self._log_growths = self.statistics.cut_for_log
+            self.allocate_log(self.log_growth * self._log_capacity)
         if done:
             self._collided_at = self.time
-        elif self.time - self._collided_at > 1e5 * max(self.box.lengths) / fastest and not math.isfinite(
-            t_end
-        ):
+        elif not math.isfinite(t_end) and self.time - self._collided_at > PATIENCE * self._free_time(fastest):
             raise EngineError(
-                f"t = {self.time:.6g}: no collision happened while disks crossed the box 1e5 times"
+                f"t = {self.time:.6g}: no collision since t = {self._collided_at:.6g}, {PATIENCE} times what is "
+                "usual at this density: these disks seem never to meet"
             )
         # In an inelastic collapse, collisions without end gain no time.
         self._stalled = self._stalled + 1 if end < 1e-9 * horizon else 0
@@ -415,6 +422,10 @@ class Engine:
                 f"t = {self.time:.9g}: {STALLED_EPOCHS} epochs in a row gained no time: collisions pile up without "
                 "end (inelastic collapse). Use a larger e_n, a lower packing fraction, or end the run earlier"
             )
+
+    def _free_time(self, speed: float) -> float:
+        """Usual time between two collisions anywhere, if all disks moved at this speed: area / (n^2 sigma v)."""
+        return self.box.area / (self.n**2 * 2.0 * float(self.disks.radius.mean()) * speed)
 
     # ------------------------------------------------------------------ reading
 

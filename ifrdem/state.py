@@ -115,7 +115,7 @@ class State:
         ):
             if value.shape != shape:
                 raise InputError(f"{name} has shape {value.shape}: {shape} is needed")
-            finite = np.isfinite(value).reshape(n, -1).all(axis=1)
+            finite = np.isfinite(value).reshape(n, value.size // max(n, 1)).all(axis=1)
             if not finite.all():
                 i = int(np.argmin(finite))
                 raise InputError(f"{name}[{i}] = {value[i]}: every value must be finite")

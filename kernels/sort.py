@@ -38,12 +38,9 @@ BLOCK = 1024  # items that one thread handles at a time in scans and reductions
 
 @ti.func
 def wrapped(cell, cells):
-    """A cell index at most one box outside, brought inside, and the box it was in: -1, 0 or 1."""
-    box = 0
-    if cell < 0:
-        box = -1
-    elif cell >= cells:
-        box = 1
+    """A cell index anywhere, brought inside, and the number of the box it was in."""
+    # Taichi's integer division truncates.
+    box = ti.floor(ti.cast(cell, ti.f64) / ti.cast(cells, ti.f64), ti.i32)
     return cell - box * cells, box
 
 

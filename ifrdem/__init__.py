@@ -1,0 +1,93 @@
+"""Event-exact simulation of granular gases of rough disks with the independent friction-restitution law.
+
+The names below are imported when they are first used, so that `import ifrdem` is quick and starts nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import types
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+# Public name -> (module, attribute); without an attribute, the module itself.
+_PUBLIC: dict[str, tuple[str, str | None]] = {
+    "Box": ("box", "Box"),
+    "Disks": ("state", "Disks"),
+    "IFRLaw": ("law", "IFRLaw"),
+    "InputError": ("errors", "InputError"),
+    "Regime": ("law", "Regime"),
+    "Simulation": ("simulation", "Simulation"),
+    "State": ("state", "State"),
+    "Trajectory": ("trajectory", "Trajectory"),
+    "TrajectoryWriter": ("trajectory_writer", "TrajectoryWriter"),
+    "collide": ("law", "collide"),
+    "observables": ("observables", None),
+    "placement": ("placement", None),
+    "plot": ("plot", None),
+    "theory": ("theory", None),
+}
+
+__all__ = [
+    "Box",
+    "Disks",
+    "IFRLaw",
+    "InputError",
+    "Regime",
+    "Simulation",
+    "State",
+    "Trajectory",
+    "TrajectoryWriter",
+    "__version__",
+    "coins",
+    "collide",
+    "observables",
+    "placement",
+    "plot",
+    "theory",
+]
+
+if TYPE_CHECKING:
+    from . import observables as observables
+    from . import placement as placement
+    from . import plot as plot
+    from . import theory as theory
+    from .box import Box
+    from .coins import coins
+    from .errors import InputError
+    from .law import IFRLaw, Regime, collide
+    from .simulation import Simulation
+    from .state import Disks, State
+    from .trajectory import Trajectory
+    from .trajectory_writer import TrajectoryWriter
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        from .errors import nearest
+
+        raise AttributeError(f"module 'ifrdem' has no attribute '{name}'{nearest(name, __all__)}")
+    module, attribute = _PUBLIC[name]
+    found = importlib.import_module(f".{module}", __name__)
+    return found if attribute is None else getattr(found, attribute)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+class _Package(types.ModuleType):
+    """Keeps `ifrdem.coins` the mapping of coins, although a submodule has that name too."""
+
+    @property
+    def coins(self) -> Any:
+        return importlib.import_module(".coins", __name__).coins
+
+    @coins.setter
+    def coins(self, module: types.ModuleType) -> None:
+        """Ignore that the import of the submodule wants to set its parent's attribute."""
+
+
+sys.modules[__name__].__class__ = _Package

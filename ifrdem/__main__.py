@@ -1,0 +1,9 @@
+"""`python -m ifrdem`, the same as the command `ifrdem`."""
+
+from __future__ import annotations
+
+import sys
+
+from .cli import main
+
+sys.exit(main())

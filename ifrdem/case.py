@@ -1,0 +1,326 @@
+"""A case: what one case file may hold, as pydantic models with the unit in every description.
+
+The models check types, ranges, keys and alternatives, and nothing that needs two sections at once: that
+is the task of `ifrdem.gas`. `ifrdem.case_file` reads a file and reports all errors of both kinds together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
+from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
+
+UNITS: Mapping[str, Mapping[str, str]] = {
+    "SI": {"length": "m", "mass": "kg", "time": "s", "energy": "J", "momentum": "kg m/s", "angle": "rad"},
+    "reduced": dict.fromkeys(("length", "mass", "time", "energy", "momentum", "angle"), "reduced"),
+}
+"""Unit of each quantity by the name in run.units."""
+
+Name = Annotated[str, Field(min_length=1, max_length=100)]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Keys that belong together: all of `needed`, and any of `also` beside them."""
+
+    needed: tuple[str, ...]
+    also: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return " + ".join(self.needed)
+
+
+class Section(BaseModel):
+    """Common behaviour of all sections: no unknown keys, no conversion of types, no NaN or infinity.
+
+    `choices` lists alternatives of which exactly one is to be given (at most one if `choice_optional`).
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    choices: ClassVar[tuple[Choice, ...]] = ()
+    choice_optional: ClassVar[bool] = False
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _all_errors_at_once(cls, data: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
+        # An "after" validator would stay silent as long as any single key is wrong.
+        wrong = cls.wrong_choice(data) if isinstance(data, dict) else None
+        if wrong is None:
+            return handler(data)
+        errors = [InitErrorDetails(type=PydanticCustomError("choice", "{text}", {"text": wrong}), input=data)]
+        try:
+            handler(data)
+        except ValidationError as error:
+            errors += [
+                InitErrorDetails(
+                    type=each["type"], loc=each["loc"], input=each["input"], ctx=each.get("ctx", {})
+                )
+                for each in error.errors(include_url=False)
+            ]
+        raise ValidationError.from_exception_data(cls.__name__, errors)
+
+    @classmethod
+    def about(cls, key: str) -> tuple[str, Any]:
+        """Description (with its unit) and an example value of a key."""
+        found = cls.model_fields[key]
+        if found.description is None:  # `Annotated[float, Field(...)] | None` keeps them one level down
+            inner = (get_args(found.annotation) or (found.annotation,))[0]
+            found = next(each for each in get_args(inner) if isinstance(each, FieldInfo))
+        examples = found.examples or []
+        return found.description or "", examples[0] if examples else None
+
+    @classmethod
+    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
+        """What is wrong with the combination of keys, or None."""
+        if not cls.choices:
+            return None
+        choosable = list(dict.fromkeys(key for choice in cls.choices for key in choice.needed))
+        given = [key for key in choosable if key in data]
+        if cls.choice_optional and not given:
+            return None
+        for choice in cls.choices:
+            if set(given) == set(choice.needed):
+                foreign = {key for other in cls.choices for key in other.also} - set(choice.also)
+                misplaced = sorted(foreign & set(data))
+                return f"{', '.join(misplaced)} cannot stand beside {choice}" if misplaced else None
+        allowed = ", or ".join(str(choice) for choice in cls.choices)
+        return f"exactly one is needed of: {allowed}; given: {', '.join(given) or 'none'}"
+
+
+class RunSection(Section):
+    """The run as a whole."""
+
+    choices = (Choice(("t_end",)), Choice(("collisions_per_disk",)))
+
+    name: str = Field(
+        default="run",
+        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$",
+        max_length=100,
+        description="name [text: letters, digits, _ . + -]; the outputs are NAME.h5 and NAME.png",
+        examples=["cooling"],
+    )
+    seed: int = Field(
+        default=0,
+        ge=0,
+        lt=2**63,
+        description="seed of every random number [whole number]; one seed, one result",
+        examples=[1],
+    )
+    t_end: float | None = Field(
+        default=None, gt=0.0, description="simulated time at which the run ends [s]", examples=[2.0]
+    )
+    collisions_per_disk: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="collisions per disk, mean over all disks, at which the run ends [1]",
+        examples=[50.0],
+    )
+    arch: Literal["cpu", "cuda"] = Field(
+        default="cpu", description='what computes: "cpu", or "cuda" (an NVIDIA GPU)', examples=["cpu"]
+    )
+    threads: int | None = Field(
+        default=None,
+        ge=1,
+        description="CPU threads [whole number]; all cores without it. The result does not depend on it",
+        examples=[2],
+    )
+    units: Literal["SI", "reduced"] = Field(
+        default="SI",
+        description='"SI": numbers are in the units in brackets; "reduced": in any consistent system, '
+        "and the brackets only tell the dimension. Nothing is converted",
+        examples=["SI"],
+    )
+
+
+class BoxSection(Section):
+    """The periodic rectangle that the disks move in."""
+
+    choices = (Choice(("packing_fraction",), also=("aspect",)), Choice(("lengths",)))
+
+    packing_fraction: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=0.9069,
+        description="fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal "
+        "disks; a random start reaches about 0.5",
+        examples=[0.25],
+    )
+    aspect: float = Field(default=1.0, gt=0.0, description="ratio of the sides Lx/Ly [1]", examples=[1.0])
+    lengths: list[Annotated[float, Field(gt=0.0)]] | None = Field(
+        default=None, min_length=2, max_length=2, description="sides [Lx, Ly] [m]", examples=[[8.0, 8.0]]
+    )
+
+
+# The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
+NormalRestitution = Annotated[
+    float, Field(ge=0.0, le=1.0, description="normal restitution e_n [1], 0 to 1 (elastic)", examples=[0.87])
+]
+TangentialRestitution = Annotated[
+    float,
+    Field(
+        ge=-1.0,
+        le=1.0,
+        description="tangential restitution e_t [1], -1 (smooth but for friction) to 1; with "
+        "percussion-centre sticking, homogeneous disks never gain energy up to -0.5",
+        examples=[-0.88],
+    ),
+]
+Friction = Annotated[float, Field(ge=0.0, description="sliding friction mu [1], 0 or more", examples=[0.21])]
+Sticking = Annotated[
+    Literal["percussion_center", "contact_point"],
+    Field(
+        description='what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s '
+        'choice) or "contact_point" (Eq. 12)',
+        examples=["percussion_center"],
+    ),
+]
+RollingFriction = Annotated[
+    float, Field(ge=0.0, description="rolling friction rho [m], 0 or more", examples=[0.0])
+]
+
+
+class MaterialSection(Section):
+    """How two disks of one material collide: coefficients of the IFR law, or the name of one of its coins."""
+
+    choices = (Choice(("e_n", "e_t", "mu")), Choice(("coin",)))
+
+    name: Name = Field(description="name that species and pairs use [text]", examples=["aluminium"])
+    coin: Name | None = Field(
+        default=None,
+        description="take e_n, e_t, mu of this coin of the paper's Table II [text], for instance",
+        examples=["1 pta"],
+    )
+    e_n: NormalRestitution | None = None
+    e_t: TangentialRestitution | None = None
+    mu: Friction | None = None
+    sticking: Sticking = "percussion_center"
+    rho: RollingFriction = 0.0
+
+
+class PairSection(Section):
+    """How disks of two different materials collide. No coefficient is ever guessed from two materials."""
+
+    materials: list[Name] = Field(
+        min_length=2,
+        max_length=2,
+        description="names of the two materials [text]",
+        examples=[["bronze-aluminium", "aluminium"]],
+    )
+    e_n: NormalRestitution
+    e_t: TangentialRestitution
+    mu: Friction
+    sticking: Sticking = "percussion_center"
+    rho: RollingFriction = 0.0
+
+
+class SpeciesSection(Section):
+    """Equal disks."""
+
+    choices = (
+        Choice(("mass", "radius"), also=("k",)),
+        Choice(("mass", "diameter"), also=("k",)),
+        Choice(("coin",)),
+    )
+
+    name: Name = Field(description="name [text]", examples=["coins"])
+    number: int = Field(ge=1, lt=2**31, description="number of disks [whole number]", examples=[50000])
+    material: Name | None = Field(
+        default=None,
+        description="name of the material [text]; not needed with a coin, which brings its own",
+        examples=["aluminium"],
+    )
+    coin: Name | None = Field(
+        default=None,
+        description="mass and diameter of this coin of the paper's Sec. III [text; SI units only]",
+        examples=["1 pta"],
+    )
+    mass: float | None = Field(default=None, gt=0.0, description="mass of one disk [kg]", examples=[1.19e-3])
+    radius: float | None = Field(default=None, gt=0.0, description="radius [m]", examples=[10.5e-3])
+    diameter: float | None = Field(default=None, gt=0.0, description="diameter [m]", examples=[21.0e-3])
+    k: float = Field(
+        default=2.0,
+        gt=0.0,
+        description="shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop",
+        examples=[2.0],
+    )
+    speed_rms: float = Field(
+        default=0.0,
+        ge=0.0,
+        description="root mean square speed at the start [m/s], Maxwellian, without total momentum",
+        examples=[1.0],
+    )
+    spin_rms: float = Field(
+        default=0.0,
+        ge=0.0,
+        description="root mean square spin at the start [rad/s], Gaussian",
+        examples=[0.0],
+    )
+
+
+class StartSection(Section):
+    """Where the disks are at the start."""
+
+    choices = (Choice(("positions",)), Choice(("file",)))
+    choice_optional = True
+
+    positions: Literal["random", "hexagonal"] = Field(
+        default="random",
+        description='"random" (sequential, without overlaps) or "hexagonal" (a lattice, for dense gases)',
+        examples=["random"],
+    )
+    file: Name | None = Field(
+        default=None,
+        description="CSV file [text; path from the case file]: a line a disk, in the order of the species, "
+        "with the columns x, y [m] and, to set velocities too, vx, vy [m/s] and spin [rad/s]",
+        examples=["start.csv"],
+    )
+
+
+class OutputSection(Section):
+    """What is kept."""
+
+    frames: int = Field(
+        default=100,
+        ge=1,
+        le=10_000_000,
+        description="frames after the initial one [whole number], evenly spaced in what ends the run",
+        examples=[100],
+    )
+    fields: list[Literal["position", "velocity", "angular_velocity", "collisions", "image"]] = Field(
+        default=["position", "velocity", "angular_velocity", "collisions"],
+        description="what every frame holds of every disk [list of names]; image: box lengths travelled",
+        examples=[["position", "velocity", "angular_velocity", "collisions"]],
+    )
+    compression: Literal["none", "gzip"] = Field(
+        default="none",
+        description='"none" (fast) or "gzip" (about half the size, slower to write and to read)',
+        examples=["none"],
+    )
+    precision: Literal["f4", "f8"] = Field(
+        default="f4",
+        description='"f4" or "f8": bytes of each number in the file; the run itself always has 8',
+        examples=["f4"],
+    )
+    picture: bool = Field(
+        default=True, description="draw NAME.png at the end [true or false]", examples=[True]
+    )
+
+
+class Case(Section):
+    """Everything a case file says."""
+
+    run: RunSection
+    box: BoxSection
+    material: list[MaterialSection] = Field(default_factory=list)
+    pair: list[PairSection] = Field(default_factory=list)
+    species: list[SpeciesSection] = Field(min_length=1)
+    start: StartSection = Field(default_factory=StartSection)
+    output: OutputSection = Field(default_factory=OutputSection)
+
+    def unit(self, quantity: str) -> str:
+        """What to print after a number: " m" for "length" in SI, nothing in reduced units."""
+        return f" {UNITS[self.run.units][quantity]}" if self.run.units == "SI" else ""

@@ -1,0 +1,115 @@
+"""What `ifrdem check` says of a case that is in order, and `ifrdem run` before it begins."""
+
+from __future__ import annotations
+
+import math
+
+from .case import Case
+from .engine import BYTES_PER_DISK
+from .estimate import OBSERVABLES, Estimate, disk_bytes
+from .gas import Gas
+
+
+def summary(case: Case, gas: Gas, estimate: Estimate, device: str) -> str:
+    """The lines that stand above a run: what will run, on what, and how many collisions are expected."""
+    length, time = case.unit("length"), case.unit("time")
+    paths = [path for path in estimate.free_path if not math.isnan(path)]
+    if not paths:
+        path = "nothing moves at the start"
+    else:
+        shown = f"{min(paths):.4g}" if len(paths) == 1 else f"{min(paths):.4g} to {max(paths):.4g}"
+        path = f"mean free path {shown}{length}"
+    return "\n".join(
+        (
+            f"{case.run.name}: {gas.disks.n} disks, packing fraction {estimate.packing_fraction:.4g}, {path}",
+            f"to {_end(case)}: {_collisions(estimate)}{_end_time(case, estimate, time)}",
+            f"on {device}",
+        )
+    )
+
+
+def report(case: Case, gas: Gas, estimate: Estimate) -> str:
+    """Everything that can be said of a case before it runs."""
+    length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
+    speed = f"{length}/{time.strip()}" if length else ""
+    sides = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
+    lines = [
+        f"{case.run.name}: {gas.disks.n} disks in a periodic box of {sides}, {case.run.units} units",
+        _row("packing fraction", f"{estimate.packing_fraction:.5g}"),
+        _row("number density", f"{estimate.number_density:.5g}{f' per{length}^2' if length else ''}"),
+    ]
+    for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
+        lines.append(
+            _row(
+                f"species {each.name}",
+                f"{each.number} of {each.material}: mass {each.mass:.5g}{mass}, "
+                f"radius {each.radius:.5g}{length}, k = {each.k:g}, speed {each.speed_rms:.4g}{speed} rms",
+            )
+        )
+        if rate > 0.0:
+            diameters = path / (2.0 * each.radius)
+            text = f"{path:.4g}{length} ({diameters:.3g} diameters), mean free time {1.0 / rate:.4g}{time}"
+            lines.append(_row("  mean free path", f"{text}, at the start"))
+        else:
+            lines.append(_row("  mean free path", "none: nothing moves at the start"))
+    for verdict in gas.verdicts:
+        law = verdict.law
+        assert law is not None  # a gas has no refused pairs
+        short = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
+        lines.append(
+            _row(
+                f"pair {verdict.first}, {verdict.second}",
+                f"{short} (e_n = {law.e_n:g}, e_t = {law.e_t:g}, mu = {law.mu:g}, {law.sticking}, "
+                f"rho = {law.rho:g})",
+            )
+        )
+        if not verdict.strict:
+            lines.append(_row("", verdict.message))
+    each_disk = disk_bytes(case.output.fields, case.output.precision)
+    frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"
+    what = f"{case.output.frames + 1} frames x {frame}"
+    if case.output.compression != "none":
+        what += f", at most: {case.output.compression} makes it smaller"
+    lines += [
+        _row("run", f"to {_end(case)}: {_collisions(estimate)}{_end_time(case, estimate, time)}"),
+        _row("file", f"{case.run.name}.h5, {size(estimate.file_bytes)}: {what}"),
+        _row(
+            "memory",
+            f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x {BYTES_PER_DISK} bytes), "
+            "beside Python, Taichi and their libraries",
+        ),
+    ]
+    return "\n".join(lines)
+
+
+def size(count: float) -> str:
+    """A number of bytes, to three digits: 1.23 MB."""
+    value = float(count)
+    for unit in ("bytes", "kB", "MB", "GB"):
+        if value < 999.5:
+            return f"{value:.3g} {unit}"
+        value /= 1000.0
+    return f"{value:.3g} TB"
+
+
+def _row(name: str, text: str) -> str:
+    return f"  {name:<22} {text}"
+
+
+def _end(case: Case) -> str:
+    if case.run.t_end is not None:
+        return f"t = {case.run.t_end:g}{case.unit('time')}"
+    return f"{case.run.collisions_per_disk:g} collisions per disk"
+
+
+def _collisions(estimate: Estimate) -> str:
+    if math.isnan(estimate.collisions):
+        return "an unknown number of collisions"
+    kind = "at most " if estimate.collisions_at_most else ""
+    return f"{kind}{estimate.collisions:.4g} collisions"
+
+
+def _end_time(case: Case, estimate: Estimate, unit: str) -> str:
+    if case.run.t_end is not None or math.isnan(estimate.end_time):
+        return ""
+    return f", t = {estimate.end_time:.4g}{unit} by kinetic theory"

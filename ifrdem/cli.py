@@ -1,0 +1,218 @@
+"""The command `ifrdem`. Imports what a verb needs when it is called: `--help` starts nothing."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from . import __version__
+from .errors import EngineError, InputError, nearest
+
+BAD_INPUT = 2
+FAILED = 1
+INTERRUPTED = 130  # what shells use for SIGINT
+
+
+class _Parser(argparse.ArgumentParser):
+    """Raises InputError instead of exiting, so that every message leaves in the same way."""
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message} (see `{self.prog} --help`)")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status: 0, 1 (failed), 2 (bad input), 130 (interrupted)."""
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        options = _parse(given)
+        status = int(options.act(options))
+        sys.stdout.flush()  # here, where a broken pipe is caught
+        return status
+    except InputError as error:
+        _complain(str(error))
+        return BAD_INPUT
+    except EngineError as error:
+        _complain(f"the engine stopped: {error}")
+        return FAILED
+    except KeyboardInterrupt as error:
+        _complain(str(error) or "interrupted")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output went away, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+
+
+def _complain(message: str) -> None:
+    sys.stdout.flush()
+    for line in message.splitlines():
+        print(f"ifrdem: {line}", file=sys.stderr)
+
+
+def _warn(message: str) -> None:
+    _complain(f"warning: {message}")
+
+
+def _say(message: str) -> None:
+    print(message, flush=True)
+
+
+def _parse(arguments: list[str]) -> argparse.Namespace:
+    parser = _Parser(
+        prog="ifrdem",
+        description="Event-exact simulation of granular gases of rough disks that collide by the independent "
+        "friction-restitution law.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"ifrdem {__version__}")
+    verbs = parser.add_subparsers(title="verbs", metavar="VERB")
+
+    run = verbs.add_parser(
+        "run",
+        help="run a case",
+        description="Run a case file: writes NAME.h5 and NAME.png.",
+        allow_abbrev=False,
+    )
+    _add_case(run)
+    run.add_argument(
+        "--arch", metavar="ARCH", help="device: cpu or cuda (see `ifrdem backends`); sets run.arch"
+    )
+    run.add_argument("--seed", metavar="N", help="seed of the random numbers; sets run.seed")
+    run.add_argument("--threads", metavar="N", help="CPU threads; sets run.threads")
+    run.add_argument(
+        "-o",
+        "--output",
+        metavar="PLACE",
+        help="folder for NAME.h5 and NAME.png, or the files' path without its ending (default: this folder)",
+    )
+    run.add_argument("--force", action="store_true", help="replace output files that exist")
+    run.add_argument("--no-picture", action="store_true", help="draw no picture at the end")
+    run.set_defaults(act=_run)
+
+    check = verbs.add_parser(
+        "check",
+        help="look at a case without running it",
+        description="Report every mistake of a case at once; of a good one its packing fraction, mean free "
+        "paths, whether its laws can add energy, its file size and memory.",
+        allow_abbrev=False,
+    )
+    _add_case(check)
+    check.set_defaults(act=_check)
+
+    info = verbs.add_parser("info", help="say what a trajectory holds", allow_abbrev=False)
+    info.add_argument("file", metavar="FILE", help="a trajectory (.h5)")
+    info.set_defaults(act=_info)
+
+    new = verbs.add_parser(
+        "new",
+        help="write a commented case file to start from",
+        description="Write a commented case file to start from: cooling or mixture.",
+        allow_abbrev=False,
+    )
+    new.add_argument("kind", metavar="KIND", help="cooling (one kind of coins) or mixture (two)")
+    new.add_argument("-o", "--output", metavar="FILE", help="file to write (default: KIND.toml; - prints it)")
+    new.add_argument("--force", action="store_true", help="replace a file that exists")
+    new.set_defaults(act=_new)
+
+    backends = verbs.add_parser("backends", help="list the devices that can compute", allow_abbrev=False)
+    backends.set_defaults(act=_backends)
+
+    known = list(verbs.choices)
+    # The options before a verb take no values: the first other word is the verb.
+    verb = next((word for word in arguments if not word.startswith("-")), None)
+    if verb is not None and verb not in known:
+        raise InputError(f"no verb is called '{verb}'{nearest(verb, known)}; there are: {', '.join(known)}")
+    options = parser.parse_args(arguments)
+    if not hasattr(options, "act"):
+        parser.error(f"a verb is needed: {', '.join(known)}")
+    return options
+
+
+def _add_case(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("case", metavar="CASE", help="a case file (TOML); `ifrdem new cooling` writes one")
+    parser.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        dest="overrides",
+        help="override a key of the case, such as run.seed=3 or species[0].number=100; repeatable. "
+        "KEY= without a value removes the key",
+    )
+
+
+def _run(options: argparse.Namespace) -> int:
+    overrides = list(options.overrides)
+    for key in ("arch", "seed", "threads"):
+        value = getattr(options, key)
+        if value is not None:
+            # Texts are quoted, so that the model says what is wrong with "--arch 3" or an empty value.
+            quoted = value if key != "arch" and value else json.dumps(value)
+            overrides.append(f"run.{key}={quoted}")
+    # Which files there will be is known only from the case, so a wrong case comes first.
+    from . import case_file
+    from .outputs import Outputs
+
+    file = case_file.read(options.case, overrides)
+    picture = file.case.output.picture and not options.no_picture
+    outputs = Outputs.plan(file.case.run.name, options.output, picture=picture)
+    outputs.check(force=options.force)  # before the imports below, which take a second
+
+    from .run import run
+    from .trajectory_writer import TrajectoryError
+
+    try:
+        run(file, outputs, force=options.force, say=_say, warn=_warn)
+    except TrajectoryError as error:
+        _complain(str(error))
+        return FAILED
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    from . import case_file, check
+    from .estimate import Estimate
+    from .gas import Gas
+
+    file = case_file.read(options.case, options.overrides)
+    gas = Gas.from_case(file.case, file.folder)
+    _say(check.report(file.case, gas, Estimate.of(gas, file.case)))
+    return 0
+
+
+def _info(options: argparse.Namespace) -> int:
+    from .trajectory import describe
+
+    _say(describe(options.file))
+    return 0
+
+
+def _new(options: argparse.Namespace) -> int:
+    from . import template
+
+    text = template.write(options.kind)
+    if options.output == "-":
+        print(text, end="")
+        return 0
+    path = Path(options.output or f"{options.kind}.toml")
+    try:
+        with path.open("w" if options.force else "x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise InputError(f"{path}: exists already; --force replaces it, -o writes elsewhere") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    _say(f"wrote {path}: look at it with `ifrdem check {path}`, run it with `ifrdem run {path}`")
+    return 0
+
+
+def _backends(options: argparse.Namespace) -> int:
+    from . import backend
+
+    for device in backend.available():
+        _say(f"{device.arch:<5} {device.description}")
+    return 0

@@ -1,0 +1,164 @@
+"""What a case will be like before it runs: mean free paths, collisions, bytes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from . import engine, h5md, theory
+from .case import Case
+from .gas import Gas, Species
+
+OBSERVABLES = {
+    "translational_energy": 1,
+    "rotational_energy": 1,
+    "energy": 1,
+    "temperature": 1,
+    "rotational_temperature": 1,
+    "momentum": 2,
+    "dissipated_energy": 1,
+    "collisions": 1,
+}
+"""What a run writes of the whole gas at each frame, with the number of components."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Figures of a gas at its start, and of its run.
+
+    Attributes
+    ----------
+    packing_fraction : float
+        Part of the area that the disks cover.
+    number_density : float
+        Disks per area [1/length^2].
+    collision_rate : tuple of float
+        Collisions per disk and time [1/time], species by species.
+    free_path : tuple of float
+        Mean free paths [length], species by species: mean speed over collision rate; nan where nothing moves.
+    end_time : float
+        Simulated time at the end [time]; nan where theory does not tell.
+    collisions : float
+        Collisions of the whole run, each counted once.
+    collisions_at_most : bool
+        Whether `collisions` is only an upper bound: the initial rate, which cooling lowers.
+    file_bytes, array_bytes : int
+        Size of the trajectory file, and of the engine's arrays.
+    """
+
+    packing_fraction: float
+    number_density: float
+    collision_rate: tuple[float, ...]
+    free_path: tuple[float, ...]
+    end_time: float
+    collisions: float
+    collisions_at_most: bool
+    file_bytes: int
+    array_bytes: int
+
+    @classmethod
+    def of(cls, gas: Gas, case: Case) -> Estimate:
+        """The estimate for a gas and the case that it comes from."""
+        n, phi = gas.disks.n, gas.box.packing_fraction(gas.disks.radius)
+        rates = collision_rates(gas.species, gas.box.area)
+        paths = [
+            math.sqrt(math.pi / 4.0) * each.speed_rms / rate if rate > 0.0 else math.nan
+            for each, rate in zip(gas.species, rates, strict=True)
+        ]
+        mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
+        end, per_disk = _cooled(gas, phi, mean_rate, case.run.t_end, case.run.collisions_per_disk)
+        at_most = math.isnan(per_disk)
+        if at_most:
+            per_disk = mean_rate * (case.run.t_end or 0.0)
+        frames = case.output.frames + 1
+        frame_bytes = n * disk_bytes(case.output.fields, case.output.precision)
+        return cls(
+            packing_fraction=phi,
+            number_density=n / gas.box.area,
+            collision_rate=tuple(float(rate) for rate in rates),
+            free_path=tuple(float(path) for path in paths),
+            end_time=end,
+            collisions=0.5 * n * per_disk,
+            collisions_at_most=at_most,
+            # The constant properties once: radius, mass, k in 8 bytes, the material in 4.
+            file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values())) + 28 * n,
+            array_bytes=n * engine.BYTES_PER_DISK,
+        )
+
+
+def disk_bytes(fields: Sequence[str], precision: str) -> int:
+    """Bytes per disk and frame of these fields in a trajectory file without compression."""
+    size = np.dtype(h5md.PRECISIONS[precision]).itemsize
+    chosen = [h5md.FIELDS[name] for name in fields]
+    return sum(field.components * (4 if field.count else size) for field in chosen)
+
+
+def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float64]:
+    """Collisions per disk and time [1/time] of each species in a mixed gas with Maxwellian velocities.
+
+    Enskog's rate: disks of species j, with number density n_j, meet one of species i at
+    sqrt(2 pi) n_j sigma_ij g_ij sqrt(u_i^2 + u_j^2), where sigma_ij = R_i + R_j, u^2 is the variance of a
+    velocity component, and sqrt(2 pi) comes from the mean relative speed, sqrt(pi/2) sqrt(u_i^2 + u_j^2),
+    times the width 2 sigma_ij. The contact values follow from those of equal disks at the same packing
+    fraction,
+
+        g_ij = 1/(1 - phi) + (g - 1/(1 - phi)) (sigma_i sigma_j / sigma_ij) <sigma> / <sigma^2>
+
+    with sigma the diameters (and sigma_ij the mean of the two): Santos, Yuste and Lopez de Haro, Mol. Phys.
+    96, 1 (1999). For one species this is `theory.collision_rate`.
+
+    Parameters
+    ----------
+    species : sequence of Species
+        Masses do not matter, because speeds are given, not temperatures.
+    area : float
+        Area of the box [length^2].
+    """
+    number = np.array([each.number for each in species], dtype=np.float64)
+    diameter = np.array([2.0 * each.radius for each in species])
+    variance = np.array([0.5 * each.speed_rms**2 for each in species])
+    phi = float(np.sum(number * math.pi * diameter**2 / 4.0)) / area
+    sigma = 0.5 * (diameter[:, None] + diameter[None, :])
+    ideal = 1.0 / (1.0 - phi)
+    mean_ratio = np.sum(number * diameter) / np.sum(number * diameter**2)
+    mixed = np.outer(diameter, diameter) / sigma * mean_ratio
+    g = ideal + (theory.contact_value(phi) - ideal) * mixed
+    speed = np.sqrt(variance[:, None] + variance[None, :])
+    return math.sqrt(2.0 * math.pi) * np.sum(number[None, :] / area * sigma * g * speed, axis=1)
+
+
+def _cooled(
+    gas: Gas, phi: float, rate: float, t_end: float | None, collisions_per_disk: float | None
+) -> tuple[float, float]:
+    """Time and collisions per disk at the end, by kinetic theory; nan for what it does not tell."""
+    unknown = (
+        t_end if t_end is not None else math.nan,
+        collisions_per_disk if collisions_per_disk is not None else math.nan,
+    )
+    law = gas.laws[0][0]
+    if len(gas.species) > 1 or law.rho > 0.0 or rate == 0.0:
+        return unknown
+    (each,) = gas.species
+    T = 0.5 * each.mass * each.speed_rms**2
+    T_rot = each.mass * each.radius**2 / each.k * each.spin_rms**2
+
+    def per_disk(time: float) -> float:
+        return float(theory.cooling(law, each.mass, each.radius, each.k, phi, T, T_rot, [time])[2][0])
+
+    if t_end is not None:
+        return t_end, per_disk(t_end)
+    assert collisions_per_disk is not None
+    # Cooling slows the collisions: double the time until there are enough, then close in.
+    late = collisions_per_disk / rate
+    while per_disk(late) < collisions_per_disk:
+        late *= 2.0
+        if late > 1e12 * collisions_per_disk / rate:
+            return unknown
+    return float(
+        brentq(lambda time: per_disk(time) - collisions_per_disk, 0.0, late, rtol=1e-6)
+    ), collisions_per_disk

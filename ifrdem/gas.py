@@ -1,0 +1,147 @@
+"""The gas that a case describes: disks, box and laws, and how they start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import placement, start_file
+from .box import Box
+from .case import Case
+from .draft import Draft, Species, box_around
+from .errors import InputError
+from .law import IFRLaw
+from .pairing import PairVerdict, verdicts
+from .problems import problems
+from .start_file import StartFile
+from .state import Disks, State
+
+
+@dataclass(frozen=True)
+class Gas:
+    """What moves, where, and how it collides.
+
+    Attributes
+    ----------
+    species : tuple of Species
+        In the order of the disks' ids.
+    materials : tuple of str
+        Names of the materials that occur, in the order of `laws`.
+    laws : list of lists of IFRLaw
+        The law of each pair of materials.
+    verdicts : tuple of PairVerdict
+        Admissibility of each pair of species.
+    disks : Disks
+        The disks, species by species.
+    box : Box
+        The box.
+    given : StartFile or None
+        The start, if the case names a file with it.
+    """
+
+    species: tuple[Species, ...]
+    materials: tuple[str, ...]
+    laws: list[list[IFRLaw]]
+    verdicts: tuple[PairVerdict, ...]
+    disks: Disks
+    box: Box
+    given: StartFile | None = None
+
+    @classmethod
+    def from_case(cls, case: Case, folder: Path | str = ".") -> Gas:
+        """The gas of a case; a start file's path begins at `folder`.
+
+        Raises
+        ------
+        InputError
+            With a line for each thing that is wrong.
+        """
+        draft = Draft.from_case(case)
+        found = problems(draft, Path(folder))
+        if found:
+            raise InputError("\n".join(str(problem) for problem in found))
+        species = tuple(draft.known_species())
+        materials = tuple(dict.fromkeys(each.material for each in species))
+        judged = tuple(verdicts(draft, list(species)))
+        laws = [[_law_between(judged, species, a, b) for b in materials] for a in materials]
+        disks = _disks(species, materials)
+        box = box_around(case.box, disks.radius)
+        given = None
+        if case.start.file is not None:
+            given = start_file.read(Path(folder) / case.start.file, disks.n, box)
+            species = _as_moving(species, given)
+        return cls(species, materials, laws, judged, disks, box, given)
+
+    @property
+    def warnings(self) -> list[str]:
+        """One text for each law that only the loss along the line of centres keeps from adding energy."""
+        texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
+        return list(texts)
+
+    def start(self, case: Case) -> State:
+        """The state at time 0, without overlaps.
+
+        Raises
+        ------
+        InputError
+            If the disks do not fit into the box in the way the case wants.
+        """
+        seed = case.run.seed
+        if self.given is not None:
+            position = self.given.position
+            if self.given.velocity is not None and self.given.spin is not None:
+                return State(position=position, velocity=self.given.velocity, spin=self.given.spin)
+        elif case.start.positions == "hexagonal":
+            dealt = seed if len(self.species) > 1 else None  # else the species would lie in layers
+            position = placement.hexagonal_positions(self.box, self.disks.radius, seed=dealt)
+        else:
+            position = placement.random_positions(self.box, self.disks.radius, seed=seed)
+        velocity, spin = [], []
+        for i, each in enumerate(self.species):
+            # With one seed for all, disk j of every species would start with the same random numbers.
+            own = int(np.random.SeedSequence([seed, i]).generate_state(1, np.uint64)[0])
+            mass = np.full(each.number, each.mass)
+            velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, seed=own))
+            spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
+        return State(position=position, velocity=np.concatenate(velocity), spin=np.concatenate(spin))
+
+
+def _as_moving(species: tuple[Species, ...], given: StartFile) -> tuple[Species, ...]:
+    """The species with the speeds and spins of a start file, if it has them."""
+    if given.velocity is None or given.spin is None:
+        return species
+    moving, first = [], 0
+    for each in species:
+        own = slice(first, first + each.number)
+        first += each.number
+        speed_rms = float(np.sqrt(np.mean(np.sum(given.velocity[own] ** 2, axis=1))))
+        spin_rms = float(np.sqrt(np.mean(given.spin[own] ** 2)))
+        moving.append(replace(each, speed_rms=speed_rms, spin_rms=spin_rms))
+    return tuple(moving)
+
+
+def _disks(species: tuple[Species, ...], materials: tuple[str, ...]) -> Disks:
+    def column(values: list[float]) -> NDArray[np.float64]:
+        return np.repeat(np.array(values), [each.number for each in species])
+
+    return Disks(
+        n=sum(each.number for each in species),
+        mass=column([each.mass for each in species]),
+        radius=column([each.radius for each in species]),
+        k=column([each.k for each in species]),
+        material=column([materials.index(each.material) for each in species]).astype(np.int32),
+    )
+
+
+def _law_between(judged: tuple[PairVerdict, ...], species: tuple[Species, ...], a: str, b: str) -> IFRLaw:
+    """The law of two materials, made for the largest mean k of the species that have them."""
+    material = {each.name: each.material for each in species}
+    laws = [
+        each.law
+        for each in judged
+        if each.law is not None and {material[each.first], material[each.second]} == {a, b}
+    ]
+    return max(laws, key=lambda law: law.k)

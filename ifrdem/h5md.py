@@ -1,0 +1,273 @@
+"""The layout of a trajectory file: H5MD 1.1 with raw two-dimensional data and 3D views of it.
+
+H5MD: P. de Buyl, P. H. Colberg and F. Hoefling, Comput. Phys. Commun. 185, 1546 (2014),
+doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
+
+    h5md                                attribute version = [1, 1]; author, creator
+      modules/units                     the units as attributes, e.g. length = "m"
+      modules/ifrdem                    attribute version: the version of this layout
+    particles/all
+      box                               attributes dimension = 3, boundary, lengths = (Lx, Ly)
+        edges/{step, time, value}       (F, 3): Lx, Ly and the placeholder 1
+      position/value_2d                 (F, n, 2): the stored data
+      position/{step, time, value}      (F, n, 3): a virtual dataset of value_2d with z = 0
+      velocity/...                      as position
+      angular_velocity/{step, time, value}   (F, n), counter-clockwise
+      collisions/{step, time, value}    (F, n) int32, how many each disk has had
+      image/...                         as position, int32: box lengths travelled
+      radius, mass, k, material         (n,): constant; `species` is another name of `material`
+    observables/<name>/{step, time, value}   (F, ...) whole-gas quantities
+    parameters                          case text, seed, device, ...; versions/<package>; units/<quantity>
+
+`step` (the number of the frame) and `time` exist once; the groups share them by hard links. `step` is the
+commit marker: it grows last, so that a frame counts only if it has a step. Readers that need three
+components (MDAnalysis, VMD, ASE) take `value`; nothing is stored twice. There are no `unit` attributes,
+because MDAnalysis refuses units that are not in its list.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import h5py
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from .box import Box
+from .errors import InputError
+from .state import Disks
+
+H5MD_VERSION = (1, 1)
+LAYOUT_VERSION = (1, 0)
+PARTICLES = "particles/all"
+EDGES = f"{PARTICLES}/box/edges"
+STATIC = ("radius", "mass", "k", "material")
+
+# Disks per chunk at most: one disk's history needs one chunk a frame, and a chunk must stay small.
+CHUNK_DISKS = 16384
+# Frames per chunk of the short series (step, time, observables).
+CHUNK_FRAMES = 64
+
+
+@dataclass(frozen=True)
+class Field:
+    """A quantity stored per disk and frame.
+
+    Attributes
+    ----------
+    attribute : str
+        Its name in `State`.
+    components : int
+        2 for vectors, stored as (frames, n, 2) with a 3D view; 1 for scalars, (frames, n).
+    count : bool
+        Stored as int32; otherwise in the floating-point precision of the file.
+    """
+
+    attribute: str
+    components: int
+    count: bool = False
+
+    @property
+    def dataset(self) -> str:
+        """Name of the dataset with the stored data inside the field's group."""
+        return "value_2d" if self.components == 2 else "value"
+
+
+FIELDS = {
+    "position": Field("position", 2),
+    "velocity": Field("velocity", 2),
+    "angular_velocity": Field("spin", 1),
+    "collisions": Field("collisions", 1, count=True),
+    "image": Field("image", 2, count=True),
+}
+
+PRECISIONS: dict[str, type[np.floating]] = {"f4": np.float32, "f8": np.float64}
+COMPRESSIONS: dict[str, dict[str, object]] = {
+    "none": {},
+    # The one compression that every HDF5 reader knows.
+    "gzip": {"compression": "gzip", "compression_opts": 1, "shuffle": True},
+}
+
+
+def create(
+    file: h5py.File,
+    *,
+    disks: Disks,
+    box: Box,
+    fields: Sequence[str],
+    precision: str,
+    compression: str,
+    parameters: Mapping[str, str | int | float],
+    units: Mapping[str, str],
+) -> None:
+    """Write everything but the frames into an empty file: groups, constant data, empty series.
+
+    The names and choices are expected to have been checked.
+    """
+    h5md = file.create_group("h5md")
+    h5md.attrs["version"] = np.array(H5MD_VERSION, dtype=np.int32)
+    h5md.create_group("author").attrs["name"] = str(parameters.get("author", "not stated"))
+    versions = package_versions()
+    creator = h5md.create_group("creator")
+    creator.attrs["name"] = "ifrdem"
+    creator.attrs["version"] = str(parameters.get("versions/ifrdem", versions["ifrdem"]))
+    h5md.create_group("modules/ifrdem").attrs["version"] = np.array(LAYOUT_VERSION, dtype=np.int32)
+    modules = h5md.create_group("modules/units")
+    modules.attrs["version"] = np.array((1, 0), dtype=np.int32)
+    for quantity, unit in units.items():
+        modules.attrs[quantity] = unit
+
+    particles = file.create_group(PARTICLES)
+    lengths = np.array(box.lengths)
+    frame_box = particles.create_group("box")
+    frame_box.attrs["dimension"] = 3
+    frame_box.attrs["boundary"] = ["periodic", "periodic", "none"]
+    frame_box.attrs["lengths"] = lengths
+    edges = frame_box.create_group("edges")
+    edges.create_dataset("step", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.int64)
+    edges.create_dataset("time", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.float64)
+    edges.create_dataset(
+        "value", shape=(0, 3), maxshape=(None, 3), chunks=(CHUNK_FRAMES, 3), dtype=np.float64
+    )
+
+    for name in STATIC:
+        particles[name] = getattr(disks, name)
+    particles["species"] = particles["material"]
+    for name in fields:
+        field = FIELDS[name]
+        dtype: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
+        _create_field(file, name, field, disks.n, dtype, COMPRESSIONS[compression])
+
+    stored = file.create_group("parameters")
+    for package, version in versions.items():
+        if f"versions/{package}" not in parameters:
+            stored[f"versions/{package}"] = version
+    for quantity, unit in units.items():
+        stored[f"units/{quantity}"] = unit
+    for name, value in parameters.items():
+        stored[name] = value
+    file.create_group("observables")
+
+
+def _create_field(
+    file: h5py.File, name: str, field: Field, n: int, dtype: DTypeLike, filters: Mapping[str, object]
+) -> None:
+    group = file.create_group(f"{PARTICLES}/{name}")
+    _link_steps(file, group)
+    tail = (2,) if field.components == 2 else ()
+    # HDF5 has no chunks of size 0 in an axis that cannot grow.
+    limit = n if n > 0 else None
+    group.create_dataset(
+        field.dataset,
+        shape=(0, n, *tail),
+        maxshape=(None, limit, *tail),
+        chunks=(1, chunk_disks(n), *tail),
+        dtype=dtype,
+        **filters,
+    )
+    if field.components != 2:
+        return
+    if n == 0:  # nothing to view, and HDF5 has no unlimited view of an empty selection
+        group.create_dataset(
+            "value", shape=(0, 0, 3), maxshape=(None, None, 3), chunks=(1, 1, 3), dtype=dtype
+        )
+        return
+    source = h5py.VirtualSource(
+        ".", f"/{PARTICLES}/{name}/{field.dataset}", shape=(1, n, 2), maxshape=(None, n, 2), dtype=dtype
+    )
+    view = h5py.VirtualLayout(shape=(1, n, 3), maxshape=(None, n, 3), dtype=dtype)
+    frames = slice(0, h5py.h5s.UNLIMITED)  # the view grows with its source
+    view[frames, :, :2] = source[frames, :, :]
+    group.create_virtual_dataset("value", view, fillvalue=0)
+
+
+def add_observable(file: h5py.File, name: str, sample: NDArray) -> h5py.Dataset:
+    """Add an empty series for values of the shape and type of `sample`; returns its dataset."""
+    group = file.create_group(f"observables/{name}")
+    _link_steps(file, group)
+    return group.create_dataset(
+        "value",
+        shape=(0, *sample.shape),
+        maxshape=(None, *sample.shape),
+        chunks=(CHUNK_FRAMES if sample.size <= 16 else 1, *sample.shape),
+        dtype=sample.dtype,
+    )
+
+
+def _link_steps(file: h5py.File, group: h5py.Group) -> None:
+    for name in ("step", "time"):
+        group[name] = file[f"{EDGES}/{name}"]
+
+
+def chunk_disks(n: int) -> int:
+    """Disks per chunk: equal chunks, as few as CHUNK_DISKS allows, so that the last is not mostly empty."""
+    if n == 0:
+        return 1
+    chunks = -(-n // CHUNK_DISKS)
+    return -(-n // chunks)
+
+
+def stored_fields(file: h5py.File) -> tuple[str, ...]:
+    """Names of the per-disk fields that the file holds."""
+    return tuple(name for name in FIELDS if f"{PARTICLES}/{name}" in file)
+
+
+def field_dataset(file: h5py.File, name: str) -> h5py.Dataset:
+    """The dataset with the stored data of a field, (frames, n) or (frames, n, 2)."""
+    return file[f"{PARTICLES}/{name}/{FIELDS[name].dataset}"]
+
+
+def plain_views(file: h5py.File) -> list[h5py.Dataset]:
+    """The views that do not grow by themselves: those of no disks."""
+    views = [
+        file[f"{PARTICLES}/{name}/value"] for name in stored_fields(file) if FIELDS[name].components == 2
+    ]
+    return [view for view in views if not view.is_virtual]
+
+
+def check_layout(file: h5py.File, path: str) -> None:
+    """Raise InputError that says what is missing unless the file has this layout."""
+    if "h5md" not in file or "version" not in file["h5md"].attrs:
+        found = ", ".join(sorted(file)) or "nothing"
+        raise InputError(
+            f"{path} is HDF5 but not H5MD: its group h5md with a version is missing (it holds {found})"
+        )
+    needed = [f"{EDGES}/{name}" for name in ("step", "time", "value")]
+    needed += [f"{PARTICLES}/{name}" for name in STATIC]
+    needed += ["h5md/modules/ifrdem", "parameters", "observables"]
+    missing = [name for name in needed if name not in file]
+    for name in stored_fields(file):
+        if FIELDS[name].dataset not in file[f"{PARTICLES}/{name}"]:
+            missing.append(f"{PARTICLES}/{name}/{FIELDS[name].dataset}")
+    if missing:
+        creator = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
+        raise InputError(
+            f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): "
+            f"missing {', '.join(missing)}"
+        )
+    version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
+    if version[0] != LAYOUT_VERSION[0]:
+        raise InputError(
+            f"{path} has layout version {version[0]}.{version[1]}; this ifrdem reads {LAYOUT_VERSION[0]}.x"
+        )
+    steps = len(file[f"{EDGES}/step"])
+    for name in stored_fields(file):
+        frames = len(field_dataset(file, name))
+        if frames < steps:
+            raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of what a run's numbers depend on, without importing any of it."""
+    # The package itself lies above this module, so it is looked up and not imported.
+    versions = {"python": platform.python_version(), "ifrdem": sys.modules["ifrdem"].__version__}
+    for package in ("taichi", "numpy", "h5py"):
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:  # a trajectory can be written without Taichi
+            versions[package] = "not installed"
+    return versions

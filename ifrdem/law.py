@@ -1,0 +1,456 @@
+"""The collision law: its coefficients, whether they can add energy, and its NumPy face `collide`.
+
+Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". The formula
+itself is `ifrdem.kernels.law.collide_pair`, which the engine calls too.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError, nearest
+
+STICKING = ("percussion_center", "contact_point")
+
+# Two sides of an inequality of admissibility that agree to this are equal: what rounding leaves of values
+# that are chosen on the boundary. A collision can gain 1e-12 of its energy by it, no more than rounding does.
+_ROUND_OFF = 1e-12
+
+# A normal may be off unit length by what dividing by its length leaves, with room for a few operations more.
+_UNIT = 1e-12
+
+
+class EnergyWarning(UserWarning):
+    """The tangential impulses alone can add energy; only the loss along the line of centres outweighs it."""
+
+
+class Regime(IntEnum):
+    """What happened in a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not."""
+
+    SEPARATING = 0
+    SLIDING = 1
+    STICKING = 2
+    SLIDING_ROLLING = 3
+    STICKING_ROLLING = 4
+    SLIDING_NONROLLING = 5
+    STICKING_NONROLLING = 6
+
+
+class Admissibility(NamedTuple):
+    """Whether a law can add energy in the collisions of one kind of pair.
+
+    Attributes
+    ----------
+    admissible : bool
+        No collision adds energy.
+    strict : bool
+        Not even the tangential impulses taken alone do.
+    message : str
+        The reason, with the inequality that decides and its numbers.
+    """
+
+    admissible: bool
+    strict: bool
+    message: str
+
+
+class Collision(NamedTuple):
+    """The outcome of `collide`; the leading axes `...` are those of its arguments.
+
+    Attributes
+    ----------
+    velocity : array (..., 2, 2)
+        Velocities after the collision [length/time]: disk, then component.
+    spin : array (..., 2)
+        Spins after the collision, counter-clockwise [rad/time].
+    P_n, P_t : array (...)
+        Impulses [mass length/time] that the first disk gives to the second along the normal n and along
+        t = (-n_y, n_x).
+    regime : array (...) of int8
+        Values of `Regime`.
+    """
+
+    velocity: NDArray[np.float64]
+    spin: NDArray[np.float64]
+    P_n: NDArray[np.float64]
+    P_t: NDArray[np.float64]
+    regime: NDArray[np.int8]
+
+
+def _number(name: str, value: object, low: float, high: float, why: str) -> float:
+    if isinstance(value, str | bytes):
+        raise InputError(f"{name} = {value!r}: a number is needed, not text")
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r}: a number is needed") from None
+    if not low <= number <= high or math.isinf(number):
+        raise InputError(f"{name} = {number:g}: {why}")
+    return number
+
+
+@dataclass(frozen=True, kw_only=True)
+class IFRLaw:
+    """The independent friction-restitution law of one pair of materials.
+
+    Parameters
+    ----------
+    e_n : float
+        Normal restitution, 0 to 1: the relative normal velocity is reversed and multiplied by it (Eq. 4).
+    e_t : float
+        Tangential restitution, -1 (none) to 1: without friction, the tangential velocity of the contact is
+        reversed and multiplied by it (Eq. 8). It is not the apparent coefficient that other laws call
+        tangential restitution, which contains friction (Eqs. 26 to 28).
+    mu : float
+        Sliding friction, 0 or more (Eq. 9).
+    sticking : {"percussion_center", "contact_point"}
+        Which point's slip friction can stop at most: Eq. 15, the paper's choice, or Eq. 12.
+    rho : float
+        Rolling friction [length], 0 or more (Eq. 31).
+    k : float
+        Shape number in I = m R^2 / k of the disks that the law is for: 2 homogeneous disk, 1 hoop, of a pair
+        that differs the larger one. It enters no collision. It only says for which disks the coefficients are
+        examined here, because whether they can add energy depends on k; the larger, the sooner they do.
+        `check` examines any other pair, and `collide` and the simulation do so for what they collide.
+
+    Raises
+    ------
+    InputError
+        If a coefficient is out of range by itself, `sticking` is unknown, or the coefficients together can
+        add energy in a collision of two disks with this k: the message names the inequality and both its
+        sides.
+
+    Warns
+    -----
+    EnergyWarning
+        If the tangential impulses alone could add energy and only the loss along the line of centres
+        outweighs it.
+
+    Notes
+    -----
+    With kbar = (k_i m_j + k_j m_i) / (m_i + m_j), a = 1 + kbar, c = 1/2 (percussion centre) or 1/a (contact
+    point) and e_s = e_t + a c, no collision adds energy if and only if e_n <= 1, -1 <= e_t <= 1, and where
+    mu > 0 also e_t < 1 and
+
+    1. a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2, and
+    2. where e_t a c > 1 - e_t^2, also (1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n).
+
+    Derivation: P_t changes the energy by P_t^2 / (2 m_t) - P_t g_t, and the normal impulse by -P_n^2 (1 -
+    e_n) / (2 m_n (1 + e_n)). With x = m_t |g_t| / P_n and P_f = P_n min(mu, a c x) the sum is, but for a
+    positive factor, (min(mu, a c x) + e_t x)^2 - x^2 - (1 - e_n) / (a (1 + e_n)). Its largest value lies at
+    the boundary of sticking, x = mu / (a c), which is 1, or inside the sliding range, at x = mu e_t / (1 -
+    e_t^2), which is 2. The tangential impulses alone never add energy if e_s <= 1 as well: e_t <= 0 (contact
+    point), or e_t <= (1 - kbar) / 2 (percussion centre). Rolling friction only takes energy.
+
+    The sets shrink as kbar grows, and kbar lies between k_i and k_j whatever the masses. In a collision with
+    a moving wall energy is meant as seen from the wall.
+    """
+
+    e_n: float
+    e_t: float
+    mu: float
+    sticking: Literal["percussion_center", "contact_point"] = "percussion_center"
+    rho: float = 0.0
+    k: float = field(default=2.0, compare=False)
+
+    def __post_init__(self) -> None:
+        above = "above 1 every collision would add energy"
+        numbers = {
+            "e_n": _number("e_n", self.e_n, 0.0, 1.0, f"normal restitution must lie from 0 to 1; {above}"),
+            "e_t": _number(
+                "e_t",
+                self.e_t,
+                -1.0,
+                1.0,
+                "tangential restitution must lie from -1 to 1, or it would add energy",
+            ),
+            "mu": _number("mu", self.mu, 0.0, math.inf, "friction must be a finite number of 0 or more"),
+            "rho": _number(
+                "rho", self.rho, 0.0, math.inf, "rolling friction [length] must be finite, 0 or more"
+            ),
+            "k": _positive("k", self.k),
+        }
+        if self.sticking not in STICKING:
+            allowed = ", ".join(repr(name) for name in STICKING)
+            hint = nearest(str(self.sticking), STICKING)
+            raise InputError(f"sticking = {self.sticking!r}: must be one of {allowed}{hint}")
+        for name, number in numbers.items():
+            object.__setattr__(self, name, number)
+        verdict = self._admissibility(self.k)  # kbar = k for a like pair, whatever the masses
+        if not verdict.admissible:
+            raise InputError(f"{verdict.message}; for disks of another shape pass their k")
+        self._act_on(verdict, stacklevel=4)
+
+    def admissibility(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> Admissibility:
+        """Whether the law can add energy in collisions of disks with these k and masses.
+
+        Parameters
+        ----------
+        k_i, k_j : float
+            Shape numbers in I = m R^2 / k.
+        m_i, m_j : float
+            Masses [any one unit]; one of them may be infinite, a wall. They matter only where k_i and k_j
+            differ.
+
+        Raises
+        ------
+        InputError
+            If a k is not positive and finite, a mass is not positive, or both masses are infinite.
+        """
+        k_i, k_j = _positive("k_i", k_i), _positive("k_j", k_j)
+        if not (m_i > 0.0 and m_j > 0.0) or (math.isinf(m_i) and math.isinf(m_j)):
+            raise InputError(
+                f"m_i = {m_i}, m_j = {m_j}: positive masses are needed, at most one of them infinite"
+            )
+        return self._admissibility(float(_mean_k(k_i, k_j, m_i, m_j)))
+
+    def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
+        """Refuse the law, or warn, for collisions of disks with these k and masses; see `admissibility`.
+
+        Raises
+        ------
+        InputError
+            If a collision of such a pair can add energy.
+
+        Warns
+        -----
+        EnergyWarning
+            If only the loss along the line of centres keeps it from that.
+        """
+        self._act_on(self.admissibility(k_i, k_j, m_i, m_j), stacklevel=3)
+
+    def table_row(self) -> tuple[float, float, float, float, float]:
+        """The numbers that `collide_pair` takes: e_n, e_t, mu, contact_point (1.0 or 0.0), rho [length]."""
+        return self.e_n, self.e_t, self.mu, float(self.sticking == "contact_point"), self.rho
+
+    def _act_on(self, verdict: Admissibility, stacklevel: int) -> None:
+        if not verdict.admissible:
+            raise InputError(verdict.message)
+        if not verdict.strict:
+            warnings.warn(verdict.message, EnergyWarning, stacklevel=stacklevel)
+
+    def _admissibility(self, k_bar: float) -> Admissibility:
+        e_n, e_t, mu = self.e_n, self.e_t, self.mu
+        a = 1.0 + k_bar
+        contact_point = self.sticking == "contact_point"
+        ac = 1.0 if contact_point else 0.5 * a
+        c = ac / a
+        e_s = e_t + ac
+        law = (
+            f"e_n = {e_n:g}, e_t = {e_t:g}, mu = {mu:g}, sticking = '{self.sticking}', "
+            f"for disks whose mean k (kbar) is {k_bar:g}"
+        )
+        if mu == 0.0:
+            return Admissibility(
+                True, True, f"{law}: no collision adds energy, because mu = 0 and -1 <= e_t <= 1"
+            )
+        if e_t == 1.0:
+            return Admissibility(
+                False, False, f"{law}: a grazing collision would add energy; with mu > 0, e_t < 1 is needed"
+            )
+
+        needed = [
+            (
+                "where sliding turns into sticking, a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2",
+                a * (1.0 - e_n),
+                (e_s**2 - 1.0) * (1.0 + e_n) * mu**2 / c**2,
+            )
+        ]
+        if e_t * ac > 1.0 - e_t**2:
+            needed.append(
+                (
+                    "where it slides, (1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n)",
+                    (1.0 - e_n) * (1.0 - e_t**2),
+                    a * mu**2 * (1.0 + e_n),
+                )
+            )
+        broken = "; and ".join(
+            f"{words} is needed, but left is {left:.4g} and right {right:.4g} ({right - left:.4g} more)"
+            for words, left, right in needed
+            if right - left > _ROUND_OFF * max(1.0, right)
+        )
+        with_ = f"with a = 1 + kbar = {a:g}, c = {c:.4g}, e_s = e_t + a c = {e_s:.4g}"
+        if broken:
+            remedy = self._remedy(a, ac)
+            return Admissibility(
+                False, False, f"{law}: a collision would add energy: {broken} ({with_}). {remedy}"
+            )
+        if e_s <= 1.0 + _ROUND_OFF:
+            return Admissibility(
+                True, True, f"{law}: no collision adds energy, nor do its tangential impulses alone ({with_})"
+            )
+        bound = "e_t <= 0" if contact_point else f"e_t <= (1 - kbar) / 2 = {0.5 * (1.0 - k_bar):g}"
+        return Admissibility(
+            True,
+            False,
+            f"{law}: the tangential impulses alone add energy: {bound} is exceeded by {e_s - 1.0:.4g}; "
+            f"only the loss along the line of centres, e_n = {e_n:g}, outweighs it ({with_})",
+        )
+
+    def _remedy(self, a: float, ac: float) -> str:
+        """Which mu and e_t would do, for a law that would not."""
+        loss = (1.0 - self.e_n) / (a * (1.0 + self.e_n))
+        largest = ac * math.sqrt(loss / ((self.e_t + ac) ** 2 - 1.0))
+        if self.e_t * ac > 1.0 - self.e_t**2:
+            largest = min(largest, math.sqrt(loss * (1.0 - self.e_t**2)))
+        remedies = [f"mu below {largest:.4g}" if largest > 0.0 else "mu = 0"]
+        if 1.0 - ac >= -1.0:
+            remedies.insert(0, f"e_t <= {1.0 - ac:g}")
+        return f"With {' or '.join(remedies)} it would not"
+
+
+def _positive(name: str, value: object) -> float:
+    number = _number(name, value, 0.0, math.inf, "a positive finite number is needed")
+    if number == 0.0:
+        raise InputError(f"{name} = 0: a positive finite number is needed")
+    return number
+
+
+def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> NDArray[np.float64]:
+    """kbar = (k_i m_j + k_j m_i) / (m_i + m_j): exact where k_i = k_j, and for a mass that is infinite."""
+    k_i, k_j = np.asarray(k_i, dtype=np.float64), np.asarray(k_j, dtype=np.float64)
+    ratio = np.asarray(m_j, dtype=np.float64) / np.asarray(m_i, dtype=np.float64)
+    return k_i + (k_j - k_i) / (1.0 + ratio)
+
+
+def collide(
+    law: IFRLaw,
+    normal: ArrayLike,
+    mass: ArrayLike,
+    radius: ArrayLike,
+    k: ArrayLike,
+    velocity: ArrayLike,
+    spin: ArrayLike,
+) -> Collision:
+    """Collide pairs of disks, or disks with walls.
+
+    All arguments may have leading axes `...`, which broadcast; the axis of length 2 after them is the disk.
+    Computed in float64.
+
+    Parameters
+    ----------
+    law : IFRLaw
+        The law of the pair's materials.
+    normal : array (..., 2)
+        Unit vectors from the centre of the first disk to that of the second.
+    mass : array (..., 2)
+        Masses [mass]. An infinite one is a wall: its own velocity and spin are kept.
+    radius : array (..., 2)
+        Radii [length]. That of an infinite mass may be infinite, a flat wall. For rolling friction it then
+        counts as equal to the partner's, so that the paper's r is the partner's radius.
+    k : array (..., 2)
+        Shape numbers in I = m R^2 / k.
+    velocity : array (..., 2, 2)
+        Velocities before the collision [length/time]: disk, then component.
+    spin : array (..., 2)
+        Spins before the collision, counter-clockwise [rad/time]; 0 for a flat wall.
+
+    Returns
+    -------
+    Collision
+        Velocities and spins after, impulses, regime. Pairs that separate come back unchanged.
+
+    Raises
+    ------
+    InputError
+        If a shape does not fit, a value is not finite or not positive where it must be, a normal is not a
+        unit vector, both masses are infinite, or the law can add energy for these k.
+
+    Warns
+    -----
+    EnergyWarning
+        If k is larger than the law was made for, and only the loss along the line of centres keeps the
+        energy.
+
+    Notes
+    -----
+    The collision is instantaneous and the coefficients are constants: no dependence on the impact speed, no
+    adhesion. Rolling friction (rho > 0) keeps linear momentum but takes angular momentum from the pair.
+
+    Examples
+    --------
+    An aluminium coin of 1.19 g and 21 mm hits an equal one, at rest, at 45 degrees:
+
+    >>> law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+    >>> n = [0.5**0.5, 0.5**0.5]
+    >>> after = collide(law, n, [1.19e-3] * 2, [10.5e-3] * 2, [2, 2], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])
+    >>> Regime(int(after.regime)).name
+    'SLIDING'
+    """
+    from .kernels.law import collide_pair  # imports Taichi, which is slow
+
+    m = _pairs("mass", mass)
+    R = _pairs("radius", radius)
+    k_ = _pairs("k", k)
+    w = _pairs("spin", spin)
+    n = _pairs("normal", normal)
+    v = np.asarray(velocity, dtype=np.float64)
+    if v.shape[-2:] != (2, 2):
+        raise InputError(f"velocity has shape {v.shape}: (..., 2, 2) is needed, disk then component")
+
+    wall, flat = np.isinf(m), np.isinf(R)
+    _refuse("mass", m, ~(m > 0.0), "a positive number is needed (infinite for a wall)")
+    _refuse("mass", m, np.all(wall, axis=-1, keepdims=True) & wall, "only one of the two may be infinite")
+    _refuse("radius", R, ~(R > 0.0), "a positive number is needed (infinite for a flat wall)")
+    _refuse("k", k_, ~((k_ > 0.0) & np.isfinite(k_)), "a positive finite number is needed")
+    _refuse("velocity", v, ~np.isfinite(v), "a finite number is needed")
+    _refuse("spin", w, ~np.isfinite(w), "a finite number is needed")
+    try:
+        shape = np.broadcast_shapes(m.shape, R.shape, k_.shape, w.shape, n.shape, v.shape[:-1])
+    except ValueError:
+        shapes = ", ".join(str(array.shape) for array in (n, m, R, k_, v, w))
+        raise InputError(
+            f"normal, mass, radius, k, velocity, spin have shapes {shapes}: their leading axes must broadcast"
+        ) from None
+    _refuse("radius", R, flat & ~wall, "only an infinite mass may have an infinite radius")
+    _refuse("spin", w, flat & (w != 0.0), "a flat wall (infinite radius) cannot spin")
+    off = ~(np.abs(np.hypot(n[..., :1], n[..., 1:]) - 1.0) <= _UNIT)
+    _refuse("normal", n, off, "a unit vector is needed, to 1e-12")
+
+    largest_k = float(np.max(_mean_k(k_[..., 0], k_[..., 1], m[..., 0], m[..., 1]), initial=0.0))
+    if largest_k > law.k:  # at or below law.k its construction has already said what is to be said
+        law._act_on(law._admissibility(largest_k), stacklevel=3)
+
+    inverse = 1.0 / m
+    R = np.where(flat, R[..., ::-1], R)
+    out = collide_pair(
+        *law.table_row(),
+        n[..., 0],
+        n[..., 1],
+        *(inverse[..., 0], R[..., 0], k_[..., 0], v[..., 0, 0], v[..., 0, 1], w[..., 0]),
+        *(inverse[..., 1], R[..., 1], k_[..., 1], v[..., 1, 0], v[..., 1, 1], w[..., 1]),
+    )
+    vx_i, vy_i, w_i, vx_j, vy_j, w_j, P_n, P_t, sticks, rolls = (np.broadcast_to(a, shape[:-1]) for a in out)
+    disk_i, disk_j = np.stack([vx_i, vy_i], axis=-1), np.stack([vx_j, vy_j], axis=-1)
+    regime = 1 + sticks.astype(np.int8)
+    if law.rho > 0.0:
+        regime = np.where(rolls > 0.0, regime + 2, regime + 4)
+    return Collision(
+        velocity=np.stack([disk_i, disk_j], axis=-2),
+        spin=np.stack([w_i, w_j], axis=-1),
+        P_n=np.array(P_n),
+        P_t=np.array(P_t),
+        regime=np.where(P_n > 0.0, regime, 0).astype(np.int8),
+    )
+
+
+def _pairs(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim == 0 or array.shape[-1] != 2:
+        raise InputError(f"{name} has shape {array.shape}: (..., 2) is needed")
+    return array
+
+
+def _refuse(name: str, value: NDArray[np.float64], wrong: NDArray[np.bool_], needed: str) -> None:
+    """Raise for the first value that is wrong, if one is."""
+    if np.any(wrong):
+        value, wrong = np.broadcast_arrays(value, wrong)
+        where = tuple(int(axis) for axis in np.argwhere(wrong)[0])
+        raise InputError(f"{name}[{', '.join(map(str, where))}] = {value[where]:g}: {needed}")

@@ -1,0 +1,78 @@
+"""What is measured on a gas at one time: energies, temperatures, momentum, collisions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+from .state import Disks, State
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """Totals and averages of a gas at one time.
+
+    Attributes
+    ----------
+    time : float
+        The time [time].
+    collisions : int
+        Collisions between two disks so far; each counts once.
+    translational_energy : float
+        Sum of m v^2 / 2 [energy].
+    rotational_energy : float
+        Sum of I w^2 / 2 [energy].
+    temperature : float
+        T = <m v^2> / 2 [energy], the energy of two degrees of freedom at T / 2 each. 0 without disks.
+    rotational_temperature : float
+        T_rot = <I w^2> [energy], of one degree of freedom. 0 without disks.
+    momentum : array (2,)
+        Sum of m v [mass length/time].
+
+    Notes
+    -----
+    Velocities are those in the box's frame: a gas that drifts as a whole has the drift in its temperature.
+    """
+
+    time: float
+    collisions: int
+    translational_energy: float
+    rotational_energy: float
+    temperature: float
+    rotational_temperature: float
+    momentum: NDArray[np.float64]
+
+    @property
+    def energy(self) -> float:
+        """Kinetic energy, translational and rotational [energy]."""
+        return self.translational_energy + self.rotational_energy
+
+
+def measure(disks: Disks, state: State) -> Measure:
+    """Measure a gas.
+
+    Raises
+    ------
+    InputError
+        If the disks and the state differ in their number.
+    """
+    if disks.n != state.n:
+        raise InputError(f"the state has {state.n} disks, the gas has {disks.n}")
+    # np.sum adds pairwise along a contiguous axis: its rounding grows like log n, not like n.
+    v_x, v_y = np.ascontiguousarray(state.velocity.T)
+    translational = 0.5 * float(np.sum(disks.mass * (v_x**2 + v_y**2)))
+    rotational = 0.5 * float(np.sum(disks.inertia * state.spin**2))
+    n = max(disks.n, 1)
+    return Measure(
+        time=float(state.time),
+        # Each collision is counted at both of its disks.
+        collisions=int(np.sum(state.collisions, dtype=np.int64)) // 2,
+        translational_energy=translational,
+        rotational_energy=rotational,
+        temperature=translational / n,
+        rotational_temperature=2.0 * rotational / n,
+        momentum=np.array([np.sum(disks.mass * v_x), np.sum(disks.mass * v_y)]),
+    )

@@ -1,0 +1,77 @@
+"""The files that a run writes, and whether it may."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from .errors import InputError
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """Paths of a run's files; `picture` is None if none is drawn."""
+
+    trajectory: Path
+    picture: Path | None
+
+    @classmethod
+    def plan(cls, name: str, place: str | None = None, *, picture: bool = True) -> Outputs:
+        """NAME.h5 and NAME.png in a folder, or with a prefix.
+
+        Parameters
+        ----------
+        name : str
+            Name of the run.
+        place : str, optional
+            A folder that exists, or a text that ends in a separator: the files get the run's name there.
+            Anything else is the files' path without its ending (".h5" or ".png" at its end is taken off).
+            Without it, the present folder.
+        """
+        if place is None:
+            prefix = Path(name)
+        elif os.path.isdir(place) or place.endswith(("/", os.sep)):
+            prefix = Path(place) / name
+        else:
+            prefix = Path(place.removesuffix(".h5").removesuffix(".png"))
+        # Not with_suffix: a name such as "mu0.21" would lose its end.
+        return cls(
+            trajectory=prefix.with_name(f"{prefix.name}.h5"),
+            picture=prefix.with_name(f"{prefix.name}.png") if picture else None,
+        )
+
+    def check(self, *, force: bool) -> None:
+        """Refuse what would overwrite files (unless `force`), or cannot be written.
+
+        Raises
+        ------
+        InputError
+            With a line for each thing that is wrong. Nothing is left behind.
+        """
+        wrong = []
+        for path in (self.trajectory, self.picture):
+            if path is None:
+                continue
+            if path.is_dir():
+                wrong.append(f"output {path}: is a folder")
+            elif path.exists() and not force:
+                wrong.append(f"output {path}: exists already; --force replaces it, -o writes elsewhere")
+        folder = self.trajectory.parent
+        if not folder.exists():
+            wrong.append(f"output folder {folder}: does not exist")
+        elif not folder.is_dir():
+            wrong.append(f"output folder {folder}: is not a folder")
+        else:
+            try:  # asking for permissions would be wrong for root, and on read-only file systems
+                tempfile.TemporaryFile(dir=folder, prefix=".ifrdem-").close()
+            except OSError as error:
+                wrong.append(f"output folder {folder}: cannot be written to: {error.strerror}")
+        if wrong:
+            raise InputError("\n".join(wrong))
+
+    def sizes(self) -> dict[Path, int]:
+        """Bytes of each file that is there."""
+        paths = [path for path in (self.trajectory, self.picture) if path is not None and path.exists()]
+        return {path: path.stat().st_size for path in paths}

@@ -1,0 +1,109 @@
+"""The pairs of species: which coefficients they collide with, and whether those can add energy."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from .coins import coins
+from .draft import Draft, Problem, Species
+from .errors import InputError
+from .law import EnergyWarning, IFRLaw
+
+
+class PairVerdict(NamedTuple):
+    """What the law of two species says about energy, or why there is none."""
+
+    first: str
+    second: str
+    key: str
+    admissible: bool
+    strict: bool
+    message: str
+    law: IFRLaw | None
+
+
+class Coefficients(NamedTuple):
+    """What a law is made of, and the key that it comes from."""
+
+    key: str
+    e_n: float
+    e_t: float
+    mu: float
+    sticking: Any
+    rho: float
+
+
+def _coefficients(draft: Draft, a: str, b: str) -> Coefficients | Problem | None:
+    """The coefficients of a pair of materials; a problem if there are none; None if that cannot be told."""
+    if a != b:
+        for i, pair in enumerate(draft.pair):
+            if pair is not None and set(pair.materials) == {a, b}:
+                return Coefficients(f"pair[{i}]", pair.e_n, pair.e_t, pair.mu, pair.sticking, pair.rho)
+        if None in draft.pair:
+            return None
+        coin_a, coin_b = _coin_of(draft, a), _coin_of(draft, b)
+        if coin_a is not None and coin_b is not None:
+            try:
+                law = coins.pair(coin_a, coin_b)
+            except InputError:
+                pass  # the paper did not measure this pair: the case has to say
+            else:
+                return Coefficients(
+                    f"'{coin_a}' with '{coin_b}'", law.e_n, law.e_t, law.mu, law.sticking, law.rho
+                )
+        return Problem(
+            "pair",
+            None,
+            f"missing for the materials '{a}' and '{b}': their e_n, e_t and mu are needed in a [[pair]]",
+        )
+    for i, material in enumerate(draft.material):
+        if material is None or material.name != a:
+            continue
+        key = f"material[{i}]"
+        if material.coin is None:
+            assert material.e_n is not None
+            assert material.e_t is not None
+            assert material.mu is not None
+            return Coefficients(key, material.e_n, material.e_t, material.mu, material.sticking, material.rho)
+        if material.coin not in coins:
+            return None
+        law = coins[material.coin].law
+        return Coefficients(key, law.e_n, law.e_t, law.mu, material.sticking, material.rho)
+    if a in coins and _coin_of(draft, a) == a:
+        law = coins[a].law
+        return Coefficients(f"coin '{a}'", law.e_n, law.e_t, law.mu, law.sticking, law.rho)
+    return None
+
+
+def _coin_of(draft: Draft, material: str) -> str | None:
+    """The coin whose coefficients a material has, if it has a coin's."""
+    for each in draft.material:
+        if each is not None and each.name == material:
+            plain = each.sticking == "percussion_center" and each.rho == 0.0
+            return each.coin if plain else None
+    used = (each.coin for each in draft.species if each is not None and each.material is None)
+    return next((coin for coin in used if coin == material), None)
+
+
+def verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
+    """Whether collisions can add energy, for every pair of species whose coefficients are known."""
+    for one, other in itertools.combinations_with_replacement(species, 2):
+        made_of = _coefficients(draft, one.material, other.material)
+        if isinstance(made_of, Problem):
+            yield PairVerdict(one.name, other.name, made_of.key, False, False, made_of.text, None)
+        elif made_of is not None:
+            k_mean = (one.k * other.mass + other.k * one.mass) / (one.mass + other.mass)
+            key, coefficients = made_of.key, made_of._asdict()
+            del coefficients["key"]
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", EnergyWarning)  # the verdict says the same
+                    law = IFRLaw(**coefficients, k=k_mean)
+                verdict = law.admissibility(one.k, other.k, one.mass, other.mass)
+            except InputError as error:
+                yield PairVerdict(one.name, other.name, key, False, False, str(error), None)
+            else:
+                yield PairVerdict(one.name, other.name, key, *verdict, law)

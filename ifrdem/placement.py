@@ -1,0 +1,413 @@
+"""How a gas starts: positions without overlap, and velocities at a temperature.
+
+Each function takes a seed and draws from a random stream of its own, so that the same seed for positions and
+velocities does not tie the two together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from .box import Box
+from .errors import InputError
+
+SATURATION = 0.547
+"""Packing fraction where random sequential addition of equal disks ends (doi:10.1103/PhysRevE.74.061308)."""
+
+TOLERANCE = 1e-9
+"""Overlap, as a part of the contact distance, that counts as rounding.
+
+Positions in a box of side L carry errors of about L eps: 1e-12 of a diameter for 1e8 disks. A contact that
+the engine found is left with a few of those.
+"""
+
+ATTEMPTS_PER_DISK = 400
+"""How often random sequential addition tries each disk on average before it gives up."""
+
+_POSITIONS, _SITES, _VELOCITIES, _SPINS = range(4)
+
+
+def _stream(seed: int, purpose: int) -> np.random.Generator:
+    """The random numbers of a seed for one purpose, independent of those for another."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed = {seed}: a whole number, 0 or more, is needed")
+    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose,)))
+
+
+def _radii(radius: ArrayLike) -> NDArray[np.float64]:
+    column = np.asarray(radius, dtype=np.float64)
+    if column.ndim != 1:
+        raise InputError(f"radius has shape {column.shape}: one radius per disk, shape (n,), is needed")
+    wrong = ~(np.isfinite(column) & (column > 0.0))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"radius[{i}] = {column[i]}: a positive finite number is needed")
+    return column
+
+
+def _refuse_wider_than_box(box: Box, radius: NDArray[np.float64]) -> None:
+    """A disk wider than the box overlaps its own periodic image."""
+    i = int(np.argmax(radius))
+    if 2.0 * radius[i] > min(box.lengths) * (1.0 + TOLERANCE):
+        raise InputError(
+            f"disk {i} has diameter {2.0 * radius[i]:.6g}, more than the box side {min(box.lengths):.6g}: "
+            "it overlaps its own periodic image"
+        )
+
+
+# --- overlaps ---------------------------------------------------------------------------------------------
+
+
+def _size_classes(radius: NDArray[np.float64], ratio: float) -> Iterator[NDArray[np.intp]]:
+    """Indices of the disks, largest first, in groups whose radii differ by less than `ratio`."""
+    order = np.argsort(-radius, kind="stable")
+    begin = 0
+    while begin < len(order):
+        smallest = radius[order[begin]] / ratio
+        end = begin + int(np.searchsorted(-radius[order[begin:]], -smallest, side="left"))
+        end = max(end, begin + 1)
+        yield order[begin:end]
+        begin = end
+
+
+def _close_pairs(box: Box, radius: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Every pair (i, j), i != j, that may be closer than its contact distance; shape (pairs, 2).
+
+    The trees find a superset; by size class, so that small disks need not look as far as the largest reach.
+    """
+    # A size class spans a factor 2: with more classes there are more trees, with fewer more pairs.
+    classes = list(_size_classes(radius, 2.0))
+    trees = [cKDTree(position[members], boxsize=box.lengths) for members in classes]
+    found = [np.empty((0, 2), dtype=np.intp)]
+    for a, members in enumerate(classes):
+        reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE)
+        found.append(members[trees[a].query_pairs(reach, output_type="ndarray")])
+        for b in range(a):
+            reach = (radius[members[0]] + radius[classes[b][0]]) * (1.0 + TOLERANCE)
+            close = trees[a].sparse_distance_matrix(trees[b], reach, output_type="ndarray")
+            found.append(np.column_stack((members[close["i"]], classes[b][close["j"]])))
+    return np.concatenate(found)
+
+
+def check_no_overlap(
+    box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE
+) -> None:
+    """Refuse positions at which disks overlap, across the periodic sides too.
+
+    Distances are computed pair by pair and exactly; a tree only finds which pairs are near.
+
+    Parameters
+    ----------
+    radius : array_like (n,)
+        Radii [length].
+    position : array_like (n, 2)
+        Centres [length], inside the box or not.
+    tolerance : float
+        Overlap that is taken as rounding, as a part of the contact distance R_i + R_j.
+
+    Raises
+    ------
+    InputError
+        Names the pair that overlaps most, by how much, and how many pairs overlap; or the disk that is wider
+        than the box, or whose position is not finite.
+    """
+    radii = _radii(radius)
+    centres = np.asarray(position, dtype=np.float64)
+    if centres.shape != (len(radii), 2):
+        raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
+    if len(radii) == 0:
+        return
+    finite = np.isfinite(centres).all(axis=1)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise InputError(f"position[{i}] = {centres[i]}: every value must be finite")
+    _refuse_wider_than_box(box, radii)
+    i, j = _close_pairs(box, radii, box.wrap(centres)).T
+    distance = np.linalg.norm(box.minimum_image(centres[j] - centres[i]), axis=-1)
+    contact = radii[i] + radii[j]
+    overlap = contact - distance
+    wrong = overlap > tolerance * contact
+    if wrong.any():
+        worst = int(np.argmax(np.where(wrong, overlap, -np.inf)))
+        first, second = sorted((int(i[worst]), int(j[worst])))
+        count = int(np.count_nonzero(wrong))
+        others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
+        raise InputError(
+            f"disks {first} and {second} overlap by {overlap[worst]:.6g} "
+            f"(distance {distance[worst]:.6g}, sum of radii {contact[worst]:.6g}){others}"
+        )
+
+
+# --- positions --------------------------------------------------------------------------------------------
+
+
+def _clear_of(
+    box: Box,
+    candidate: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    placed: NDArray[np.float64],
+    placed_radius: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Which candidates, of these radii, overlap none of the placed disks; shape (candidates,)."""
+    tree = cKDTree(placed, boxsize=box.lengths)
+    if np.ptp(placed_radius) == 0.0:
+        near, _ = tree.query(candidate)  # of equal disks the nearest decides
+        return near > (radius + placed_radius[0]) * (1.0 + TOLERANCE)
+    reach = float(radius.max() + placed_radius.max()) * (1.0 + 2.0 * TOLERANCE)
+    close = cKDTree(candidate, boxsize=box.lengths).sparse_distance_matrix(tree, reach, output_type="ndarray")
+    blocked = close["v"] <= (radius[close["i"]] + placed_radius[close["j"]]) * (1.0 + TOLERANCE)
+    clear = np.ones(len(candidate), dtype=bool)
+    clear[close["i"][blocked]] = False
+    return clear
+
+
+def _one_by_one(
+    box: Box, candidate: NDArray[np.float64], radius: NDArray[np.float64], owner: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """Which attempts succeed when they are made one after the other, in order; shape (successes,).
+
+    Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
+    is in its way or has placed the same disk.
+    """
+    reach = 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
+    pairs = cKDTree(candidate, boxsize=box.lengths).query_pairs(reach, output_type="ndarray")
+    distance = np.linalg.norm(box.minimum_image(candidate[pairs[:, 0]] - candidate[pairs[:, 1]]), axis=1)
+    contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
+    pairs = np.sort(pairs[distance <= contact * (1.0 + TOLERANCE)], axis=1)
+    pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
+    begins = np.searchsorted(pairs[:, 1], np.arange(len(candidate) + 1)).tolist()
+    earlier = pairs[:, 0].tolist()
+    success = [False] * len(candidate)
+    placed: set[int] = set()
+    for c, disk in enumerate(owner.tolist()):
+        if disk not in placed and not any(success[e] for e in earlier[begins[c] : begins[c + 1]]):
+            success[c] = True
+            placed.add(disk)
+    return np.flatnonzero(success)
+
+
+def random_positions(box: Box, radius: ArrayLike, *, seed: int) -> NDArray[np.float64]:
+    """Place disks by random sequential addition: uniformly at random, each where it overlaps none before it.
+
+    Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first
+    (in size classes of 25 %), which lets mixtures become denser than the equal-disk limit.
+
+    Parameters
+    ----------
+    radius : array_like (n,)
+        Radii [length].
+    seed : int
+        Seed of the random positions.
+
+    Returns
+    -------
+    array (n, 2)
+        Centres [length], inside the box.
+
+    Raises
+    ------
+    InputError
+        If the disks do not fit: equal disks above packing fraction 0.547, or any disks when the attempts are
+        used up (400 per disk; equal disks reach about 0.53). The message says how far it came.
+    """
+    radii = _radii(radius)
+    n = len(radii)
+    position = np.empty((n, 2))
+    if n == 0:
+        return position
+    _refuse_wider_than_box(box, radii)
+    rng = _stream(seed, _POSITIONS)
+    wanted = box.packing_fraction(radii)
+    instead = 'use fewer disks, a larger box or, for disks of about one size, positions = "hexagonal"'
+    # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
+    if wanted > SATURATION + 0.5 / math.sqrt(n) and np.ptp(radii) == 0.0:
+        raise InputError(
+            f"packing fraction = {wanted:.4f}: random positions of equal disks end at {SATURATION}; {instead}"
+        )
+
+    placed = np.empty(0, dtype=np.intp)
+    attempts_left = ATTEMPTS_PER_DISK * n + 100_000  # the second term matters for few disks
+    for members in _size_classes(radii, 1.25):
+        todo = members
+        while len(todo):
+            if attempts_left <= 0:
+                raise InputError(
+                    f"packing fraction = {wanted:.4f}: random positions ended at "
+                    f"{box.packing_fraction(radii[placed]):.4f}, with {len(placed)} of {n} disks placed; "
+                    + instead
+                )
+            # When few disks are left space is scarce: try each of them many times in one go.
+            owner = np.resize(todo, max(len(todo), min(n, 50_000), 200))
+            attempts_left -= len(owner)
+            candidate = box.wrap(rng.random((len(owner), 2)) * box.lengths)
+            if len(placed):
+                clear = _clear_of(box, candidate, radii[owner], position[placed], radii[placed])
+                owner, candidate = owner[clear], candidate[clear]
+            success = _one_by_one(box, candidate, radii[owner], owner)
+            position[owner[success]] = candidate[success]
+            placed = np.concatenate((placed, owner[success]))
+            todo = np.setdiff1d(todo, owner[success], assume_unique=True)
+    check_no_overlap(box, radii, position)
+    return position
+
+
+def _hexagonal_fit(
+    lengths: tuple[float, float], sites: NDArray[np.int64] | int, columns: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Rows that hold at least `sites` sites in each number of columns, and the distance of nearest sites.
+
+    Every second row is shifted by half a column, so the number of rows is even, or 1.
+    """
+    rows = -(-np.asarray(sites) // columns)
+    rows = np.where(rows > 1, rows + rows % 2, 1)
+    along, across = lengths[0] / columns, lengths[1] / rows
+    next_row = np.where(rows > 1, np.hypot(along / 2.0, across), across)
+    # Straight across, every second row; with two rows that is the box's height.
+    return rows, np.minimum.reduce([along, next_row, np.where(rows > 1, 2.0 * across, across)])
+
+
+def _most_sites(lengths: tuple[float, float], diameter: float) -> int:
+    """Sites of the densest hexagonal lattice, rows along x, that the box can hold without overlap."""
+    reach = diameter * (1.0 - TOLERANCE)
+    columns = np.arange(1, max(1, int(lengths[0] / reach)) + 1)
+    along = lengths[0] / columns
+    across = np.maximum(reach / 2.0, np.sqrt(np.maximum(0.0, reach**2 - along**2 / 4.0)))
+    rows = (lengths[1] / across).astype(np.int64)
+    rows = np.where(rows >= 2, rows - rows % 2, 1)
+    return int(np.max(columns * rows))
+
+
+def hexagonal_positions(box: Box, radius: ArrayLike, *, seed: int | None = None) -> NDArray[np.float64]:
+    """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
+
+    Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest
+    apart. Sites that are left over are spread evenly. Disks of different radii need the room of the largest.
+
+    Parameters
+    ----------
+    radius : array_like (n,)
+        Radii [length].
+    seed : int, optional
+        Deals the disks to the sites in a random order (for mixtures). Without it disk by disk, row by row.
+
+    Returns
+    -------
+    array (n, 2)
+        Centres [length], inside the box.
+
+    Raises
+    ------
+    InputError
+        If the lattice does not fit; the message says how many disks of that size would.
+    """
+    radii = _radii(radius)
+    n = len(radii)
+    if n == 0:
+        return np.empty((0, 2))
+    _refuse_wider_than_box(box, radii)
+    diameter = 2.0 * float(radii.max())
+    best = (0.0, 1, 1, False)  # distance of nearest sites, columns, rows, rows along y?
+    for upright in (False, True):
+        lengths = box.lengths[::-1] if upright else box.lengths
+        # More columns than disks, or columns closer than disks may be, never help.
+        columns = np.arange(1, max(1, min(n, int(lengths[0] / (diameter * (1.0 - TOLERANCE))))) + 1)
+        rows, nearest = _hexagonal_fit(lengths, n, columns)
+        i = int(np.argmax(nearest))
+        if nearest[i] > best[0]:
+            best = (float(nearest[i]), int(columns[i]), int(rows[i]), upright)
+    distance, m_columns, m_rows, upright = best
+    if distance < diameter * (1.0 - TOLERANCE):
+        most = max(_most_sites(box.lengths, diameter), _most_sites(box.lengths[::-1], diameter))
+        covered = most * math.pi * diameter**2 / 4.0 / box.area
+        raise InputError(
+            f"{n} disks of diameter {diameter:.6g} do not fit on a hexagonal lattice in a box of "
+            f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}: at most {most} do, "
+            f"which is packing fraction {covered:.4f}. "
+            "Sides that are whole numbers of diameters and of pairs of rows (sqrt(3) diameters) hold more"
+        )
+    lengths = box.lengths[::-1] if upright else box.lengths
+    site = np.arange(n, dtype=np.int64) * (m_columns * m_rows) // n
+    row, column = np.divmod(site, m_columns)
+    # A quarter column from the side: both kinds of row then have the same margin.
+    x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / m_columns)
+    y = (row + 0.5) * (lengths[1] / m_rows)
+    position = np.column_stack((y, x) if upright else (x, y))
+    if seed is not None:
+        position = position[_stream(seed, _SITES).permutation(n)]
+    check_no_overlap(box, radii, position)
+    return position
+
+
+# --- velocities -------------------------------------------------------------------------------------------
+
+
+def _size_of(name: str, value: float) -> float:
+    if not (math.isfinite(value) and value >= 0.0):
+        raise InputError(f"{name} = {value}: a finite number, 0 or more, is needed")
+    return float(value)
+
+
+def maxwellian(
+    mass: ArrayLike, *, speed_rms: float | None = None, temperature: float | None = None, seed: int
+) -> NDArray[np.float64]:
+    """Draw velocities from a Maxwell distribution, with no total momentum and exactly the wanted energy.
+
+    Disks of different masses get the same mean energy: each component has variance T / m. The total momentum
+    of the sample is then removed, and the rest scaled.
+
+    Parameters
+    ----------
+    mass : array_like (n,)
+        Masses m [mass].
+    speed_rms : float
+        Root mean square of the speeds over all disks, sqrt(<v^2>) [length/time].
+    temperature : float
+        T = <m v^2> / 2 [energy], instead of `speed_rms`.
+    seed : int
+        Seed of the random velocities.
+
+    Returns
+    -------
+    array (n, 2)
+        Velocities [length/time]. One disk alone keeps its speed, in a random direction: it cannot have both
+        energy and no momentum.
+
+    Raises
+    ------
+    InputError
+        If not exactly one of `speed_rms` and `temperature` is given, or a value is negative or not finite.
+    """
+    masses = np.asarray(mass, dtype=np.float64)
+    if masses.ndim != 1 or not np.all(np.isfinite(masses) & (masses > 0.0)):
+        raise InputError("mass: one positive finite number per disk, shape (n,), is needed")
+    if speed_rms is not None and temperature is None:
+        wanted, weight = _size_of("speed_rms", speed_rms) ** 2, np.ones_like(masses)
+    elif temperature is not None and speed_rms is None:
+        wanted, weight = _size_of("temperature", temperature), masses / 2.0
+    else:
+        raise InputError("exactly one of speed_rms and temperature is needed")
+    n = len(masses)
+    velocity = _stream(seed, _VELOCITIES).standard_normal((n, 2)) / np.sqrt(masses)[:, None]
+    if n > 1:
+        velocity -= np.sum(masses[:, None] * velocity, axis=0) / np.sum(masses)
+    if n > 0:
+        velocity *= math.sqrt(wanted / np.mean(weight * np.sum(velocity**2, axis=1)))
+    return velocity
+
+
+def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> NDArray[np.float64]:
+    """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
+
+    Raises
+    ------
+    InputError
+        If `spin_rms` is negative or not finite.
+    """
+    wanted = _size_of("spin_rms", spin_rms)
+    spin = _stream(seed, _SPINS).standard_normal(n)
+    return spin * (wanted / math.sqrt(np.mean(spin**2))) if n else spin

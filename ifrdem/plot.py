@@ -1,0 +1,262 @@
+"""Pictures of a run, from its trajectory file."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import theory
+from .errors import InputError
+from .law import IFRLaw
+from .trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's blue and vermilion: told apart with every kind of colour blindness, and in grey.
+TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#444444"
+# Diverging, dark in the middle, so that disks without spin show on white; orange is counter-clockwise.
+SPINS = ("#56B4E9", "#2A6A99", "#333333", "#A84A00", "#FF9A3D")
+
+MOST_DISKS = 100_000
+"""Above this many disks one by one are smaller than a pixel, and slow: a density map is drawn."""
+
+MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 30 disks each at phi = 0.25
+
+
+def cooling(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+    """Draw a cooling gas: its temperatures against time beside kinetic theory, and its disks at the end.
+
+    The theory is `theory.cooling` from the first frame on. Where it does not hold (several kinds of disks,
+    rolling friction), the picture says so.
+
+    Parameters
+    ----------
+    path_h5 : path
+        A trajectory with the observables `temperature` and `rotational_temperature` and, for the theory, the
+        parameter `laws` that `ifrdem run` writes: rows of IFRLaw arguments as JSON.
+    path_png : path
+        The picture to write: it appears whole or not at all. An existing one is replaced.
+
+    Raises
+    ------
+    InputError
+        If the trajectory cannot be read or lacks these observables, or the picture cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    with Trajectory(path_h5) as trajectory:
+        if len(trajectory) == 0:
+            raise InputError(f"{path_h5}: no frame to draw")
+        figure = Figure(figsize=(13.5, 6.3), dpi=200, layout="constrained")
+        grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15), height_ratios=(3.0, 1.0))
+        upper = figure.add_subplot(grid[0, 0])
+        lower = figure.add_subplot(grid[1, 0], sharex=upper)
+        _temperatures(upper, lower, trajectory)
+        _last_frame(figure, figure.add_subplot(grid[:, 1]), trajectory)
+        figure.suptitle(_title(trajectory))
+        _save(figure, Path(path_png))
+
+
+def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
+    """Both temperatures, and below them their ratio theta, against time.
+
+    Double logarithmic: a homogeneous gas cools like t^-2 (Haff), a straight line.
+    """
+    units, times = trajectory.units, trajectory.times
+    T = trajectory.observables["temperature"]
+    T_rot = trajectory.observables["rotational_temperature"]
+    later = times > 0.0  # time 0 has no place on a logarithmic axis
+    with np.errstate(divide="ignore", invalid="ignore"):
+        theta = T_rot / T
+    series = (
+        (upper, T, TRANSLATION, r"translational, $T = \langle m v^2 \rangle / 2$"),
+        (upper, T_rot, ROTATION, r"rotational, $T_\mathrm{rot} = \langle I \omega^2 \rangle$"),
+        (lower, theta, RATIO, None),
+    )
+    for axes, values, colour, label in series:
+        # Open, so that the theory shows where it agrees.
+        axes.plot(times[later], _positive(values[later]), "o", ms=5, mfc="none", color=colour, label=label)
+    curves, note = _theory(trajectory)
+    if curves is not None:
+        when, *temperatures = curves
+        for axes, values, colour in zip(
+            (upper, upper, lower),
+            (*temperatures, temperatures[1] / temperatures[0]),
+            (TRANSLATION, ROTATION, RATIO),
+            strict=True,
+        ):
+            axes.plot(when, _positive(values), "--", lw=1.5, color=colour)
+    upper.plot([], [], color="black", ls="--" if curves is not None else "none", lw=1.5, label=note)
+    upper.legend(loc="lower left", frameon=False)
+    if np.count_nonzero(later) and np.any(T[later] > 0.0):
+        upper.set_xscale("log")
+        upper.set_yscale("log")
+    upper.set_ylabel(_with_unit("temperature", units.get("energy")))
+    lower.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
+    lower.set_ylim(bottom=0.0)
+    lower.set_xlabel(_with_unit("time $t$", units.get("time")))
+    for axes in (upper, lower):
+        axes.grid(True, which="major", lw=0.4, alpha=0.5)
+    upper.tick_params(labelbottom=False)
+
+
+def _theory(
+    trajectory: Trajectory,
+) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None, str]:
+    """Times, T and T_rot by kinetic theory, and what to say of it; None where it does not hold."""
+    disks, times = trajectory.disks, trajectory.times
+    columns = (disks.mass, disks.radius, disks.k, disks.material)
+    if any(np.ptp(column) != 0 for column in columns):
+        return None, "several kinds of disks: no kinetic theory here"
+    if "laws" not in trajectory.parameters:
+        return None, "no law in the file: no kinetic theory here"
+    material = int(disks.material[0])
+    row: dict[str, Any] = json.loads(str(trajectory.parameters["laws"]))[material][material]
+    mass, radius, k = (float(column[0]) for column in (disks.mass, disks.radius, disks.k))
+    law = IFRLaw(**row, k=k)
+    T0 = float(trajectory.observables["temperature"][0])
+    T_rot0 = float(trajectory.observables["rotational_temperature"][0])
+    if law.rho > 0.0:
+        return None, "rolling friction: no kinetic theory here"
+    if T0 == 0.0 or times[-1] <= times[0]:
+        return None, "nothing moves: no kinetic theory here"
+    elapsed = times[times > times[0]] - times[0]
+    when = np.geomspace(elapsed[0], elapsed[-1], 300)
+    phi = trajectory.box.packing_fraction(disks.radius)
+    T, T_rot, _ = theory.cooling(law, mass, radius, k, phi, T0, T_rot0, when)
+    return (when + times[0], T, T_rot), "kinetic theory (homogeneous gas)"
+
+
+def _last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
+    """The disks of the last frame, coloured by spin, or a map of where they are if they are too many."""
+    units, lengths = trajectory.units, trajectory.box.lengths
+    frame = trajectory[-1]
+    axes.set_xlim(0.0, lengths[0])
+    axes.set_ylim(0.0, lengths[1])
+    axes.set_aspect("equal")
+    axes.set_xlabel(_with_unit("$x$", units.get("length")))
+    axes.set_ylabel(_with_unit("$y$", units.get("length")))
+    if "position" not in trajectory.fields:
+        axes.set_title("the file holds no positions")
+        return
+    time = f"$t$ = {frame.time:.4g}" + (f" {units['time']}" if _named(units.get("time")) else "")
+    if trajectory.disks.n > MOST_DISKS:
+        cell = _density_map(figure, axes, trajectory, frame.position)
+        size = f"{cell:.3g}" + (f" {units['length']}" if _named(units.get("length")) else "")
+        axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
+    else:
+        spin = frame.spin if "angular_velocity" in trajectory.fields else np.zeros(trajectory.disks.n)
+        _disks(figure, axes, trajectory, frame.position, spin)
+        axes.set_title(f"disks at {time}")
+
+
+def _disks(
+    figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64], spin: NDArray[np.float64]
+) -> None:
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.colors import LinearSegmentedColormap
+
+    radius = trajectory.disks.radius
+    position, owner = _with_images(position, radius, trajectory.box.lengths)
+    # A heavy tail of fast spins must not wash out all others: colours are full from the 95th percentile on.
+    limit = float(np.quantile(np.abs(spin), 0.95)) if len(spin) else 0.0
+    limit = limit if limit > 0.0 else 1.0
+    drawn = EllipseCollection(
+        2.0 * radius[owner],
+        2.0 * radius[owner],
+        np.zeros(len(owner)),
+        units="xy",
+        offsets=position,
+        offset_transform=axes.transData,
+        array=spin[owner],
+        cmap=LinearSegmentedColormap.from_list("spins", SPINS),
+        clim=(-limit, limit),
+        linewidths=0.0,
+    )
+    axes.add_collection(drawn)
+    time = trajectory.units.get("time")
+    unit = f"rad/{time}" if _named(time) else "reduced units"
+    bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.85)
+    bar.set_label(rf"spin $\omega$ ({unit}), counter-clockwise positive")
+
+
+def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64]) -> float:
+    """Draw the local area fraction and return the mean side of its cells [length]."""
+    lengths, radius = trajectory.box.lengths, trajectory.disks.radius
+    cell = MAP_CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
+    counts = [int(np.clip(round(side / cell), 1, 1000)) for side in lengths]
+    covered, _, _ = np.histogram2d(
+        position[:, 0],
+        position[:, 1],
+        bins=counts,
+        range=[(0.0, side) for side in lengths],
+        weights=np.pi * radius**2,
+    )
+    covered *= counts[0] * counts[1] / trajectory.box.area
+    drawn = axes.imshow(
+        covered.T,
+        origin="lower",
+        extent=(0.0, lengths[0], 0.0, lengths[1]),
+        cmap="cividis",
+        vmin=0.0,
+        vmax=float(np.quantile(covered, 0.999)),
+        interpolation="nearest",
+    )
+    figure.colorbar(drawn, ax=axes, extend="max", shrink=0.85).set_label("area fraction")
+    return float(np.sqrt(trajectory.box.area / (counts[0] * counts[1])))
+
+
+def _with_images(
+    position: NDArray[np.float64], radius: NDArray[np.float64], lengths: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Positions with the periodic images of disks that a side cuts, and which disk each of them is."""
+    owner = np.arange(len(position))
+    for axis, length in enumerate(lengths):
+        low = position[:, axis] < radius[owner]
+        high = position[:, axis] > length - radius[owner]
+        shift = np.zeros(2)
+        shift[axis] = length
+        position = np.concatenate([position, position[low] + shift, position[high] - shift])
+        owner = np.concatenate([owner, owner[low], owner[high]])
+    return position, owner
+
+
+def _title(trajectory: Trajectory) -> str:
+    disks, phi = trajectory.disks, trajectory.box.packing_fraction(trajectory.disks.radius)
+    name = trajectory.parameters.get("name", trajectory.path.stem)
+    text = f"{name}: {disks.n} disks, packing fraction {phi:.3g}"
+    if "collisions" in trajectory.observables and disks.n:
+        text += f", {2.0 * float(trajectory.observables['collisions'][-1]) / disks.n:.3g} collisions per disk"
+    return text
+
+
+def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """With nan for what a logarithmic axis cannot show, such as the temperature of spins at rest."""
+    return np.where(values > 0.0, values, np.nan)
+
+
+def _named(unit: str | None) -> bool:
+    return unit is not None and unit != "reduced"
+
+
+def _with_unit(text: str, unit: str | None) -> str:
+    return f"{text} ({unit})" if _named(unit) else f"{text} (reduced units)"
+
+
+def _save(figure: Figure, path: Path) -> None:
+    """Write beside the target and rename into place."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        figure.savefig(aside, format="png")
+        os.replace(aside, path)
+    except OSError as error:
+        raise InputError(f"picture {path} cannot be written: {error.strerror}") from error
+    finally:
+        aside.unlink(missing_ok=True)

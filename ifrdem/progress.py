@@ -1,0 +1,168 @@
+"""How far a run is: a bar on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, TextIO
+
+
+class Progress:
+    """Shows collisions/s, simulated time, collisions per disk and the time that is left.
+
+    Called as ``progress(time, collisions)``, as often as one likes: it prints every `interval` seconds
+    at most (a bar on a terminal is redrawn at its own pace). A context manager: it ends with a last line.
+
+    Parameters
+    ----------
+    n : int
+        Number of disks.
+    t_end : float, optional
+        Simulated time at which the run ends [time].
+    collisions_per_disk : float, optional
+        Collisions per disk at which the run ends. Exactly one of the two is given; the time left (ETA)
+        is estimated by it, not counting what passed before the first call, which compiles the kernels.
+    unit : str
+        Unit of time, for display.
+    stream : text file, optional
+        Where to show it; the standard error stream by default.
+    interval : float
+        Seconds between plain lines.
+    clock : callable
+        Seconds of real time; another one in tests.
+
+    Raises
+    ------
+    ValueError
+        If not exactly one of `t_end` and `collisions_per_disk` is given.
+    """
+
+    def __init__(
+        self,
+        n: int,
+        *,
+        t_end: float | None = None,
+        collisions_per_disk: float | None = None,
+        unit: str = "s",
+        stream: TextIO | None = None,
+        interval: float = 5.0,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        if (t_end is None) == (collisions_per_disk is None):
+            raise ValueError("exactly one of t_end and collisions_per_disk is needed")
+        self._n = n
+        self._t_end = t_end
+        # A disk's collision is shared with its partner: n disks with c collisions each make n c / 2 of them.
+        self._collisions_end = None if collisions_per_disk is None else 0.5 * n * collisions_per_disk
+        self._unit = unit
+        self._stream = sys.stderr if stream is None else stream
+        self._interval = interval
+        self._clock = clock
+        self._first: tuple[float, float, int] | None = None
+        self._latest: tuple[float, float, int] | None = None
+        self._printed: tuple[float, float, int] | None = None
+        self._bar: Any = self._open_bar() if self._stream.isatty() else None
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __call__(self, time: float, collisions: int) -> None:
+        """Take note of the simulated time [time] and the number of collisions so far."""
+        now = (self._clock(), time, collisions)
+        self._latest = now
+        if self._first is None:
+            self._first = self._printed = now
+            return
+        if self._bar is not None:
+            # What matters most comes first: a narrow terminal cuts the end.
+            left = _clock_face(self.seconds_left)
+            text = f"ETA {left}, {self.collisions_per_second:.3g} collisions/s, {self._per_disk:.2f} per disk"
+            self._bar.set_description_str(f"{text}, t = {time:.4g} {self._unit}".rstrip(), refresh=False)
+            self._bar.update(100.0 * self.fraction - self._bar.n)
+        elif self._printed is not None and now[0] - self._printed[0] >= self._interval:
+            self._line()
+
+    @property
+    def fraction(self) -> float:
+        """How much of the run is done, 0 to 1, by what ends it."""
+        return self._done(self._latest) if self._latest is not None else 0.0
+
+    @property
+    def seconds_left(self) -> float:
+        """Estimated seconds of real time until the end; infinite before there is anything to go by."""
+        if self._first is None or self._latest is None:
+            return float("inf")
+        done = self.fraction - self._done(self._first)
+        seconds = self._latest[0] - self._first[0]
+        return seconds * (1.0 - self.fraction) / done if done > 0.0 else float("inf")
+
+    @property
+    def collisions_per_second(self) -> float:
+        """Collisions a second of real time since the first call."""
+        return self._rate_since(self._first)
+
+    def close(self) -> None:
+        """Show the last state and let go of the terminal."""
+        if self._bar is not None:
+            self._bar.refresh()
+            self._bar.close()
+            self._bar = None
+        elif self._latest is not None and self._latest is not self._printed:
+            self._line()
+
+    @property
+    def _per_disk(self) -> float:
+        return 2.0 * self._latest[2] / self._n if self._latest is not None and self._n else 0.0
+
+    def _line(self) -> None:
+        assert self._latest is not None
+        # Between two lines the recent rate says more than the mean; the ETA goes by the mean.
+        time = f"t = {self._latest[1]:.4g} {self._unit}".rstrip()
+        rate = f"{self._rate_since(self._printed):.3g} collisions/s"
+        print(
+            f"{100.0 * self.fraction:5.1f} %  {time}, {self._per_disk:.2f} collisions per disk, {rate}, "
+            f"ETA {_clock_face(self.seconds_left)}",
+            file=self._stream,
+            flush=True,
+        )
+        self._printed = self._latest
+
+    def _rate_since(self, since: tuple[float, float, int] | None) -> float:
+        if since is None or self._latest is None or self._latest[0] <= since[0]:
+            return 0.0
+        return (self._latest[2] - since[2]) / (self._latest[0] - since[0])
+
+    def _done(self, at: tuple[float, float, int] | None) -> float:
+        if at is None:
+            return 0.0
+        end, reached = (self._t_end, at[1]) if self._t_end is not None else (self._collisions_end, at[2])
+        return min(1.0, reached / end) if end else 1.0
+
+    def _open_bar(self) -> Any:
+        from tqdm import tqdm
+
+        # tqdm's own {remaining} would count the compilation; ours is in the text. Some terminals say
+        # that they have no columns, and tqdm would then show nothing.
+        bar = tqdm(
+            total=100.0,
+            file=self._stream,
+            bar_format="{percentage:5.1f} %|{bar:10}| {desc}",
+            ncols=shutil.get_terminal_size().columns,
+        )
+        bar.set_description_str("compiling")
+        return bar
+
+
+def _clock_face(seconds: float) -> str:
+    """1:02:03, 2:03, or a dash if unknown."""
+    if seconds == float("inf"):
+        return "-"
+    whole = round(seconds)
+    hours, rest = divmod(whole, 3600)
+    minutes, left = divmod(rest, 60)
+    return f"{hours}:{minutes:02d}:{left:02d}" if hours else f"{minutes}:{left:02d}"

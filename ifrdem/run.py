@@ -1,0 +1,230 @@
+"""Running a case: from its file to the trajectory, the picture and a summary."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import backend, check, plot
+from .case import UNITS, Case
+from .case_file import CaseFile
+from .estimate import Estimate
+from .gas import Gas
+from .law import EnergyWarning
+from .observables import Measure
+from .outputs import Outputs
+from .progress import Progress
+from .simulation import Simulation
+from .state import State
+from .trajectory_writer import TrajectoryWriter
+
+
+class Interrupted(KeyboardInterrupt):
+    """The run was interrupted; the message says what is left of it."""
+
+
+@dataclass
+class Ledger:
+    """The first and the latest measure in the trajectory of a run, and how many frames it has."""
+
+    first: Measure | None = None
+    latest: Measure | None = None
+    frames: int = 0
+
+    def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
+        """What is written of the whole gas at a frame; see `estimate.OBSERVABLES`."""
+        if self.first is None:
+            self.first = measure
+        return {
+            "translational_energy": measure.translational_energy,
+            "rotational_energy": measure.rotational_energy,
+            "energy": measure.energy,
+            "temperature": measure.temperature,
+            "rotational_temperature": measure.rotational_temperature,
+            "momentum": measure.momentum,
+            # Nothing feeds energy in: what is missing was dissipated.
+            "dissipated_energy": self.first.energy - measure.energy,
+            "collisions": measure.collisions,
+        }
+
+
+def run(
+    file: CaseFile,
+    outputs: Outputs,
+    *,
+    force: bool = False,
+    say: Callable[[str], None] = print,
+    warn: Callable[[str], None] = print,
+) -> None:
+    """Run a case, and write its trajectory and picture.
+
+    Whatever can be refused is refused before a file is touched.
+
+    Parameters
+    ----------
+    file : CaseFile
+        The case.
+    outputs : Outputs
+        Where to write.
+    force : bool
+        Replace files that exist.
+    say, warn : callable
+        Take the lines to show.
+
+    Raises
+    ------
+    InputError
+        If the case, the device or the outputs cannot be used.
+    Interrupted
+        If the user interrupts it. The trajectory keeps the frames so far.
+    EngineError, TrajectoryError
+        If the engine or the disk fails. The trajectory keeps the frames so far.
+    """
+    case = file.case
+    outputs.check(force=force)
+    backend.check(case.run.arch)
+    began = time.perf_counter()
+    gas = Gas.from_case(case, file.folder)
+    device = next(each for each in backend.available() if each.arch == case.run.arch)
+    threads = f", {case.run.threads} of them used" if case.run.threads and case.run.arch == "cpu" else ""
+    say(check.summary(case, gas, Estimate.of(gas, case), f"{device.arch}: {device.description}{threads}"))
+    for text in gas.warnings:
+        warn(text)
+
+    ledger = Ledger()
+    try:
+        state = gas.start(case)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)  # said above
+            simulation = Simulation(
+                gas.disks, gas.box, gas.laws, state, arch=case.run.arch, threads=case.run.threads
+            )
+        with TrajectoryWriter(
+            outputs.trajectory,
+            gas.disks,
+            gas.box,
+            fields=case.output.fields,
+            parameters=_record(file, gas, f"{device.arch}: {device.description}"),
+            units=UNITS[case.run.units],
+            precision=case.output.precision,
+            compression=case.output.compression,
+            force=force,
+        ) as writer:
+
+            def keep(state: State, measure: Measure) -> None:
+                writer.write(state, ledger.observables(measure))
+                ledger.latest = measure  # only now is the frame safe
+                ledger.frames += 1
+
+            with Progress(
+                gas.disks.n,
+                t_end=case.run.t_end,
+                collisions_per_disk=case.run.collisions_per_disk,
+                unit=UNITS[case.run.units]["time"] if case.run.units == "SI" else "",
+            ) as progress:
+                simulation.run(
+                    t_end=case.run.t_end,
+                    collisions_per_disk=case.run.collisions_per_disk,
+                    frames=case.output.frames,
+                    observers=[keep],
+                    progress=progress,
+                )
+        ran = time.perf_counter() - began
+        if outputs.picture is not None:
+            plot.cooling(outputs.trajectory, outputs.picture)
+    except KeyboardInterrupt:
+        raise Interrupted(_remains(outputs.trajectory, ledger)) from None
+    say(_closing(case, gas, ledger, ran, time.perf_counter() - began, progress.collisions_per_second))
+    for path, size in outputs.sizes().items():
+        say(f"  {path} ({check.size(size)})")
+
+
+def _remains(trajectory: Path, ledger: Ledger) -> str:
+    if ledger.frames == 0 or ledger.latest is None:
+        return "interrupted before the first frame: nothing was written"
+    return (
+        f"interrupted: {trajectory} holds the {ledger.frames} frames so far, "
+        f"to t = {ledger.latest.time:.6g} and {ledger.latest.collisions} collisions"
+    )
+
+
+def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate: float) -> str:
+    """The lines below a run."""
+    first, last = ledger.first, ledger.latest
+    assert first is not None
+    assert last is not None
+    done = last.collisions - first.collisions
+    per_disk = 2.0 * done / gas.disks.n
+    lines = [
+        f"done in {wall:.1f} s: {done} collisions ({per_disk:.4g} per disk) "
+        f"to t = {last.time:.5g}{case.unit('time')}; "
+        f"{rate:.3g} collisions/s once compiled, {done / ran:.3g} in all"
+    ]
+    if first.temperature > 0.0:
+        lines.append(f"  T/T0 = {last.temperature / first.temperature:.5g}")
+    if last.temperature > 0.0:
+        lines[-1] += f", theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}"
+    if first.energy > 0.0:
+        lost = first.energy - last.energy
+        lines.append(
+            f"  dissipated {lost:.6g}{case.unit('energy')}, {100.0 * lost / first.energy:.4g} % of the start"
+        )
+        # Against the momentum that the disks' typical speed would add up to, all one way.
+        scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))
+        if scale > 0.0:
+            drift = float(np.linalg.norm(last.momentum - first.momentum))
+            lines.append(
+                f"  momentum drift {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} of N m v_rms"
+            )
+    return "\n".join(lines)
+
+
+def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | float]:
+    """What the trajectory file says of where it comes from."""
+    case = file.case
+    species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
+    laws = [
+        [{key: getattr(law, key) for key in ("e_n", "e_t", "mu", "sticking", "rho")} for law in row]
+        for row in gas.laws
+    ]
+    return {
+        "name": case.run.name,
+        "seed": case.run.seed,
+        "case": file.text,
+        "overrides": "\n".join(file.overrides),
+        "case_in_full": case.model_dump_json(),
+        "species": json.dumps(species),
+        "materials": json.dumps(gas.materials),
+        "laws": json.dumps(laws),
+        "device": device,
+        "threads": case.run.threads or 0,
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "git": _revision(),
+    }
+
+
+def _revision() -> str:
+    """The git commit of the program's own source tree, or why there is none."""
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists():
+        return "not a git checkout"
+    try:
+        found = subprocess.run(
+            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40"],
+            capture_output=True,
+            text=True,
+            timeout=10.0,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return found.stdout.strip()

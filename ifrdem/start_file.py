@@ -1,0 +1,140 @@
+"""Start files: positions, and velocities if wished, of every disk as CSV."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .box import Box
+from .errors import InputError, nearest
+
+POSITION = ("x", "y")
+MOTION = ("vx", "vy", "spin")
+MOST_REPORTED = 5  # wrong lines that are listed one by one
+
+
+@dataclass(frozen=True, eq=False)
+class StartFile:
+    """What a start file says.
+
+    Attributes
+    ----------
+    position : array (n, 2)
+        Centres [length], inside the box.
+    velocity : array (n, 2) or None
+        Velocities [length/time], if the file has them.
+    spin : array (n,) or None
+        Spins, counter-clockwise [rad/time], if the file has them.
+    line : array (n,) of int
+        The line of the file that each disk comes from, counted from 1.
+    """
+
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64] | None
+    spin: NDArray[np.float64] | None
+    line: NDArray[np.int64]
+
+
+def read(path: Path, n: int, box: Box | None = None) -> StartFile:
+    """Read a start file.
+
+    The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and
+    spin [rad/time], in any order, separated by commas. Empty lines, and lines that begin with #, are skipped.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    n : int
+        Number of disks that it must have.
+    box : Box, optional
+        The box that the positions must lie in, lower sides included.
+
+    Raises
+    ------
+    InputError
+        With a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
+    """
+    rows, lines = _rows(path)
+    if not rows:
+        raise InputError("is empty: a first line with the names of the columns is needed, such as x,y")
+    names = [name.strip() for name in rows[0]]
+    wrong = _wrong_columns(names)
+    if wrong:
+        raise InputError("\n".join(wrong))
+    found: list[str] = []
+    values = np.zeros((len(rows) - 1, len(names)))
+    for i, (row, line) in enumerate(zip(rows[1:], lines[1:], strict=True)):
+        if len(row) != len(names):
+            found.append(f"line {line} has {len(row)} values: {len(names)} are needed ({', '.join(names)})")
+            continue
+        for j, text in enumerate(row):
+            try:
+                values[i, j] = float(text)
+            except ValueError:
+                values[i, j] = math.nan
+            if not math.isfinite(values[i, j]):
+                found.append(f"line {line}: {names[j]} = {text.strip()}: a finite number is needed")
+    position = np.column_stack([values[:, names.index(axis)] for axis in POSITION])
+    if box is not None and not found:
+        outside = np.argwhere((position < 0.0) | (position >= np.array(box.lengths)))
+        for i, axis in outside:
+            found.append(
+                f"line {lines[1 + i]}: {POSITION[axis]} = {position[i, axis]:g}: must lie inside the box, "
+                f"from 0 to below {box.lengths[axis]:.6g}"
+            )
+    if len(found) > MOST_REPORTED:
+        found[MOST_REPORTED:] = [f"{len(found) - MOST_REPORTED} more lines are wrong"]
+    if len(rows) - 1 != n:
+        found.append(f"has {len(rows) - 1} disks: {n} are needed, the sum of the species' numbers")
+    if found:
+        raise InputError("\n".join(found))
+    moving = set(MOTION) <= set(names)
+    return StartFile(
+        position=position,
+        velocity=np.column_stack([values[:, names.index(key)] for key in MOTION[:2]]) if moving else None,
+        spin=values[:, names.index(MOTION[2])] if moving else None,
+        line=np.array(lines[1:], dtype=np.int64),
+    )
+
+
+def _rows(path: Path) -> tuple[list[list[str]], list[int]]:
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            numbered = [
+                (row, reader.line_num)
+                for row in reader
+                if any(text.strip() for text in row) and not row[0].lstrip().startswith("#")
+            ]
+    except FileNotFoundError:
+        names = [each.name for each in path.parent.glob("*.csv")] if path.parent.is_dir() else []
+        raise InputError(f"there is no such file{nearest(path.name, names)}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"not a text file in UTF-8: {error.reason} at byte {error.start}") from None
+    except csv.Error as error:
+        raise InputError(f"not a CSV file: {error}") from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}") from None
+    return [row for row, _ in numbered], [line for _, line in numbered]
+
+
+def _wrong_columns(names: list[str]) -> list[str]:
+    allowed = POSITION + MOTION
+    wrong = []
+    for name in names:
+        if name not in allowed:
+            wrong.append(f"unknown column '{name}'{nearest(name, allowed)}; allowed are {', '.join(allowed)}")
+    missing = [name for name in POSITION if name not in names]
+    given = [name for name in MOTION if name in names]
+    if given and len(given) < len(MOTION):
+        missing += [name for name in MOTION if name not in names]
+    if missing:
+        wrong.append(f"missing column {', '.join(missing)}; there are {', '.join(names)}")
+    wrong += [f"column '{name}' stands twice" for name in sorted(set(names)) if names.count(name) > 1]
+    return wrong

@@ -1,0 +1,43 @@
+"""Small gases for the tests of the engine."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ifrdem import placement
+from ifrdem.box import Box
+from ifrdem.engine import Engine
+from ifrdem.state import Disks, State
+
+ELASTIC = (1.0, -1.0, 0.0, 0.0, 0.0)  # smooth elastic disks: e_n = 1, e_t = -1, mu = 0
+COIN = (0.87, -0.88, 0.21, 0.0, 0.0)  # 1 pta coins of the paper's Table II, percussion-centre sticking
+ROLLING = (0.9, -0.9, 0.15, 1.0, 0.02)  # contact-point sticking and rolling friction: every branch of the law
+
+
+def equal_disks(n: int) -> Disks:
+    """n disks of mass 1 and diameter 1."""
+    return Disks(n, mass=1.0, radius=0.5)
+
+
+def mixture(n: int) -> Disks:
+    """Alternating big homogeneous disks and small light hoops."""
+    big = np.arange(n) % 2 == 0
+    return Disks(n, mass=np.where(big, 1.0, 0.2), radius=np.where(big, 0.5, 0.3), k=np.where(big, 2.0, 1.0))
+
+
+def start(disks: Disks, packing_fraction: float, seed: int = 1) -> tuple[Box, State]:
+    """A hexagonal lattice with Maxwellian velocities at temperature 1 and random spins."""
+    box = Box.from_packing_fraction(disks.radius, packing_fraction)
+    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=seed)
+    position = placement.hexagonal_positions(box, disks.radius, seed=seed)
+    return box, State(position, velocity, placement.gaussian_spins(disks.n, spin_rms=1.0, seed=seed))
+
+
+def equilibrated(disks: Disks, packing_fraction: float, seed: int = 1) -> tuple[Box, State]:
+    """Like `start`, but after 20 elastic collisions per disk have mixed it; clock and counts at zero."""
+    box, state = start(disks, packing_fraction, seed)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    while engine.collisions < 10 * disks.n:
+        engine.advance(collisions=10 * disks.n)
+    mixed = engine.state()
+    return box, State(mixed.position, mixed.velocity, mixed.spin)

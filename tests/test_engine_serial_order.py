@@ -1,0 +1,151 @@
+"""The parallel engine finds the same collisions, in the same order, as a plain serial event-driven code.
+
+Both start from the same state. Rounding differences grow by a factor of a few with each collision of a disk, so
+after some ten collisions per disk the two must part; five are compared (measured: identical for 7.9 at phi = 0.1, for
+more than 10 at higher phi).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
+from serial_reference import simulate
+
+import ifrdem.engine
+from ifrdem.box import Box
+from ifrdem.engine import Collisions, Engine
+from ifrdem.state import Disks, State
+
+PER_DISK = 5
+
+
+def run(engine: Engine, count: int) -> Collisions:
+    """Exactly `count` further collisions, in order."""
+    engine.keep_collisions = True
+    target = engine.collisions + count
+    parts = []
+    while engine.collisions < target:
+        engine.advance(collisions=target)
+        assert engine.last_collisions is not None
+        parts.append(engine.last_collisions)
+    return Collisions(np.concatenate([p.time for p in parts]), np.concatenate([p.pair for p in parts]))
+
+
+def assert_same_as_serial(
+    disks: Disks, box: Box, state: State, law: tuple[float, ...], engine: Engine, per_disk: float = PER_DISK
+) -> None:
+    count = int(per_disk * disks.n / 2)
+    found = run(engine, count)
+    end, expected = simulate(disks, box, law, state, max_collisions=count)
+    assert len(found.time) == count
+    np.testing.assert_array_equal(found.pair, [sorted(collision[1:]) for collision in expected])
+    # Errors of 1e-16 times some 10 per collision and disk: 1e-9 leaves five collisions of it.
+    np.testing.assert_allclose(found.time, [collision[0] for collision in expected], atol=1e-7)
+    np.testing.assert_allclose(box.minimum_image(engine.state().position - end.position), 0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("law", [ELASTIC, COIN, ROLLING], ids=["elastic", "coin", "rolling"])
+@pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.6, 0.7])
+def test_collisions_are_those_of_the_serial_code(
+    packing_fraction: float, law: tuple[float, ...], arch: str
+) -> None:
+    disks = equal_disks(1000)
+    box, state = equilibrated(disks, packing_fraction)
+    engine = Engine(disks, box, state, np.array([[law]]), arch=arch)
+    assert_same_as_serial(disks, box, state, law, engine)
+    # The run is worth something only if optimism had to be corrected in it.
+    assert engine.statistics.violations > 0
+
+
+@pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.55])
+def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: float, arch: str) -> None:
+    disks = mixture(1000)
+    box, state = equilibrated(disks, packing_fraction)
+    engine = Engine(disks, box, state, np.array([[COIN]]), arch=arch)
+    assert_same_as_serial(disks, box, state, COIN, engine)
+
+
+@pytest.mark.parametrize("skin", [0.15, 0.5, 3.0])
+def test_collisions_do_not_depend_on_the_skin(skin: float) -> None:
+    disks = equal_disks(500)
+    box, state = equilibrated(disks, 0.4)
+    engine = Engine(disks, box, state, np.array([[COIN]]), skin=skin)
+    assert_same_as_serial(disks, box, state, COIN, engine)
+
+
+def test_parallel_rounds_give_the_serial_collisions(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ifrdem.engine, "FEW", 0)  # no round goes to a single thread
+    disks = equal_disks(500)
+    box, state = equilibrated(disks, 0.6)
+    engine = Engine(disks, box, state, np.array([[COIN]]))
+    assert_same_as_serial(disks, box, state, COIN, engine)
+
+
+def test_an_epoch_cut_short_by_a_fast_disk_loses_nothing() -> None:
+    """Heavy disks drive light ones to almost twice their own speed: beyond what the neighbour list allows for."""
+    n = 400
+    heavy = np.arange(n) % 20 == 0
+    disks = Disks(n, mass=np.where(heavy, 100.0, 0.01), radius=0.5)
+    box, state = start(disks, 0.3)
+    state = State(state.position, np.where(heavy[:, None], state.velocity, 0.0), np.zeros(n))
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
+    assert engine.statistics.cut_for_speed > 0
+
+
+def test_an_epoch_cut_short_by_a_full_log_loses_nothing() -> None:
+    disks = equal_disks(500)
+    box, state = equilibrated(disks, 0.6)
+    engine = Engine(disks, box, state, np.array([[COIN]]), skin=2.0)
+    engine.log_growth = 1  # keep the log short
+    engine.allocate_log(disks.n)
+    assert_same_as_serial(disks, box, state, COIN, engine)
+    assert engine.statistics.cut_for_log > 0
+
+
+def test_an_epoch_cut_short_by_too_many_rounds_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ifrdem.engine, "MOST_ROUNDS", 4)
+    disks = equal_disks(500)
+    box, state = equilibrated(disks, 0.6)
+    engine = Engine(disks, box, state, np.array([[COIN]]))
+    assert_same_as_serial(disks, box, state, COIN, engine)
+    assert engine.statistics.cut_for_rounds > 0
+
+
+def test_neighbour_rows_grow_instead_of_losing_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ifrdem.engine, "ROW", 2)
+    disks = equal_disks(500)
+    box, state = equilibrated(disks, 0.6)
+    engine = Engine(disks, box, state, np.array([[COIN]]))
+    assert_same_as_serial(disks, box, state, COIN, engine)
+
+
+def small_box() -> tuple[Disks, Box, State]:
+    """Nine disks in a box of four diameters: two cells a side, most pairs meet through both."""
+    disks = equal_disks(9)
+    box = Box((4.0, 3.6))
+    state = State(
+        np.array([[x, y] for x in (0.0, 1.3, 2.6) for y in (0.0, 1.2, 2.4)]),
+        np.random.default_rng(3).normal(size=(9, 2)),
+        np.zeros(9),
+    )
+    return disks, box, state
+
+
+def two_in_a_long_box() -> tuple[Disks, Box, State]:
+    disks = equal_disks(2)
+    return (
+        disks,
+        Box((30.0, 3.1)),
+        State(np.array([[1.0, 1.0], [29.0, 1.3]]), np.array([[-1.0, 0.0], [1.0, 0.0]]), np.zeros(2)),
+    )
+
+
+@pytest.mark.parametrize("make", [small_box, two_in_a_long_box])
+def test_small_boxes_give_the_serial_collisions(make: Callable[[], tuple[Disks, Box, State]]) -> None:
+    disks, box, state = make()
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)

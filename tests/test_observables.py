@@ -1,0 +1,59 @@
+"""What is measured on a gas, against sums done by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ifrdem.errors import InputError
+from ifrdem.observables import measure
+from ifrdem.state import Disks, State
+
+
+def test_two_disks_measured_by_hand() -> None:
+    disks = Disks(2, mass=[2.0, 3.0], radius=[1.0, 2.0], k=[2.0, 1.0])
+    state = State(
+        position=[[1.0, 1.0], [5.0, 5.0]],
+        velocity=[[3.0, 4.0], [-1.0, 2.0]],
+        spin=[5.0, -0.5],
+        time=7.25,
+        collisions=np.array([3, 3], dtype=np.int32),
+    )
+    result = measure(disks, state)
+    assert result.time == 7.25
+    assert result.collisions == 3
+    # 2 * 25 / 2 + 3 * 5 / 2
+    assert result.translational_energy == 32.5
+    # I = 2 * 1 / 2 = 1 and 3 * 4 / 1 = 12: 1 * 25 / 2 + 12 * 0.25 / 2
+    assert result.rotational_energy == 14.0
+    assert result.energy == 46.5
+    # m v^2 / 2 per disk, I w^2 per disk
+    assert result.temperature == 16.25
+    assert result.rotational_temperature == 14.0
+    # (6 - 3, 8 + 6)
+    np.testing.assert_array_equal(result.momentum, [3.0, 14.0])
+
+
+def test_equipartition_makes_both_temperatures_equal() -> None:
+    # Every degree of freedom has variance T over its inertia: m v_x^2 = m v_y^2 = I w^2 = T = 0.7.
+    n = 10
+    disks = Disks(n, mass=np.linspace(1.0, 2.0, n), radius=np.linspace(0.5, 0.9, n), k=1.5)
+    speed = np.sqrt(0.7 / disks.mass)
+    state = State(np.zeros((n, 2)), np.column_stack((speed, -speed)), np.sqrt(0.7 / disks.inertia))
+    result = measure(disks, state)
+    assert result.temperature == pytest.approx(0.7, rel=1e-14)  # f64 round-off of ten terms
+    assert result.rotational_temperature == pytest.approx(0.7, rel=1e-14)
+
+
+def test_collisions_beyond_32_bits_are_counted() -> None:
+    n = 4
+    state = State(
+        np.zeros((n, 2)), np.zeros((n, 2)), np.zeros(n), collisions=np.full(n, 2_000_000_000, dtype=np.int32)
+    )
+    assert measure(Disks(n, 1.0, 0.5), state).collisions == 4_000_000_000
+
+
+def test_a_state_of_another_number_of_disks_is_refused() -> None:
+    state = State(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(2))
+    with pytest.raises(InputError, match="the state has 2 disks, the gas has 3"):
+        measure(Disks(3, 1.0, 0.5), state)

@@ -1,0 +1,228 @@
+"""The wheel holds the package as it is on disk, imports start nothing heavy, and kernels only compute."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+from packaging.markers import Marker
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+
+import ifrdem
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+# Top-level folder -> the package it is imported as.
+FOLDERS = {
+    "ifrdem": "ifrdem",
+    "kernels": "ifrdem.kernels",
+    "validation": "ifrdem.validation",
+    "cases": "ifrdem.cases",
+}
+
+
+def files_on_disk() -> dict[str, Path]:
+    """What the wheel must hold: name in the wheel -> file in the tree."""
+    found = {}
+    for folder, package in FOLDERS.items():
+        inside = package.replace(".", "/")
+        for path in sorted((ROOT / folder).rglob("*")):
+            name = path.relative_to(ROOT / folder)
+            linked = any((ROOT / folder / parent).is_symlink() for parent in (name, *name.parents))
+            wanted = path.suffix in (".py", ".toml") or path.name == "py.typed"
+            if wanted and path.is_file() and not linked:
+                found[f"{inside}/{name.as_posix()}"] = path
+    return found
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> dict[str, bytes]:
+    """Contents of the wheel that is built from a copy of the tree, by name."""
+    source = tmp_path_factory.mktemp("source") / "tree"
+    unwanted = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "*.h5", "*.png")
+    shutil.copytree(ROOT, source, symlinks=True, ignore=unwanted)
+    out = tmp_path_factory.mktemp("dist")
+    built = subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(out), str(source)],
+        capture_output=True,
+        text=True,
+        cwd=out,
+    )
+    assert built.returncode == 0, built.stdout + built.stderr
+    (path,) = out.glob("*.whl")
+    with zipfile.ZipFile(path) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def test_wheel_holds_every_file_of_the_package(wheel):
+    for name, path in files_on_disk().items():
+        assert name in wheel
+        assert wheel[name] == path.read_bytes()
+
+
+def test_wheel_holds_nothing_else(wheel):
+    package = {name for name in wheel if ".dist-info/" not in name}
+    assert package == set(files_on_disk())
+    assert not any(part in name for name in wheel for part in ("tests", "conftest"))
+
+
+def test_wheel_holds_type_marker_cases_licence_and_command(wheel):
+    assert "ifrdem/py.typed" in wheel
+    shipped = {path.name for path in (ROOT / "cases").glob("*.toml")}
+    assert shipped == {Path(n).name for n in wheel if n.startswith("ifrdem/cases/") and n.endswith(".toml")}
+    info = {Path(name).name: content for name, content in wheel.items() if ".dist-info/" in name}
+    assert info["LICENSE"] == (ROOT / "LICENSE").read_bytes()
+    assert b"ifrdem = ifrdem.cli:main" in info["entry_points.txt"]
+
+
+def test_listed_packages_are_the_folders_on_disk():
+    listed = PROJECT["tool"]["setuptools"]["packages"]
+    found = set()
+    for folder, package in FOLDERS.items():
+        for init in (ROOT / folder).rglob("__init__.py"):
+            inner = init.parent.relative_to(ROOT / folder)
+            if not any((ROOT / folder / parent).is_symlink() for parent in (inner, *inner.parents)):
+                found.add(".".join((package, *inner.parts)))
+    assert sorted(listed) == sorted(found)
+    mapping = PROJECT["tool"]["setuptools"]["package-dir"]
+    assert mapping == {package: folder for folder, package in FOLDERS.items() if folder != package}
+
+
+def test_a_bare_clone_finds_the_folders_by_relative_links():
+    for folder in ("kernels", "validation", "cases"):
+        link = ROOT / "ifrdem" / folder
+        assert os.readlink(link) == f"../{folder}"
+        assert link.resolve() == ROOT / folder
+
+
+def test_version_is_the_same_in_code_and_metadata():
+    assert ifrdem.__version__ == PROJECT["project"]["version"]
+
+
+def run_python(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=ROOT)
+
+
+def test_import_starts_nothing_heavy():
+    code = (
+        "import sys, ifrdem; print(sorted(m for m in ('taichi', 'matplotlib', 'scipy') if m in sys.modules))"
+    )
+    done = run_python("-c", code)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"
+
+
+def test_help_does_not_start_taichi():
+    code = (
+        "import runpy, sys\n"
+        "sys.argv = ['ifrdem', '--help']\n"
+        "try:\n"
+        "    runpy.run_module('ifrdem', run_name='__main__')\n"
+        "finally:\n"
+        "    print('taichi' in sys.modules, file=sys.stderr)\n"
+    )
+    done = run_python("-c", code)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines() == ["False"]
+    assert "usage" in done.stdout.lower()
+
+
+@pytest.mark.parametrize("arguments", [("-c", "import ifrdem"), ("-m", "ifrdem", "--help")])
+def test_import_and_help_are_quick(arguments):
+    """Half a second beside the start of Python itself; the best of three, as other processes may be busy."""
+
+    def best(*arguments: str) -> float:
+        times = []
+        for _ in range(3):
+            begin = time.perf_counter()
+            done = run_python(*arguments)
+            times.append(time.perf_counter() - begin)
+            assert done.returncode == 0, done.stderr
+        return min(times)
+
+    assert best(*arguments) - best("-c", "pass") < 0.5
+
+
+def test_python_range_is_that_of_the_wheels_we_depend_on():
+    """Taichi 1.7.4 has wheels up to 3.13; tomllib needs 3.11."""
+    supported = SpecifierSet(PROJECT["project"]["requires-python"])
+    accepted = [minor for minor in range(8, 18) if f"3.{minor}.5" in supported]
+    assert accepted == [11, 12, 13]
+    named = [c.rsplit(" ", 1)[1] for c in PROJECT["project"]["classifiers"] if "Python :: 3." in c]
+    assert named == ["3.11", "3.12", "3.13"]
+
+
+def test_bullet_extra_asks_for_pybullet_only_where_it_has_wheels():
+    """pybullet 3.2.7 publishes wheels for CPython 3.9 to 3.11 and no later."""
+    (text,) = PROJECT["project"]["optional-dependencies"]["bullet"]
+    requirement = Requirement(text)
+    assert requirement.name == "pybullet"
+    assert isinstance(requirement.marker, Marker)
+    asked = [v for v in ("3.11", "3.12", "3.13") if requirement.marker.evaluate({"python_version": v})]
+    assert asked == ["3.11"]
+
+
+# --- kernels compute; they do not talk, read, write or start anything
+
+# os for its environ alone: Taichi's banner can only be silenced there.
+IMPORTS_OF_KERNELS = {"taichi", "math", "numpy", "os"}
+
+
+def outside_effects(source: str) -> list[str]:
+    """Calls and imports in a module's source by which it would do more than compute."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Call):
+            name = ast.unparse(node.func)
+            if name in ("print", "open", "input", "exec", "eval") or name.endswith((".print", ".open")):
+                found.append(name)
+            if name in ("ti.init", "taichi.init", "init"):
+                found.append(name)
+        elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "os" and node.attr != "environ":
+            found.append(f"os.{node.attr}")
+        elif isinstance(node, ast.Import):
+            found += [
+                alias.name for alias in node.names if alias.name.split(".")[0] not in IMPORTS_OF_KERNELS
+            ]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            module = node.module or ""
+            if module == "os" or module.split(".")[0] not in IMPORTS_OF_KERNELS:
+                found.append(module)
+    return found
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "kernels").glob("*.py")), ids=lambda path: path.name)
+def test_kernels_have_no_outside_effects(path):
+    assert outside_effects(path.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "kernels").glob("*.py")), ids=lambda path: path.name)
+def test_kernels_keep_their_annotations(path):
+    """Postponed annotations are texts, and Taichi cannot compile a kernel from them."""
+    imports = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+    assert "__future__" not in [node.module for node in imports]
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import taichi as ti\nti.init()",
+        "def f():\n    print(1)",
+        "open('x')",
+        "import pathlib",
+        "import os\nos.remove('x')",
+        "from os import remove",
+        "from h5py import File",
+    ],
+)
+def test_the_check_of_kernels_finds_what_it_looks_for(source):
+    assert len(outside_effects(source)) == 1

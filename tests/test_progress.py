@@ -1,0 +1,116 @@
+"""What a run shows while it goes."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from ifrdem.progress import Progress
+
+
+class Clock:
+    """Real time that the test sets."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_exactly_one_end_is_needed() -> None:
+    with pytest.raises(ValueError, match="exactly one"):
+        Progress(10, stream=io.StringIO())
+    with pytest.raises(ValueError, match="exactly one"):
+        Progress(10, t_end=1.0, collisions_per_disk=1.0, stream=io.StringIO())
+
+
+def test_plain_line_has_share_time_collisions_per_disk_rate_and_eta() -> None:
+    clock, out = Clock(), io.StringIO()
+    # 100 disks with 10 collisions each: 500 collisions, since each belongs to two disks.
+    progress = Progress(100, collisions_per_disk=10.0, stream=out, interval=5.0, clock=clock)
+    progress(0.0, 0)
+    clock.now += 10.0
+    progress(0.25, 125)
+    # 125 collisions in 10 s: a quarter done at 12.5 a second, the other 375 take 30 s.
+    assert out.getvalue() == " 25.0 %  t = 0.25 s, 2.50 collisions per disk, 12.5 collisions/s, ETA 0:30\n"
+    assert progress.fraction == 0.25
+    assert progress.seconds_left == pytest.approx(30.0, rel=1e-12)  # a few operations' rounding
+    assert progress.collisions_per_second == pytest.approx(12.5, rel=1e-12)
+
+
+def test_eta_goes_by_simulated_time_if_that_ends_the_run() -> None:
+    clock = Clock()
+    progress = Progress(100, t_end=8.0, stream=io.StringIO(), clock=clock)
+    progress(0.0, 0)
+    clock.now += 3.0
+    progress(2.0, 999)
+    assert progress.fraction == 0.25
+    assert progress.seconds_left == pytest.approx(9.0, rel=1e-12)  # 3 s for 2 of 8: 9 s for the other 6
+
+
+def test_compilation_before_the_first_call_counts_neither_for_rate_nor_eta() -> None:
+    clock = Clock()
+    progress = Progress(100, collisions_per_disk=10.0, stream=io.StringIO(), clock=clock)
+    clock.now += 60.0  # compiles
+    progress(0.1, 100)
+    clock.now += 2.0
+    progress(0.2, 300)
+    assert progress.collisions_per_second == pytest.approx(100.0, rel=1e-12)  # 200 in 2 s
+    assert progress.seconds_left == pytest.approx(2.0, rel=1e-12)  # the last 200
+
+
+def test_plain_lines_come_at_the_interval_however_often_it_is_called() -> None:
+    clock, out = Clock(), io.StringIO()
+    with Progress(100, collisions_per_disk=100.0, stream=out, interval=5.0, clock=clock) as progress:
+        for step in range(100):  # 25 s
+            progress(0.01 * step, 10 * step)
+            clock.now += 0.25
+    lines = out.getvalue().splitlines()
+    assert len(lines) == 5  # at 5, 10, 15, 20 s, and the last state when it ends
+    assert "\r" not in out.getvalue()
+    assert "19.80 collisions per disk" in lines[-1]
+
+
+def test_nothing_is_shown_without_a_call() -> None:
+    out = io.StringIO()
+    with Progress(100, t_end=1.0, stream=out):
+        pass
+    assert out.getvalue() == ""
+
+
+def test_no_time_left_can_be_told_before_anything_moved() -> None:
+    progress = Progress(100, t_end=1.0, stream=io.StringIO(), clock=Clock())
+    assert progress.seconds_left == float("inf")
+    progress(0.0, 0)
+    assert progress.seconds_left == float("inf")
+
+
+def test_long_eta_shows_hours() -> None:
+    clock, out = Clock(), io.StringIO()
+    progress = Progress(100, t_end=1000.0, stream=out, clock=clock)
+    progress(0.0, 0)
+    clock.now += 10.0
+    progress(1.0, 5)
+    assert out.getvalue().endswith("ETA 2:46:30\n")  # 999 x 10 s
+
+
+def test_terminal_gets_a_bar_that_is_redrawn_in_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    clock, out = Clock(), Terminal()
+    with Progress(100, collisions_per_disk=10.0, stream=out, clock=clock) as progress:
+        progress(0.0, 0)
+        clock.now += 10.0
+        progress(0.5, 250)
+    shown = out.getvalue()
+    assert "\r" in shown
+    assert "compiling" in shown
+    assert " 50.0 %" in shown
+    assert "ETA 0:10, 25 collisions/s, 5.00 per disk, t = 0.5 s" in shown
+    assert max(len(line) for line in shown.replace("\r", "\n").splitlines()) <= 80
