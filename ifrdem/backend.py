@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 from dataclasses import dataclass
 
@@ -99,15 +101,16 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
 
     if _running == wanted and ti.lang.impl.get_runtime().prog is not None:
         return _running
-    ti.init(
-        arch=getattr(ti, arch),
-        default_fp=ti.f64,
-        default_ip=ti.i32,
-        fast_math=False,  # with it, contact times lose bits and collisions are missed
-        cpu_max_num_threads=wanted.threads,
-        offline_cache=True,
-        log_level=ti.WARN,
-        enable_fallback=False,
-    )
+    with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
+        ti.init(
+            arch=getattr(ti, arch),
+            default_fp=ti.f64,
+            default_ip=ti.i32,
+            fast_math=False,  # with it, contact times lose bits and collisions are missed
+            cpu_max_num_threads=wanted.threads,
+            offline_cache=True,
+            log_level=ti.WARN,
+            enable_fallback=False,
+        )
     _running = wanted
     return wanted

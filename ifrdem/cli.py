@@ -211,8 +211,9 @@ def _new(options: argparse.Namespace) -> int:
 
 
 def _backends(options: argparse.Namespace) -> int:
-    from . import backend
+    from . import backend, bullet
 
     for device in backend.available():
-        _say(f"{device.arch:<5} {device.description}")
+        _say(f"{device.arch:<8} {device.description}")
+    _say(f"pybullet {bullet.describe()}")
     return 0

@@ -228,11 +228,11 @@ class Engine:
     @property
     def bytes_allocated(self) -> int:
         """Bytes of all device arrays."""
-        sizes = {"f64": 8, "i32": 4}
         total = 0
         for value in vars(self).values():
-            if hasattr(value, "shape") and hasattr(value, "from_numpy"):
-                total += math.prod(value.shape) * sizes[str(value.dtype)]
+            if hasattr(value, "element_shape"):
+                scalar = 8 if str(value.dtype) == "f64" else 4
+                total += scalar * math.prod(value.shape) * math.prod(value.element_shape)
         return total
 
     # ------------------------------------------------------------------ running

@@ -102,7 +102,7 @@ class Gas:
         velocity, spin = [], []
         for i, each in enumerate(self.species):
             # With one seed for all, disk j of every species would start with the same random numbers.
-            own = int(np.random.SeedSequence([seed, i]).generate_state(1, np.uint64)[0])
+            own = int(np.random.SeedSequence([seed, i]).generate_state(1, np.uint64)[0]) if i else seed
             mass = np.full(each.number, each.mass)
             velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, seed=own))
             spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))

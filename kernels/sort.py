@@ -188,9 +188,17 @@ def list_neighbours(
         partner = -1
         for shift in range(9):
             dx = shift // 3 - 1
-            dy = shift % 3 - 1
-            other_x, _ = wrapped(cx + dx, cells_x)
-            other_y, _ = wrapped(cy + dy, cells_y)
+            dy = shift - 3 * (dx + 1) - 1
+            other_x = cx + dx
+            other_y = cy + dy
+            if other_x < 0:
+                other_x += cells_x
+            elif other_x >= cells_x:
+                other_x -= cells_x
+            if other_y < 0:
+                other_y += cells_y
+            elif other_y >= cells_y:
+                other_y -= cells_y
             other = other_x * cells_y + other_y
             shift_x = dx * side_x
             shift_y = dy * side_y

@@ -229,3 +229,11 @@ def test_a_skin_out_of_range_is_refused(skin: float) -> None:
     state = State(np.array([[0.5, 0.5]]), np.zeros((1, 2)), np.zeros(1))
     with pytest.raises(InputError, match="skin"):
         Simulation(equal_disks(1), Box((5.0, 5.0)), SMOOTH, state, skin=skin)
+
+
+def test_memory_is_what_the_estimate_says() -> None:
+    disks = equal_disks(20_000)
+    box, state = start(disks, 0.3)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    # Cells come on top, about one for two disks; the log has 1024 records more.
+    assert engine.bytes_allocated == pytest.approx(disks.n * ifrdem.engine.BYTES_PER_DISK, rel=0.05)

@@ -1,0 +1,63 @@
+"""What the README shows works, and says what the program does."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem import Trajectory, cli
+
+ROOT = Path(__file__).parents[1]
+
+
+def block(marker: str) -> str:
+    """The code block after <!-- marker --> in the README."""
+    found = re.search(
+        rf"<!-- {marker} -->\n```\w+\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL
+    )
+    assert found is not None
+    return found.group(1)
+
+
+def test_python_example_is_the_case_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both made smaller in the same way."""
+    monkeypatch.chdir(tmp_path)
+    code = block("python")
+    assert len([line for line in code.splitlines() if line]) <= 10
+    small = code.replace("50_000", "400").replace(
+        "collisions_per_disk=50, frames=100", "collisions_per_disk=4, frames=3"
+    )
+    assert small != code
+    exec(compile(small, "README.md", "exec"), {})
+    case = str(ROOT / "cases" / "cooling.toml")
+    changes = ["species[0].number=400", "run.collisions_per_disk=4", "output.frames=3"]
+    status = cli.main(
+        ["run", case, "--no-picture", *(word for change in changes for word in ("--set", change))]
+    )
+    assert status == 0
+    example, run = Trajectory("gas.h5"), Trajectory("cooling.h5")
+    assert len(example) == len(run) == 4
+    for a, b in zip(example, run, strict=True):
+        assert a.time == b.time
+        for field in ("position", "velocity", "spin", "collisions"):
+            np.testing.assert_array_equal(getattr(a, field), getattr(b, field))
+
+
+def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:
+    assert block("run").endswith("&& .venv/bin/pip install . && .venv/bin/ifrdem run cases/cooling.toml\n")
+    assert (ROOT / "cases" / "cooling.toml").is_file()
+    assert block("test").endswith("&& .venv/bin/pip install -e '.[test]' && .venv/bin/python -m pytest\n")
+
+
+def test_every_verb_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = re.findall(r"^\| `ifrdem (\w+)", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
+    assert len(listed) >= 5
+    with pytest.raises(SystemExit) as end:
+        cli.main(["--help"])
+    assert end.value.code == 0
+    shown = capsys.readouterr().out
+    for verb in listed:
+        assert re.search(rf"^    {verb} ", shown, flags=re.MULTILINE)
