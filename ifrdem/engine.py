@@ -261,7 +261,7 @@ class Engine:
         if end < horizon:
             self._cut(end)
         done = self._standing()
-        if collisions is not None and self.collisions + done > collisions:
+        if collisions is not None and self.collisions + done >= collisions:
             end = self._end_after(collisions - self.collisions)
             self._cut(end)
             done = self._standing()

@@ -158,6 +158,16 @@ def test_frames_stand_at_exactly_the_asked_collisions_and_times() -> None:
     np.testing.assert_array_equal(times, np.linspace(begin, begin + 1.0, 5))
 
 
+def test_a_run_by_collisions_ends_right_after_the_last_one() -> None:
+    disks = equal_disks(100)
+    box, state = start(disks, 0.1)
+    for count in range(1, 30):
+        simulation = Simulation(disks, box, COIN_LAW, state)
+        found = simulation.collide(count)
+        assert len(found.time) == count
+        assert simulation.time == pytest.approx(found.time[-1], rel=1e-15)
+
+
 def test_gas_at_rest_stays_at_rest_and_cannot_give_collisions() -> None:
     disks = equal_disks(100)
     box, state = start(disks, 0.3)
