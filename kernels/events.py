@@ -199,7 +199,7 @@ def predict(
             t = meeting_time(
                 x, y, vx, vy, tau,
                 flight[j][X], flight[j][Y], flight[j][VX], flight[j][VY], flight[j][TAU],
-                shift_x, shift_y, sigma,
+                shift_x, shift_y, sigma, horizon,
             )  # fmt: skip
         if ti.static(changed):
             # Causality: walk back over the neighbour's flights that ended after this disk's began.
@@ -223,7 +223,7 @@ def predict(
                             x, y, vx, vy, tau,
                             log_real[entry][first], log_real[entry][first + 1],
                             log_real[entry][first + 2], log_real[entry][first + 3], began,
-                            shift_x, shift_y, sigma,
+                            shift_x, shift_y, sigma, ended,
                         )  # fmt: skip
                         if crossing <= ended:
                             early = crossing < ended

@@ -61,28 +61,32 @@ NEVER = 1 << 30  # "undo from collision number NEVER on": nothing to undo
 
 
 @ti.func
-def contact_delay(rx, ry, vx, vy, sigma):
+def contact_delay(rx, ry, vx, vy, sigma, within):
     """Time until the separation r + v t has length sigma, FAR if never; 0 for an approaching overlapping pair.
 
     The smaller root of (r + v t)^2 = sigma^2 in the form that does not cancel, c / (sqrt(b^2 - v^2 c) - b) with
     b = r.v and c = r^2 - sigma^2. Rounding can leave c a little below 0 at contact. Every term is even under
     (r, v) -> (-r, -v): both disks of a pair compute bitwise the same time.
+
+    Contact takes c = -2 b t - v^2 t^2 <= -2 b t. Most pairs cannot make that `within` the time of interest, and are
+    told apart without root and division; they also count as never.
     """
     delay = FAR
     b = rx * vx + ry * vy
     if b < 0.0:
-        v2 = vx * vx + vy * vy
         c = rx * rx + ry * ry - sigma * sigma
-        d = b * b - v2 * c
-        if d > 0.0:
-            delay = ti.max(c, 0.0) / (ti.sqrt(d) - b)
+        if c <= -2.0 * b * within:
+            v2 = vx * vx + vy * vy
+            d = b * b - v2 * c
+            if d > 0.0:
+                delay = ti.max(c, 0.0) / (ti.sqrt(d) - b)
     return delay
 
 
 @ti.func
-def meeting_time(xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shift_y, sigma):
-    """Time of contact of two flights, each known from its own clock tau on; FAR if they never touch."""
+def meeting_time(xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shift_y, sigma, before):
+    """Time of contact of two flights, each known from its own clock tau on; FAR if they do not touch `before`."""
     start = ti.max(tau_i, tau_j)
     rx = (xj + vxj * (start - tau_j)) - (xi + vxi * (start - tau_i)) + shift_x
     ry = (yj + vyj * (start - tau_j)) - (yi + vyi * (start - tau_i)) + shift_y
-    return start + contact_delay(rx, ry, vxj - vxi, vyj - vyi, sigma)
+    return start + contact_delay(rx, ry, vxj - vxi, vyj - vyi, sigma, before - start)

@@ -30,7 +30,7 @@ from .layout import (
     VY,
     X,
     Y,
-    meeting_time,
+    contact_delay,
 )
 
 BLOCK = 1024  # items that one thread handles at a time in scans and reductions
@@ -186,43 +186,50 @@ def list_neighbours(
         length = 0
         earliest = FAR
         partner = -1
-        for shift in range(9):
-            dx = shift // 3 - 1
-            dy = shift - 3 * (dx + 1) - 1
-            other_x = cx + dx
-            other_y = cy + dy
+        # The three cells of a column follow one another in memory: one run, or three where a side cuts it.
+        runs = 1
+        if cy == 0 or cy == cells_y - 1:
+            runs = 3
+        for column in range(3):
+            shift_x = (column - 1) * side_x
+            other_x = cx + column - 1
             if other_x < 0:
                 other_x += cells_x
             elif other_x >= cells_x:
                 other_x -= cells_x
-            if other_y < 0:
-                other_y += cells_y
-            elif other_y >= cells_y:
-                other_y -= cells_y
-            other = other_x * cells_y + other_y
-            shift_x = dx * side_x
-            shift_y = dy * side_y
-            for j in range(start[other], start[other + 1]):
-                sigma = radius + flight[j][RADIUS]
-                rx = flight[j][X] - x + shift_x
-                ry = flight[j][Y] - y + shift_y
-                near = sigma + skin  # squared by hand: Taichi's ** is slow
-                if j != i and rx * rx + ry * ry < near * near:
-                    if length < capacity:
-                        neighbour[capacity * i + length] = 9 * j + shift
-                    length += 1
-                    t = meeting_time(
-                        x, y, vx, vy, 0.0,
-                        flight[j][X], flight[j][Y], flight[j][VX], flight[j][VY], 0.0,
-                        shift_x, shift_y, sigma,
-                    )  # fmt: skip
-                    if t < horizon:
-                        sooner = t < earliest
-                        if t == earliest:
-                            sooner = meta[j][ID] < meta[partner // 9][ID]
-                        if sooner:
-                            earliest = t
-                            partner = 9 * j + shift
+            for run in range(runs):
+                first = other_x * cells_y + cy - 1
+                last = first + 2
+                middle = first + 1  # the cell in which the run would lie at the height of this disk's cell
+                if runs == 3:
+                    other_y = cy + run - 1
+                    if other_y < 0:
+                        other_y += cells_y
+                    elif other_y >= cells_y:
+                        other_y -= cells_y
+                    first = other_x * cells_y + other_y
+                    last = first
+                    middle = first + 1 - run
+                for j in range(start[first], start[last + 1]):
+                    row = cell[j] - middle  # -1, 0, 1
+                    sigma = radius + flight[j][RADIUS]
+                    rx = flight[j][X] - x + shift_x
+                    ry = flight[j][Y] - y + row * side_y
+                    near = sigma + skin  # squared by hand: Taichi's ** is slow
+                    if rx * rx + ry * ry < near * near and j != i:
+                        code = 9 * j + 3 * column + row + 1
+                        if length < capacity:
+                            neighbour[capacity * i + length] = code
+                        length += 1
+                        # All clocks stand at 0: the same bits as `meeting_time`.
+                        t = contact_delay(rx, ry, flight[j][VX] - vx, flight[j][VY] - vy, sigma, horizon)
+                        if t < horizon:
+                            sooner = t < earliest
+                            if t == earliest:
+                                sooner = meta[j][ID] < meta[partner // 9][ID]
+                            if sooner:
+                                earliest = t
+                                partner = code
         if length > capacity:
             ti.atomic_max(counter[MOST_NEIGHBOURS], length)
         link[i][LENGTH] = length
