@@ -33,6 +33,7 @@ from .state import Disks, State
 # Bytes that the arrays take for each disk, with a log of one record a disk and rows of 24 neighbours.
 _LOG_REAL, _LOG_INT = 11, 8
 _FLIGHT, _BODY, _LINK, _META, _LISTS = 8, 2, 8, 5, 5
+ADDRESSABLE = 2**31 - 1  # entries of one array that 32-bit indices reach
 ROW = 24  # entries of a neighbour row to begin with; rows grow where more are needed
 BYTES_PER_DISK = (
     2 * (8 * (_FLIGHT + _BODY) + 4 * (_META + 1))
@@ -121,6 +122,8 @@ class Engine:
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
+        if n * ROW > ADDRESSABLE:
+            raise InputError(f"{n} disks: the engine's 32-bit indices allow {ADDRESSABLE // ROW} at most")
         if state.n != n:
             raise InputError(f"the state has {state.n} disks: {n} are needed")
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
@@ -300,7 +303,12 @@ class Engine:
             needed = int(self._counter[MOST_NEIGHBOURS])
             if needed <= self._row:
                 return
-            self._row = needed + needed // 4
+            self._row = min(needed + needed // 4, ADDRESSABLE // self.n)
+            if self._row < needed:
+                raise EngineError(
+                    f"a disk has {needed} neighbours: for {self.n} disks, 32-bit indices allow {self._row}; "
+                    "use a smaller skin"
+                )
             self._neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * self._row,))
 
     def _rounds(self, horizon: float, reach: float) -> float:
