@@ -16,6 +16,8 @@ __version__ = "0.1.0"
 _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Box": ("box", "Box"),
     "Disks": ("state", "Disks"),
+    "EnergyWarning": ("law", "EnergyWarning"),
+    "EngineError": ("errors", "EngineError"),
     "IFRLaw": ("law", "IFRLaw"),
     "InputError": ("errors", "InputError"),
     "Regime": ("law", "Regime"),
@@ -33,6 +35,8 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
 __all__ = [
     "Box",
     "Disks",
+    "EnergyWarning",
+    "EngineError",
     "IFRLaw",
     "InputError",
     "Regime",
@@ -56,8 +60,8 @@ if TYPE_CHECKING:
     from . import theory as theory
     from .box import Box
     from .coins import coins
-    from .errors import InputError
-    from .law import IFRLaw, Regime, collide
+    from .errors import EngineError, InputError
+    from .law import EnergyWarning, IFRLaw, Regime, collide
     from .simulation import Simulation
     from .state import Disks, State
     from .trajectory import Trajectory
@@ -75,7 +79,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted(__all__)
 
 
 class _Package(types.ModuleType):

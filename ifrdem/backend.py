@@ -42,7 +42,7 @@ def _cpu_name() -> str:
     return "CPU"
 
 
-def _cores() -> int:
+def cores() -> int:
     """Cores that this process may use (a container or a batch system may allow fewer than there are)."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
@@ -57,14 +57,14 @@ def available() -> list[Device]:
 
     # Looking for a GPU driver where there is none is not worth a warning.
     ti.set_logging_level(ti.ERROR)
-    devices = [Device("cpu", f"{_cpu_name()}, {_cores()} threads")]
+    devices = [Device("cpu", f"{_cpu_name()}, {cores()} threads")]
     if ti._lib.core.with_cuda():
         devices.append(Device("cuda", "NVIDIA GPU (CUDA)"))
     return devices
 
 
-def check(arch: str) -> None:
-    """Raise InputError unless `arch` is known and the device is there. Starts nothing."""
+def check(arch: str, threads: int | None = None) -> None:
+    """Raise InputError unless `arch` is known, the device there, and so many `threads` fit on it. Starts nothing."""
     if arch not in ARCHITECTURES:
         allowed = ", ".join(ARCHITECTURES)
         raise InputError(f"arch = '{arch}': allowed are {allowed}{nearest(arch, ARCHITECTURES)}")
@@ -73,6 +73,9 @@ def check(arch: str) -> None:
         raise InputError(
             f"arch = '{arch}': no such device on this machine; present: {', '.join(present)} (see `ifrdem backends`)"
         )
+    # More threads than cores wait for each other at the end of every parallel loop.
+    if threads is not None and not 1 <= threads <= cores():
+        raise InputError(f"threads = {threads}: must lie between 1 and the {cores()} cores that are here")
 
 
 def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
@@ -90,13 +93,11 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
     Raises
     ------
     InputError
-        If the architecture is unknown or not there, or the number of threads is not positive.
+        If the architecture is unknown or not there, or there are not so many cores.
     """
     global _running
-    check(arch)
-    if threads is not None and threads < 1:
-        raise InputError(f"threads = {threads}: a number of 1 or more is needed")
-    wanted = Running(arch, threads or _cores())
+    check(arch, threads)
+    wanted = Running(arch, threads or cores())
     import taichi as ti
 
     if _running == wanted and ti.lang.impl.get_runtime().prog is not None:

@@ -112,4 +112,4 @@ def _collisions(estimate: Estimate) -> str:
 def _end_time(case: Case, estimate: Estimate, unit: str) -> str:
     if case.run.t_end is not None or math.isnan(estimate.end_time):
         return ""
-    return f", t = {estimate.end_time:.4g}{unit} by kinetic theory"
+    return f", t = {estimate.end_time:.4g}{unit} if it stayed homogeneous (kinetic theory)"

@@ -91,11 +91,12 @@ def run(
     """
     case = file.case
     outputs.check(force=force)
-    backend.check(case.run.arch)
+    backend.check(case.run.arch, case.run.threads)
     began = time.perf_counter()
     gas = Gas.from_case(case, file.folder)
     device = next(each for each in backend.available() if each.arch == case.run.arch)
-    threads = f", {case.run.threads} of them used" if case.run.threads and case.run.arch == "cpu" else ""
+    used = case.run.threads or backend.cores()
+    threads = f", {used} used" if case.run.arch == "cpu" else ""
     say(check.summary(case, gas, Estimate.of(gas, case), f"{device.arch}: {device.description}{threads}"))
     for text in gas.warnings:
         warn(text)
@@ -183,7 +184,7 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         if scale > 0.0:
             drift = float(np.linalg.norm(last.momentum - first.momentum))
             lines.append(
-                f"  momentum drift {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} of N m v_rms"
+                f"  momentum drift {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} of what all disks would carry at their first rms speed, one way"
             )
     return "\n".join(lines)
 
@@ -206,7 +207,7 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
         "materials": json.dumps(gas.materials),
         "laws": json.dumps(laws),
         "device": device,
-        "threads": case.run.threads or 0,
+        "threads": case.run.threads or backend.cores(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": _revision(),
     }

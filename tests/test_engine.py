@@ -9,7 +9,7 @@ import pytest
 from gases import COIN, ELASTIC, equal_disks, equilibrated, mixture, start
 
 import ifrdem.engine
-from ifrdem import placement
+from ifrdem import backend, placement
 from ifrdem.box import Box
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
@@ -84,6 +84,7 @@ def states_equal(a: State, b: State) -> bool:
     )
 
 
+@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_trajectory_is_bitwise_the_same_on_one_and_two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     disks = equal_disks(20_000)
     box, state = start(disks, 0.5)

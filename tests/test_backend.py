@@ -1,0 +1,53 @@
+"""Devices: named, checked before use, never exchanged silently."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from ifrdem import backend
+from ifrdem.errors import InputError
+
+
+def test_a_cpu_is_always_there() -> None:
+    (cpu,) = (device for device in backend.available() if device.arch == "cpu")
+    assert f"{backend.cores()} threads" in cpu.description
+
+
+@pytest.mark.parametrize(
+    ("arch", "threads", "message"),
+    [
+        ("cdua", None, "allowed are cpu, cuda .did you mean 'cuda'"),
+        ("gpu", None, "allowed are cpu, cuda"),
+        ("cpu", 0, "threads = 0: must lie between 1"),
+        ("cpu", backend.cores() + 1, f"must lie between 1 and the {backend.cores()} cores"),
+    ],
+)
+def test_what_is_not_there_is_refused(arch: str, threads: int | None, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        backend.start(arch, threads=threads)
+
+
+@pytest.mark.skipif(len(backend.available()) > 1, reason="this machine has a CUDA device")
+def test_an_absent_gpu_is_refused_and_not_replaced_by_the_cpu() -> None:
+    with pytest.raises(InputError, match="no such device on this machine; present: cpu"):
+        backend.start("cuda")
+
+
+def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
+    import taichi as ti
+
+    running = backend.start("cpu")
+    program = ti.lang.impl.get_runtime().prog
+    assert backend.start("cpu") is running
+    assert ti.lang.impl.get_runtime().prog is program
+
+
+def test_starting_says_nothing_on_stdout() -> None:
+    code = "from ifrdem import backend; backend.available(); backend.start('cpu')"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    assert done.stdout == ""
