@@ -15,10 +15,10 @@ from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
 
 UNITS: Mapping[str, Mapping[str, str]] = {
-    "SI": {"length": "m", "mass": "kg", "time": "s", "energy": "J", "momentum": "kg m/s", "angle": "rad"},
+    "SI": {"length": "m", "mass": "kg", "time": "s", "energy": "J", "momentum": "kg m s-1", "angle": "rad"},
     "reduced": dict.fromkeys(("length", "mass", "time", "energy", "momentum", "angle"), "reduced"),
 }
-"""Unit of each quantity by the name in run.units."""
+"""Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 
@@ -297,7 +297,7 @@ class OutputSection(Section):
     )
     compression: Literal["none", "gzip"] = Field(
         default="none",
-        description='"none" (fast) or "gzip" (about half the size, slower to write and to read)',
+        description='"none" (fast) or "gzip" (about three quarters of the size, slower to write and to read)',
         examples=["none"],
     )
     precision: Literal["f4", "f8"] = Field(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from . import placement, start_file
 from .box import Box
 from .case import Case
-from .draft import Draft, Species, box_around
+from .draft import Draft, Problem, Species, box_around
 from .errors import InputError
 from .law import IFRLaw
 from .pairing import PairVerdict, verdicts
@@ -87,18 +87,15 @@ class Gas:
         Raises
         ------
         InputError
-            If the disks do not fit into the box in the way the case wants.
+            If the disks do not fit into the box in the way the case wants: a line with the key.
         """
         seed = case.run.seed
         if self.given is not None:
             position = self.given.position
             if self.given.velocity is not None and self.given.spin is not None:
                 return State(position=position, velocity=self.given.velocity, spin=self.given.spin)
-        elif case.start.positions == "hexagonal":
-            dealt = seed if len(self.species) > 1 else None  # else the species would lie in layers
-            position = placement.hexagonal_positions(self.box, self.disks.radius, seed=dealt)
         else:
-            position = placement.random_positions(self.box, self.disks.radius, seed=seed)
+            position = self._placed(case.start.positions, seed)
         velocity, spin = [], []
         for i, each in enumerate(self.species):
             # With one seed for all, disk j of every species would start with the same random numbers.
@@ -107,6 +104,15 @@ class Gas:
             velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, seed=own))
             spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
         return State(position=position, velocity=np.concatenate(velocity), spin=np.concatenate(spin))
+
+    def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
+        try:
+            if way == "hexagonal":
+                dealt = seed if len(self.species) > 1 else None  # else the species would lie in layers
+                return placement.hexagonal_positions(self.box, self.disks.radius, seed=dealt)
+            return placement.random_positions(self.box, self.disks.radius, seed=seed)
+        except InputError as error:
+            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
 def _as_moving(species: tuple[Species, ...], given: StartFile) -> tuple[Species, ...]:

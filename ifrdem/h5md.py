@@ -4,7 +4,7 @@ H5MD: P. de Buyl, P. H. Colberg and F. Hoefling, Comput. Phys. Commun. 185, 1546
 doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
 
     h5md                                attribute version = [1, 1]; author, creator
-      modules/units                     the units as attributes, e.g. length = "m"
+      modules/units                     attributes version = [1, 0], system = "SI"; absent without SI units
       modules/ifrdem                    attribute version: the version of this layout
     particles/all
       box                               attributes dimension = 3, boundary, lengths = (Lx, Ly)
@@ -17,7 +17,8 @@ doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
       image/...                         as position, int32: box lengths travelled
       radius, mass, k, material         (n,): constant; `species` is another name of `material`
     observables/<name>/{step, time, value}   (F, ...) whole-gas quantities
-    parameters                          case text, seed, device, ...; versions/<package>; units/<quantity>
+    parameters                          case text, seed, device, ...; versions/<package>
+      units/<quantity>                  e.g. momentum = "kg m s-1"; or units = "reduced" for all of them
 
 `step` (the number of the frame) and `time` exist once; the groups share them by hard links. `step` is the
 commit marker: it grows last, so that a frame counts only if it has a step. Readers that need three
@@ -29,6 +30,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import platform
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -45,6 +47,9 @@ H5MD_VERSION = (1, 1)
 LAYOUT_VERSION = (1, 0)
 PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
+REDUCED = "reduced"
+"""What stands for the unit of every quantity where there are none."""
+SI_SYMBOLS = ("m", "kg", "s", "rad", "J", "N", "Hz")
 STATIC = ("radius", "mass", "k", "material")
 
 # Disks per chunk at most: one disk's history needs one chunk a frame, and a chunk must stay small.
@@ -116,10 +121,10 @@ def create(
     creator.attrs["name"] = "ifrdem"
     creator.attrs["version"] = str(parameters.get("versions/ifrdem", versions["ifrdem"]))
     h5md.create_group("modules/ifrdem").attrs["version"] = np.array(LAYOUT_VERSION, dtype=np.int32)
-    modules = h5md.create_group("modules/units")
-    modules.attrs["version"] = np.array((1, 0), dtype=np.int32)
-    for quantity, unit in units.items():
-        modules.attrs[quantity] = unit
+    if _are_si(units):
+        module = h5md.create_group("modules/units")
+        module.attrs["version"] = np.array((1, 0), dtype=np.int32)
+        module.attrs["system"] = np.bytes_("SI")  # the module wants a text of fixed length
 
     particles = file.create_group(PARTICLES)
     lengths = np.array(box.lengths)
@@ -146,11 +151,21 @@ def create(
     for package, version in versions.items():
         if f"versions/{package}" not in parameters:
             stored[f"versions/{package}"] = version
-    for quantity, unit in units.items():
-        stored[f"units/{quantity}"] = unit
+    if units and set(units.values()) == {REDUCED}:
+        stored["units"] = REDUCED
+    else:
+        for quantity, unit in units.items():
+            stored[f"units/{quantity}"] = unit
     for name, value in parameters.items():
         stored[name] = value
     file.create_group("observables")
+
+
+def _are_si(units: Mapping[str, str]) -> bool:
+    """Whether there are units and all are powers of SI symbols in the module's notation: "kg m s-1"."""
+    factors = [factor for unit in units.values() for factor in unit.split(" ")]
+    power = rf"({'|'.join(SI_SYMBOLS)})([+-][1-9][0-9]*)?"
+    return bool(factors) and all(re.fullmatch(power, factor) for factor in factors)
 
 
 def _create_field(

@@ -100,11 +100,47 @@ def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
         upper.set_yscale("log")
     upper.set_ylabel(_with_unit("temperature", units.get("energy")))
     lower.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
-    lower.set_ylim(bottom=0.0)
+    _from_zero(lower)
     lower.set_xlabel(_with_unit("time $t$", units.get("time")))
     for axes in (upper, lower):
         axes.grid(True, which="major", lw=0.4, alpha=0.5)
-    upper.tick_params(labelbottom=False)
+    if upper.get_xscale() == "log":
+        _few_labels(upper)
+    upper.tick_params(which="both", labelbottom=False)
+
+
+def _from_zero(axes: Axes) -> None:
+    """Let the vertical axis begin at 0 and end so far above what is drawn that no marker is cut."""
+    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
+    highest = np.max(drawn, where=np.isfinite(drawn), initial=0.0)
+    axes.set_ylim(0.0, 1.12 * highest if highest > 0.0 else 1.0)
+
+
+def _few_labels(axes: Axes) -> None:
+    """Label a logarithmic time axis so that labels neither collide nor lack, however short it is.
+
+    Matplotlib labels powers of ten and, below a decade or so, some of the ticks between them, without regard
+    to their width. Below two decades the steps here are those of rulers: 1, 2, 5, or finer.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    first, last = axes.get_xlim()
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    if last / first >= 100.0:
+        return
+    # Two labels at least: any factor of 5 holds two of the first, any of 2.1 two of the others, and frames
+    # that begin at 0 and are evenly spaced span a factor of 2, and the margins.
+    steps = (1.0, 2.0, 5.0) if last / first >= 5.0 else (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+    axes.xaxis.set_major_locator(LogLocator(subs=steps))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
+
+
+def _short(value: float) -> str:
+    """0.05 and 2000, but 5 x 10^-6 in full."""
+    if 1e-3 <= value < 1e4:
+        return f"{value:.6g}"
+    factor, exponent = f"{value:.5e}".split("e")
+    return rf"${float(factor):g} \times 10^{{{int(exponent)}}}$"
 
 
 def _theory(
@@ -128,7 +164,8 @@ def _theory(
     if T0 == 0.0 or times[-1] <= times[0]:
         return None, "nothing moves: no kinetic theory here"
     elapsed = times[times > times[0]] - times[0]
-    when = np.geomspace(elapsed[0], elapsed[-1], 300)
+    # Of a single frame, a decade before it shows where it comes from.
+    when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
     phi = trajectory.box.packing_fraction(disks.radius)
     T, T_rot, _ = theory.cooling(law, mass, radius, k, phi, T0, T_rot0, when)
     return (when + times[0], T, T_rot), "kinetic theory (homogeneous gas)"
@@ -146,10 +183,10 @@ def _last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
     if "position" not in trajectory.fields:
         axes.set_title("the file holds no positions")
         return
-    time = f"$t$ = {frame.time:.4g}" + (f" {units['time']}" if _named(units.get("time")) else "")
+    time = f"$t$ = {trajectory.with_unit(f'{frame.time:.4g}', 'time')}"
     if trajectory.disks.n > MOST_DISKS:
         cell = _density_map(figure, axes, trajectory, frame.position)
-        size = f"{cell:.3g}" + (f" {units['length']}" if _named(units.get("length")) else "")
+        size = trajectory.with_unit(f"{cell:.3g}", "length")
         axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
     else:
         spin = frame.spin if "angular_velocity" in trajectory.fields else np.zeros(trajectory.disks.n)
@@ -182,7 +219,7 @@ def _disks(
     )
     axes.add_collection(drawn)
     time = trajectory.units.get("time")
-    unit = f"rad/{time}" if _named(time) else "reduced units"
+    unit = "reduced units" if time is None else f"rad/{time}"
     bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.85)
     bar.set_label(rf"spin $\omega$ ({unit}), counter-clockwise positive")
 
@@ -242,12 +279,8 @@ def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(values > 0.0, values, np.nan)
 
 
-def _named(unit: str | None) -> bool:
-    return unit is not None and unit != "reduced"
-
-
 def _with_unit(text: str, unit: str | None) -> str:
-    return f"{text} ({unit})" if _named(unit) else f"{text} (reduced units)"
+    return f"{text} ({'reduced units' if unit is None else unit})"
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -42,7 +42,7 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
                 found.append(Problem("box", None, str(error)))
         if box is not None:
             found += _wrong_room(draft, species, radius, box)
-        found += _wrong_start(draft, radius, box, folder)
+        found += _wrong_start(draft, species, radius, box, folder)
     return found
 
 
@@ -161,7 +161,7 @@ def _wrong_room(
 
 
 def _wrong_start(
-    draft: Draft, radius: NDArray[np.float64], box: Box | None, folder: Path
+    draft: Draft, species: list[Species], radius: NDArray[np.float64], box: Box | None, folder: Path
 ) -> Iterator[Problem]:
     if draft.start is None or draft.start.file is None:
         return
@@ -173,6 +173,15 @@ def _wrong_start(
     except InputError as error:
         yield from (Problem("start.file", value, line) for line in str(error).splitlines())
         return
+    if draft.run is not None and draft.run.collisions_per_disk is not None and len(radius) > 1:
+        rest = None
+        if file.velocity is None and not any(each.speed_rms > 0.0 for each in species):
+            rest = "has no velocities: the columns vx, vy, spin or a species' speed_rms above 0 are needed"
+        elif file.velocity is not None and not np.any(file.velocity):
+            rest = "has only velocities vx = vy = 0: others are needed"
+        if rest is not None:
+            text = f"nothing moves at the start, so nothing ever collides; start.file = {value} {rest}"
+            yield Problem("run.collisions_per_disk", f"{draft.run.collisions_per_disk:g}", text)
     if file.velocity is None:
         return
     for i, each in enumerate(draft.species):

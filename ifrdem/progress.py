@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
+import os
 import sys
 import time
 from collections.abc import Callable
 from typing import Any, TextIO
+
+WITH_BAR, BARE = "{percentage:5.1f} %|{bar:10}| {desc}", "{percentage:5.1f} % {desc}"
+FRAME = {WITH_BAR: 20, BARE: 8}
+"""Columns that each kind of bar line needs beside its text."""
+
+NARROWEST = 36
+"""Columns of a terminal below which there is no room for the shortest bar line: plain lines are shown."""
 
 
 class Progress:
@@ -14,6 +21,7 @@ class Progress:
 
     Called as ``progress(time, collisions)``, as often as one likes: it prints every `interval` seconds
     at most (a bar on a terminal is redrawn at its own pace). A context manager: it ends with a last line.
+    On a narrow terminal the bar line leaves out what matters least; time left and rate are always there.
 
     Parameters
     ----------
@@ -63,7 +71,8 @@ class Progress:
         self._first: tuple[float, float, int] | None = None
         self._latest: tuple[float, float, int] | None = None
         self._printed: tuple[float, float, int] | None = None
-        self._bar: Any = self._open_bar() if self._stream.isatty() else None
+        self._columns = _columns(self._stream) if self._stream.isatty() else 0
+        self._bar: Any = self._open_bar() if self._columns >= NARROWEST else None
 
     def __enter__(self) -> Progress:
         return self
@@ -79,10 +88,8 @@ class Progress:
             self._first = self._printed = now
             return
         if self._bar is not None:
-            # What matters most comes first: a narrow terminal cuts the end.
-            left = _clock_face(self.seconds_left)
-            text = f"ETA {left}, {self.collisions_per_second:.3g} collisions/s, {self._per_disk:.2f} per disk"
-            self._bar.set_description_str(f"{text}, t = {time:.4g} {self._unit}".rstrip(), refresh=False)
+            self._bar.bar_format, text = self._fitting(time)
+            self._bar.set_description_str(text, refresh=False)
             self._bar.update(100.0 * self.fraction - self._bar.n)
         elif self._printed is not None and now[0] - self._printed[0] >= self._interval:
             self._line()
@@ -119,6 +126,18 @@ class Progress:
     def _per_disk(self) -> float:
         return 2.0 * self._latest[2] / self._n if self._latest is not None and self._n else 0.0
 
+    def _fitting(self, time: float) -> tuple[str, str]:
+        """Format of the bar line and its text: as much as the terminal has room for."""
+        left, rate = f"ETA {_clock_face(self.seconds_left)}", f"{self.collisions_per_second:.3g}"
+        main, per_disk = f"{left}, {rate} collisions/s", f"{self._per_disk:.2f} per disk"
+        whole = f"{main}, {per_disk}, t = {time:.4g} {self._unit}".rstrip()
+        choices = [(WITH_BAR, whole), (WITH_BAR, f"{main}, {per_disk}"), (WITH_BAR, main), (BARE, main)]
+        for form, text in choices:
+            # The last column stays free: writing there moves some terminals to the next line.
+            if FRAME[form] + len(text) < self._columns:
+                return form, text
+        return BARE, f"{left}, {rate}/s"
+
     def _line(self) -> None:
         assert self._latest is not None
         # Between two lines the recent rate says more than the mean; the ETA goes by the mean.
@@ -146,16 +165,22 @@ class Progress:
     def _open_bar(self) -> Any:
         from tqdm import tqdm
 
-        # tqdm's own {remaining} would count the compilation; ours is in the text. Some terminals say
-        # that they have no columns, and tqdm would then show nothing.
-        bar = tqdm(
-            total=100.0,
-            file=self._stream,
-            bar_format="{percentage:5.1f} %|{bar:10}| {desc}",
-            ncols=shutil.get_terminal_size().columns,
-        )
+        # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a
+        # terminal that reports no rows, so it is told of some.
+        bar = tqdm(total=100.0, file=self._stream, bar_format=WITH_BAR, ncols=self._columns - 1, nrows=24)
         bar.set_description_str("compiling")
         return bar
+
+
+def _columns(stream: TextIO) -> int:
+    """Columns of a terminal: what the environment says, or else the terminal; 0 if neither knows."""
+    told = os.environ.get("COLUMNS", "")
+    if told.isdecimal() and int(told) > 0:
+        return int(told)
+    try:
+        return os.get_terminal_size(stream.fileno()).columns
+    except (OSError, ValueError):  # no file, or not that of a terminal
+        return 0
 
 
 def _clock_face(seconds: float) -> str:

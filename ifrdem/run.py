@@ -184,7 +184,8 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         if scale > 0.0:
             drift = float(np.linalg.norm(last.momentum - first.momentum))
             lines.append(
-                f"  momentum drift {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} of what all disks would carry at their first rms speed, one way"
+                f"  momentum drift {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
+                "of what the disks would carry if all flew one way at the start"
             )
     return "\n".join(lines)
 

@@ -64,6 +64,11 @@ def read(path: Path, n: int, box: Box | None = None) -> StartFile:
     if not rows:
         raise InputError("is empty: a first line with the names of the columns is needed, such as x,y")
     names = [name.strip() for name in rows[0]]
+    if all(_is_number(name) for name in names):
+        raise InputError(
+            f"line {lines[0]}: there is no header: the first line must name the columns, such as "
+            f"{','.join(POSITION)} or {','.join(POSITION + MOTION)}, and here it holds numbers"
+        )
     wrong = _wrong_columns(names)
     if wrong:
         raise InputError("\n".join(wrong))
@@ -101,6 +106,14 @@ def read(path: Path, n: int, box: Box | None = None) -> StartFile:
         spin=values[:, names.index(MOTION[2])] if moving else None,
         line=np.array(lines[1:], dtype=np.int64),
     )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _rows(path: Path) -> tuple[list[list[str]], list[int]]:

@@ -55,6 +55,14 @@ class Frame:
         self._trajectory = trajectory
         self.index = index
 
+    def __repr__(self) -> str:
+        """Which frame of how many, and when."""
+        trajectory = self._trajectory
+        return (
+            f"<Frame {self.index} of {len(trajectory)}: {trajectory.disks.n} disks at "
+            f"t = {trajectory.with_unit(f'{self.time:.6g}', 'time')}>"
+        )
+
     def field(self, name: str) -> NDArray:
         """A stored field by its name in the file, shape (n,) or (n, 2).
 
@@ -140,7 +148,8 @@ class Trajectory(Sequence[Frame]):
     times : array (frames,)
         Times of the frames [time].
     parameters : dict
-        The run's record by name (case text, seed, versions/<package>, units/<quantity>, ...).
+        The run's record by name (case text, seed, versions/<package>, units/<quantity>, ...). In reduced
+        units there is one parameter `units`, "reduced".
     observables : mapping
         Whole-gas quantities, name -> array over the frames.
 
@@ -190,6 +199,15 @@ class Trajectory(Sequence[Frame]):
     def __len__(self) -> int:
         return self._frames
 
+    def __repr__(self) -> str:
+        """The file, and how much is in it."""
+        span = ""
+        if self._frames:
+            span = f" from t = {self.times[0]:.6g} to {self.with_unit(f'{self.times[-1]:.6g}', 'time')}"
+        frames = f"{self._frames} frame{'' if self._frames == 1 else 's'}"
+        closed = "" if self._file else ", closed"
+        return f"<Trajectory {str(self.path)!r}: {self.disks.n} disks, {frames}{span}{closed}>"
+
     @overload
     def __getitem__(self, index: int) -> Frame: ...
     @overload
@@ -225,9 +243,13 @@ class Trajectory(Sequence[Frame]):
             )
         return h5md.field_dataset(self._file, name)
 
+    def with_unit(self, text: str, quantity: str) -> str:
+        """A text with the unit of a quantity behind it; unchanged in reduced units."""
+        return f"{text} {self.units[quantity]}" if quantity in self.units else text
+
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each quantity."""
+        """Unit of each quantity; empty in reduced units."""
         prefix = "units/"
         return {k.removeprefix(prefix): str(v) for k, v in self.parameters.items() if k.startswith(prefix)}
 
@@ -270,7 +292,9 @@ def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
         lines += _describe_gas(trajectory)
         lines += _describe_fields(trajectory)
         lines += _describe_names("units", trajectory.units, full=full)
-        record = {k: v for k, v in trajectory.parameters.items() if not k.startswith("units/")}
+        record = {
+            k: v for k, v in trajectory.parameters.items() if k != "units" and not k.startswith("units/")
+        }
         lines += _describe_names("parameters", record, full=full)
     return "\n".join(lines)
 
@@ -284,6 +308,8 @@ def _describe_gas(trajectory: Trajectory) -> list[str]:
     lines = [f"  size on disk      {_bytes(trajectory.path.stat().st_size)}"]
     span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""
     lines.append(f"  frames            {len(trajectory)}{span}")
+    if "units" in trajectory.parameters:
+        lines.append(f"  units             {trajectory.parameters['units']}")
     lines.append(f"  disks             {disks.n}")
     for name, values, unit in (
         ("radius", disks.radius, length),

@@ -59,7 +59,8 @@ class TrajectoryWriter:
         What belongs into the file's record, by name: case text, seed, device, ... A name may be grouped by
         "/". The versions of Python and of the packages are added as versions/<package> where not given.
     units : mapping
-        Unit of each quantity, e.g. {"length": "m", "mass": "kg", "time": "s"}.
+        Unit of each quantity, e.g. {"length": "m", "mass": "kg", "time": "s", "momentum": "kg m s-1"};
+        "reduced" for each of them, or for none.
     precision : str
         "f4" (default) or "f8": floats of the per-disk fields. f4 resolves 6e-8 of the box, enough for
         analysis and not for a restart. Times and observables are always f8, counts are integers.
@@ -104,6 +105,8 @@ class TrajectoryWriter:
             _check_name("unit", quantity)
             if not isinstance(unit, str):
                 raise InputError(f"unit of {quantity} = {unit!r}: a text is needed")
+            if (unit == h5md.REDUCED) != (h5md.REDUCED in units.values()):
+                raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
 
         # Links are followed: what they point to is replaced, not they.
         self.path = Path(os.path.realpath(path))

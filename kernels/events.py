@@ -47,6 +47,7 @@ from .layout import (
     X,
     Y,
     meeting_time,
+    sooner,
 )
 
 
@@ -252,13 +253,9 @@ def predict(
                 if affected:  # nested: Taichi evaluates both sides of `and`
                     if ti.atomic_max(link[j][AFFECTED], round_) < round_:
                         push(AFFECTED_ROW + round_ % 2, j, lists, counter)
-        if t < horizon:
-            sooner = t < earliest
-            if t == earliest:
-                sooner = meta[j][ID] < meta[partner // 9][ID]
-            if sooner:
-                earliest = t
-                partner = code
+        if sooner(t, j, earliest, partner, horizon, meta):
+            earliest = t
+            partner = code
     flight[i][TE] = earliest
     link[i][PARTNER] = partner
     link[i][ACTIVE] = round_ + 1

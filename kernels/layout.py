@@ -90,3 +90,15 @@ def meeting_time(xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shif
     rx = (xj + vxj * (start - tau_j)) - (xi + vxi * (start - tau_i)) + shift_x
     ry = (yj + vyj * (start - tau_j)) - (yi + vyi * (start - tau_i)) + shift_y
     return start + contact_delay(rx, ry, vxj - vxi, vyj - vyi, sigma, before - start)
+
+
+@ti.func
+def sooner(t, j, earliest, partner, horizon, meta: ti.template()):
+    """Whether an event at t with disk j comes before the one at `earliest` with `partner` (a code), and in time.
+
+    Exact ties fall to the smaller id.
+    """
+    before = t < earliest and t < horizon
+    if t == earliest and t < horizon:
+        before = meta[j][ID] < meta[partner // 9][ID]
+    return before

@@ -31,6 +31,7 @@ from .layout import (
     X,
     Y,
     contact_delay,
+    sooner,
 )
 
 BLOCK = 1024  # items that one thread handles at a time in scans and reductions
@@ -223,13 +224,9 @@ def list_neighbours(
                         length += 1
                         # All clocks stand at 0: the same bits as `meeting_time`.
                         t = contact_delay(rx, ry, flight[j][VX] - vx, flight[j][VY] - vy, sigma, horizon)
-                        if t < horizon:
-                            sooner = t < earliest
-                            if t == earliest:
-                                sooner = meta[j][ID] < meta[partner // 9][ID]
-                            if sooner:
-                                earliest = t
-                                partner = code
+                        if sooner(t, j, earliest, partner, horizon, meta):
+                            earliest = t
+                            partner = code
         if length > capacity:
             ti.atomic_max(counter[MOST_NEIGHBOURS], length)
         link[i][LENGTH] = length

@@ -471,6 +471,15 @@ def test_dense_gas_starts_on_a_lattice() -> None:
     assert found.startswith('start.positions = "hexagonal": 100 disks')
 
 
+def test_random_start_that_fails_late_names_the_key() -> None:
+    # Two sizes: what is too dense for them is found by trying. 0.7 is beyond the 0.547 at which random
+    # sequential addition of equal disks ends, and a size ratio of 1.1 adds little.
+    second = SMALL[SMALL.index("[[species]]") :].replace("coins", "larger").replace("10.5e-3", "11.5e-3")
+    case = case_of(SMALL + second, "box.packing_fraction=0.7")
+    with pytest.raises(InputError, match=r'^start\.positions = "random": packing fraction = 0\.7'):
+        Gas.from_case(case).start(case)
+
+
 def start_case(tmp_path: Path, rows: str, *, number: int = 2) -> list[str]:
     (tmp_path / "start.csv").write_text(rows, encoding="utf-8")
     return [
@@ -523,6 +532,31 @@ def test_wrong_start_file_is_refused_by_line(rows: str, says: str, tmp_path: Pat
     found = mistakes(*start_case(tmp_path, rows), folder=tmp_path)
     assert any(re.search(says, line) for line in found), found
     assert all(line.startswith('start.file = "start.csv": ') for line in found)
+
+
+@pytest.mark.parametrize("rows", ["1.0,1.0\n5.0,7.9\n", "# x y\n\n1e0, -1,0,0,.5\n3,3,0,0,0\n"])
+def test_start_file_without_header_is_refused_in_one_line(tmp_path: Path, rows: str) -> None:
+    (found,) = mistakes(*start_case(tmp_path, rows), folder=tmp_path)
+    first = next(i for i, row in enumerate(rows.splitlines(), start=1) if row[:1].isdigit())
+    assert found.startswith(f'start.file = "start.csv": line {first}: there is no header')
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("x,y\n1,1\n5,5\n", "the columns vx, vy, spin or a species' speed_rms above 0"),
+        ("x,y,vx,vy,spin\n1,1,0,0,1\n5,5,0,0,0\n", "vx = vy = 0"),
+    ],
+)
+def test_start_file_at_rest_cannot_be_run_to_a_number_of_collisions(
+    tmp_path: Path, rows: str, says: str
+) -> None:
+    wanted = [*start_case(tmp_path, rows), "species[0].speed_rms="]
+    (found,) = mistakes(*wanted, folder=tmp_path)
+    assert found.startswith("run.collisions_per_disk = 5: nothing moves at the start")
+    assert 'start.file = "start.csv"' in found
+    assert says in found
+    assert mistakes(*wanted, "run.collisions_per_disk=", "run.t_end=1.0", folder=tmp_path) == []
 
 
 def test_speeds_in_the_case_and_in_the_start_file_contradict(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -160,6 +162,57 @@ def test_labels_carry_units(tmp_path: Path, drawn: list[Figure]) -> None:
     assert "made up: 30 disks, packing fraction 0.1, 90 collisions per disk" in shown  # 2 x 45 n / n
 
 
+def assert_labels_are_apart(axes: Axes) -> None:
+    """At least two labels along the horizontal axis, none within half a space of another."""
+    figure = axes.figure
+    figure.draw_without_rendering()
+    axis, (low, high) = axes.xaxis, axes.get_xlim()
+    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+    shown = [tick.label1 for tick in ticks if low <= tick.get_loc() <= high and tick.label1.get_text()]
+    extents = sorted((label.get_window_extent() for label in shown), key=lambda each: each.x0)
+    assert len(extents) >= 2
+    gap = 0.02 * figure.dpi
+    assert all(left.x1 + gap < right.x0 for left, right in itertools.pairwise(extents))
+
+
+@pytest.mark.parametrize("first", [1.0, 0.37, 0.071, 2.6e-7, 4.4e5])
+@pytest.mark.parametrize("span", [2.0, 2.5, 4.0, 5.0, 5.4, 7.0, 10.0, 20.0, 60.0, 100.0, 200.0])
+def test_labels_of_logarithmic_time_are_apart_and_at_least_two(first: float, span: float) -> None:
+    axes = Figure(figsize=(6.0, 1.5)).add_axes((0.1, 0.3, 0.8, 0.6))  # narrower than in the picture
+    axes.plot([first, first * span], [1.0, 1.0])
+    axes.set_xscale("log")
+    plot._few_labels(axes)
+    assert_labels_are_apart(axes)
+
+
+@pytest.mark.parametrize("frames", [2, 21])
+def test_time_labels_of_short_runs_are_apart(tmp_path: Path, drawn: list[Figure], frames: int) -> None:
+    write(tmp_path / "a.h5", frames=frames)
+    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    assert_labels_are_apart(drawn[0].axes[1])
+
+
+def test_no_time_labels_stand_between_the_panels(tmp_path: Path, drawn: list[Figure]) -> None:
+    write(tmp_path / "a.h5")
+    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    drawn[0].draw_without_rendering()
+    axis = drawn[0].axes[0].xaxis
+    assert not any(tick.label1.get_visible() for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()])
+
+
+@pytest.mark.parametrize("frames", [2, 6])
+def test_no_theta_marker_is_cut_at_the_top(tmp_path: Path, drawn: list[Figure], frames: int) -> None:
+    write(tmp_path / "a.h5", frames=frames)
+    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    drawn[0].draw_without_rendering()
+    lower = drawn[0].axes[1]
+    markers = lower.lines[0]
+    top = lower.transData.transform(np.asarray(markers.get_xydata(), dtype=float))[:, 1].max()
+    radius = 0.5 * (markers.get_markersize() + markers.get_markeredgewidth()) * drawn[0].dpi / 72.0
+    assert top + radius < lower.bbox.y1
+    assert lower.get_ylim()[0] == 0.0
+
+
 def test_reduced_units_are_called_so(tmp_path: Path, drawn: list[Figure]) -> None:
     write(tmp_path / "a.h5", units=dict.fromkeys(SI, "reduced"))
     plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
@@ -201,3 +254,13 @@ def test_picture_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
 def test_missing_trajectory_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+
+
+def test_markers_of_a_nearly_constant_theta_are_whole() -> None:
+    figure = Figure(figsize=(6.0, 1.5))
+    axes = figure.add_subplot()
+    axes.plot([1.0, 2.0, 3.0], [0.50, 0.505, 0.51], "o", ms=5)  # the usual margin would be 0.0005 here
+    plot._from_zero(axes)
+    figure.draw_without_rendering()
+    top = float(axes.transData.transform((3.0, 0.51))[1])
+    assert top + 0.5 * (5.0 + 1.0) * figure.dpi / 72.0 < axes.bbox.y1

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
+import os
+import pty
+import struct
+import termios
 
 import pytest
 
-from ifrdem.progress import Progress
+from ifrdem.progress import NARROWEST, Progress
 
 
 class Clock:
@@ -114,3 +119,49 @@ def test_terminal_gets_a_bar_that_is_redrawn_in_place(monkeypatch: pytest.Monkey
     assert " 50.0 %" in shown
     assert "ETA 0:10, 25 collisions/s, 5.00 per disk, t = 0.5 s" in shown
     assert max(len(line) for line in shown.replace("\r", "\n").splitlines()) <= 80
+
+
+@pytest.mark.parametrize("columns", [NARROWEST, 40, 50, 60, 66, 80, 120])
+def test_time_left_and_rate_are_whole_on_every_terminal(
+    monkeypatch: pytest.MonkeyPatch, columns: int
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    clock, out = Clock(), Terminal()
+    with Progress(50_000, collisions_per_disk=1e7, stream=out, clock=clock) as progress:
+        progress(0.0, 0)
+        clock.now += 10.0
+        progress(0.012345, 98_700_000)  # 9.87e6 a second: 2.5e11 take 25,329 s, of which 10 are over
+    last = [line for line in out.getvalue().replace("\n", "\r").split("\r") if line.strip()][-1].rstrip()
+    assert len(last) < columns
+    whole = "ETA 7:01:59, 9.87e+06 collisions/s"
+    assert whole in last or last.endswith("ETA 7:01:59, 9.87e+06/s")
+    # What is there is there to its end.
+    *_, end = last.split(", ")
+    assert end in ("9.87e+06/s", "9.87e+06 collisions/s", "3948.00 per disk", "t = 0.01235 s")
+    assert (end == "t = 0.01235 s") == (columns >= 90)
+
+
+@pytest.mark.parametrize("columns", [0, NARROWEST - 1])
+def test_terminal_without_room_gets_plain_lines(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    reader, writer = pty.openpty()
+    fcntl.ioctl(writer, termios.TIOCSWINSZ, struct.pack("HHHH", 0, columns, 0, 0))
+    clock = Clock()
+    with (
+        os.fdopen(writer, "w") as out,
+        Progress(100, t_end=1.0, stream=out, clock=clock) as progress,
+    ):
+        progress(0.0, 0)
+        clock.now += 10.0
+        progress(0.5, 250)
+        assert os.read(reader, 1000).decode().startswith(" 50.0 %  t = 0.5 s, 5.00 collisions per disk")
+    os.close(reader)
+
+
+def test_terminal_that_knows_its_columns_but_no_rows_shows_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    reader, writer = pty.openpty()
+    fcntl.ioctl(writer, termios.TIOCSWINSZ, struct.pack("HHHH", 0, 70, 0, 0))
+    with os.fdopen(writer, "w") as out, Progress(100, t_end=1.0, stream=out, clock=Clock()):
+        assert "compiling" in os.read(reader, 1000).decode()
+    os.close(reader)

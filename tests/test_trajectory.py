@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 
 import ifrdem
 from ifrdem.box import Box
+from ifrdem.case import UNITS
 from ifrdem.errors import InputError
 from ifrdem.state import Disks, State
 from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter, describe
@@ -195,12 +197,12 @@ def test_3d_views_equal_the_raw_data_with_zero_z_as_frames_grow(tmp_path):
 
 def test_layout_is_h5md_with_steps_and_times_stored_once(tmp_path):
     path = tmp_path / "run.h5"
-    write(path, frames=3, fields=FIELDS, units={"length": "m"}, parameters={"author": "A. Person"})
+    units = {"length": "m", "momentum": "kg m s-1"}
+    write(path, frames=3, fields=FIELDS, units=units, parameters={"author": "A. Person"})
     with h5py.File(path) as file:
         assert list(file["h5md"].attrs["version"]) == [1, 1]
         assert file["h5md/author"].attrs["name"] == "A. Person"
         assert file["h5md/creator"].attrs["name"] == "ifrdem"
-        assert file["h5md/modules/units"].attrs["length"] == "m"
         assert file["parameters/units/length"].asstr()[()] == "m"
         assert list(file["particles"]) == ["all"]
         box = file["particles/all/box"]
@@ -227,7 +229,62 @@ def test_layout_is_h5md_with_steps_and_times_stored_once(tmp_path):
         assert particles["species"] == particles["material"]
 
 
+def test_units_module_declares_si_and_is_absent_without_it(tmp_path):
+    # The module (nongnu.org/h5md/modules/units.html): attributes version and system and no other, the system
+    # a text of fixed length.
+    write(tmp_path / "si.h5", units=UNITS["SI"])
+    with h5py.File(tmp_path / "si.h5") as file:
+        module = file["h5md/modules/units"]
+        assert sorted(module.attrs) == ["system", "version"]
+        assert list(module.attrs["version"]) == [1, 0]
+        assert module.attrs["system"] == b"SI"
+        assert h5py.check_string_dtype(module.attrs.get_id("system").dtype).length == 2
+    for name, units in (("none", {}), ("foreign", {"length": "m", "time": "month"}), ("old", {"v": "m/s"})):
+        write(tmp_path / f"{name}.h5", units=units)
+        with h5py.File(tmp_path / f"{name}.h5") as file:
+            assert "units" not in file["h5md/modules"]
+        with Trajectory(tmp_path / f"{name}.h5") as trajectory:
+            assert trajectory.units == units
+
+
+def test_units_of_a_case_are_written_in_the_notation_of_h5md():
+    # Factors between spaces: a symbol, and a signed power other than 0 behind it; each symbol once.
+    for unit in UNITS["SI"].values():
+        factors = unit.split(" ")
+        assert all(re.fullmatch(r"[A-Za-z]+([+-][1-9]\d*)?", factor) for factor in factors), unit
+        assert len({re.sub(r"[^A-Za-z]", "", factor) for factor in factors}) == len(factors)
+    assert UNITS["SI"]["momentum"] == "kg m s-1"
+
+
+def test_reduced_units_are_one_parameter_and_no_unit_of_anything(tmp_path):
+    path = tmp_path / "run.h5"
+    write(path, units=UNITS["reduced"])
+    with h5py.File(path) as file:
+        assert "units" not in file["h5md/modules"]
+        assert file["parameters/units"].asstr()[()] == "reduced"
+    with Trajectory(path) as trajectory:
+        assert trajectory.units == {}
+        assert trajectory.parameters["units"] == "reduced"
+    lines = describe(path).splitlines()
+    assert [line for line in lines[1:] if "reduced" in line] == ["  units             reduced"]
+    assert "  frames            3, time 0 to 0.2" in lines
+    assert "  box               30 x 20, periodic" in lines
+
+
 # --- reading
+
+
+def test_repr_says_what_is_there(tmp_path):
+    path = tmp_path / "run.h5"
+    write(path, frames=3, units={"time": "s"})
+    with Trajectory(path) as trajectory:
+        assert repr(trajectory) == f"<Trajectory '{path}': 5 disks, 3 frames from t = 0 to 0.2 s>"
+        assert repr(trajectory[-1]) == "<Frame 2 of 3: 5 disks at t = 0.2 s>"
+    assert repr(trajectory).endswith("0.2 s, closed>")
+    write(tmp_path / "one.h5", frames=1)
+    with Trajectory(tmp_path / "one.h5") as trajectory:
+        assert repr(trajectory).endswith(": 5 disks, 1 frame from t = 0 to 0>")
+        assert repr(trajectory[0]) == "<Frame 0 of 1: 5 disks at t = 0>"
 
 
 def test_trajectory_indexes_like_a_list(tmp_path):
@@ -427,6 +484,7 @@ def test_impossible_outputs_are_refused(tmp_path):
         ({"parameters": {"": 1}}, "name of parameter"),
         ({"parameters": {"case": "a\0b"}}, "cannot be written"),
         ({"units": {"length": 1}}, "unit of length"),
+        ({"units": {"length": "reduced", "time": "s"}}, "unit of time = 's': either all"),
     ],
 )
 def test_wrong_options_are_refused_and_leave_nothing(tmp_path, options, reason):
