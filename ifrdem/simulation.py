@@ -49,7 +49,9 @@ class Simulation:
     Notes
     -----
     Limits: a periodic box, no forces between collisions, disks of similar size for speed (the largest sets the
-    grid). A gas that collapses inelastically (smooth disks, e_n well below 0.7) ends with an EngineError.
+    grid). Inelastic collapse (smooth disks, e_n well below 0.7) takes very many collisions; touching disks that
+    approach more slowly than 1e-14 of their velocities count as at rest, which ends it, and a run that gains no time
+    at all ends with an EngineError.
     """
 
     def __init__(

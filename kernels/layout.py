@@ -57,12 +57,13 @@ END, LATCHED, FASTEST, EARLIEST = range(4)
 
 ROLLED_BACK = -2  # as a partner: this disk was rolled back and has not predicted again
 FAR = 1.0e30  # a time later than any event
+ROUNDING = 1.0e-14  # relative error that a velocity may carry: some 50 units in its last place
 NEVER = 1 << 30  # "undo from collision number NEVER on": nothing to undo
 
 
 @ti.func
-def contact_delay(rx, ry, vx, vy, sigma, within):
-    """Time until the separation r + v t has length sigma, FAR if never; 0 for an approaching overlapping pair.
+def contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, within):
+    """Time until the separation r + v t, v = v_j - v_i, has length sigma; FAR if never; 0 for a touching pair.
 
     The smaller root of (r + v t)^2 = sigma^2 in the form that does not cancel, c / (sqrt(b^2 - v^2 c) - b) with
     b = r.v and c = r^2 - sigma^2. Rounding can leave c a little below 0 at contact. Every term is even under
@@ -70,16 +71,25 @@ def contact_delay(rx, ry, vx, vy, sigma, within):
 
     Contact takes c = -2 b t - v^2 t^2 <= -2 b t. Most pairs cannot make that `within` the time of interest, and are
     told apart without root and division; they also count as never.
+
+    A touching pair that approaches more slowly than the rounding errors of its velocities counts as at rest: disks
+    pressed together by others would otherwise push each other for ever, in no time and to no effect.
     """
     delay = FAR
+    vx = vxj - vxi
+    vy = vyj - vyi
     b = rx * vx + ry * vy
     if b < 0.0:
         c = rx * rx + ry * ry - sigma * sigma
         if c <= -2.0 * b * within:
             v2 = vx * vx + vy * vy
             d = b * b - v2 * c
-            if d > 0.0:
-                delay = ti.max(c, 0.0) / (ti.sqrt(d) - b)
+            if c <= 0.0:
+                noise = ROUNDING * ((ti.abs(vxi) + ti.abs(vxj)) + (ti.abs(vyi) + ti.abs(vyj)))
+                if b < -sigma * noise:
+                    delay = 0.0
+            elif d > 0.0:
+                delay = c / (ti.sqrt(d) - b)
     return delay
 
 
@@ -89,7 +99,7 @@ def meeting_time(xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shif
     start = ti.max(tau_i, tau_j)
     rx = (xj + vxj * (start - tau_j)) - (xi + vxi * (start - tau_i)) + shift_x
     ry = (yj + vyj * (start - tau_j)) - (yi + vyi * (start - tau_i)) + shift_y
-    return start + contact_delay(rx, ry, vxj - vxi, vyj - vyi, sigma, before - start)
+    return start + contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, before - start)
 
 
 @ti.func

@@ -223,7 +223,7 @@ def list_neighbours(
                             neighbour[capacity * i + length] = code
                         length += 1
                         # All clocks stand at 0: the same bits as `meeting_time`.
-                        t = contact_delay(rx, ry, flight[j][VX] - vx, flight[j][VY] - vy, sigma, horizon)
+                        t = contact_delay(rx, ry, vx, vy, flight[j][VX], flight[j][VY], sigma, horizon)
                         if sooner(t, j, earliest, partner, horizon, meta):
                             earliest = t
                             partner = code

@@ -221,12 +221,25 @@ def test_three_inelastic_disks_in_a_row_do_not_hang_the_engine() -> None:
     np.testing.assert_allclose(np.diff(simulation.state.position[:, 0]), 1.0, atol=1e-6)
 
 
-def test_inelastic_collapse_ends_with_a_message() -> None:
+def test_inelastic_collapse_passes_in_finite_work() -> None:
+    """Dense smooth disks at e_n = 0.05 collapse at once; contacts slower than rounding end each collapse."""
+    disks = equal_disks(200)
+    box, state = start(disks, 0.75)
+    simulation = Simulation(disks, box, IFRLaw(e_n=0.05, e_t=-1.0, mu=0.0), state)
+    simulation.run(t_end=0.1)
+    # An elastic gas would have had some three per disk by then, 1.5 n in all.
+    assert simulation.collisions > 15 * disks.n
+    placement.check_no_overlap(box, disks.radius, simulation.state.position, tolerance=1e-12)
+
+
+def test_a_collapse_without_end_stops_with_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ifrdem.engine, "MOST_ROUNDS", 20)
+    monkeypatch.setattr(ifrdem.engine, "STALLED_EPOCHS", 3)
     disks = equal_disks(200)
     box, state = start(disks, 0.75)
     simulation = Simulation(disks, box, IFRLaw(e_n=0.05, e_t=-1.0, mu=0.0), state)
     with pytest.raises(EngineError, match="inelastic collapse"):
-        simulation.run(collisions_per_disk=300.0)
+        simulation.run(t_end=1.0)
 
 
 def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
