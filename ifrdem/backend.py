@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import tempfile
 from dataclasses import dataclass
 
 from .errors import InputError, nearest
@@ -78,6 +79,20 @@ def check(arch: str, threads: int | None = None) -> None:
         raise InputError(f"threads = {threads}: must lie between 1 and the {cores()} cores that are here")
 
 
+def _kernel_cache() -> str:
+    """Where compiled kernels are kept: Taichi's usual folder, or a passing one where that cannot be written.
+
+    Taichi itself crashes when it cannot write its cache.
+    """
+    folder = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
+    try:
+        os.makedirs(folder, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        return tempfile.mkdtemp(prefix="ifrdem-kernels-")
+
+
 def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
     """Start Taichi in double precision, or do nothing if it already runs with the same settings.
 
@@ -100,6 +115,7 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
     wanted = Running(arch, threads or cores())
     import taichi as ti
 
+    os.environ.pop("TI_ARCH", None)  # Taichi would follow it instead of what was asked for
     if _running == wanted and ti.lang.impl.get_runtime().prog is not None:
         return _running
     with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
@@ -110,6 +126,7 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
             fast_math=False,  # with it, contact times lose bits and collisions are missed
             cpu_max_num_threads=wanted.threads,
             offline_cache=True,
+            offline_cache_file_path=_kernel_cache(),
             log_level=ti.WARN,
             enable_fallback=False,
         )

@@ -22,6 +22,8 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 
+MOST_DISKS = (2**31 - 1) // 24  # what the engine's 32-bit indices reach, see `Engine`
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -227,7 +229,7 @@ class SpeciesSection(Section):
     )
 
     name: Name = Field(description="name [text]", examples=["coins"])
-    number: int = Field(ge=1, lt=2**31, description="number of disks [whole number]", examples=[50000])
+    number: int = Field(ge=1, le=MOST_DISKS, description="number of disks [whole number]", examples=[50000])
     material: Name | None = Field(
         default=None,
         description="name of the material [text]; not needed with a coin, which brings its own",

@@ -156,6 +156,7 @@ class Engine:
         self.keep_collisions = False
         self._duration = 0.0  # part of the current epoch that is done but not yet flown
         self._stalled = 0
+        self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
         self.log_growth = 2  # a log that was too short gets longer by this factor
         self._log_growths = 0
         self._collided_at = self.time
@@ -249,6 +250,18 @@ class Engine:
             If no collision can ever happen but some are asked for, if collisions pile up without end (inelastic
             collapse), or if a guarantee of the engine is violated.
         """
+        self._check_whole()
+        self._whole = False
+        self._epoch(t_end, collisions)
+        self._whole = True
+
+    def _check_whole(self) -> None:
+        if not self._whole:
+            raise EngineError(
+                "an epoch was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
+            )
+
+    def _epoch(self, t_end: float, collisions: int | None) -> None:
         fastest = self._settle()
         if fastest == 0.0 or self.n < 2:
             if not math.isfinite(t_end):
@@ -441,7 +454,10 @@ class Engine:
         """The present state, in id order."""
         from .kernels.sort import export
 
+        self._check_whole()
+        self._whole = False
         self._settle()
+        self._whole = True
         n, room = self.n, max(self.n, 1)
         real, integer = np.zeros((room, 5)), np.zeros((room, 3), dtype=np.int32)
         export(n, self._cells[1], *self._side, self._flight, self._meta, self._cell, real, integer)

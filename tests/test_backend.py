@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 
@@ -43,6 +44,18 @@ def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
     program = ti.lang.impl.get_runtime().prog
     assert backend.start("cpu") is running
     assert ti.lang.impl.get_runtime().prog is program
+
+
+def test_neither_the_environment_nor_an_unwritable_cache_changes_what_runs() -> None:
+    code = (
+        "from ifrdem import backend; backend.start('cpu'); import taichi as ti; "
+        "assert ti.cfg.arch == ti.cpu, ti.cfg.arch"
+    )
+    environment = {**os.environ, "TI_ARCH": "vulkan", "TI_OFFLINE_CACHE_FILE_PATH": "/proc/1/nowhere"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_starting_says_nothing_on_stdout() -> None:

@@ -11,6 +11,7 @@ from gases import COIN, ELASTIC, equal_disks, equilibrated, mixture, start
 import ifrdem.engine
 from ifrdem import backend, placement
 from ifrdem.box import Box
+from ifrdem.case import MOST_DISKS
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
 from ifrdem.law import IFRLaw
@@ -167,6 +168,28 @@ def test_a_run_by_collisions_ends_right_after_the_last_one() -> None:
         found = simulation.collide(count)
         assert len(found.time) == count
         assert simulation.time == pytest.approx(found.time[-1], rel=1e-15)
+
+
+def test_an_interrupted_epoch_is_not_continued(monkeypatch: pytest.MonkeyPatch) -> None:
+    disks = equal_disks(100)
+    box, state = start(disks, 0.3)
+    engine = Engine(disks, box, state, np.array([[COIN]]))
+    engine.advance(collisions=10)
+
+    def interrupted(*_: object) -> float:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(engine, "_rounds", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        engine.advance(collisions=20)
+    monkeypatch.undo()
+    for use in (lambda: engine.advance(collisions=20), engine.state):
+        with pytest.raises(EngineError, match="interrupted half-way"):
+            use()
+
+
+def test_case_files_allow_as_many_disks_as_the_engine() -> None:
+    assert MOST_DISKS == ifrdem.engine.ADDRESSABLE // ifrdem.engine.ROW
 
 
 def test_gas_at_rest_stays_at_rest_and_cannot_give_collisions() -> None:
