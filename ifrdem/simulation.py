@@ -127,7 +127,7 @@ class Simulation:
             End by 2 * collisions / n. Exactly one of the two must be given.
         frames : int
             Frames after the first one, evenly spaced in the quantity that ends the run; a frame at a number of
-            collisions stands right after the last of them.
+            collisions stands right after the last of them, and after any others at exactly that time.
         observers : iterable of callables
             Each is called as `observer(state, measure)` at the beginning and at every frame.
         progress : callable
@@ -155,7 +155,10 @@ class Simulation:
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
     def collide(self, count: int) -> Collisions:
-        """Run for exactly `count` collisions and return them, in order."""
+        """Run for `count` collisions and return them, in order.
+
+        More come back only where several happen at one and the same time, as at the end of an inelastic collapse.
+        """
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
