@@ -20,6 +20,7 @@ An epoch ends early, and everything at or after its new end is undone, when
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +31,7 @@ from .box import Box
 from .errors import EngineError, InputError
 from .state import Disks, State
 
-# Bytes that the arrays take for each disk, with a log of one record a disk and rows of 24 neighbours.
+# Bytes that the arrays take for each disk, with a log of one record for two disks and rows of 24 neighbours.
 _LOG_REAL, _LOG_INT = 11, 8
 _FLIGHT, _BODY, _LINK, _META, _LISTS = 8, 2, 8, 5, 5
 ADDRESSABLE = 2**31 - 1  # entries of one array that 32-bit indices reach
@@ -43,11 +44,18 @@ BYTES_PER_DISK = (
     + 4 * _LOG_INT
 )
 
-SPEED_MARGIN = 1.15  # how much faster than the fastest disk a disk may become before the epoch is cut short
+ALONE = 20_000  # up to so many disks, one thread runs whole epochs by itself
+TILE_DISKS = 4000  # disks of a tile: what fits the cache next to a core
+LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see to progress and interrupts
 FEW = 4096  # up to so many active disks, one thread is faster than several
 MOST_ROUNDS = 2000  # rounds after which an epoch is cut at its earliest unprocessed event
+MOST_LOG = 4  # records for each disk up to which the log grows; beyond, epochs get shorter
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 STALLED_EPOCHS = 50  # epochs in a row that together gain no time: the gas has collapsed
+
+
+# Who processes an epoch's collisions: one thread alone, tiles of disks in parallel, or rounds over all disks.
+ORDERS = ("alone", "tiles", "rounds")
 
 
 @dataclass
@@ -119,6 +127,7 @@ class Engine:
         arch: str = "cpu",
         threads: int | None = None,
         skin: float | None = None,
+        precision: str = "f64",
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
@@ -154,13 +163,20 @@ class Engine:
         self.statistics = Statistics()
         self.last_collisions: Collisions | None = None
         self.keep_collisions = False
-        self._duration = 0.0  # part of the current epoch that is done but not yet flown
+        self.windows = 1  # parts of an epoch, one after the other
+        self.tile_disks = TILE_DISKS
+        self._burst = 1  # epochs of the next launch, where one thread runs them
+        self._real = np.float64
         self._stalled = 0
         self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
         self.log_growth = 2  # a log that was too short gets longer by this factor
         self._log_growths = 0
         self._collided_at = self.time
         backend.start(arch, threads=threads)
+        import taichi as ti
+
+        self._dtype = ti.f64
+        self.order = ORDERS[0 if n <= ALONE else 1] if arch == "cpu" else ORDERS[2]
         self._allocate(state, law_table, diameter + skin)
 
     # ------------------------------------------------------------------ arrays
@@ -169,16 +185,19 @@ class Engine:
         import taichi as ti
 
         n = self.n
-        cells = [max(1, int(side / reach)) for side in self.box.lengths]
+        # Wider by a trifle: a disk on the border of two cells may count to either.
+        most = [max(1, int(side / (reach * (1.0 + 1e-9)))) for side in self.box.lengths]
         # More cells than disks would only cost time: a dilute gas gets larger ones.
-        thin = math.sqrt(max(1.0, cells[0] * cells[1] / max(n, 1)))
-        self._cells = (max(1, int(cells[0] / thin)), max(1, int(cells[1] / thin)))
-        self._side = tuple(
-            length / count for length, count in zip(self.box.lengths, self._cells, strict=True)
-        )
-        total = self._cells[0] * self._cells[1]
+        thin = math.sqrt(max(1.0, most[0] * most[1] / max(n, 1)))
+        most = [max(1, int(count / thin)) for count in most]
+        tiles = [1, 1]
+        if self.order != "alone":
+            wanted = math.sqrt(self.tile_disks * most[0] * most[1] / max(n, 1))
+            tiles = [max(1, round(count / wanted)) for count in most]
+        cells = [count // by for count, by in zip(most, tiles, strict=True)]
+        total = tiles[0] * tiles[1] * cells[0] * cells[1]
 
-        real, integer, room = ti.f64, ti.i32, max(n, 1)
+        real, integer, room = self._dtype, ti.i32, max(n, 1)
         self._flight, self._flight_2 = (ti.Vector.ndarray(_FLIGHT, real, room) for _ in range(2))
         self._body, self._body_2 = (ti.Vector.ndarray(_BODY, real, room) for _ in range(2))
         self._meta, self._meta_2 = (ti.Vector.ndarray(_META, integer, room) for _ in range(2))
@@ -186,25 +205,36 @@ class Engine:
         self._link = ti.Vector.ndarray(_LINK, integer, room)
         self._order = ti.ndarray(integer, (room,))
         self._lists = ti.ndarray(integer, (_LISTS, room))
+        self._total_cells = total
         self._start = ti.ndarray(integer, (total + 1,))
         self._fill = ti.ndarray(integer, (total,))
         self._block = ti.ndarray(integer, (total // 1024 + 1,))
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self._counter = np.zeros(16, dtype=np.int32)
-        self._limit = np.zeros(4)
+        self._limit = np.zeros(4, dtype=self._real)
+        self._grid = np.array([n, *tiles, *cells, ROW, 0, 0], dtype=np.int32)
+        self._scale = np.zeros(10, dtype=self._real)
+        tile_sides = [length / count for length, count in zip(self.box.lengths, tiles, strict=True)]
+        cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]
+        self._scale[0:5] = (*cell_sides, *tile_sides, self.skin)
+        self._scale[8] = self.skin / 2.0
+        self._clock = np.zeros(3)
+        self._total = np.zeros(3, dtype=np.int64)
         self._law = ti.ndarray(real, law_table.shape)
         self._row = ROW
         self._neighbour = ti.ndarray(integer, (room * ROW,))
-        self.allocate_log(n + 1024)
+        self.allocate_log(n // 2 + 1024)
 
         position = self.box.wrap(state.position)
-        index = np.minimum((position / self._side).astype(np.int64), np.array(self._cells) - 1)
-        flight = np.zeros((room, _FLIGHT))
-        flight[:n, 0:2] = position - index * self._side
+        tile = np.minimum((position / tile_sides).astype(np.int64), np.array(tiles) - 1)
+        local = position - tile * tile_sides
+        index = np.clip((local / cell_sides).astype(np.int64), 0, np.array(cells) - 1)
+        flight = np.zeros((room, _FLIGHT), dtype=self._real)
+        flight[:n, 0:2] = local
         flight[:n, 2:4] = state.velocity
         flight[:n, 5] = state.spin
         flight[:n, 6] = self.disks.radius
-        body = np.ones((room, _BODY))
+        body = np.ones((room, _BODY), dtype=self._real)
         body[:n, 0] = 1.0 / self.disks.mass
         body[:n, 1] = self.disks.k
         meta = np.zeros((room, _META), dtype=np.int32)
@@ -213,20 +243,20 @@ class Engine:
         meta[:n, 2:4] = state.image + np.floor(state.position / self.box.lengths).astype(np.int32)
         meta[:n, 4] = state.collisions
         cell = np.zeros(room, dtype=np.int32)
-        cell[:n] = index[:, 0] * self._cells[1] + index[:, 1]
+        cell[:n] = ((tile[:, 0] * tiles[1] + tile[:, 1]) * cells[0] + index[:, 0]) * cells[1] + index[:, 1]
         self._flight.from_numpy(flight)
         self._body.from_numpy(body)
         self._meta.from_numpy(meta)
         self._cell.from_numpy(cell)
-        self._law.from_numpy(law_table)
+        self._law.from_numpy(law_table.astype(self._real))
         self._link.fill(0)
 
     def allocate_log(self, records: int) -> None:
         """Make room for so many collisions an epoch; the epoch at hand loses its log."""
         import taichi as ti
 
-        self._log_capacity = records
-        self._log_real = ti.Vector.ndarray(_LOG_REAL, ti.f64, records)
+        self._grid[6] = records
+        self._log_real = ti.Vector.ndarray(_LOG_REAL, self._dtype, records)
         self._log_int = ti.Vector.ndarray(_LOG_INT, ti.i32, records)
 
     @property
@@ -242,7 +272,7 @@ class Engine:
     # ------------------------------------------------------------------ running
 
     def advance(self, *, t_end: float = math.inf, collisions: int | None = None) -> None:
-        """Run one epoch: to `t_end` [time] or the total number of `collisions` at the latest, usually less far.
+        """Run one epoch, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
         Raises
         ------
@@ -252,7 +282,13 @@ class Engine:
         """
         self._check_whole()
         self._whole = False
-        self._epoch(t_end, collisions)
+        if self.n < 2:
+            self._settle()
+            self._fly_freely(t_end)
+        elif self.order == "alone":
+            self._epochs_by_one_thread(t_end, collisions)
+        else:
+            self._epoch(t_end, collisions)
         self._whole = True
 
     def _check_whole(self) -> None:
@@ -261,19 +297,78 @@ class Engine:
                 "an epoch was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
             )
 
-    def _epoch(self, t_end: float, collisions: int | None) -> None:
-        fastest = self._settle()
-        if fastest == 0.0 or self.n < 2:
-            if not math.isfinite(t_end):
-                raise EngineError(
-                    f"t = {self.time:.6g}: no disk can meet another one, but collisions are asked for"
-                )
-            self._duration, self.time = t_end - self.time, t_end
+    def _fly_freely(self, t_end: float) -> None:
+        if not math.isfinite(t_end):
+            raise EngineError(
+                f"t = {self.time:.6g}: no disk can meet another one, but collisions are asked for"
+            )
+        self._scale[9], self.time = t_end - self.time, t_end
+
+    def _epochs_by_one_thread(self, t_end: float, collisions: int | None) -> None:
+        from .kernels.epochs import epochs_by_one_thread
+        from .kernels.layout import EARLIEST, END, FASTEST, LOG_FULL, MOST_NEIGHBOURS, PLANNED
+
+        self._clock[:] = self.time, t_end, 0.0
+        self._total[:] = 2**62 if collisions is None else collisions - self.collisions, 0, 0
+        began = time.perf_counter()
+        before = self.time
+        epochs_by_one_thread(
+            1 if self.keep_collisions else self._burst, self._clock, self._total, self._grid, self._scale,
+            self._flight, self._body, self._meta, self._link, self._cell,
+            self._flight_2, self._body_2, self._meta_2, self._cell_2,
+            self._start, self._fill, self._order, self._neighbour, self._counter, self._limit,
+            self._log_real, self._log_int, self._law,
+        )  # fmt: skip
+        epochs, done = int(self._total[1]), int(self._total[2])
+        if self._limit[FASTEST] == 0.0:
+            self._fly_freely(t_end)
             return
-        reach = self.skin / 2.0
-        horizon = min(reach / (SPEED_MARGIN * fastest), t_end - self.time)
-        self._list(horizon)
-        end = self._rounds(horizon, reach)
+        if self._counter[MOST_NEIGHBOURS] > 0:
+            self._lengthen_rows(int(self._counter[MOST_NEIGHBOURS]))
+            self.last_collisions = None
+            return
+        elapsed = time.perf_counter() - began
+        if epochs == self._burst:
+            self._burst = int(min(max(self._burst * LAUNCH_SECONDS / elapsed, 1), 4 * self._burst, 1 << 20))
+        end, planned = float(self._limit[END]), float(self._clock[PLANNED])
+        if self._limit[EARLIEST] < end:
+            raise self._lost(float(self._limit[EARLIEST]))
+        if self.keep_collisions:
+            self.last_collisions = self._read_log()
+        self.statistics.epochs += epochs
+        if self._counter[LOG_FULL]:
+            self.statistics.cut_for_log += 1
+            self._lengthen_log()
+        elif end < planned and not (collisions is not None and self.collisions + done >= collisions):
+            self.statistics.cut_for_speed += 1
+        self.time = float(self._clock[0])
+        self.collisions += done
+        self._watch(self.time - before, end < 1e-9 * planned, done, t_end, float(self._limit[FASTEST]))
+
+    def _lost(self, earliest: float) -> EngineError:
+        return EngineError(
+            f"t = {self.time + earliest:.9g}: an event before the end of the epoch was left unprocessed "
+            "although no disk was active; please report this with the case file and seed"
+        )
+
+    def _epoch(self, t_end: float, collisions: int | None) -> None:
+        from .kernels.layout import LOG_FULL, SPEED_MARGIN
+
+        fastest = self._settle()
+        if fastest == 0.0:
+            self._fly_freely(t_end)
+            return
+        horizon = min(self.skin / 2.0 / (SPEED_MARGIN * fastest), t_end - self.time)
+        while True:
+            self._list(horizon)
+            end = self._rounds(horizon)
+            if self._counter[LOG_FULL] != 2:
+                break
+            # The tiles had no room to log their collisions: again, with a longer log or a shorter epoch.
+            self._cut(0.0)
+            self._clear()
+            if not self._lengthen_log():
+                horizon /= 2.0
         if end < horizon:
             self._cut(end)
         done = self._standing()
@@ -289,7 +384,7 @@ class Engine:
         from .kernels.sort import settle
 
         settle(
-            self.n, self._duration, *self._cells, *self._side,
+            self._grid, self._scale,
             self._flight, self._body, self._meta, self._link, self._cell,
             self._flight_2, self._body_2, self._meta_2, self._cell_2,
             self._start, self._fill, self._block, self._order, self._limit,
@@ -298,66 +393,102 @@ class Engine:
         self._body, self._body_2 = self._body_2, self._body
         self._meta, self._meta_2 = self._meta_2, self._meta
         self._cell, self._cell_2 = self._cell_2, self._cell
-        self._duration = 0.0
+        self._scale[9] = 0.0
         return float(self._limit[2])
 
+    def _clear(self) -> None:
+        from .kernels.lists import clear_all
+
+        clear_all(self._grid, self._flight, self._link)
+
     def _list(self, horizon: float) -> None:
+        from .kernels.layout import MOST_NEIGHBOURS
+        from .kernels.lists import list_disks, list_tiles
+
+        self._scale[5] = horizon
+        while True:
+            if self.order == "tiles":
+                list_tiles(
+                    self._grid, self._scale, self._flight, self._link, self._meta, self._start,
+                    self._neighbour, self._counter, self._limit,
+                )  # fmt: skip
+            else:
+                list_disks(
+                    self._grid, self._scale, self._flight, self._link, self._meta, self._cell, self._start,
+                    self._neighbour, self._counter, self._limit,
+                )  # fmt: skip
+            needed = int(self._counter[MOST_NEIGHBOURS])
+            if needed == 0:
+                return
+            self._lengthen_rows(needed)
+            self._clear()
+
+    def _lengthen_rows(self, needed: int) -> None:
         import taichi as ti
 
-        from .kernels.layout import MOST_NEIGHBOURS
-        from .kernels.sort import list_neighbours
+        row = min(needed + needed // 4, ADDRESSABLE // self.n)
+        if row < needed:
+            raise EngineError(
+                f"a disk has {needed} neighbours: for {self.n} disks, 32-bit indices allow {row}; "
+                "use a smaller skin"
+            )
+        self._grid[5] = row
+        self._neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * row,))
 
-        while True:
-            list_neighbours(
-                self.n, self._row, self.skin, horizon, *self._cells, *self._side,
-                self._flight, self._link, self._meta, self._cell, self._start, self._neighbour, self._counter,
-                self._limit,
-            )  # fmt: skip
-            needed = int(self._counter[MOST_NEIGHBOURS])
-            if needed <= self._row:
-                return
-            self._row = min(needed + needed // 4, ADDRESSABLE // self.n)
-            if self._row < needed:
-                raise EngineError(
-                    f"a disk has {needed} neighbours: for {self.n} disks, 32-bit indices allow {self._row}; "
-                    "use a smaller skin"
-                )
-            self._neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * self._row,))
+    def _lengthen_log(self) -> bool:
+        """Double the log, if that is still reasonable."""
+        records = int(self._grid[6])
+        if self.log_growth == 1 or records > MOST_LOG * self.n + 4096:
+            return False
+        self.allocate_log(self.log_growth * records)
+        return True
 
-    def _rounds(self, horizon: float, reach: float) -> float:
-        """Rounds until no event before the end is left; returns the end."""
+    def _rounds(self, horizon: float) -> float:
+        """Windows of tiles and rounds until no event before the end is left; returns the end."""
         from .kernels.layout import (
-            AFFECTED_ROW,
-            CHANGED_ROW,
             END,
             LOG_FULL,
             N_ROUNDS,
             N_UNDONE,
             N_VIOLATIONS,
-            ROUND,
         )
         from .kernels.rounds import one_round, rounds_by_one_thread
+        from .kernels.tiles import join_tiles, run_tiles
 
+        counter = self._counter
         state = (
-            self._flight, self._body, self._link, self._meta, self._neighbour,
-            self._lists, self._counter, self._limit, self._log_real, self._log_int, self._law,
+            self._grid, self._scale, self._flight, self._body, self._link, self._meta, self._neighbour,
+            self._lists, counter, self._limit, self._log_real, self._log_int, self._law,
         )  # fmt: skip
-        times = (horizon, horizon, *self._side, reach)
-        everybody, active = self.n, self.n
-        while True:
-            if active <= FEW:
-                rounds_by_one_thread(
-                    everybody, FEW, MOST_ROUNDS, self._log_capacity, self._row, *times, *state
-                )
-            else:
-                one_round(everybody, self._log_capacity, self._row, *times, *state)
-            everybody = 0
-            counter = self._counter
-            now = counter[ROUND] % 2
-            # Active in the next round: those that just predicted, and those rolled back, which will.
-            active = int(counter[CHANGED_ROW : CHANGED_ROW + 2].sum() + counter[AFFECTED_ROW + 1 - now])
-            full = bool(counter[LOG_FULL])
-            if active == 0 or full or counter[N_ROUNDS] >= MOST_ROUNDS:
+        full = False
+        active = 0
+        for window in range(self.windows):
+            self._scale[6] = horizon * window / self.windows
+            self._scale[7] = horizon * (window + 1) / self.windows if window + 1 < self.windows else horizon
+            everybody = self.n
+            active = self.n
+            if self.order == "tiles":
+                run_tiles(
+                    self._grid, self._scale, self._flight, self._body, self._link, self._meta, self._start,
+                    self._order, self._neighbour, counter, self._limit, self._log_real, self._log_int, self._law,
+                )  # fmt: skip
+                if counter[LOG_FULL]:
+                    return horizon
+                join_tiles(
+                    self._grid, self._scale, self._flight, self._link, self._meta, self._cell,
+                    self._neighbour, self._lists, counter, self._log_real, self._log_int,
+                )  # fmt: skip
+                everybody = 0
+                active = self._active()
+            while active and not full and counter[N_ROUNDS] < MOST_ROUNDS:
+                if active <= FEW:
+                    rounds_by_one_thread(everybody, FEW, MOST_ROUNDS, *state)
+                else:
+                    one_round(everybody, *state)
+                everybody = 0
+                active = self._active()
+                full = bool(counter[LOG_FULL])
+            if active:
                 break
         self.statistics.rounds += int(counter[N_ROUNDS])
         self.statistics.undone += int(counter[N_UNDONE])
@@ -366,10 +497,7 @@ class Engine:
         earliest = self._earliest()
         if active == 0:
             if earliest < end:
-                raise EngineError(
-                    f"t = {self.time + earliest:.9g}: an event before the end of the epoch was left unprocessed "
-                    "although no disk was active; please report this with the case file and seed"
-                )
+                raise self._lost(earliest)
             if end < horizon:
                 self.statistics.cut_for_speed += 1
             return end
@@ -379,11 +507,19 @@ class Engine:
             self.statistics.cut_for_rounds += 1
         return min(end, earliest)
 
+    def _active(self) -> int:
+        """Disks active in the next round: those that just predicted, and those rolled back, which will."""
+        from .kernels.layout import AFFECTED_ROW, CHANGED_ROW, ROUND
+
+        counter = self._counter
+        last = 1 - counter[ROUND] % 2
+        return int(counter[CHANGED_ROW : CHANGED_ROW + 2].sum() + counter[AFFECTED_ROW + last])
+
     def _earliest(self) -> float:
         from .kernels.layout import EARLIEST
         from .kernels.rounds import earliest_event
 
-        earliest_event(self.n, self._flight, self._limit)
+        earliest_event(self._grid, self._flight, self._limit)
         return float(self._limit[EARLIEST])
 
     def _cut(self, end: float) -> None:
@@ -392,10 +528,9 @@ class Engine:
         cut(end, self._flight, self._link, self._lists, self._counter, self._log_real, self._log_int)
 
     def _standing(self) -> int:
-        from .kernels.layout import N_LOG, N_UNDONE
+        from .kernels.layout import N_STANDING
 
-        counter = self._counter
-        return int(counter[N_LOG] - counter[N_UNDONE])
+        return int(self._counter[N_STANDING])
 
     def _standing_records(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Times, shape (c,), and slots, shape (c, 2), of the collisions that stand, in any order."""
@@ -421,14 +556,18 @@ class Engine:
         return Collisions(self.time + times[order], pair[order])
 
     def _finish(self, end: float, horizon: float, t_end: float, done: int, fastest: float) -> None:
-        self._duration = end
+        self._scale[9] = end
         reached = end == horizon and horizon == t_end - self.time
         self.time = t_end if reached else self.time + end
         self.collisions += done
         self.statistics.epochs += 1
-        if self.statistics.cut_for_log > self._log_growths and self.log_growth > 1:
+        if self.statistics.cut_for_log > self._log_growths:
             self._log_growths = self.statistics.cut_for_log
-            self.allocate_log(self.log_growth * self._log_capacity)
+            self._lengthen_log()
+        self._watch(end, end < 1e-9 * horizon, done, t_end, fastest)
+
+    def _watch(self, gained: float, stalled: bool, done: int, t_end: float, fastest: float) -> None:
+        """Stop a run that cannot come to its end."""
         if done:
             self._collided_at = self.time
         elif not math.isfinite(t_end) and self.time - self._collided_at > PATIENCE * self._free_time(fastest):
@@ -437,7 +576,7 @@ class Engine:
                 "usual at this density: these disks seem never to meet"
             )
         # In an inelastic collapse, collisions without end gain no time.
-        self._stalled = self._stalled + 1 if end < 1e-9 * horizon else 0
+        self._stalled = self._stalled + 1 if stalled else 0
         if self._stalled >= STALLED_EPOCHS:
             raise EngineError(
                 f"t = {self.time:.9g}: {STALLED_EPOCHS} epochs in a row gained no time: collisions pile up without "
@@ -459,8 +598,8 @@ class Engine:
         self._settle()
         self._whole = True
         n, room = self.n, max(self.n, 1)
-        real, integer = np.zeros((room, 5)), np.zeros((room, 3), dtype=np.int32)
-        export(n, self._cells[1], *self._side, self._flight, self._meta, self._cell, real, integer)
+        real, integer = np.zeros((room, 5), dtype=self._real), np.zeros((room, 3), dtype=np.int32)
+        export(self._grid, self._scale, self._flight, self._meta, self._cell, real, integer)
         return State(
             # Rounding can put a disk onto the far side, which is the next box already.
             position=np.minimum(real[:n, 0:2], np.nextafter(self.box.lengths, 0.0)),

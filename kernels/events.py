@@ -16,28 +16,36 @@ from .layout import (
     END,
     FAR,
     HEAD,
+    HORIZON,
     ID,
     INVERSE_MASS,
     LATCHED,
     LENGTH,
     MATERIAL,
     N_LOG,
+    N_STANDING,
     N_UNDONE,
     N_VIOLATIONS,
     NEVER,
     NUMBER,
+    PART,
     PARTNER,
     PREVIOUS,
     RADIUS,
+    REACH,
     REGIME,
     ROLLED_BACK,
     ROUND,
+    ROW,
+    SAME_FRAME,
     SEQ,
     SLOT,
     SPIN,
     STANDS,
     TAU,
     TE,
+    TILE_X,
+    TILE_Y,
     TIME,
     UNDO,
     UNDO_ROW,
@@ -47,6 +55,7 @@ from .layout import (
     X,
     Y,
     meeting_time,
+    precedes,
     sooner,
 )
 
@@ -82,12 +91,68 @@ def record(
 
 
 @ti.func
+def collide_at(
+    entry,
+    t,
+    a,
+    b,
+    shift,
+    scale: ti.template(),
+    flight: ti.template(),
+    body: ti.template(),
+    link: ti.template(),
+    meta: ti.template(),
+    limit: ti.template(),
+    log_real: ti.template(),
+    log_int: ti.template(),
+    law: ti.template(),
+):
+    """Collide slots a < b at time t, b lying one `shift` from a, and log it as record `entry`."""
+    log_real[entry][TIME] = t
+    record(entry, 0, a, flight, link, log_real, log_int)
+    record(entry, 1, b, flight, link, log_real, log_int)
+    x_a = flight[a][X] + flight[a][VX] * (t - flight[a][TAU])
+    y_a = flight[a][Y] + flight[a][VY] * (t - flight[a][TAU])
+    x_b = flight[b][X] + flight[b][VX] * (t - flight[b][TAU])
+    y_b = flight[b][Y] + flight[b][VY] * (t - flight[b][TAU])
+    rx = x_b - x_a + (shift // 3 - 1) * scale[TILE_X]
+    ry = y_b - y_a + (shift % 3 - 1) * scale[TILE_Y]
+    r = ti.sqrt(rx * rx + ry * ry)
+    p = meta[a][MATERIAL]
+    q = meta[b][MATERIAL]
+    vx_a, vy_a, w_a, vx_b, vy_b, w_b, _, _, sticking, rolling = collide_pair(
+        law[p, q, 0], law[p, q, 1], law[p, q, 2], law[p, q, 3], law[p, q, 4],
+        rx / r, ry / r,
+        body[a][INVERSE_MASS], flight[a][RADIUS], body[a][K],
+        flight[a][VX], flight[a][VY], flight[a][SPIN],
+        body[b][INVERSE_MASS], flight[b][RADIUS], body[b][K],
+        flight[b][VX], flight[b][VY], flight[b][SPIN],
+    )  # fmt: skip
+    flight[a][X] = x_a
+    flight[a][Y] = y_a
+    flight[a][VX] = vx_a
+    flight[a][VY] = vy_a
+    flight[a][TAU] = t
+    flight[a][SPIN] = w_a
+    flight[b][X] = x_b
+    flight[b][Y] = y_b
+    flight[b][VX] = vx_b
+    flight[b][VY] = vy_b
+    flight[b][TAU] = t
+    flight[b][SPIN] = w_b
+    log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32)
+    log_int[entry][STANDS] = 1
+    # The neighbour list is complete while nobody moves further than half the skin, the reach.
+    fastest2 = ti.max(vx_a * vx_a + vy_a * vy_a, vx_b * vx_b + vy_b * vy_b)
+    if fastest2 * (limit[END] * limit[END]) > scale[REACH] * scale[REACH]:
+        ti.atomic_min(limit[END], scale[REACH] / ti.sqrt(fastest2))
+
+
+@ti.func
 def collide(
     i,
     everybody,
-    side_x,
-    side_y,
-    reach,
+    scale: ti.template(),
     flight: ti.template(),
     body: ti.template(),
     link: ti.template(),
@@ -120,41 +185,8 @@ def collide(
             if i != a:
                 shift = 8 - shift
             entry = ti.atomic_add(counter[N_LOG], 1)
-            log_real[entry][TIME] = t
-            record(entry, 0, a, flight, link, log_real, log_int)
-            record(entry, 1, b, flight, link, log_real, log_int)
-            for disk in ti.static(range(2)):
-                slot = a
-                if ti.static(disk == 1):
-                    slot = b
-                flight[slot][X] += flight[slot][VX] * (t - flight[slot][TAU])
-                flight[slot][Y] += flight[slot][VY] * (t - flight[slot][TAU])
-                flight[slot][TAU] = t
-            rx = flight[b][X] - flight[a][X] + (shift // 3 - 1) * side_x
-            ry = flight[b][Y] - flight[a][Y] + (shift % 3 - 1) * side_y
-            r = ti.sqrt(rx * rx + ry * ry)
-            p = meta[a][MATERIAL]
-            q = meta[b][MATERIAL]
-            vx_a, vy_a, w_a, vx_b, vy_b, w_b, _, _, sticking, rolling = collide_pair(
-                law[p, q, 0], law[p, q, 1], law[p, q, 2], law[p, q, 3], law[p, q, 4],
-                rx / r, ry / r,
-                body[a][INVERSE_MASS], flight[a][RADIUS], body[a][K],
-                flight[a][VX], flight[a][VY], flight[a][SPIN],
-                body[b][INVERSE_MASS], flight[b][RADIUS], body[b][K],
-                flight[b][VX], flight[b][VY], flight[b][SPIN],
-            )  # fmt: skip
-            flight[a][VX] = vx_a
-            flight[a][VY] = vy_a
-            flight[a][SPIN] = w_a
-            flight[b][VX] = vx_b
-            flight[b][VY] = vy_b
-            flight[b][SPIN] = w_b
-            log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32)
-            log_int[entry][STANDS] = 1
-            # The neighbour list is complete while nobody moves further than half the skin, `reach`.
-            fastest = ti.sqrt(ti.max(vx_a * vx_a + vy_a * vy_a, vx_b * vx_b + vy_b * vy_b))
-            if fastest * limit[END] > reach:
-                ti.atomic_min(limit[END], reach / fastest)
+            ti.atomic_add(counter[N_STANDING], 1)
+            collide_at(entry, t, a, b, shift, scale, flight, body, link, meta, limit, log_real, log_int, law)
             link[a][DIRTY] = round_
             link[b][DIRTY] = round_
             row = CHANGED_ROW + round_ % 2
@@ -163,16 +195,26 @@ def collide(
 
 
 @ti.func
+def neighbour_code(i, q, lengths, row, neighbour: ti.template()):
+    """The q-th neighbour of disk i as a code: those in the same frame first, then the others."""
+    own = lengths % PART
+    code = 0
+    if q < own:
+        code = 9 * neighbour[row * i + q] + SAME_FRAME
+    else:
+        code = neighbour[row * i + row - 1 - (q - own)]
+    return code
+
+
+@ti.func
 def predict(
     i,
     changed: ti.template(),
-    horizon,
-    side_x,
-    side_y,
+    grid: ti.template(),
+    scale: ti.template(),
     flight: ti.template(),
     link: ti.template(),
     meta: ti.template(),
-    row,
     neighbour: ti.template(),
     lists: ti.template(),
     counter: ti.template(),
@@ -184,14 +226,16 @@ def predict(
     x, y, vx, vy = flight[i][X], flight[i][Y], flight[i][VX], flight[i][VY]
     tau, radius = flight[i][TAU], flight[i][RADIUS]
     head = link[i][HEAD]
+    horizon = scale[HORIZON]
+    lengths = link[i][LENGTH]
     earliest = FAR
     partner = -1
-    for q in range(link[i][LENGTH]):
-        code = neighbour[row * i + q]
+    for q in range(lengths % PART + lengths // PART):
+        code = neighbour_code(i, q, lengths, grid[ROW], neighbour)
         j = code // 9
         shift = code - 9 * j
-        shift_x = (shift // 3 - 1) * side_x
-        shift_y = (shift % 3 - 1) * side_y
+        shift_x = (shift // 3 - 1) * scale[TILE_X]
+        shift_y = (shift % 3 - 1) * scale[TILE_Y]
         sigma = radius + flight[j][RADIUS]
         head_j = link[j][HEAD]
         t = FAR
@@ -262,14 +306,6 @@ def predict(
 
 
 @ti.func
-def precedes(a, b, c, d):
-    """Whether the pair of ids {a, b} comes before {c, d} in the order (smaller id, larger id)."""
-    low_1, high_1 = ti.min(a, b), ti.max(a, b)
-    low_2, high_2 = ti.min(c, d), ti.max(c, d)
-    return low_1 < low_2 or (low_1 == low_2 and high_1 < high_2)
-
-
-@ti.func
 def propagate(link: ti.template(), lists: ti.template(), counter: ti.template(), log_int: ti.template()):
     """Step 3: carry the marks to partners until nothing changes. A minimum, so the result is unique."""
     moved = 1
@@ -318,6 +354,7 @@ def restore(
         before = log_int[entry][PREVIOUS + side]
         if side == 0:
             ti.atomic_add(counter[N_UNDONE], 1)
+            ti.atomic_sub(counter[N_STANDING], 1)
         if log_int[entry][NUMBER + side] == undo:
             first = BEFORE + 5 * side
             flight[i][X] = log_real[entry][first]

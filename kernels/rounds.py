@@ -26,6 +26,7 @@ from .layout import (
     END,
     FAR,
     LATCHED,
+    LOG_CAPACITY,
     LOG_FULL,
     N_LOG,
     N_ROUNDS,
@@ -40,12 +41,14 @@ from .layout import (
     TIME,
     UNDO,
     UNDO_ROW,
+    WINDOW,
+    N,
 )
 from .sort import BLOCK
 
 
 @ti.func
-def next_round(log_capacity, lists: ti.template(), counter: ti.template(), link: ti.template()):
+def next_round(grid: ti.template(), lists: ti.template(), counter: ti.template(), link: ti.template()):
     """Close a round: rolled-back disks open the next one's list of changed disks."""
     now = counter[ROUND] % 2
     following = counter[ROUND] + 1
@@ -55,7 +58,7 @@ def next_round(log_capacity, lists: ti.template(), counter: ti.template(), link:
     counter[N_ROUNDS] += 1
     # Each active disk of the next round logs at most one collision. Deciding before it begins keeps the outcome
     # independent of threads.
-    if counter[N_LOG] + counter[CHANGED_ROW + now] + counter[AFFECTED_ROW + now] > log_capacity:
+    if counter[N_LOG] + counter[CHANGED_ROW + now] + counter[AFFECTED_ROW + now] > grid[LOG_CAPACITY]:
         counter[LOG_FULL] = 1
     q = 0
     while q < counter[UNDO_ROW]:
@@ -93,13 +96,8 @@ def active_disk(q, everybody, lists: ti.template(), counter: ti.template()):
 @ti.kernel
 def one_round(
     everybody: ti.i32,
-    log_capacity: ti.i32,
-    row: ti.i32,
-    horizon: ti.f64,
-    window: ti.f64,
-    side_x: ti.f64,
-    side_y: ti.f64,
-    reach: ti.f64,
+    grid: ti.types.ndarray(ndim=1),
+    scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
     body: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
@@ -119,16 +117,16 @@ def one_round(
     """
     for _ in range(1):
         # Latched: an end brought forward by this round's collisions holds from the next round on.
-        limit[LATCHED] = ti.min(limit[END], window)
+        limit[LATCHED] = ti.min(limit[END], scale[WINDOW])
     for q in range(n_active(everybody, counter)):
         collide(
             active_disk(q, everybody, lists, counter), everybody,
-            side_x, side_y, reach, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
+            scale, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
         )  # fmt: skip
     for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
         predict(
             lists[CHANGED_ROW + counter[ROUND] % 2, q], True,
-            horizon, side_x, side_y, flight, link, meta, row, neighbour, lists, counter, log_real, log_int,
+            grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int,
         )  # fmt: skip
     for _ in range(1):
         propagate(link, lists, counter, log_int)
@@ -139,10 +137,10 @@ def one_round(
         if link[i][PARTNER] != ROLLED_BACK:
             predict(
                 i, False,
-                horizon, side_x, side_y, flight, link, meta, row, neighbour, lists, counter, log_real, log_int,
+                grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int,
             )  # fmt: skip
     for _ in range(1):
-        next_round(log_capacity, lists, counter, link)
+        next_round(grid, lists, counter, link)
 
 
 @ti.kernel
@@ -150,13 +148,8 @@ def rounds_by_one_thread(
     first: ti.i32,
     most_active: ti.i32,
     most_rounds: ti.i32,
-    log_capacity: ti.i32,
-    row: ti.i32,
-    horizon: ti.f64,
-    window: ti.f64,
-    side_x: ti.f64,
-    side_y: ti.f64,
-    reach: ti.f64,
+    grid: ti.types.ndarray(ndim=1),
+    scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
     body: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
@@ -177,16 +170,16 @@ def rounds_by_one_thread(
         everybody = first
         going = 1
         while going == 1:
-            limit[LATCHED] = ti.min(limit[END], window)
+            limit[LATCHED] = ti.min(limit[END], scale[WINDOW])
             for q in range(n_active(everybody, counter)):
                 collide(
                     active_disk(q, everybody, lists, counter), everybody,
-                    side_x, side_y, reach, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
+                    scale, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
                 )  # fmt: skip
             for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
                 predict(
                     lists[CHANGED_ROW + counter[ROUND] % 2, q], True,
-                    horizon, side_x, side_y, flight, link, meta, row, neighbour, lists, counter, log_real, log_int,
+                    grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int,
                 )  # fmt: skip
             propagate(link, lists, counter, log_int)
             for q in range(counter[UNDO_ROW]):
@@ -196,9 +189,9 @@ def rounds_by_one_thread(
                 if link[i][PARTNER] != ROLLED_BACK:
                     predict(
                         i, False,
-                        horizon, side_x, side_y, flight, link, meta, row, neighbour, lists, counter, log_real, log_int,
+                        grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int,
                     )  # fmt: skip
-            next_round(log_capacity, lists, counter, link)
+            next_round(grid, lists, counter, link)
             everybody = 0
             active = n_active(0, counter) + counter[CHANGED_ROW + counter[ROUND] % 2]
             if (
@@ -211,14 +204,15 @@ def rounds_by_one_thread(
 
 
 @ti.kernel
-def earliest_event(n: ti.i32, flight: ti.types.ndarray(ndim=1), limit: ti.types.ndarray(ndim=1)):
+def earliest_event(
+    grid: ti.types.ndarray(ndim=1), flight: ti.types.ndarray(ndim=1), limit: ti.types.ndarray(ndim=1)
+):
     """`limit[EARLIEST]`: the time of the earliest unprocessed event. Everything before it is final."""
     for _ in range(1):
         limit[EARLIEST] = FAR
-    blocks = (n + BLOCK - 1) // BLOCK
-    for b in range(blocks):
-        earliest = FAR
-        for i in range(b * BLOCK, ti.min(n, (b + 1) * BLOCK)):
+    for b in range((grid[N] + BLOCK - 1) // BLOCK):
+        earliest = limit[EARLIEST]
+        for i in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
             earliest = ti.min(earliest, flight[i][TE])
         ti.atomic_min(limit[EARLIEST], earliest)
 

@@ -1,13 +1,17 @@
-"""Beginning of an epoch: fly on, sort into cells, list the neighbours, predict first events."""
+"""Between epochs: fly on, and sort the disks into cells; export them."""
 
 import taichi as ti
 
 from .layout import (
     ACTIVE,
     AFFECTED,
+    CELL_X,
+    CELL_Y,
+    CELLS_X,
+    CELLS_Y,
     COLLISIONS,
     DIRTY,
-    END,
+    DURATION,
     FAR,
     FASTEST,
     HEAD,
@@ -15,44 +19,160 @@ from .layout import (
     IMAGE_X,
     IMAGE_Y,
     LENGTH,
-    LOG_FULL,
-    MOST_NEIGHBOURS,
     NEVER,
     PARTNER,
-    RADIUS,
-    ROUND,
     SEQ,
     SPIN,
     TAU,
     TE,
+    TILE_X,
+    TILE_Y,
+    TILES_X,
+    TILES_Y,
     UNDO,
     VX,
     VY,
+    N,
     X,
     Y,
-    contact_delay,
-    sooner,
 )
 
 BLOCK = 1024  # items that one thread handles at a time in scans and reductions
 
 
 @ti.func
-def wrapped(cell, cells):
-    """A cell index anywhere, brought inside, and the number of the box it was in."""
+def split(index, count):
+    """An index anywhere, as a place inside `count` and the number of spans that it is away."""
     # Taichi's integer division truncates.
-    box = ti.floor(ti.cast(cell, ti.f64) / ti.cast(cells, ti.f64), ti.i32)
-    return cell - box * cells, box
+    span = ti.floor(ti.cast(index, ti.f64) / ti.cast(count, ti.f64), ti.i32)
+    return index - span * count, span
+
+
+@ti.func
+def fly(
+    i,
+    grid: ti.template(),
+    scale: ti.template(),
+    flight: ti.template(),
+    meta: ti.template(),
+    link: ti.template(),
+    cell: ti.template(),
+    fill: ti.template(),
+):
+    """Move disk i on to the end of the epoch, into its new tile and cell; count it there."""
+    dt = scale[DURATION] - flight[i][TAU]
+    x = flight[i][X] + flight[i][VX] * dt
+    y = flight[i][Y] + flight[i][VY] * dt
+    in_x = ti.floor(x / scale[CELL_X], ti.i32)
+    in_y = ti.floor(y / scale[CELL_Y], ti.i32)
+    cells = grid[CELLS_X] * grid[CELLS_Y]
+    tile = cell[i] // cells
+    if in_x < 0 or in_x >= grid[CELLS_X] or in_y < 0 or in_y >= grid[CELLS_Y]:
+        in_x, step_x = split(in_x, grid[CELLS_X])
+        in_y, step_y = split(in_y, grid[CELLS_Y])
+        x -= step_x * scale[TILE_X]
+        y -= step_y * scale[TILE_Y]
+        tile_x, box_x = split(tile // grid[TILES_Y] + step_x, grid[TILES_X])
+        tile_y, box_y = split(tile % grid[TILES_Y] + step_y, grid[TILES_Y])
+        tile = tile_x * grid[TILES_Y] + tile_y
+        meta[i][IMAGE_X] += box_x
+        meta[i][IMAGE_Y] += box_y
+    flight[i][X] = x
+    flight[i][Y] = y
+    meta[i][COLLISIONS] += link[i][SEQ]
+    c = tile * cells + in_x * grid[CELLS_Y] + in_y
+    cell[i] = c
+    ti.atomic_add(fill[c], 1)
+
+
+@ti.func
+def sum_block(b, cells, fill: ti.template(), block: ti.template()):
+    """First step of the exclusive scan of the cells' counts: the sum of a block."""
+    total = 0
+    for c in range(b * BLOCK, ti.min(cells, (b + 1) * BLOCK)):
+        total += fill[c]
+    block[b] = total
+
+
+@ti.func
+def scan_blocks(blocks, block: ti.template()):
+    """Second step, by one thread: what comes before each block."""
+    before = 0
+    for b in range(blocks):
+        here = block[b]
+        block[b] = before
+        before += here
+
+
+@ti.func
+def scan_block(b, cells, fill: ti.template(), block: ti.template(), start: ti.template()):
+    """Third step: the first slot of each cell of a block, also as the place to fill next."""
+    before = block[b]
+    for c in range(b * BLOCK, ti.min(cells, (b + 1) * BLOCK)):
+        start[c] = before
+        before += fill[c]
+        fill[c] = start[c]
+
+
+@ti.func
+def order_cell(c, start: ti.template(), order: ti.template(), meta: ti.template()):
+    """Sort a cell's disks by id: atomics put them there in any order."""
+    for q in range(start[c] + 1, start[c + 1]):
+        moving = order[q]
+        place = q
+        sorting = 1
+        while sorting == 1:
+            sorting = 0
+            if place > start[c]:
+                if meta[order[place - 1]][ID] > meta[moving][ID]:
+                    order[place] = order[place - 1]
+                    place -= 1
+                    sorting = 1
+        order[place] = moving
+
+
+@ti.func
+def gather(
+    s,
+    i,
+    flight: ti.template(),
+    body: ti.template(),
+    meta: ti.template(),
+    cell: ti.template(),
+    flight_to: ti.template(),
+    body_to: ti.template(),
+    meta_to: ti.template(),
+    cell_to: ti.template(),
+):
+    """Copy the disk at slot i to its new slot s."""
+    for column in ti.static(range(8)):
+        flight_to[s][column] = flight[i][column]
+    for column in ti.static(range(2)):
+        body_to[s][column] = body[i][column]
+    for column in ti.static(range(5)):
+        meta_to[s][column] = meta[i][column]
+    cell_to[s] = cell[i]
+
+
+@ti.func
+def clear(s, flight: ti.template(), link: ti.template()):
+    """Make a disk ready for a new epoch: no collisions, no neighbours, no event."""
+    flight[s][TAU] = 0.0
+    flight[s][TE] = FAR
+    link[s][PARTNER] = -1
+    link[s][HEAD] = -1
+    link[s][SEQ] = 0
+    link[s][ACTIVE] = -1
+    link[s][DIRTY] = -1
+    link[s][AFFECTED] = -1
+    link[s][UNDO] = NEVER
+    link[s][LENGTH] = 0
 
 
 @ti.kernel
 def settle(
-    n: ti.i32,
-    duration: ti.f64,
-    cells_x: ti.i32,
-    cells_y: ti.i32,
-    side_x: ti.f64,
-    side_y: ti.f64,
+    grid: ti.types.ndarray(ndim=1),
+    scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
     body: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
@@ -68,178 +188,44 @@ def settle(
     order: ti.types.ndarray(ndim=1),
     limit: ti.types.ndarray(ndim=1),
 ):
-    """Fly every disk on to `duration` [time], count its collisions, and sort by cell, within a cell by id.
+    """Fly every disk on by `scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
     Counting sort: `start` (cells + 1,) gets the first slot of each cell, `order` (n,) the old slot of each new one.
     Slots within a cell come from atomics in any order; sorting them by id makes the result independent of threads.
     `limit[FASTEST]` gets the largest speed. The `_to` arrays receive the sorted disks, `link` is cleared.
     """
-    cells = cells_x * cells_y
-    for c in range(cells):
+    for c in range(grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y]):
         fill[c] = 0
+    for i in range(grid[N]):
+        fly(i, grid, scale, flight, meta, link, cell, fill)
+    for b in range((grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y] + BLOCK - 1) // BLOCK):
+        sum_block(b, grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y], fill, block)
     for _ in range(1):
+        cells = grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y]
+        scan_blocks((cells + BLOCK - 1) // BLOCK, block)
+        start[cells] = grid[N]
         limit[FASTEST] = 0.0
-    for i in range(n):
-        dt = duration - flight[i][TAU]
-        x = flight[i][X] + flight[i][VX] * dt
-        y = flight[i][Y] + flight[i][VY] * dt
-        step_x = ti.floor(x / side_x, ti.i32)
-        step_y = ti.floor(y / side_y, ti.i32)
-        flight[i][X] = x - step_x * side_x
-        flight[i][Y] = y - step_y * side_y
-        flight[i][TAU] = 0.0
-        cx, box_x = wrapped(cell[i] // cells_y + step_x, cells_x)
-        cy, box_y = wrapped(cell[i] % cells_y + step_y, cells_y)
-        meta[i][IMAGE_X] += box_x
-        meta[i][IMAGE_Y] += box_y
-        meta[i][COLLISIONS] += link[i][SEQ]
-        cell[i] = cx * cells_y + cy
-        ti.atomic_add(fill[cell[i]], 1)
-    # Two-level exclusive scan of the counts: blocks, then the block sums by one thread, then within blocks.
-    blocks = (cells + BLOCK - 1) // BLOCK
-    for b in range(blocks):
-        total = 0
-        for c in range(b * BLOCK, ti.min(cells, (b + 1) * BLOCK)):
-            total += fill[c]
-        block[b] = total
-    for _ in range(1):
-        before = 0
-        for b in range(blocks):
-            here = block[b]
-            block[b] = before
-            before += here
-        start[cells] = n
-    for b in range(blocks):
-        before = block[b]
-        for c in range(b * BLOCK, ti.min(cells, (b + 1) * BLOCK)):
-            start[c] = before
-            before += fill[c]
-            fill[c] = start[c]
-    for i in range(n):
+    for b in range((grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y] + BLOCK - 1) // BLOCK):
+        scan_block(b, grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y], fill, block, start)
+    for i in range(grid[N]):
         order[ti.atomic_add(fill[cell[i]], 1)] = i
-    for c in range(cells):
-        for q in range(start[c] + 1, start[c + 1]):
-            moving = order[q]
-            place = q
-            while place > start[c] and meta[order[place - 1]][ID] > meta[moving][ID]:
-                order[place] = order[place - 1]
-                place -= 1
-            order[place] = moving
-    for s in range(n):
-        i = order[s]
-        for column in ti.static(range(8)):
-            flight_to[s][column] = flight[i][column]
-        for column in ti.static(range(2)):
-            body_to[s][column] = body[i][column]
-        for column in ti.static(range(5)):
-            meta_to[s][column] = meta[i][column]
-        cell_to[s] = cell[i]
-        link[s][PARTNER] = -1
-        link[s][HEAD] = -1
-        link[s][SEQ] = 0
-        link[s][ACTIVE] = -1
-        link[s][DIRTY] = -1
-        link[s][AFFECTED] = -1
-        link[s][UNDO] = NEVER
-        link[s][LENGTH] = 0
-    blocks_n = (n + BLOCK - 1) // BLOCK
-    for b in range(blocks_n):
-        fastest2 = 0.0
-        for s in range(b * BLOCK, ti.min(n, (b + 1) * BLOCK)):
+    for c in range(grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y]):
+        order_cell(c, start, order, meta)
+    for b in range((grid[N] + BLOCK - 1) // BLOCK):
+        fastest2 = limit[FASTEST] * 0.0
+        for s in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
+            i = order[s]
+            gather(s, i, flight, body, meta, cell, flight_to, body_to, meta_to, cell_to)
+            clear(s, flight_to, link)
             vx, vy = flight_to[s][VX], flight_to[s][VY]
             fastest2 = ti.max(fastest2, vx * vx + vy * vy)
         ti.atomic_max(limit[FASTEST], ti.sqrt(fastest2))
 
 
 @ti.kernel
-def list_neighbours(
-    n: ti.i32,
-    capacity: ti.i32,
-    skin: ti.f64,
-    horizon: ti.f64,
-    cells_x: ti.i32,
-    cells_y: ti.i32,
-    side_x: ti.f64,
-    side_y: ti.f64,
-    flight: ti.types.ndarray(ndim=1),
-    link: ti.types.ndarray(ndim=1),
-    meta: ti.types.ndarray(ndim=1),
-    cell: ti.types.ndarray(ndim=1),
-    start: ti.types.ndarray(ndim=1),
-    neighbour: ti.types.ndarray(ndim=1),
-    counter: ti.types.ndarray(ndim=1),
-    limit: ti.types.ndarray(ndim=1),
-):
-    """Open an epoch: list every pair closer than contact + `skin` [length], predict events before `horizon`.
-
-    A row that would need more than `capacity` entries is not written further, but `counter[MOST_NEIGHBOURS]` tells
-    the length that is needed: the caller makes room and calls again.
-    """
-    for _ in range(1):
-        for item in ti.static(range(LOG_FULL + 1)):
-            if ti.static(item != ROUND):
-                counter[item] = 0
-        limit[END] = horizon
-    for i in range(n):
-        x, y, vx, vy, radius = flight[i][X], flight[i][Y], flight[i][VX], flight[i][VY], flight[i][RADIUS]
-        cx = cell[i] // cells_y
-        cy = cell[i] - cells_y * cx
-        length = 0
-        earliest = FAR
-        partner = -1
-        # The three cells of a column follow one another in memory: one run, or three where a side cuts it.
-        runs = 1
-        if cy == 0 or cy == cells_y - 1:
-            runs = 3
-        for column in range(3):
-            shift_x = (column - 1) * side_x
-            other_x = cx + column - 1
-            if other_x < 0:
-                other_x += cells_x
-            elif other_x >= cells_x:
-                other_x -= cells_x
-            for run in range(runs):
-                first = other_x * cells_y + cy - 1
-                last = first + 2
-                middle = first + 1  # the cell in which the run would lie at the height of this disk's cell
-                if runs == 3:
-                    other_y = cy + run - 1
-                    if other_y < 0:
-                        other_y += cells_y
-                    elif other_y >= cells_y:
-                        other_y -= cells_y
-                    first = other_x * cells_y + other_y
-                    last = first
-                    middle = first + 1 - run
-                for j in range(start[first], start[last + 1]):
-                    row = cell[j] - middle  # -1, 0, 1
-                    sigma = radius + flight[j][RADIUS]
-                    rx = flight[j][X] - x + shift_x
-                    ry = flight[j][Y] - y + row * side_y
-                    near = sigma + skin  # squared by hand: Taichi's ** is slow
-                    if rx * rx + ry * ry < near * near and j != i:
-                        code = 9 * j + 3 * column + row + 1
-                        if length < capacity:
-                            neighbour[capacity * i + length] = code
-                        length += 1
-                        # All clocks stand at 0: the same bits as `meeting_time`.
-                        t = contact_delay(rx, ry, vx, vy, flight[j][VX], flight[j][VY], sigma, horizon)
-                        if sooner(t, j, earliest, partner, horizon, meta):
-                            earliest = t
-                            partner = code
-        if length > capacity:
-            ti.atomic_max(counter[MOST_NEIGHBOURS], length)
-        link[i][LENGTH] = length
-        link[i][PARTNER] = partner
-        flight[i][TE] = earliest
-
-
-@ti.kernel
 def export(
-    n: ti.i32,
-    cells_y: ti.i32,
-    side_x: ti.f64,
-    side_y: ti.f64,
+    grid: ti.types.ndarray(ndim=1),
+    scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
@@ -247,10 +233,11 @@ def export(
     int_out: ti.types.ndarray(ndim=2),
 ):
     """Settled disks in id order: x, y, vx, vy, spin into `real_out` (n, 5); collisions, crossings into `int_out`."""
-    for s in range(n):
+    for s in range(grid[N]):
         i = meta[s][ID]
-        real_out[i, 0] = (cell[s] // cells_y) * side_x + flight[s][X]
-        real_out[i, 1] = (cell[s] % cells_y) * side_y + flight[s][Y]
+        tile = cell[s] // (grid[CELLS_X] * grid[CELLS_Y])
+        real_out[i, 0] = (tile // grid[TILES_Y]) * scale[TILE_X] + flight[s][X]
+        real_out[i, 1] = (tile % grid[TILES_Y]) * scale[TILE_Y] + flight[s][Y]
         real_out[i, 2] = flight[s][VX]
         real_out[i, 3] = flight[s][VY]
         real_out[i, 4] = flight[s][SPIN]
