@@ -47,6 +47,7 @@ BYTES_PER_DISK = (
 ALONE = 20_000  # up to so many disks, one thread runs whole epochs by itself
 TILE_DISKS = 4000  # disks of a tile: what fits the cache next to a core
 LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see to progress and interrupts
+HIGHEST_LEVEL = 12  # a disk may come so many quarters further than others of its list, and once as far
 FEW = 4096  # up to so many active disks, one thread is faster than several
 MOST_ROUNDS = 2000  # rounds after which an epoch is cut at its earliest unprocessed event
 MOST_LOG = 4  # records for each disk up to which the log grows; beyond, epochs get shorter
@@ -128,6 +129,9 @@ class Engine:
         threads: int | None = None,
         skin: float | None = None,
         precision: str = "f64",
+        order: str | None = None,
+        tile_disks: int = TILE_DISKS,
+        windows: int = 1,
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
@@ -163,8 +167,8 @@ class Engine:
         self.statistics = Statistics()
         self.last_collisions: Collisions | None = None
         self.keep_collisions = False
-        self.windows = 1  # parts of an epoch, one after the other
-        self.tile_disks = TILE_DISKS
+        self.windows = windows  # parts of an epoch, one after the other
+        self.tile_disks = tile_disks
         self._burst = 1  # epochs of the next launch, where one thread runs them
         self._real = np.float64
         self._stalled = 0
@@ -176,7 +180,9 @@ class Engine:
         import taichi as ti
 
         self._dtype = ti.f64
-        self.order = ORDERS[0 if n <= ALONE else 1] if arch == "cpu" else ORDERS[2]
+        if order is None:
+            order = "rounds" if arch != "cpu" else "alone" if n <= ALONE else "tiles"
+        self.order = order
         self._allocate(state, law_table, diameter + skin)
 
     # ------------------------------------------------------------------ arrays
@@ -208,16 +214,22 @@ class Engine:
         self._total_cells = total
         self._start = ti.ndarray(integer, (total + 1,))
         self._fill = ti.ndarray(integer, (total,))
+        self._squares = ti.ndarray(real, (room // 1024 + 1,))
         self._block = ti.ndarray(integer, (total // 1024 + 1,))
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self._counter = np.zeros(16, dtype=np.int32)
-        self._limit = np.zeros(4, dtype=self._real)
+        self._limit = np.zeros(5, dtype=self._real)
         self._grid = np.array([n, *tiles, *cells, ROW, 0, 0], dtype=np.int32)
-        self._scale = np.zeros(10, dtype=self._real)
+        self._scale = np.zeros(11, dtype=self._real)
         tile_sides = [length / count for length, count in zip(self.box.lengths, tiles, strict=True)]
         cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]
         self._scale[0:5] = (*cell_sides, *tile_sides, self.skin)
+        widest = reach - self.skin
         self._scale[8] = self.skin / 2.0
+        self._scale[10] = widest
+        # Two disks of the highest level must still find each other in tiles side by side, and through one image only.
+        room_for = min(*tile_sides, min(self.box.lengths) / 2.0) - widest
+        self._grid[7] = min(max(int((room_for / self.skin - 1.0) * 4), 0), HIGHEST_LEVEL)
         self._clock = np.zeros(3)
         self._total = np.zeros(3, dtype=np.int64)
         self._law = ti.ndarray(real, law_table.shape)
@@ -312,20 +324,22 @@ class Engine:
         self._total[:] = 2**62 if collisions is None else collisions - self.collisions, 0, 0
         began = time.perf_counter()
         before = self.time
-        epochs_by_one_thread(
-            1 if self.keep_collisions else self._burst, self._clock, self._total, self._grid, self._scale,
-            self._flight, self._body, self._meta, self._link, self._cell,
-            self._flight_2, self._body_2, self._meta_2, self._cell_2,
-            self._start, self._fill, self._order, self._neighbour, self._counter, self._limit,
-            self._log_real, self._log_int, self._law,
-        )  # fmt: skip
+        needed = 1
+        while needed:
+            epochs_by_one_thread(
+                1 if self.keep_collisions else self._burst, self._clock, self._total, self._grid, self._scale,
+                self._flight, self._body, self._meta, self._link, self._cell,
+                self._flight_2, self._body_2, self._meta_2, self._cell_2,
+                self._start, self._fill, self._order, self._neighbour, self._counter, self._limit,
+                self._log_real, self._log_int, self._law,
+            )  # fmt: skip
+            needed = int(self._counter[MOST_NEIGHBOURS])
+            if needed:
+                self._cut(0.0)
+                self._lengthen_rows(needed)
         epochs, done = int(self._total[1]), int(self._total[2])
         if self._limit[FASTEST] == 0.0:
             self._fly_freely(t_end)
-            return
-        if self._counter[MOST_NEIGHBOURS] > 0:
-            self._lengthen_rows(int(self._counter[MOST_NEIGHBOURS]))
-            self.last_collisions = None
             return
         elapsed = time.perf_counter() - began
         if epochs == self._burst:
@@ -352,22 +366,28 @@ class Engine:
         )
 
     def _epoch(self, t_end: float, collisions: int | None) -> None:
-        from .kernels.layout import LOG_FULL, SPEED_MARGIN
+        from .kernels.extend import speed_cap
+        from .kernels.layout import LOG_FULL, MEAN_SQUARE, MOST_LEVEL, MOST_NEIGHBOURS, REACH
 
         fastest = self._settle()
         if fastest == 0.0:
             self._fly_freely(t_end)
             return
-        horizon = min(self.skin / 2.0 / (SPEED_MARGIN * fastest), t_end - self.time)
+        cap = speed_cap(fastest, float(self._limit[MEAN_SQUARE]), int(self._grid[MOST_LEVEL]))
+        horizon = min(float(self._scale[REACH]) / cap, t_end - self.time)
         while True:
             self._list(horizon)
             end = self._rounds(horizon)
-            if self._counter[LOG_FULL] != 2:
+            needed = int(self._counter[MOST_NEIGHBOURS])
+            if self._counter[LOG_FULL] != 2 and not needed:
                 break
-            # The tiles had no room to log their collisions: again, with a longer log or a shorter epoch.
+            # A fast disk's list became too long for its row, or the tiles had no room to log their collisions: again,
+            # with longer rows, a longer log or a shorter epoch.
             self._cut(0.0)
             self._clear()
-            if not self._lengthen_log():
+            if needed:
+                self._lengthen_rows(needed)
+            elif not self._lengthen_log():
                 horizon /= 2.0
         if end < horizon:
             self._cut(end)
@@ -387,7 +407,7 @@ class Engine:
             self._grid, self._scale,
             self._flight, self._body, self._meta, self._link, self._cell,
             self._flight_2, self._body_2, self._meta_2, self._cell_2,
-            self._start, self._fill, self._block, self._order, self._limit,
+            self._start, self._fill, self._block, self._order, self._squares, self._limit,
         )  # fmt: skip
         self._flight, self._flight_2 = self._flight_2, self._flight
         self._body, self._body_2 = self._body_2, self._body
@@ -404,6 +424,7 @@ class Engine:
     def _list(self, horizon: float) -> None:
         from .kernels.layout import MOST_NEIGHBOURS
         from .kernels.lists import list_disks, list_tiles
+        from .kernels.tiles import extend_fast
 
         self._scale[5] = horizon
         while True:
@@ -417,6 +438,10 @@ class Engine:
                     self._grid, self._scale, self._flight, self._link, self._meta, self._cell, self._start,
                     self._neighbour, self._counter, self._limit,
                 )  # fmt: skip
+            extend_fast(
+                self._grid, self._scale, self._flight, self._link, self._meta, self._cell, self._start,
+                self._neighbour, self._lists, self._counter, self._log_real, self._log_int,
+            )  # fmt: skip
             needed = int(self._counter[MOST_NEIGHBOURS])
             if needed == 0:
                 return
@@ -448,6 +473,7 @@ class Engine:
         from .kernels.layout import (
             END,
             LOG_FULL,
+            MOST_NEIGHBOURS,
             N_ROUNDS,
             N_UNDONE,
             N_VIOLATIONS,
@@ -457,8 +483,8 @@ class Engine:
 
         counter = self._counter
         state = (
-            self._grid, self._scale, self._flight, self._body, self._link, self._meta, self._neighbour,
-            self._lists, counter, self._limit, self._log_real, self._log_int, self._law,
+            self._grid, self._scale, self._flight, self._body, self._link, self._meta, self._cell, self._start,
+            self._neighbour, self._lists, counter, self._limit, self._log_real, self._log_int, self._law,
         )  # fmt: skip
         full = False
         active = 0
@@ -469,11 +495,11 @@ class Engine:
             active = self.n
             if self.order == "tiles":
                 run_tiles(
-                    self._grid, self._scale, self._flight, self._body, self._link, self._meta, self._start,
-                    self._order, self._neighbour, counter, self._limit, self._log_real, self._log_int, self._law,
+                    self._grid, self._scale, self._flight, self._body, self._link, self._meta, self._cell,
+                    self._start, self._order, self._neighbour, counter, self._limit, self._log_real, self._log_int, self._law,
                 )  # fmt: skip
                 if counter[LOG_FULL]:
-                    return horizon
+                    return horizon  # to be done again
                 join_tiles(
                     self._grid, self._scale, self._flight, self._link, self._meta, self._cell,
                     self._neighbour, self._lists, counter, self._log_real, self._log_int,
@@ -488,6 +514,8 @@ class Engine:
                 everybody = 0
                 active = self._active()
                 full = bool(counter[LOG_FULL])
+                if counter[MOST_NEIGHBOURS]:
+                    return horizon  # to be done again
             if active:
                 break
         self.statistics.rounds += int(counter[N_ROUNDS])

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from .extend import AT_START_ALONE, extend, speed_cap, too_fast
 from .layout import (
     BEGIN,
     CELLS_X,
@@ -12,7 +13,11 @@ from .layout import (
     END,
     FASTEST,
     HORIZON,
+    LENGTH,
+    LEVEL,
     LOG_FULL,
+    MEAN_SQUARE,
+    MOST_LEVEL,
     MOST_NEIGHBOURS,
     N_EPOCHS,
     N_STANDING,
@@ -20,9 +25,9 @@ from .layout import (
     NOW,
     PLANNED,
     REACH,
-    SPEED_MARGIN,
     TE,
     TIME_END,
+    TOP_LEVEL,
     VX,
     VY,
     WINDOW,
@@ -87,20 +92,24 @@ def epochs_by_one_thread(
             for c in range(cells):
                 order_cell(c, start, order, meta)
             fastest2 = scale[DURATION] * 0.0
+            sum2 = scale[DURATION] * 0.0
             for s in range(n):
                 gather(s, order[s], flight, body, meta, cell, flight_2, body_2, meta_2, cell_2)
             for s in range(n):
                 gather(s, s, flight_2, body_2, meta_2, cell_2, flight, body, meta, cell)
                 clear(s, flight, link)
-                fastest2 = ti.max(fastest2, flight[s][VX] * flight[s][VX] + flight[s][VY] * flight[s][VY])
+                square = flight[s][VX] * flight[s][VX] + flight[s][VY] * flight[s][VY]
+                fastest2 = ti.max(fastest2, square)
+                sum2 += square
             scale[DURATION] = 0.0
             limit[FASTEST] = ti.sqrt(fastest2)
+            limit[MEAN_SQUARE] = sum2 / n
             counter[MOST_NEIGHBOURS] = 0
             counter[LOG_FULL] = 0
             if fastest2 == 0.0:
                 going = 0
             else:
-                whole = scale[REACH] / (SPEED_MARGIN * limit[FASTEST])
+                whole = scale[REACH] / speed_cap(limit[FASTEST], limit[MEAN_SQUARE], grid[MOST_LEVEL])
                 left = clock[TIME_END] - clock[NOW]
                 last = 0
                 if left <= whole:
@@ -112,15 +121,31 @@ def epochs_by_one_thread(
                 clock[PLANNED] = scale[HORIZON]
                 open_epoch(scale, counter, limit)
                 list_tile(0, grid, scale, flight, link, meta, start, neighbour, counter)
+                fast = 0
+                for i in range(n):
+                    level = too_fast(i, grid, scale, flight, link)
+                    if level > 0:
+                        link[i][LENGTH] += level * LEVEL
+                        counter[TOP_LEVEL] = ti.max(counter[TOP_LEVEL], level)
+                        order[fast] = i
+                        fast += 1
+                for q in range(fast):
+                    extend(
+                        order[q], AT_START_ALONE,
+                        grid, scale, flight, link, meta, cell, start, neighbour, link, counter, log_real, log_int,
+                    )  # fmt: skip
                 if counter[MOST_NEIGHBOURS] > 0:
                     going = 0
                 else:
                     most = ti.cast(ti.min(total[COLLISIONS_LEFT], 1 << 30), ti.i32)
                     run_tile(
                         0, n, True, most,
-                        grid, scale, flight, body, link, meta, order, neighbour,
-                        counter, limit, log_real, log_int, law,
+                        grid, scale, flight, body, link, meta, cell, start, order, neighbour, counter,
+                        limit, log_real, log_int, law,
                     )  # fmt: skip
+                    if counter[MOST_NEIGHBOURS] > 0:
+                        going = 0
+                if going == 1:
                     limit[EARLIEST] = flight[0][TE]
                     for i in range(n):
                         limit[EARLIEST] = ti.min(limit[EARLIEST], flight[i][TE])

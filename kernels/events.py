@@ -5,6 +5,7 @@ The order of these steps and what they guarantee is told in `rounds.py`.
 
 import taichi as ti
 
+from .extend import needed_level, push, reach_of
 from .law import collide_pair
 from .layout import (
     ACTIVE,
@@ -22,13 +23,13 @@ from .layout import (
     LATCHED,
     LENGTH,
     MATERIAL,
+    MOST_LEVEL,
     N_LOG,
     N_STANDING,
     N_UNDONE,
     N_VIOLATIONS,
     NEVER,
     NUMBER,
-    PART,
     PARTNER,
     PREVIOUS,
     RADIUS,
@@ -54,16 +55,13 @@ from .layout import (
     K,
     X,
     Y,
+    level_of,
     meeting_time,
+    n_others,
+    n_own,
     precedes,
     sooner,
 )
-
-
-@ti.func
-def push(row, item, lists: ti.template(), counter: ti.template()):
-    """Append to a work list."""
-    lists[row, ti.atomic_add(counter[row], 1)] = item
 
 
 @ti.func
@@ -97,6 +95,7 @@ def collide_at(
     a,
     b,
     shift,
+    grid: ti.template(),
     scale: ti.template(),
     flight: ti.template(),
     body: ti.template(),
@@ -142,16 +141,25 @@ def collide_at(
     flight[b][SPIN] = w_b
     log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32)
     log_int[entry][STANDS] = 1
-    # The neighbour list is complete while nobody moves further than half the skin, the reach.
+    # The neighbour list is complete while nobody moves further than his reach. A disk that becomes faster gets a
+    # longer list (`extend`); if the box does not allow that, the epoch ends before the disk comes so far.
     fastest2 = ti.max(vx_a * vx_a + vy_a * vy_a, vx_b * vx_b + vy_b * vy_b)
-    if fastest2 * (limit[END] * limit[END]) > scale[REACH] * scale[REACH]:
-        ti.atomic_min(limit[END], scale[REACH] / ti.sqrt(fastest2))
+    if fastest2 * (scale[HORIZON] * scale[HORIZON]) > scale[REACH] * scale[REACH]:
+        for disk in ti.static(range(2)):
+            slot = a
+            if ti.static(disk == 1):
+                slot = b
+            level = needed_level(flight[slot][VX], flight[slot][VY], scale)
+            if level > grid[MOST_LEVEL]:
+                speed = ti.sqrt(flight[slot][VX] ** 2 + flight[slot][VY] ** 2)
+                ti.atomic_min(limit[END], reach_of(level_of(link[slot][LENGTH]), scale) / speed)
 
 
 @ti.func
 def collide(
     i,
     everybody,
+    grid: ti.template(),
     scale: ti.template(),
     flight: ti.template(),
     body: ti.template(),
@@ -186,7 +194,9 @@ def collide(
                 shift = 8 - shift
             entry = ti.atomic_add(counter[N_LOG], 1)
             ti.atomic_add(counter[N_STANDING], 1)
-            collide_at(entry, t, a, b, shift, scale, flight, body, link, meta, limit, log_real, log_int, law)
+            collide_at(
+                entry, t, a, b, shift, grid, scale, flight, body, link, meta, limit, log_real, log_int, law
+            )
             link[a][DIRTY] = round_
             link[b][DIRTY] = round_
             row = CHANGED_ROW + round_ % 2
@@ -197,7 +207,7 @@ def collide(
 @ti.func
 def neighbour_code(i, q, lengths, row, neighbour: ti.template()):
     """The q-th neighbour of disk i as a code: those in the same frame first, then the others."""
-    own = lengths % PART
+    own = n_own(lengths)
     code = 0
     if q < own:
         code = 9 * neighbour[row * i + q] + SAME_FRAME
@@ -230,7 +240,7 @@ def predict(
     lengths = link[i][LENGTH]
     earliest = FAR
     partner = -1
-    for q in range(lengths % PART + lengths // PART):
+    for q in range(n_own(lengths) + n_others(lengths)):
         code = neighbour_code(i, q, lengths, grid[ROW], neighbour)
         j = code // 9
         shift = code - 9 * j

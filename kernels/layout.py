@@ -18,9 +18,9 @@ log_real     (c, 11) real  one collision: its time, and both disks' states befor
 log_int      (c, 8) int    its slots, links and flags
 lists        (5, n) int    work lists of the rounds
 counter      (16,) int     their lengths, and totals
-limit        (4,) real     times at which the epoch and the window end
+limit        (5,) real     times at which the epoch and the window end
 grid         (8,) int      numbers of disks, tiles and cells
-scale        (10,) real    lengths and times of the grid and the epoch
+scale        (11,) real    lengths and times of the grid and the epoch
 clock        (3,) double   times in epochs run by one thread
 total        (3,) int64    collisions and epochs of one launch
 law          (M, M, 5)     e_n, e_t, mu, contact_point, rho of each pair of materials
@@ -52,6 +52,7 @@ SLOT, PREVIOUS, NUMBER, REGIME, STANDS = 0, 2, 4, 6, 7
 # lists: disks that predicted again because they changed (two rows, for even and odd rounds), because a
 # neighbour changed (likewise), and disks to be rolled back
 CHANGED_ROW, AFFECTED_ROW, UNDO_ROW = 0, 2, 4
+EXTEND_ROW = UNDO_ROW  # lists are extended while nothing is to be undone
 # counter: the lengths of those five lists, and
 N_LOG = 5  # records written in this epoch, undone ones and gaps included
 N_STANDING = 6  # collisions that stand
@@ -61,13 +62,16 @@ ROUND = 9  # number of the current round, counted through the whole run
 MOST_NEIGHBOURS = 10  # longest neighbour row that was needed
 LOG_FULL = 11  # 1: the log may have no room for another round; 2: it had too little for the tiles
 N_UNDONE = 12  # collisions undone
-# limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event
-END, LATCHED, FASTEST, EARLIEST = range(4)
-# grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records
-N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY = range(7)
+TOP_LEVEL = 13  # highest level of any disk in this epoch
+# limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event, mean
+# square of the speeds
+END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
+# grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records;
+# highest level that the box allows
+N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL = range(8)
 # scale: sides of a cell and of a tile, listing distance beyond contact, end of predictions, beginning and end of the
-# window, what a disk may move in an epoch, time that disks fly on when they settle
-CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW, REACH, DURATION = range(10)
+# window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter
+CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW, REACH, DURATION, WIDEST = range(11)
 # clock, in double precision: present time, where to stop, planned length of the latest epoch
 NOW, TIME_END, PLANNED = range(3)
 # total, 64-bit: collisions still wanted; epochs and collisions of this launch
@@ -79,7 +83,27 @@ FAR = 1.0e30  # a time later than any event
 ROUNDING = 1.0e-14  # relative error that a velocity may carry: some 50 units in its last place
 NEVER = 1 << 30  # "undo from collision number NEVER on": nothing to undo
 SAME_FRAME = 4  # the shift of two disks of one tile
-PART = 1 << 16  # LENGTH = neighbours in the same frame + PART * others
+# LENGTH = neighbours in the same frame + OTHER * those in others + LEVEL * level
+OTHER, LEVEL = 1 << 11, 1 << 22
+LEVELS = 4.0  # levels by which a disk's range grows by one reach
+
+
+@ti.func
+def n_own(lengths):
+    """Neighbours of a disk in its own frame."""
+    return lengths % OTHER
+
+
+@ti.func
+def n_others(lengths):
+    """Neighbours of a disk in other frames."""
+    return lengths // OTHER % (LEVEL // OTHER)
+
+
+@ti.func
+def level_of(lengths):
+    """Level of a disk: it may move (1 + level / LEVELS) reaches in this epoch."""
+    return lengths // LEVEL
 
 
 @ti.func

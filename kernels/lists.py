@@ -15,7 +15,7 @@ from .layout import (
     N_STANDING,
     N_UNDONE,
     N_VIOLATIONS,
-    PART,
+    OTHER,
     PARTNER,
     RADIUS,
     ROW,
@@ -26,12 +26,15 @@ from .layout import (
     TILE_Y,
     TILES_X,
     TILES_Y,
+    TOP_LEVEL,
     VX,
     VY,
     N,
     X,
     Y,
     contact_delay,
+    n_others,
+    n_own,
     sooner,
     tile_beside,
 )
@@ -42,7 +45,21 @@ from .sort import clear
 def open_epoch(scale: ti.template(), counter: ti.template(), limit: ti.template()):
     """Counters and end of a new epoch."""
     for item in ti.static(
-        (0, 1, 2, 3, 4, N_LOG, N_STANDING, N_VIOLATIONS, N_ROUNDS, MOST_NEIGHBOURS, LOG_FULL, N_UNDONE)
+        (
+            0,
+            1,
+            2,
+            3,
+            4,
+            N_LOG,
+            N_STANDING,
+            N_VIOLATIONS,
+            N_ROUNDS,
+            MOST_NEIGHBOURS,
+            LOG_FULL,
+            N_UNDONE,
+            TOP_LEVEL,
+        )
     ):
         counter[item] = 0
     limit[END] = scale[HORIZON]
@@ -113,7 +130,7 @@ def list_others(
                         scale[HORIZON],
                     )
                     offer(i, t, 9 * j + shift, scale[HORIZON], flight, link, meta)
-    link[i][LENGTH] += PART * length
+    link[i][LENGTH] += OTHER * length
 
 
 @ti.func
@@ -194,10 +211,10 @@ def list_tile(
                 if at_border:
                     list_others(i, tile, in_x, in_y, grid, scale, flight, link, meta, start, neighbour)
                 lengths = link[i][LENGTH]
-                most = ti.max(most, lengths % PART + lengths // PART)
+                most = ti.max(most, n_own(lengths) + n_others(lengths))
     # A row that later disks made too long shows when it is looked at again.
     for i in range(start[first], start[first + cells_x * cells_y]):
-        most = ti.max(most, link[i][LENGTH] % PART + link[i][LENGTH] // PART)
+        most = ti.max(most, n_own(link[i][LENGTH]) + n_others(link[i][LENGTH]))
     if most > row:
         ti.atomic_max(counter[MOST_NEIGHBOURS], most)
 
@@ -272,8 +289,8 @@ def list_disks(
         if in_x == 0 or in_x == grid[CELLS_X] - 1 or in_y == 0 or in_y == grid[CELLS_Y] - 1:
             list_others(i, tile, in_x, in_y, grid, scale, flight, link, meta, start, neighbour)
         lengths = link[i][LENGTH]
-        if lengths % PART + lengths // PART > grid[ROW]:
-            ti.atomic_max(counter[MOST_NEIGHBOURS], lengths % PART + lengths // PART)
+        if n_own(lengths) + n_others(lengths) > grid[ROW]:
+            ti.atomic_max(counter[MOST_NEIGHBOURS], n_own(lengths) + n_others(lengths))
 
 
 @ti.kernel

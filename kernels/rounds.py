@@ -17,17 +17,20 @@ and marks are minima. The work lists are filled by atomics in any order, but are
 
 import taichi as ti
 
-from .events import collide, predict, propagate, push, restore
+from .events import collide, predict, propagate, restore
+from .extend import LATER, extend, push, raise_level, too_fast
 from .layout import (
     AFFECTED_ROW,
     CHANGED_ROW,
     DIRTY,
     EARLIEST,
     END,
+    EXTEND_ROW,
     FAR,
     LATCHED,
     LOG_CAPACITY,
     LOG_FULL,
+    MOST_NEIGHBOURS,
     N_LOG,
     N_ROUNDS,
     NEVER,
@@ -102,6 +105,8 @@ def one_round(
     body: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
+    cell: ti.types.ndarray(ndim=1),
+    start: ti.types.ndarray(ndim=1),
     neighbour: ti.types.ndarray(ndim=1),
     lists: ti.types.ndarray(ndim=2),
     counter: ti.types.ndarray(ndim=1),
@@ -121,8 +126,21 @@ def one_round(
     for q in range(n_active(everybody, counter)):
         collide(
             active_disk(q, everybody, lists, counter), everybody,
-            scale, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
+            grid, scale, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
         )  # fmt: skip
+    for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
+        i = lists[CHANGED_ROW + counter[ROUND] % 2, q]
+        level = too_fast(i, grid, scale, flight, link)
+        if level > 0:
+            raise_level(i, level, link, counter)
+            push(EXTEND_ROW, i, lists, counter)
+    for q in range(counter[EXTEND_ROW]):
+        extend(
+            lists[EXTEND_ROW, q], LATER,
+            grid, scale, flight, link, meta, cell, start, neighbour, lists, counter, log_real, log_int,
+        )  # fmt: skip
+    for _ in range(1):
+        counter[EXTEND_ROW] = 0
     for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
         predict(
             lists[CHANGED_ROW + counter[ROUND] % 2, q], True,
@@ -154,6 +172,8 @@ def rounds_by_one_thread(
     body: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
+    cell: ti.types.ndarray(ndim=1),
+    start: ti.types.ndarray(ndim=1),
     neighbour: ti.types.ndarray(ndim=1),
     lists: ti.types.ndarray(ndim=2),
     counter: ti.types.ndarray(ndim=1),
@@ -174,8 +194,20 @@ def rounds_by_one_thread(
             for q in range(n_active(everybody, counter)):
                 collide(
                     active_disk(q, everybody, lists, counter), everybody,
-                    scale, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
+                    grid, scale, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
                 )  # fmt: skip
+            for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
+                i = lists[CHANGED_ROW + counter[ROUND] % 2, q]
+                level = too_fast(i, grid, scale, flight, link)
+                if level > 0:
+                    raise_level(i, level, link, counter)
+                    push(EXTEND_ROW, i, lists, counter)
+            for q in range(counter[EXTEND_ROW]):
+                extend(
+                    lists[EXTEND_ROW, q], LATER,
+                    grid, scale, flight, link, meta, cell, start, neighbour, lists, counter, log_real, log_int,
+                )  # fmt: skip
+            counter[EXTEND_ROW] = 0
             for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
                 predict(
                     lists[CHANGED_ROW + counter[ROUND] % 2, q], True,
@@ -198,6 +230,7 @@ def rounds_by_one_thread(
                 active == 0
                 or active > most_active
                 or counter[LOG_FULL] == 1
+                or counter[MOST_NEIGHBOURS] > 0
                 or counter[N_ROUNDS] >= most_rounds
             ):
                 going = 0

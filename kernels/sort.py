@@ -19,6 +19,7 @@ from .layout import (
     IMAGE_X,
     IMAGE_Y,
     LENGTH,
+    MEAN_SQUARE,
     NEVER,
     PARTNER,
     SEQ,
@@ -186,13 +187,14 @@ def settle(
     fill: ti.types.ndarray(ndim=1),
     block: ti.types.ndarray(ndim=1),
     order: ti.types.ndarray(ndim=1),
+    squares: ti.types.ndarray(ndim=1),
     limit: ti.types.ndarray(ndim=1),
 ):
     """Fly every disk on by `scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
     Counting sort: `start` (cells + 1,) gets the first slot of each cell, `order` (n,) the old slot of each new one.
     Slots within a cell come from atomics in any order; sorting them by id makes the result independent of threads.
-    `limit[FASTEST]` gets the largest speed. The `_to` arrays receive the sorted disks, `link` is cleared.
+    `limit` gets the largest and the mean square speed. The `_to` arrays receive the sorted disks, `link` is cleared.
     """
     for c in range(grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y]):
         fill[c] = 0
@@ -213,13 +215,22 @@ def settle(
         order_cell(c, start, order, meta)
     for b in range((grid[N] + BLOCK - 1) // BLOCK):
         fastest2 = limit[FASTEST] * 0.0
+        sum2 = limit[FASTEST] * 0.0
         for s in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
             i = order[s]
             gather(s, i, flight, body, meta, cell, flight_to, body_to, meta_to, cell_to)
             clear(s, flight_to, link)
             vx, vy = flight_to[s][VX], flight_to[s][VY]
             fastest2 = ti.max(fastest2, vx * vx + vy * vy)
+            sum2 += vx * vx + vy * vy
         ti.atomic_max(limit[FASTEST], ti.sqrt(fastest2))
+        squares[b] = sum2
+    for _ in range(1):
+        # Block by block: the order of a sum of rounded numbers matters.
+        total = limit[FASTEST] * 0.0
+        for b in range((grid[N] + BLOCK - 1) // BLOCK):
+            total += squares[b]
+        limit[MEAN_SQUARE] = total / ti.max(grid[N], 1)
 
 
 @ti.kernel

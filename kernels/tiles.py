@@ -9,7 +9,8 @@ opens the rounds, which do the rest.
 
 import taichi as ti
 
-from .events import collide_at, propagate, push, restore
+from .events import collide_at, predict, propagate, restore
+from .extend import AT_START, LATER, extend, push, raise_level, too_fast
 from .layout import (
     ACTIVE,
     AFFECTED,
@@ -20,20 +21,22 @@ from .layout import (
     CELLS_Y,
     CHANGED_ROW,
     END,
+    EXTEND_ROW,
     FAR,
     HEAD,
     HORIZON,
     ID,
     LENGTH,
+    LEVEL,
     LOG_CAPACITY,
     LOG_FULL,
+    MOST_NEIGHBOURS,
     N_LOG,
     N_STANDING,
     N_VIOLATIONS,
     NEVER,
     NEXT,
     NUMBER,
-    PART,
     PARTNER,
     PREVIOUS,
     PREVIOUS_IN_BIN,
@@ -51,6 +54,7 @@ from .layout import (
     TILES_X,
     TILES_Y,
     TIME,
+    TOP_LEVEL,
     UNDO,
     UNDO_ROW,
     VX,
@@ -60,6 +64,8 @@ from .layout import (
     X,
     Y,
     meeting_time,
+    n_others,
+    n_own,
     precedes,
     sooner,
 )
@@ -126,6 +132,7 @@ def earliest_of_bin(b, flight: ti.template(), link: ti.template(), order: ti.tem
 @ti.func
 def predict_in_order(
     i,
+    now,
     low,
     high,
     begin,
@@ -145,12 +152,12 @@ def predict_in_order(
     horizon = scale[HORIZON]
     row = grid[ROW]
     lengths = link[i][LENGTH]
-    own = lengths % PART
-    if lengths > own:
+    own = n_own(lengths)
+    if n_others(lengths) > 0:
         link[i][AFFECTED] = UNSURE
     earliest = FAR
     partner = -1
-    for q in range(own + lengths // PART):
+    for q in range(own + n_others(lengths)):
         j = 0
         shift = SAME_FRAME
         shift_x = 0.0
@@ -186,7 +193,11 @@ def predict_in_order(
                             enqueue(j, low, high - low, begin, rate, flight, link, order, scale[WINDOW])
     flight[i][TE] = earliest
     link[i][PARTNER] = partner
-    enqueue(i, low, high - low, begin, rate, flight, link, order, scale[WINDOW])
+    if earliest < now:
+        # Only a held disk, which does not tell anybody where it flies, can have been met already.
+        link[i][PREVIOUS_IN_BIN] = HELD
+    else:
+        enqueue(i, low, high - low, begin, rate, flight, link, order, scale[WINDOW])
 
 
 @ti.func
@@ -201,6 +212,8 @@ def run_tile(
     body: ti.template(),
     link: ti.template(),
     meta: ti.template(),
+    cell: ti.template(),
+    start: ti.template(),
     order: ti.template(),
     neighbour: ti.template(),
     counter: ti.template(),
@@ -260,15 +273,45 @@ def run_tile(
                             shift = 8 - shift
                         collide_at(
                             free, t, ti.min(i, j), ti.max(i, j), shift,
-                            scale, flight, body, link, meta, limit, log_real, log_int, law,
+                            grid, scale, flight, body, link, meta, limit, log_real, log_int, law,
                         )  # fmt: skip
                         free += 1
                         done += 1
                         for member in range(2):
-                            predict_in_order(
-                                i + member * (j - i), low, high, begin, rate,
-                                grid, scale, flight, link, meta, order, neighbour,
-                            )  # fmt: skip
+                            m = i + member * (j - i)
+                            level = too_fast(m, grid, scale, flight, link)
+                            if ti.static(alone):
+                                if level > 0:
+                                    raise_level(m, level, link, counter)
+                                    extend(
+                                        m, LATER, grid, scale, flight, link, meta, cell, start, neighbour,
+                                        link, counter, log_real, log_int,
+                                    )  # fmt: skip
+                                    if counter[MOST_NEIGHBOURS] > 0:
+                                        b = high
+                                    level = 0
+                            if level > 0:
+                                # Its list may need disks of other tiles: the rounds see to it.
+                                flight[m][TE] = FAR
+                                link[m][PARTNER] = ROLLED_BACK
+                                link[m][AFFECTED] = UNSURE
+                                link[m][PREVIOUS_IN_BIN] = HELD
+                            else:
+                                predict_in_order(
+                                    m,
+                                    t,
+                                    low,
+                                    high,
+                                    begin,
+                                    rate,
+                                    grid,
+                                    scale,
+                                    flight,
+                                    link,
+                                    meta,
+                                    order,
+                                    neighbour,
+                                )
                         if ti.static(alone):
                             if done == most:
                                 limit[END] = t
@@ -280,7 +323,7 @@ def run_tile(
                     # The partner has changed meanwhile.
                     dequeue(i, link, order)
                     predict_in_order(
-                        i, low, high, begin, rate, grid, scale, flight, link, meta, order, neighbour
+                        i, t, low, high, begin, rate, grid, scale, flight, link, meta, order, neighbour
                     )
     for entry in range(free, chunk_end):
         log_int[entry][STANDS] = 0
@@ -299,6 +342,7 @@ def run_tiles(
     body: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
+    cell: ti.types.ndarray(ndim=1),
     start: ti.types.ndarray(ndim=1),
     order: ti.types.ndarray(ndim=1),
     neighbour: ti.types.ndarray(ndim=1),
@@ -317,7 +361,8 @@ def run_tiles(
         if high > low:
             run_tile(
                 low, high, False, 0,
-                grid, scale, flight, body, link, meta, order, neighbour, counter, limit, log_real, log_int, law,
+                grid, scale, flight, body, link, meta, cell, start, order, neighbour, counter, limit,
+                log_real, log_int, law,
             )  # fmt: skip
 
 
@@ -459,7 +504,7 @@ def join_tiles(
     for i in range(grid[N]):
         lengths = link[i][LENGTH]
         tile = cell[i] // (grid[CELLS_X] * grid[CELLS_Y])
-        for q in range(lengths // PART):
+        for q in range(n_others(lengths)):
             code = neighbour[grid[ROW] * i + grid[ROW] - 1 - q]
             j = code // 9
             if i < j and (link[i][HEAD] >= 0 or link[j][HEAD] >= 0):
@@ -473,11 +518,11 @@ def join_tiles(
         # Before anything is restored: who predicted without its neighbours across a border, or has one that changed?
         stale = link[i][AFFECTED] == UNSURE
         lengths = link[i][LENGTH]
-        for q in range(lengths // PART):
+        for q in range(n_others(lengths)):
             if link[neighbour[grid[ROW] * i + grid[ROW] - 1 - q] // 9][HEAD] >= 0:
                 stale = True
         held = flight[i][TE] < scale[WINDOW]
-        if held:
+        if held and not stale:
             # What a disk waits for may have changed since it predicted, unless its partner waits for it too.
             code = link[i][PARTNER]
             j = code // 9
@@ -505,3 +550,39 @@ def join_tiles(
             q += 1
         counter[CHANGED_ROW + now] = 0
         next_round(grid, lists, counter, link)
+
+
+@ti.kernel
+def extend_fast(
+    grid: ti.types.ndarray(ndim=1),
+    scale: ti.types.ndarray(ndim=1),
+    flight: ti.types.ndarray(ndim=1),
+    link: ti.types.ndarray(ndim=1),
+    meta: ti.types.ndarray(ndim=1),
+    cell: ti.types.ndarray(ndim=1),
+    start: ti.types.ndarray(ndim=1),
+    neighbour: ti.types.ndarray(ndim=1),
+    lists: ti.types.ndarray(ndim=2),
+    counter: ti.types.ndarray(ndim=1),
+    log_real: ti.types.ndarray(ndim=1),
+    log_int: ti.types.ndarray(ndim=1),
+):
+    """Longer lists for the disks that are too fast at the beginning of the epoch."""
+    for i in range(grid[N]):
+        level = too_fast(i, grid, scale, flight, link)
+        if level > 0:
+            push(EXTEND_ROW, i, lists, counter)
+            link[i][LENGTH] += level * LEVEL
+            ti.atomic_max(counter[TOP_LEVEL], level)
+    for q in range(counter[EXTEND_ROW]):
+        extend(
+            lists[EXTEND_ROW, q], AT_START,
+            grid, scale, flight, link, meta, cell, start, neighbour, lists, counter, log_real, log_int,
+        )  # fmt: skip
+    for q in range(counter[AFFECTED_ROW]):
+        i = lists[AFFECTED_ROW, q]
+        predict(i, False, grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int)
+        link[i][AFFECTED] = -1
+    for _ in range(1):
+        counter[EXTEND_ROW] = 0
+        counter[AFFECTED_ROW] = 0
