@@ -83,6 +83,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     run.add_argument("--seed", metavar="N", help="seed of the random numbers; sets run.seed")
     run.add_argument("--threads", metavar="N", help="CPU threads; sets run.threads")
+    run.add_argument("--precision", metavar="P", help="f64 or f32; sets run.precision")
     run.add_argument(
         "-o",
         "--output",
@@ -145,14 +146,20 @@ def _add_case(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _run(options: argparse.Namespace) -> int:
+def _overrides(options: argparse.Namespace) -> list[str]:
+    """What the command line changes of a case, the options with a name of their own included."""
     overrides = list(options.overrides)
-    for key in ("arch", "seed", "threads"):
+    for key in ("arch", "seed", "threads", "precision"):
         value = getattr(options, key)
         if value is not None:
             # Texts are quoted, so that the model says what is wrong with "--arch 3" or an empty value.
-            quoted = value if key != "arch" and value else json.dumps(value)
-            overrides.append(f"run.{key}={quoted}")
+            text = key in ("arch", "precision") or not value
+            overrides.append(f"run.{key}={json.dumps(value) if text else value}")
+    return overrides
+
+
+def _run(options: argparse.Namespace) -> int:
+    overrides = _overrides(options)
     # Which files there will be is known only from the case, so a wrong case comes first.
     from . import case_file
     from .outputs import Outputs
