@@ -6,11 +6,12 @@ import contextlib
 import io
 import os
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .errors import InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
+PRECISIONS = ("f64", "f32")
 
 
 @dataclass(frozen=True)
@@ -27,12 +28,15 @@ class Running:
 
     arch: str
     threads: int
+    precision: str = "f64"
+    profile: bool = False
 
 
 _running: Running | None = None
 
 
-def _cpu_name() -> str:
+def cpu_name() -> str:
+    """What the processor calls itself."""
     try:
         with open("/proc/cpuinfo") as info:
             for line in info:
@@ -50,6 +54,25 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
+def memory_available() -> int | None:
+    """Bytes of memory that a process could still take, or None where the system does not tell.
+
+    A container's limit counts as well, less what is in use in it already.
+    """
+    found = []
+    try:
+        with open("/proc/meminfo") as info:
+            found += [1024 * int(line.split()[1]) for line in info if line.startswith("MemAvailable:")]
+    except OSError:
+        pass
+    try:
+        with open("/sys/fs/cgroup/memory.max") as most, open("/sys/fs/cgroup/memory.current") as used:
+            found.append(int(most.read()) - int(used.read()))
+    except (OSError, ValueError):  # no such group, or "max": no limit
+        pass
+    return min(found, default=None)
+
+
 def available() -> list[Device]:
     """The devices that a simulation can run on. Starts nothing."""
     from . import kernels  # noqa: F401  (keeps Taichi from printing its banner)
@@ -58,14 +81,17 @@ def available() -> list[Device]:
 
     # Looking for a GPU driver where there is none is not worth a warning.
     ti.set_logging_level(ti.ERROR)
-    devices = [Device("cpu", f"{_cpu_name()}, {cores()} threads")]
+    devices = [Device("cpu", f"{cpu_name()}, {cores()} threads")]
     if ti._lib.core.with_cuda():
         devices.append(Device("cuda", "NVIDIA GPU (CUDA)"))
     return devices
 
 
-def check(arch: str, threads: int | None = None) -> None:
-    """Raise InputError unless `arch` is known, the device there, and so many `threads` fit on it. Starts nothing."""
+def check(arch: str, threads: int | None = None, precision: str = "f64") -> None:
+    """Raise InputError unless device and precision are known, and device and threads there. Starts nothing."""
+    if precision not in PRECISIONS:
+        allowed = ", ".join(PRECISIONS)
+        raise InputError(f"precision = '{precision}': allowed are {allowed}{nearest(precision, PRECISIONS)}")
     if arch not in ARCHITECTURES:
         allowed = ", ".join(ARCHITECTURES)
         raise InputError(f"arch = '{arch}': allowed are {allowed}{nearest(arch, ARCHITECTURES)}")
@@ -93,8 +119,10 @@ def _kernel_cache() -> str:
         return tempfile.mkdtemp(prefix="ifrdem-kernels-")
 
 
-def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
-    """Start Taichi in double precision, or do nothing if it already runs with the same settings.
+def start(
+    arch: str = "cpu", *, threads: int | None = None, precision: str = "f64", profile: bool = False
+) -> Running:
+    """Start Taichi, or do nothing if it already runs with the same settings.
 
     Taichi is one per process: starting it with other settings ends every simulation of the process so far.
 
@@ -104,24 +132,30 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
         "cpu" or "cuda". A device that is not there is refused; there is no fall-back.
     threads : int, optional
         Threads on the CPU; all cores by default. Results do not depend on it.
+    precision : {"f64", "f32"}
+        Type of literals and of real numbers whose type is not said.
+    profile : bool
+        Let Taichi time every kernel, for `ifrdem.profiler`. Without it, a Taichi that runs so already is kept,
+        so that simulations can be made under the profiler; `stop` ends that.
 
     Raises
     ------
     InputError
-        If the architecture is unknown or not there, or there are not so many cores.
+        If architecture or precision are unknown, the device is not there, or there are not so many cores.
     """
     global _running
-    check(arch, threads)
-    wanted = Running(arch, threads or cores())
+    check(arch, threads, precision)
+    wanted = Running(arch, threads or cores(), precision, profile)
     import taichi as ti
 
     os.environ.pop("TI_ARCH", None)  # Taichi would follow it instead of what was asked for
-    if _running == wanted and ti.lang.impl.get_runtime().prog is not None:
+    good_enough = (wanted, replace(wanted, profile=True))
+    if _running is not None and _running in good_enough and ti.lang.impl.get_runtime().prog is not None:
         return _running
     with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
         ti.init(
             arch=getattr(ti, arch),
-            default_fp=ti.f64,
+            default_fp=getattr(ti, precision),
             default_ip=ti.i32,
             fast_math=False,  # with it, contact times lose bits and collisions are missed
             cpu_max_num_threads=wanted.threads,
@@ -129,6 +163,17 @@ def start(arch: str = "cpu", *, threads: int | None = None) -> Running:
             offline_cache_file_path=_kernel_cache(),
             log_level=ti.WARN,
             enable_fallback=False,
+            kernel_profiler=profile,
         )
     _running = wanted
     return wanted
+
+
+def stop() -> None:
+    """End Taichi, and with it every simulation of this process."""
+    global _running
+    if _running is not None:
+        import taichi as ti
+
+        ti.reset()
+        _running = None

@@ -130,6 +130,12 @@ class RunSection(Section):
         description="CPU threads [whole number]; all cores without it. The result does not depend on it",
         examples=[2],
     )
+    precision: Literal["f64", "f32"] = Field(
+        default="f64",
+        description='numbers that the run computes with: "f64" (double precision), or "f32" (single: less '
+        "memory, less exact)",
+        examples=["f64"],
+    )
     units: Literal["SI", "reduced"] = Field(
         default="SI",
         description='"SI": numbers are in the units in brackets; "reduced": in any consistent system, '
@@ -304,7 +310,7 @@ class OutputSection(Section):
     )
     precision: Literal["f4", "f8"] = Field(
         default="f4",
-        description='"f4" or "f8": bytes of each number in the file; the run itself always has 8',
+        description='"f4" or "f8": bytes of each number in the file, whatever run.precision is',
         examples=["f4"],
     )
     picture: bool = Field(

@@ -4,10 +4,26 @@ from __future__ import annotations
 
 import math
 
+from . import backend
 from .case import Case
 from .engine import BYTES_PER_DISK
+from .errors import InputError
 from .estimate import OBSERVABLES, Estimate, disk_bytes
 from .gas import Gas
+
+HOST_BYTES_PER_DISK = 300
+"""What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
+
+
+def refuse_beyond_memory(n: int, arch: str) -> None:
+    """Raise InputError if n disks need more memory than is free. Of a GPU's own memory it knows nothing."""
+    needed = n * (HOST_BYTES_PER_DISK + (BYTES_PER_DISK if arch == "cpu" else 0))
+    free = backend.memory_available()
+    if free is not None and needed > free:
+        most = n * free // needed
+        raise InputError(
+            f"{n} disks need some {size(needed)} of memory, and {size(free)} are free: {most} would fit"
+        )
 
 
 def summary(case: Case, gas: Gas, estimate: Estimate, device: str) -> str:

@@ -83,6 +83,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     run.add_argument("--seed", metavar="N", help="seed of the random numbers; sets run.seed")
     run.add_argument("--threads", metavar="N", help="CPU threads; sets run.threads")
+    run.add_argument("--precision", metavar="P", help="f64 or f32; sets run.precision")
     run.add_argument(
         "-o",
         "--output",
@@ -102,6 +103,17 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     _add_case(check)
     check.set_defaults(act=_check)
+
+    bench = verbs.add_parser(
+        "bench",
+        help="measure how fast it runs here",
+        description="Time warm kernels: an elastic gas at equilibrium, a case (--case), or a grid of gases "
+        "(--table). Prints the median of several runs and their range; progress goes to the standard error "
+        "stream.",
+        allow_abbrev=False,
+    )
+    _add_bench(bench)
+    bench.set_defaults(act=_bench)
 
     info = verbs.add_parser("info", help="say what a trajectory holds", allow_abbrev=False)
     info.add_argument("file", metavar="FILE", help="a trajectory (.h5)")
@@ -126,7 +138,12 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     verb = next((word for word in arguments if not word.startswith("-")), None)
     if verb is not None and verb not in known:
         raise InputError(f"no verb is called '{verb}'{nearest(verb, known)}; there are: {', '.join(known)}")
-    options = parser.parse_args(arguments)
+    options, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        own = verbs.choices[verb] if verb is not None else parser
+        allowed = [name for action in own._actions for name in action.option_strings]
+        close = nearest(unknown[0].split("=")[0], allowed) if unknown[0].startswith("-") else ""
+        own.error(f"unrecognized arguments: {' '.join(unknown)}{close}")
     if not hasattr(options, "act"):
         parser.error(f"a verb is needed: {', '.join(known)}")
     return options
@@ -134,6 +151,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 
 def _add_case(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("case", metavar="CASE", help="a case file (TOML); `ifrdem new cooling` writes one")
+    _add_set(parser)
+
+
+def _add_set(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--set",
         metavar="KEY=VALUE",
@@ -145,14 +166,53 @@ def _add_case(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _run(options: argparse.Namespace) -> int:
+def _add_bench(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--n", metavar="N", help="disks of the elastic gas (default: 1e5)")
+    parser.add_argument("--phi", metavar="PHI", help="its packing fraction (default: 0.3)")
+    parser.add_argument("--arch", metavar="ARCH", help="device: cpu or cuda (see `ifrdem backends`)")
+    parser.add_argument("--precision", metavar="P", help="f64 or f32")
+    parser.add_argument("--threads", metavar="N", help="CPU threads (default: all cores)")
+    parser.add_argument(
+        "--skin",
+        metavar="S",
+        help="extra distance, in diameters of the largest disk, within which neighbours are listed",
+    )
+    parser.add_argument("--runs", metavar="R", help="timed runs (default: 5)")
+    parser.add_argument("--seconds", metavar="S", help="least length of a timed run (default: 0.5)")
+    parser.add_argument("--seed", metavar="N", help="seed of the random numbers")
+    parser.add_argument("--json", action="store_true", help="print one JSON object with every figure")
+    parser.add_argument("--profile", action="store_true", help="measure the share of each kernel too")
+    parser.add_argument(
+        "--no-compile", action="store_true", help="leave out the times of a start, cold and warm"
+    )
+    parser.add_argument("--case", metavar="FILE", help="time the gas of a case file instead")
+    parser.add_argument(
+        "--after", metavar="C", help="collisions per disk that the case has before it is timed (default: 0)"
+    )
+    _add_set(parser)
+    parser.add_argument("--table", action="store_true", help="time a grid of gases; prints Markdown")
+    parser.add_argument("--most", metavar="N", help="leave out gases of the table with more disks")
+    parser.add_argument(
+        "--clustered",
+        action="store_true",
+        help="in the table, a cooling gas in clusters too, which takes minutes",
+    )
+
+
+def _overrides(options: argparse.Namespace) -> list[str]:
+    """What the command line changes of a case, the options with a name of their own included."""
     overrides = list(options.overrides)
-    for key in ("arch", "seed", "threads"):
+    for key in ("arch", "seed", "threads", "precision"):
         value = getattr(options, key)
         if value is not None:
             # Texts are quoted, so that the model says what is wrong with "--arch 3" or an empty value.
-            quoted = value if key != "arch" and value else json.dumps(value)
-            overrides.append(f"run.{key}={quoted}")
+            text = key in ("arch", "precision") or not value
+            overrides.append(f"run.{key}={json.dumps(value) if text else value}")
+    return overrides
+
+
+def _run(options: argparse.Namespace) -> int:
+    overrides = _overrides(options)
     # Which files there will be is known only from the case, so a wrong case comes first.
     from . import case_file
     from .outputs import Outputs
@@ -181,6 +241,38 @@ def _check(options: argparse.Namespace) -> int:
     file = case_file.read(options.case, options.overrides)
     gas = Gas.from_case(file.case, file.folder)
     _say(check.report(file.case, gas, Estimate.of(gas, file.case)))
+    return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from .bench_options import BenchOptions
+
+    overrides = _overrides(options) if options.case is not None else []
+    chosen = BenchOptions.parse(options, overrides)
+    from . import bench, bench_table, case_file, equilibrium
+
+    if chosen.table:
+        bench_table.measure(chosen, say=_say, note=_complain)
+        return 0
+    if chosen.case is not None:
+        file = case_file.read(chosen.case, overrides)
+        found = bench.measure(
+            file.case, file.folder, timing=chosen.timing, after=chosen.after, note=_complain
+        )
+    else:
+        case = equilibrium.elastic_gas(
+            chosen.n,
+            chosen.phi,
+            arch=chosen.arch,
+            threads=chosen.threads,
+            precision=chosen.precision,
+            seed=chosen.seed,
+        )
+        try:
+            found = bench.measure(case, timing=chosen.timing, note=_complain)
+        except InputError as error:  # it speaks of a case that the user does not see
+            raise InputError(f"--n {chosen.n} --phi {chosen.phi:g}: {error}") from None
+    _say(json.dumps(found.figures(), indent=2) if chosen.json else found.report())
     return 0
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +15,10 @@ from .box import Box
 from .case import Case
 from .draft import Draft, Problem, Species, box_around
 from .errors import InputError
-from .law import IFRLaw
+from .law import EnergyWarning, IFRLaw
 from .pairing import PairVerdict, verdicts
 from .problems import problems
+from .simulation import Simulation
 from .start_file import StartFile
 from .state import Disks, State
 
@@ -104,6 +107,19 @@ class Gas:
             velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, seed=own))
             spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
         return State(position=position, velocity=np.concatenate(velocity), spin=np.concatenate(spin))
+
+    def simulation(self, case: Case, state: State | None = None, *, skin: float | None = None) -> Simulation:
+        """The simulation of this gas on the case's device, from its start or from another `state`.
+
+        What `warnings` says is not said again. A `skin` [length] overrides the engine's own choice.
+        """
+        options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads, "skin": skin}
+        if case.run.precision != "f64":
+            options["precision"] = case.run.precision
+        begin = self.start(case) if state is None else state
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)
+            return Simulation(self.disks, self.box, self.laws, begin, **options)
 
     def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
         try:

@@ -128,7 +128,7 @@ class Progress:
 
     def _fitting(self, time: float) -> tuple[str, str]:
         """Format of the bar line and its text: as much as the terminal has room for."""
-        left, rate = f"ETA {_clock_face(self.seconds_left)}", f"{self.collisions_per_second:.3g}"
+        left, rate = f"ETA {clock_face(self.seconds_left)}", f"{self.collisions_per_second:.3g}"
         main, per_disk = f"{left}, {rate} collisions/s", f"{self._per_disk:.2f} per disk"
         whole = f"{main}, {per_disk}, t = {time:.4g} {self._unit}".rstrip()
         choices = [(WITH_BAR, whole), (WITH_BAR, f"{main}, {per_disk}"), (WITH_BAR, main), (BARE, main)]
@@ -145,7 +145,7 @@ class Progress:
         rate = f"{self._rate_since(self._printed):.3g} collisions/s"
         print(
             f"{100.0 * self.fraction:5.1f} %  {time}, {self._per_disk:.2f} collisions per disk, {rate}, "
-            f"ETA {_clock_face(self.seconds_left)}",
+            f"ETA {clock_face(self.seconds_left)}",
             file=self._stream,
             flush=True,
         )
@@ -183,7 +183,7 @@ def _columns(stream: TextIO) -> int:
         return 0
 
 
-def _clock_face(seconds: float) -> str:
+def clock_face(seconds: float) -> str:
     """1:02:03, 2:03, or a dash if unknown."""
     if seconds == float("inf"):
         return "-"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import time
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,11 +18,9 @@ from .case import UNITS, Case
 from .case_file import CaseFile
 from .estimate import Estimate
 from .gas import Gas
-from .law import EnergyWarning
 from .observables import Measure
 from .outputs import Outputs
 from .progress import Progress
-from .simulation import Simulation
 from .state import State
 from .trajectory_writer import TrajectoryWriter
 
@@ -91,24 +88,22 @@ def run(
     """
     case = file.case
     outputs.check(force=force)
-    backend.check(case.run.arch, case.run.threads)
+    backend.check(case.run.arch, case.run.threads, case.run.precision)
+    check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
     began = time.perf_counter()
     gas = Gas.from_case(case, file.folder)
     device = next(each for each in backend.available() if each.arch == case.run.arch)
     used = case.run.threads or backend.cores()
-    threads = f", {used} used" if case.run.arch == "cpu" else ""
-    say(check.summary(case, gas, Estimate.of(gas, case), f"{device.arch}: {device.description}{threads}"))
+    how = f", {used} used" if case.run.arch == "cpu" else ""
+    if case.run.precision != "f64":
+        how += f", computing in {case.run.precision}"
+    say(check.summary(case, gas, Estimate.of(gas, case), f"{device.arch}: {device.description}{how}"))
     for text in gas.warnings:
         warn(text)
 
     ledger = Ledger()
     try:
-        state = gas.start(case)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnergyWarning)  # said above
-            simulation = Simulation(
-                gas.disks, gas.box, gas.laws, state, arch=case.run.arch, threads=case.run.threads
-            )
+        simulation = gas.simulation(case)
         with TrajectoryWriter(
             outputs.trajectory,
             gas.disks,

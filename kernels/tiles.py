@@ -515,12 +515,9 @@ def join_tiles(
     for _ in range(1):
         propagate(link, lists, counter, log_int)
     for i in range(grid[N]):
-        # Before anything is restored: who predicted without its neighbours across a border, or has one that changed?
+        # Before anything is restored: who predicted without looking at other tiles? A disk beyond the border that
+        # changed is among them, and tells its neighbours.
         stale = link[i][AFFECTED] == UNSURE
-        lengths = link[i][LENGTH]
-        for q in range(n_others(lengths)):
-            if link[neighbour[grid[ROW] * i + grid[ROW] - 1 - q] // 9][HEAD] >= 0:
-                stale = True
         held = flight[i][TE] < scale[WINDOW]
         if held and not stale:
             # What a disk waits for may have changed since it predicted, unless its partner waits for it too.

@@ -46,6 +46,28 @@ def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
     assert ti.lang.impl.get_runtime().prog is program
 
 
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
+    import taichi as ti
+
+    try:
+        assert backend.start("cpu", precision=precision).precision == precision
+        assert ti.lang.impl.get_runtime().default_fp == getattr(ti, precision)
+    finally:
+        backend.stop()
+
+
+def test_an_unknown_precision_is_refused_with_the_nearest_spelling() -> None:
+    with pytest.raises(InputError, match=r"precision = 'f46': allowed are f64, f32 \(did you mean 'f64'\?\)"):
+        backend.start("cpu", precision="f46")
+
+
+def test_memory_that_is_available_is_no_more_than_there_is() -> None:
+    free = backend.memory_available()
+    if free is not None:  # the system tells
+        assert 0 < free <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
 def test_neither_the_environment_nor_an_unwritable_cache_changes_what_runs() -> None:
     code = (
         "from ifrdem import backend; backend.start('cpu'); import taichi as ti; "

@@ -214,6 +214,10 @@ def test_backends_lists_the_cpu(capsys: pytest.CaptureFixture[str]) -> None:
         (["--set", "run.seed"], "KEY=VALUE is needed"),
         (["--seed", "three"], r'run\.seed = "three": must be a whole number'),
         (["--threads", "0"], r"run\.threads = 0: must be greater than or equal to 1"),
+        (
+            ["--precision", "f46"],
+            r"run\.precision = \"f46\": must be 'f64' or 'f32' \(did you mean 'f64'\?\)",
+        ),
         (["--arch", "gpu"], r"run\.arch = \"gpu\": must be 'cpu' or 'cuda'"),
         (["-o", "nowhere/run"], "output folder nowhere: does not exist"),
         (["-o", "tiny.toml/run"], r"output folder tiny\.toml: is not a folder"),
@@ -334,6 +338,19 @@ def test_run_until_a_time_ends_there(folder: Path) -> None:
     assert main(["run", "tiny.toml", *options]) == 0
     with Trajectory("tiny.h5") as trajectory:
         np.testing.assert_allclose(trajectory.times, np.linspace(0.0, 0.04, FRAMES + 1), rtol=1e-14)
+
+
+def test_the_precision_of_a_run_reaches_its_simulation(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def remember(*_: object, **options: object) -> None:
+        asked.append(options.get("precision", "f64"))
+        raise EngineError("far enough")
+
+    monkeypatch.setattr("ifrdem.gas.Simulation", remember)
+    for precision in ("f32", "f64"):
+        assert main(["run", "tiny.toml", "--precision", precision, "--no-picture", "--force"]) == 1
+    assert asked == ["f32", "f64"]
 
 
 def test_options_override_the_case_and_set_the_place(folder: Path) -> None:
