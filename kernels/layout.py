@@ -78,6 +78,9 @@ NOW, TIME_END, PLANNED = range(3)
 COLLISIONS_LEFT, N_EPOCHS, N_TOTAL = range(3)
 
 SPEED_MARGIN = 1.15  # how much faster than the fastest disk a disk may become before the epoch is cut short
+# Taichi hands a thread at least so many items of a loop. Loops over few, long items run over SPREAD times as many, and do
+# something in one of them.
+SPREAD = 512
 ROLLED_BACK = -2  # as a partner: this disk was rolled back and has not predicted again
 FAR = 1.0e30  # a time later than any event
 ROUNDING = 1.0e-14  # relative error that a velocity may carry: some 50 units in its last place

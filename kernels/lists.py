@@ -21,6 +21,7 @@ from .layout import (
     ROW,
     SAME_FRAME,
     SKIN,
+    SPREAD,
     TE,
     TILE_X,
     TILE_Y,
@@ -234,9 +235,9 @@ def list_tiles(
     """Open an epoch: list every pair closer than contact + skin, predict first events. One thread a tile."""
     for _ in range(1):
         open_epoch(scale, counter, limit)
-    ti.loop_config(block_dim=1)
-    for tile in range(grid[TILES_X] * grid[TILES_Y]):
-        list_tile(tile, grid, scale, flight, link, meta, start, neighbour, counter)
+    for item in range(SPREAD * grid[TILES_X] * grid[TILES_Y]):
+        if item % SPREAD == 0:
+            list_tile(item // SPREAD, grid, scale, flight, link, meta, start, neighbour, counter)
 
 
 @ti.kernel

@@ -39,6 +39,7 @@ from .layout import (
     ROLLED_BACK,
     ROUND,
     SLOT,
+    SPREAD,
     STANDS,
     TE,
     TIME,
@@ -47,7 +48,7 @@ from .layout import (
     WINDOW,
     N,
 )
-from .sort import BLOCK
+from .sort import BLOCK, n_blocks
 
 
 @ti.func
@@ -243,11 +244,13 @@ def earliest_event(
     """`limit[EARLIEST]`: the time of the earliest unprocessed event. Everything before it is final."""
     for _ in range(1):
         limit[EARLIEST] = FAR
-    for b in range((grid[N] + BLOCK - 1) // BLOCK):
-        earliest = limit[EARLIEST]
-        for i in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
-            earliest = ti.min(earliest, flight[i][TE])
-        ti.atomic_min(limit[EARLIEST], earliest)
+    for item in range(SPREAD * n_blocks(grid[N])):
+        if item % SPREAD == 0:
+            b = item // SPREAD
+            earliest = limit[EARLIEST]
+            for i in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
+                earliest = ti.min(earliest, flight[i][TE])
+            ti.atomic_min(limit[EARLIEST], earliest)
 
 
 @ti.kernel

@@ -24,6 +24,7 @@ from .layout import (
     PARTNER,
     SEQ,
     SPIN,
+    SPREAD,
     TAU,
     TE,
     TILE_X,
@@ -39,6 +40,18 @@ from .layout import (
 )
 
 BLOCK = 1024  # items that one thread handles at a time in scans and reductions
+
+
+@ti.func
+def n_cells(grid: ti.template()):
+    """Cells of the whole box."""
+    return grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y]
+
+
+@ti.func
+def n_blocks(items):
+    """Blocks that hold so many items."""
+    return (items + BLOCK - 1) // BLOCK
 
 
 @ti.func
@@ -196,39 +209,42 @@ def settle(
     Slots within a cell come from atomics in any order; sorting them by id makes the result independent of threads.
     `limit` gets the largest and the mean square speed. The `_to` arrays receive the sorted disks, `link` is cleared.
     """
-    for c in range(grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y]):
+    for c in range(n_cells(grid)):
         fill[c] = 0
     for i in range(grid[N]):
         fly(i, grid, scale, flight, meta, link, cell, fill)
-    for b in range((grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y] + BLOCK - 1) // BLOCK):
-        sum_block(b, grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y], fill, block)
+    for item in range(SPREAD * n_blocks(n_cells(grid))):
+        if item % SPREAD == 0:
+            sum_block(item // SPREAD, n_cells(grid), fill, block)
     for _ in range(1):
-        cells = grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y]
-        scan_blocks((cells + BLOCK - 1) // BLOCK, block)
-        start[cells] = grid[N]
+        scan_blocks(n_blocks(n_cells(grid)), block)
+        start[n_cells(grid)] = grid[N]
         limit[FASTEST] = 0.0
-    for b in range((grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y] + BLOCK - 1) // BLOCK):
-        scan_block(b, grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y], fill, block, start)
+    for item in range(SPREAD * n_blocks(n_cells(grid))):
+        if item % SPREAD == 0:
+            scan_block(item // SPREAD, n_cells(grid), fill, block, start)
     for i in range(grid[N]):
         order[ti.atomic_add(fill[cell[i]], 1)] = i
-    for c in range(grid[TILES_X] * grid[TILES_Y] * grid[CELLS_X] * grid[CELLS_Y]):
+    for c in range(n_cells(grid)):
         order_cell(c, start, order, meta)
-    for b in range((grid[N] + BLOCK - 1) // BLOCK):
-        fastest2 = limit[FASTEST] * 0.0
-        sum2 = limit[FASTEST] * 0.0
-        for s in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
-            i = order[s]
-            gather(s, i, flight, body, meta, cell, flight_to, body_to, meta_to, cell_to)
-            clear(s, flight_to, link)
-            vx, vy = flight_to[s][VX], flight_to[s][VY]
-            fastest2 = ti.max(fastest2, vx * vx + vy * vy)
-            sum2 += vx * vx + vy * vy
-        ti.atomic_max(limit[FASTEST], ti.sqrt(fastest2))
-        squares[b] = sum2
+    for s in range(grid[N]):
+        gather(s, order[s], flight, body, meta, cell, flight_to, body_to, meta_to, cell_to)
+        clear(s, flight_to, link)
+    for item in range(SPREAD * n_blocks(grid[N])):
+        if item % SPREAD == 0:
+            b = item // SPREAD
+            fastest2 = limit[FASTEST] * 0.0
+            sum2 = limit[FASTEST] * 0.0
+            for s in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
+                vx, vy = flight_to[s][VX], flight_to[s][VY]
+                fastest2 = ti.max(fastest2, vx * vx + vy * vy)
+                sum2 += vx * vx + vy * vy
+            ti.atomic_max(limit[FASTEST], ti.sqrt(fastest2))
+            squares[b] = sum2
     for _ in range(1):
         # Block by block: the order of a sum of rounded numbers matters.
         total = limit[FASTEST] * 0.0
-        for b in range((grid[N] + BLOCK - 1) // BLOCK):
+        for b in range(n_blocks(grid[N])):
             total += squares[b]
         limit[MEAN_SQUARE] = total / ti.max(grid[N], 1)
 

@@ -46,6 +46,7 @@ from .layout import (
     ROW,
     SAME_FRAME,
     SLOT,
+    SPREAD,
     STANDS,
     TAU,
     TE,
@@ -353,17 +354,17 @@ def run_tiles(
     law: ti.types.ndarray(ndim=3),
 ):
     """All tiles at once, one thread each, up to the end of the window."""
-    ti.loop_config(block_dim=1)
-    for tile in range(grid[TILES_X] * grid[TILES_Y]):
-        cells = grid[CELLS_X] * grid[CELLS_Y]
-        low = start[tile * cells]
-        high = start[(tile + 1) * cells]
-        if high > low:
-            run_tile(
-                low, high, False, 0,
-                grid, scale, flight, body, link, meta, cell, start, order, neighbour, counter, limit,
-                log_real, log_int, law,
-            )  # fmt: skip
+    for item in range(SPREAD * grid[TILES_X] * grid[TILES_Y]):
+        if item % SPREAD == 0:
+            cells = grid[CELLS_X] * grid[CELLS_Y]
+            low = start[item // SPREAD * cells]
+            high = start[(item // SPREAD + 1) * cells]
+            if high > low:
+                run_tile(
+                    low, high, False, 0,
+                    grid, scale, flight, body, link, meta, cell, start, order, neighbour, counter, limit,
+                    log_real, log_int, law,
+                )  # fmt: skip
 
 
 @ti.func
