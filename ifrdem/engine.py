@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,25 +32,27 @@ from .box import Box
 from .errors import EngineError, InputError
 from .state import Disks, State
 
-# Bytes that the arrays take for each disk, with a log of one record for two disks and rows of 24 neighbours.
+# Bytes that the arrays take for each disk, with a log of one record for two disks.
 _LOG_REAL, _LOG_INT = 11, 8
-_FLIGHT, _BODY, _LINK, _META, _LISTS = 8, 2, 8, 5, 5
+_FLIGHT, _KIND, _LINK, _META, _IMAGE, _LISTS = 8, 4, 8, 3, 2, 5
 ADDRESSABLE = 2**31 - 1  # entries of one array that 32-bit indices reach
-ROW = 24  # entries of a neighbour row to begin with; rows grow where more are needed
+ROW = 16  # entries of a neighbour row to begin with; rows grow where more are needed
+MOST_DISKS = ADDRESSABLE // 24  # with rows as long as a dense gas may need
+# With cells for half as many as there are disks, and in double precision.
 BYTES_PER_DISK = (
-    2 * (8 * (_FLIGHT + _BODY) + 4 * (_META + 1))
-    + 4 * (_LINK + _LISTS + 1)
-    + 4 * ROW
-    + 8 * _LOG_REAL
-    + 4 * _LOG_INT
+    8 * _FLIGHT
+    + 4 * (_LINK + _META + _IMAGE + _LISTS + ROW + 1 + 1 + 1)
+    + (8 * _LOG_REAL + 4 * _LOG_INT) // 2
 )
 
 ALONE = 20_000  # up to so many disks, one thread runs whole epochs by itself
 TILE_DISKS = 4000  # disks of a tile: what fits the cache next to a core
 LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see to progress and interrupts
 HIGHEST_LEVEL = 12  # a disk may come so many quarters further than others of its list, and once as far
+# Of the collisions in a window, how many undone ones make windows shorter or longer, and how short they get at most.
+MOST_UNDONE, LEAST_UNDONE, SHORTEST_WINDOW = 0.04, 0.01, 1.0 / 1024.0
 FEW = 4096  # up to so many active disks, one thread is faster than several
-MOST_ROUNDS = 2000  # rounds after which an epoch is cut at its earliest unprocessed event
+MOST_ROUNDS = 2000  # rounds of a window after which the epoch is cut at its earliest unprocessed event
 MOST_LOG = 4  # records for each disk up to which the log grows; beyond, epochs get shorter
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 STALLED_EPOCHS = 50  # epochs in a row that together gain no time: the gas has collapsed
@@ -98,6 +101,33 @@ def default_skin(packing_fraction: float, diameter: float) -> float:
     return diameter * min(max(2.26 * free_path ** (2.0 / 3.0), 0.2), 8.0)
 
 
+def _free(array: Any) -> None:
+    """Give a Taichi array's memory back: arrays of vectors do not do so by themselves."""
+    import taichi as ti
+
+    runtime = ti.lang.impl.get_runtime()
+    if array.arr is not None and runtime.prog is not None:
+        if not hasattr(array, "__del__"):
+            runtime.prog.delete_ndarray(array.arr)
+            array.arr = None
+
+
+def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """What kinds of disks there are, shape (kinds, 4): inverse mass, k, radius, material; and each disk's kind."""
+    columns = (1.0 / disks.mass, disks.k, disks.radius, disks.material.astype(np.float64))
+    code: NDArray[np.int64] = np.zeros(disks.n, dtype=np.int64)
+    for column in columns:
+        if disks.n and column.min() != column.max():
+            values, index = np.unique(column, return_inverse=True)
+            _, code = np.unique(code * len(values) + index, return_inverse=True)
+    _, first = (
+        np.unique(code, return_index=True)
+        if code.any()
+        else (None, np.zeros(min(disks.n, 1), dtype=np.int64))
+    )
+    return np.stack([column[first] for column in columns], axis=1), code
+
+
 class Engine:
     """Disks in a periodic box, moved from collision to collision.
 
@@ -131,12 +161,12 @@ class Engine:
         precision: str = "f64",
         order: str | None = None,
         tile_disks: int = TILE_DISKS,
-        windows: int = 1,
+        windows: int | None = None,
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
-        if n * ROW > ADDRESSABLE:
-            raise InputError(f"{n} disks: the engine's 32-bit indices allow {ADDRESSABLE // ROW} at most")
+        if n > MOST_DISKS:
+            raise InputError(f"{n} disks: the engine's 32-bit indices allow {MOST_DISKS} at most")
         if state.n != n:
             raise InputError(f"the state has {state.n} disks: {n} are needed")
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
@@ -167,19 +197,21 @@ class Engine:
         self.statistics = Statistics()
         self.last_collisions: Collisions | None = None
         self.keep_collisions = False
-        self.windows = windows  # parts of an epoch, one after the other
+        # Tiles run ahead of each other by one window, this part of an epoch; in clusters a small one.
+        self._window = 1.0 / (windows or 1)
+        self.adapt_windows = windows is None
         self.tile_disks = tile_disks
         self._burst = 1  # epochs of the next launch, where one thread runs them
-        self._real = np.float64
+        self._real = np.float32 if precision == "f32" else np.float64
         self._stalled = 0
         self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
         self.log_growth = 2  # a log that was too short gets longer by this factor
         self._log_growths = 0
         self._collided_at = self.time
-        backend.start(arch, threads=threads)
+        backend.start(arch, threads=threads, precision=precision)
         import taichi as ti
 
-        self._dtype = ti.f64
+        self._dtype = getattr(ti, precision)
         if order is None:
             order = "rounds" if arch != "cpu" else "alone" if n <= ALONE else "tiles"
         self.order = order
@@ -192,7 +224,10 @@ class Engine:
 
         n = self.n
         # Wider by a trifle: a disk on the border of two cells may count to either.
-        most = [max(1, int(side / (reach * (1.0 + 1e-9)))) for side in self.box.lengths]
+        most = [
+            max(1, int(side / (reach * (1.0 + 100.0 * float(np.finfo(self._real).eps)))))
+            for side in self.box.lengths
+        ]
         # More cells than disks would only cost time: a dilute gas gets larger ones.
         thin = math.sqrt(max(1.0, most[0] * most[1] / max(n, 1)))
         most = [max(1, int(count / thin)) for count in most]
@@ -204,10 +239,13 @@ class Engine:
         total = tiles[0] * tiles[1] * cells[0] * cells[1]
 
         real, integer, room = self._dtype, ti.i32, max(n, 1)
-        self._flight, self._flight_2 = (ti.Vector.ndarray(_FLIGHT, real, room) for _ in range(2))
-        self._body, self._body_2 = (ti.Vector.ndarray(_BODY, real, room) for _ in range(2))
-        self._meta, self._meta_2 = (ti.Vector.ndarray(_META, integer, room) for _ in range(2))
-        self._cell, self._cell_2 = (ti.ndarray(integer, (room,)) for _ in range(2))
+        # Kinds of disks: the radius stands with the flight too, where predictions need it.
+        kinds, kind = _kinds(self.disks)
+        self._flight = ti.Vector.ndarray(_FLIGHT, real, room)
+        self._kinds = ti.Vector.ndarray(_KIND, real, max(len(kinds), 1))
+        self._meta = ti.Vector.ndarray(_META, integer, room)
+        self._image = ti.Vector.ndarray(_IMAGE, integer, room)
+        self._cell = ti.ndarray(integer, (room,))
         self._link = ti.Vector.ndarray(_LINK, integer, room)
         self._order = ti.ndarray(integer, (room,))
         self._lists = ti.ndarray(integer, (_LISTS, room))
@@ -219,7 +257,7 @@ class Engine:
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self._counter = np.zeros(16, dtype=np.int32)
         self._limit = np.zeros(5, dtype=self._real)
-        self._grid = np.array([n, *tiles, *cells, ROW, 0, 0], dtype=np.int32)
+        self._grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1], dtype=np.int32)
         self._scale = np.zeros(11, dtype=self._real)
         tile_sides = [length / count for length, count in zip(self.box.lengths, tiles, strict=True)]
         cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]
@@ -246,18 +284,18 @@ class Engine:
         flight[:n, 2:4] = state.velocity
         flight[:n, 5] = state.spin
         flight[:n, 6] = self.disks.radius
-        body = np.ones((room, _BODY), dtype=self._real)
-        body[:n, 0] = 1.0 / self.disks.mass
-        body[:n, 1] = self.disks.k
         meta = np.zeros((room, _META), dtype=np.int32)
         meta[:n, 0] = np.arange(n)
-        meta[:n, 1] = self.disks.material
-        meta[:n, 2:4] = state.image + np.floor(state.position / self.box.lengths).astype(np.int32)
-        meta[:n, 4] = state.collisions
+        meta[:n, 1] = kind
+        meta[:n, 2] = state.collisions
+        image = np.zeros((room, _IMAGE), dtype=np.int32)
+        image[:n] = state.image + np.floor(state.position / self.box.lengths).astype(np.int32)
         cell = np.zeros(room, dtype=np.int32)
         cell[:n] = ((tile[:, 0] * tiles[1] + tile[:, 1]) * cells[0] + index[:, 0]) * cells[1] + index[:, 1]
         self._flight.from_numpy(flight)
-        self._body.from_numpy(body)
+        if n:
+            self._kinds.from_numpy(kinds.astype(self._real))
+        self._image.from_numpy(image)
         self._meta.from_numpy(meta)
         self._cell.from_numpy(cell)
         self._law.from_numpy(law_table.astype(self._real))
@@ -267,6 +305,9 @@ class Engine:
         """Make room for so many collisions an epoch; the epoch at hand loses its log."""
         import taichi as ti
 
+        if self._grid[6]:
+            _free(self._log_real)
+            _free(self._log_int)
         self._grid[6] = records
         self._log_real = ti.Vector.ndarray(_LOG_REAL, self._dtype, records)
         self._log_int = ti.Vector.ndarray(_LOG_INT, ti.i32, records)
@@ -318,7 +359,7 @@ class Engine:
 
     def _epochs_by_one_thread(self, t_end: float, collisions: int | None) -> None:
         from .kernels.epochs import epochs_by_one_thread
-        from .kernels.layout import EARLIEST, END, FASTEST, LOG_FULL, MOST_NEIGHBOURS, PLANNED
+        from .kernels.layout import EARLIEST, END, FAR, FASTEST, LOG_FULL, MOST_NEIGHBOURS, PLANNED
 
         self._clock[:] = self.time, t_end, 0.0
         self._total[:] = 2**62 if collisions is None else collisions - self.collisions, 0, 0
@@ -328,8 +369,7 @@ class Engine:
         while needed:
             epochs_by_one_thread(
                 1 if self.keep_collisions else self._burst, self._clock, self._total, self._grid, self._scale,
-                self._flight, self._body, self._meta, self._link, self._cell,
-                self._flight_2, self._body_2, self._meta_2, self._cell_2,
+                self._flight, self._kinds, self._meta, self._image, self._link, self._cell,
                 self._start, self._fill, self._order, self._neighbour, self._counter, self._limit,
                 self._log_real, self._log_int, self._law,
             )  # fmt: skip
@@ -345,7 +385,7 @@ class Engine:
         if epochs == self._burst:
             self._burst = int(min(max(self._burst * LAUNCH_SECONDS / elapsed, 1), 4 * self._burst, 1 << 20))
         end, planned = float(self._limit[END]), float(self._clock[PLANNED])
-        if self._limit[EARLIEST] < end:
+        if self._limit[EARLIEST] < FAR:
             raise self._lost(float(self._limit[EARLIEST]))
         if self.keep_collisions:
             self.last_collisions = self._read_log()
@@ -401,19 +441,17 @@ class Engine:
         self._finish(end, horizon, t_end, done, fastest)
 
     def _settle(self) -> float:
+        from .kernels.layout import EARLIEST, FAR
         from .kernels.sort import settle
 
         settle(
             self._grid, self._scale,
-            self._flight, self._body, self._meta, self._link, self._cell,
-            self._flight_2, self._body_2, self._meta_2, self._cell_2,
-            self._start, self._fill, self._block, self._order, self._squares, self._limit,
+            self._flight, self._kinds, self._meta, self._image, self._link, self._cell,
+            self._log_real, self._log_int, self._start, self._fill, self._block, self._order, self._squares, self._limit,
         )  # fmt: skip
-        self._flight, self._flight_2 = self._flight_2, self._flight
-        self._body, self._body_2 = self._body_2, self._body
-        self._meta, self._meta_2 = self._meta_2, self._meta
-        self._cell, self._cell_2 = self._cell_2, self._cell
         self._scale[9] = 0.0
+        if self._limit[EARLIEST] < FAR:
+            raise self._lost(float(self._limit[EARLIEST]))
         return float(self._limit[2])
 
     def _clear(self) -> None:
@@ -458,6 +496,7 @@ class Engine:
                 "use a smaller skin"
             )
         self._grid[5] = row
+        _free(self._neighbour)
         self._neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * row,))
 
     def _lengthen_log(self) -> bool:
@@ -471,44 +510,54 @@ class Engine:
     def _rounds(self, horizon: float) -> float:
         """Windows of tiles and rounds until no event before the end is left; returns the end."""
         from .kernels.layout import (
+            BEGIN,
             END,
             LOG_FULL,
             MOST_NEIGHBOURS,
             N_ROUNDS,
+            N_STANDING,
             N_UNDONE,
             N_VIOLATIONS,
+            WINDOW,
         )
         from .kernels.rounds import one_round, rounds_by_one_thread
         from .kernels.tiles import join_tiles, run_tiles
 
         counter = self._counter
         state = (
-            self._grid, self._scale, self._flight, self._body, self._link, self._meta, self._cell, self._start,
+            self._grid, self._scale, self._flight, self._kinds, self._link, self._meta, self._cell, self._start,
             self._neighbour, self._lists, counter, self._limit, self._log_real, self._log_int, self._law,
         )  # fmt: skip
         full = False
         active = 0
-        for window in range(self.windows):
-            self._scale[6] = horizon * window / self.windows
-            self._scale[7] = horizon * (window + 1) / self.windows if window + 1 < self.windows else horizon
+        begin = 0.0
+        while begin < horizon:
+            stop = begin + self._window * horizon
+            if self._window == 1.0 or stop > horizon * (1.0 - 1e-6):
+                stop = horizon
+            self._scale[BEGIN], self._scale[WINDOW] = begin, stop
+            done, undone = int(counter[N_STANDING]), int(counter[N_UNDONE])
+            most_rounds = int(counter[N_ROUNDS]) + MOST_ROUNDS
             everybody = self.n
             active = self.n
             if self.order == "tiles":
                 run_tiles(
-                    self._grid, self._scale, self._flight, self._body, self._link, self._meta, self._cell,
-                    self._start, self._order, self._neighbour, counter, self._limit, self._log_real, self._log_int, self._law,
+                    self._grid, self._scale, self._flight, self._kinds, self._link, self._meta, self._cell,
+                    self._start, self._fill, self._order, self._neighbour, counter, self._limit, self._log_real, self._log_int, self._law,
                 )  # fmt: skip
                 if counter[LOG_FULL]:
                     return horizon  # to be done again
                 join_tiles(
                     self._grid, self._scale, self._flight, self._link, self._meta, self._cell,
-                    self._neighbour, self._lists, counter, self._log_real, self._log_int,
+                    self._start, self._fill, self._order, self._neighbour, self._lists, counter,
+                    self._log_real, self._log_int,
                 )  # fmt: skip
                 everybody = 0
                 active = self._active()
-            while active and not full and counter[N_ROUNDS] < MOST_ROUNDS:
+                full = bool(counter[LOG_FULL])
+            while active and not full and counter[N_ROUNDS] < most_rounds:
                 if active <= FEW:
-                    rounds_by_one_thread(everybody, FEW, MOST_ROUNDS, *state)
+                    rounds_by_one_thread(everybody, FEW, most_rounds, *state)
                 else:
                     one_round(everybody, *state)
                 everybody = 0
@@ -518,14 +567,14 @@ class Engine:
                     return horizon  # to be done again
             if active:
                 break
+            begin = stop
+            if self.adapt_windows:
+                self._adapt_window(int(counter[N_UNDONE]) - undone, int(counter[N_STANDING]) - done)
         self.statistics.rounds += int(counter[N_ROUNDS])
         self.statistics.undone += int(counter[N_UNDONE])
         self.statistics.violations += int(counter[N_VIOLATIONS])
         end = float(self._limit[END])
-        earliest = self._earliest()
         if active == 0:
-            if earliest < end:
-                raise self._lost(earliest)
             if end < horizon:
                 self.statistics.cut_for_speed += 1
             return end
@@ -533,7 +582,16 @@ class Engine:
             self.statistics.cut_for_log += 1
         else:
             self.statistics.cut_for_rounds += 1
-        return min(end, earliest)
+            if self.adapt_windows:
+                self._window = max(self._window / 4.0, SHORTEST_WINDOW)
+        return min(end, self._earliest())
+
+    def _adapt_window(self, undone: int, done: int) -> None:
+        """Bound the optimism: shorter windows where much had to be undone, longer ones where little."""
+        if undone > MOST_UNDONE * done:
+            self._window = max(self._window / 2.0, SHORTEST_WINDOW)
+        elif undone < LEAST_UNDONE * done:
+            self._window = min(self._window * 2.0, 1.0)
 
     def _active(self) -> int:
         """Disks active in the next round: those that just predicted, and those rolled back, which will."""
@@ -598,11 +656,14 @@ class Engine:
         """Stop a run that cannot come to its end."""
         if done:
             self._collided_at = self.time
-        elif not math.isfinite(t_end) and self.time - self._collided_at > PATIENCE * self._free_time(fastest):
-            raise EngineError(
-                f"t = {self.time:.6g}: no collision since t = {self._collided_at:.6g}, {PATIENCE} times what is "
-                "usual at this density: these disks seem never to meet"
-            )
+        elif not math.isfinite(t_end):
+            # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
+            patience = max(PATIENCE, self.n * PATIENCE // 10)
+            if self.time - self._collided_at > patience * self._free_time(fastest):
+                raise EngineError(
+                    f"t = {self.time:.6g}: no collision since t = {self._collided_at:.6g}, {patience} times what is "
+                    "usual at this density: these disks seem never to meet"
+                )
         # In an inelastic collapse, collisions without end gain no time.
         self._stalled = self._stalled + 1 if stalled else 0
         if self._stalled >= STALLED_EPOCHS:
@@ -627,7 +688,7 @@ class Engine:
         self._whole = True
         n, room = self.n, max(self.n, 1)
         real, integer = np.zeros((room, 5), dtype=self._real), np.zeros((room, 3), dtype=np.int32)
-        export(self._grid, self._scale, self._flight, self._meta, self._cell, real, integer)
+        export(self._grid, self._scale, self._flight, self._meta, self._image, self._cell, real, integer)
         return State(
             # Rounding can put a disk onto the far side, which is the next box already.
             position=np.minimum(real[:n, 0:2], np.nextafter(self.box.lengths, 0.0)),

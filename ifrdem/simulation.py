@@ -39,6 +39,8 @@ class Simulation:
         Threads on the CPU, all cores by default. The trajectory is the same to the last bit for any number.
     skin : float, optional
         Extra distance [length] within which neighbours are listed; chosen for speed by default.
+    precision : {"f64", "f32"}
+        Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
 
     Raises
     ------
@@ -64,6 +66,7 @@ class Simulation:
         arch: str = "cpu",
         threads: int | None = None,
         skin: float | None = None,
+        precision: str = "f64",
     ) -> None:
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
@@ -71,7 +74,9 @@ class Simulation:
         _check_energy(self._laws, disks)
         check_no_overlap(box, disks.radius, state.position)
         table = np.array([[one.table_row() for one in row] for row in self._laws])
-        self._engine = Engine(disks, box, state, table, arch=arch, threads=threads, skin=skin)
+        self._engine = Engine(
+            disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision
+        )
 
     @property
     def disks(self) -> Disks:

@@ -11,6 +11,7 @@ from .layout import (
     DURATION,
     EARLIEST,
     END,
+    FAR,
     FASTEST,
     HORIZON,
     LENGTH,
@@ -25,7 +26,6 @@ from .layout import (
     NOW,
     PLANNED,
     REACH,
-    TE,
     TIME_END,
     TOP_LEVEL,
     VX,
@@ -34,7 +34,7 @@ from .layout import (
     N,
 )
 from .lists import list_tile, open_epoch
-from .sort import clear, fly, gather, order_cell
+from .sort import clear, fly, lay_aside, order_cell, put_back
 from .tiles import run_tile
 
 
@@ -46,14 +46,11 @@ def epochs_by_one_thread(
     grid: ti.types.ndarray(ndim=1),
     scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
-    body: ti.types.ndarray(ndim=1),
+    kinds: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
+    image: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
-    flight_2: ti.types.ndarray(ndim=1),
-    body_2: ti.types.ndarray(ndim=1),
-    meta_2: ti.types.ndarray(ndim=1),
-    cell_2: ti.types.ndarray(ndim=1),
     start: ti.types.ndarray(ndim=1),
     fill: ti.types.ndarray(ndim=1),
     order: ti.types.ndarray(ndim=1),
@@ -75,10 +72,11 @@ def epochs_by_one_thread(
         cells = grid[CELLS_X] * grid[CELLS_Y]
         going = 1
         while going == 1:
+            limit[EARLIEST] = FAR
             for c in range(cells):
                 fill[c] = 0
             for i in range(n):
-                fly(i, grid, scale, flight, meta, link, cell, fill)
+                fly(i, grid, scale, flight, meta, image, link, cell, fill, limit)
             before = 0
             for c in range(cells):
                 start[c] = before
@@ -94,9 +92,9 @@ def epochs_by_one_thread(
             fastest2 = scale[DURATION] * 0.0
             sum2 = scale[DURATION] * 0.0
             for s in range(n):
-                gather(s, order[s], flight, body, meta, cell, flight_2, body_2, meta_2, cell_2)
+                lay_aside(s, order[s], flight, meta, cell, log_real, log_int)
             for s in range(n):
-                gather(s, s, flight_2, body_2, meta_2, cell_2, flight, body, meta, cell)
+                put_back(s, flight, kinds, meta, cell, log_real, log_int)
                 clear(s, flight, link)
                 square = flight[s][VX] * flight[s][VX] + flight[s][VY] * flight[s][VY]
                 fastest2 = ti.max(fastest2, square)
@@ -106,7 +104,7 @@ def epochs_by_one_thread(
             limit[MEAN_SQUARE] = sum2 / n
             counter[MOST_NEIGHBOURS] = 0
             counter[LOG_FULL] = 0
-            if fastest2 == 0.0:
+            if fastest2 == 0.0 or limit[EARLIEST] < FAR:
                 going = 0
             else:
                 whole = scale[REACH] / speed_cap(limit[FASTEST], limit[MEAN_SQUARE], grid[MOST_LEVEL])
@@ -140,21 +138,18 @@ def epochs_by_one_thread(
                     most = ti.cast(ti.min(total[COLLISIONS_LEFT], 1 << 30), ti.i32)
                     run_tile(
                         0, n, True, most,
-                        grid, scale, flight, body, link, meta, cell, start, order, neighbour, counter,
+                        grid, scale, flight, kinds, link, meta, cell, start, order, neighbour, counter,
                         limit, log_real, log_int, law,
                     )  # fmt: skip
                     if counter[MOST_NEIGHBOURS] > 0:
                         going = 0
                 if going == 1:
-                    limit[EARLIEST] = flight[0][TE]
-                    for i in range(n):
-                        limit[EARLIEST] = ti.min(limit[EARLIEST], flight[i][TE])
                     scale[DURATION] = limit[END]
                     total[N_EPOCHS] += 1
                     total[N_TOTAL] += counter[N_STANDING]
                     total[COLLISIONS_LEFT] -= counter[N_STANDING]
                     most_epochs_left = most_epochs - ti.cast(total[N_EPOCHS], ti.i32)
-                    if limit[END] < scale[HORIZON] or limit[EARLIEST] < limit[END]:
+                    if limit[END] < scale[HORIZON]:
                         going = 0
                         last = 0
                     if last == 1:

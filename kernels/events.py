@@ -20,6 +20,7 @@ from .layout import (
     HORIZON,
     ID,
     INVERSE_MASS,
+    KIND,
     LATCHED,
     LENGTH,
     MATERIAL,
@@ -35,6 +36,7 @@ from .layout import (
     RADIUS,
     REACH,
     REGIME,
+    ROLL_BACK,
     ROLLED_BACK,
     ROUND,
     ROW,
@@ -98,7 +100,7 @@ def collide_at(
     grid: ti.template(),
     scale: ti.template(),
     flight: ti.template(),
-    body: ti.template(),
+    kinds: ti.template(),
     link: ti.template(),
     meta: ti.template(),
     limit: ti.template(),
@@ -117,14 +119,16 @@ def collide_at(
     rx = x_b - x_a + (shift // 3 - 1) * scale[TILE_X]
     ry = y_b - y_a + (shift % 3 - 1) * scale[TILE_Y]
     r = ti.sqrt(rx * rx + ry * ry)
-    p = meta[a][MATERIAL]
-    q = meta[b][MATERIAL]
+    kind_a = meta[a][KIND]
+    kind_b = meta[b][KIND]
+    p = ti.cast(kinds[kind_a][MATERIAL], ti.i32)
+    q = ti.cast(kinds[kind_b][MATERIAL], ti.i32)
     vx_a, vy_a, w_a, vx_b, vy_b, w_b, _, _, sticking, rolling = collide_pair(
         law[p, q, 0], law[p, q, 1], law[p, q, 2], law[p, q, 3], law[p, q, 4],
         rx / r, ry / r,
-        body[a][INVERSE_MASS], flight[a][RADIUS], body[a][K],
+        kinds[kind_a][INVERSE_MASS], flight[a][RADIUS], kinds[kind_a][K],
         flight[a][VX], flight[a][VY], flight[a][SPIN],
-        body[b][INVERSE_MASS], flight[b][RADIUS], body[b][K],
+        kinds[kind_b][INVERSE_MASS], flight[b][RADIUS], kinds[kind_b][K],
         flight[b][VX], flight[b][VY], flight[b][SPIN],
     )  # fmt: skip
     flight[a][X] = x_a
@@ -162,7 +166,7 @@ def collide(
     grid: ti.template(),
     scale: ti.template(),
     flight: ti.template(),
-    body: ti.template(),
+    kinds: ti.template(),
     link: ti.template(),
     meta: ti.template(),
     lists: ti.template(),
@@ -195,7 +199,7 @@ def collide(
             entry = ti.atomic_add(counter[N_LOG], 1)
             ti.atomic_add(counter[N_STANDING], 1)
             collide_at(
-                entry, t, a, b, shift, grid, scale, flight, body, link, meta, limit, log_real, log_int, law
+                entry, t, a, b, shift, grid, scale, flight, kinds, link, meta, limit, log_real, log_int, law
             )
             link[a][DIRTY] = round_
             link[b][DIRTY] = round_
@@ -290,7 +294,7 @@ def predict(
                                 undo = log_int[entry][NUMBER + side]
                                 t = crossing
                     entry = before
-            if undo < NEVER:
+            if undo < NEVER and grid[ROLL_BACK] == 1:
                 ti.atomic_add(counter[N_VIOLATIONS], 1)
                 if ti.atomic_min(link[j][UNDO], undo) == NEVER:
                     push(UNDO_ROW, j, lists, counter)

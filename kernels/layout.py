@@ -8,9 +8,10 @@ neighbouring cells can be neighbours; *tiles* are rectangles of cells, whose dis
 array        shape, type   a row holds
 ===========  ============  ==================================================================================
 flight       (n, 8) real   what flights and events need (64 bytes in double precision)
-body         (n, 2) real   inverse mass, k
+kinds        (m, 4) real   inverse mass, k, radius, material of each kind of disk
 link         (n, 8) int    partner, log chain and stamps of the current epoch
-meta         (n, 5) int    id, material, box crossings, collisions
+meta         (n, 3) int    id, kind, collisions
+image        (n, 2) int    box crossings, by id
 cell         (n,) int      cell number, by tile, in a tile by column
 neighbour    (n, K) int    slots of neighbours in the same frame from the front; codes 9 * slot + shift of
                            others from the back
@@ -19,7 +20,7 @@ log_int      (c, 8) int    its slots, links and flags
 lists        (5, n) int    work lists of the rounds
 counter      (16,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
-grid         (8,) int      numbers of disks, tiles and cells
+grid         (9,) int      numbers of disks, tiles and cells
 scale        (11,) real    lengths and times of the grid and the epoch
 clock        (3,) double   times in epochs run by one thread
 total        (3,) int64    collisions and epochs of one launch
@@ -36,15 +37,15 @@ import taichi as ti
 
 # flight: position at time TAU, velocity, spin, radius, time of the earliest predicted event
 X, Y, VX, VY, TAU, SPIN, RADIUS, TE = range(8)
-# body
-INVERSE_MASS, K = range(2)
+# kinds
+INVERSE_MASS, K, KIND_RADIUS, MATERIAL = range(4)
 # link: code of the earliest event's partner; latest log record; collisions in this epoch; stamps with the number of
 # a round; the collision from which on to undo; lengths of the neighbour row's two parts
 PARTNER, HEAD, SEQ, ACTIVE, DIRTY, AFFECTED, UNDO, LENGTH = range(8)
 # While a tile runs, its disks with events due stand in bins; these two columns then hold the bin's list.
 NEXT, PREVIOUS_IN_BIN = ACTIVE, DIRTY
 # meta
-ID, MATERIAL, IMAGE_X, IMAGE_Y, COLLISIONS = range(5)
+ID, KIND, COLLISIONS = range(3)
 # log_real: time, then x, y, vx, vy, spin of either disk from column BEFORE + 5 * side on
 TIME, BEFORE = 0, 1
 # log_int: slot, previous record and number in its epoch of either disk (column + side), regime flags, standing
@@ -67,8 +68,8 @@ TOP_LEVEL = 13  # highest level of any disk in this epoch
 # square of the speeds
 END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
 # grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records;
-# highest level that the box allows
-N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL = range(8)
+# highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back
+N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL, ROLL_BACK = range(9)
 # scale: sides of a cell and of a tile, listing distance beyond contact, end of predictions, beginning and end of the
 # window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW, REACH, DURATION, WIDEST = range(11)
@@ -78,17 +79,21 @@ NOW, TIME_END, PLANNED = range(3)
 COLLISIONS_LEFT, N_EPOCHS, N_TOTAL = range(3)
 
 SPEED_MARGIN = 1.15  # how much faster than the fastest disk a disk may become before the epoch is cut short
-# Taichi hands a thread at least so many items of a loop. Loops over few, long items run over SPREAD times as many, and do
-# something in one of them.
+# Taichi hands a thread at least so many items of a loop. Loops over few, long items run over SPREAD times as many,
+# and do something in one of them.
 SPREAD = 512
 ROLLED_BACK = -2  # as a partner: this disk was rolled back and has not predicted again
 FAR = 1.0e30  # a time later than any event
-ROUNDING = 1.0e-14  # relative error that a velocity may carry: some 50 units in its last place
 NEVER = 1 << 30  # "undo from collision number NEVER on": nothing to undo
 SAME_FRAME = 4  # the shift of two disks of one tile
 # LENGTH = neighbours in the same frame + OTHER * those in others + LEVEL * level
 OTHER, LEVEL = 1 << 11, 1 << 22
 LEVELS = 4.0  # levels by which a disk's range grows by one reach
+
+
+def rounding():
+    """Relative error that a velocity may carry: some 50 units in its last place."""
+    return 6.0e-6 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-14
 
 
 @ti.func
@@ -133,7 +138,7 @@ def contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, within):
             v2 = vx * vx + vy * vy
             d = b * b - v2 * c
             if c <= 0.0:
-                noise = ROUNDING * ((ti.abs(vxi) + ti.abs(vxj)) + (ti.abs(vyi) + ti.abs(vyj)))
+                noise = ti.static(rounding()) * ((ti.abs(vxi) + ti.abs(vxj)) + (ti.abs(vyi) + ti.abs(vyj)))
                 if b < -sigma * noise:
                     delay = 0.0
             elif d > 0.0:

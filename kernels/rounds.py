@@ -103,7 +103,7 @@ def one_round(
     grid: ti.types.ndarray(ndim=1),
     scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
-    body: ti.types.ndarray(ndim=1),
+    kinds: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
@@ -127,7 +127,7 @@ def one_round(
     for q in range(n_active(everybody, counter)):
         collide(
             active_disk(q, everybody, lists, counter), everybody,
-            grid, scale, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
+            grid, scale, flight, kinds, link, meta, lists, counter, limit, log_real, log_int, law,
         )  # fmt: skip
     for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
         i = lists[CHANGED_ROW + counter[ROUND] % 2, q]
@@ -170,7 +170,7 @@ def rounds_by_one_thread(
     grid: ti.types.ndarray(ndim=1),
     scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
-    body: ti.types.ndarray(ndim=1),
+    kinds: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
@@ -195,7 +195,7 @@ def rounds_by_one_thread(
             for q in range(n_active(everybody, counter)):
                 collide(
                     active_disk(q, everybody, lists, counter), everybody,
-                    grid, scale, flight, body, link, meta, lists, counter, limit, log_real, log_int, law,
+                    grid, scale, flight, kinds, link, meta, lists, counter, limit, log_real, log_int, law,
                 )  # fmt: skip
             for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
                 i = lists[CHANGED_ROW + counter[ROUND] % 2, q]

@@ -12,16 +12,18 @@ from .layout import (
     COLLISIONS,
     DIRTY,
     DURATION,
+    EARLIEST,
     FAR,
     FASTEST,
     HEAD,
     ID,
-    IMAGE_X,
-    IMAGE_Y,
+    KIND,
+    KIND_RADIUS,
     LENGTH,
     MEAN_SQUARE,
     NEVER,
     PARTNER,
+    RADIUS,
     SEQ,
     SPIN,
     SPREAD,
@@ -69,9 +71,11 @@ def fly(
     scale: ti.template(),
     flight: ti.template(),
     meta: ti.template(),
+    image: ti.template(),
     link: ti.template(),
     cell: ti.template(),
     fill: ti.template(),
+    limit: ti.template(),
 ):
     """Move disk i on to the end of the epoch, into its new tile and cell; count it there."""
     dt = scale[DURATION] - flight[i][TAU]
@@ -89,14 +93,17 @@ def fly(
         tile_x, box_x = split(tile // grid[TILES_Y] + step_x, grid[TILES_X])
         tile_y, box_y = split(tile % grid[TILES_Y] + step_y, grid[TILES_Y])
         tile = tile_x * grid[TILES_Y] + tile_y
-        meta[i][IMAGE_X] += box_x
-        meta[i][IMAGE_Y] += box_y
+        image[meta[i][ID]][0] += box_x
+        image[meta[i][ID]][1] += box_y
     flight[i][X] = x
     flight[i][Y] = y
     meta[i][COLLISIONS] += link[i][SEQ]
     c = tile * cells + in_x * grid[CELLS_Y] + in_y
     cell[i] = c
     ti.atomic_add(fill[c], 1)
+    if flight[i][TE] < scale[DURATION]:
+        # Watchdog: an event before the end of the epoch was not processed.
+        ti.atomic_min(limit[EARLIEST], flight[i][TE])
 
 
 @ti.func
@@ -146,26 +153,52 @@ def order_cell(c, start: ti.template(), order: ti.template(), meta: ti.template(
 
 
 @ti.func
-def gather(
+def lay_aside(
     s,
     i,
     flight: ti.template(),
-    body: ti.template(),
     meta: ti.template(),
     cell: ti.template(),
-    flight_to: ti.template(),
-    body_to: ti.template(),
-    meta_to: ti.template(),
-    cell_to: ti.template(),
+    log_real: ti.template(),
+    log_int: ti.template(),
 ):
-    """Copy the disk at slot i to its new slot s."""
-    for column in ti.static(range(8)):
-        flight_to[s][column] = flight[i][column]
-    for column in ti.static(range(2)):
-        body_to[s][column] = body[i][column]
-    for column in ti.static(range(5)):
-        meta_to[s][column] = meta[i][column]
-    cell_to[s] = cell[i]
+    """Copy the disk at slot i to place s of the log, where two disks share a record: nobody needs the log any more."""
+    entry = s // 2
+    first = 5 * (s % 2)
+    log_real[entry][first] = flight[i][X]
+    log_real[entry][first + 1] = flight[i][Y]
+    log_real[entry][first + 2] = flight[i][VX]
+    log_real[entry][first + 3] = flight[i][VY]
+    log_real[entry][first + 4] = flight[i][SPIN]
+    first = 4 * (s % 2)
+    for column in ti.static(range(3)):
+        log_int[entry][first + column] = meta[i][column]
+    log_int[entry][first + 3] = cell[i]
+
+
+@ti.func
+def put_back(
+    s,
+    flight: ti.template(),
+    kinds: ti.template(),
+    meta: ti.template(),
+    cell: ti.template(),
+    log_real: ti.template(),
+    log_int: ti.template(),
+):
+    """Copy place s of the log to slot s."""
+    entry = s // 2
+    first = 5 * (s % 2)
+    flight[s][X] = log_real[entry][first]
+    flight[s][Y] = log_real[entry][first + 1]
+    flight[s][VX] = log_real[entry][first + 2]
+    flight[s][VY] = log_real[entry][first + 3]
+    flight[s][SPIN] = log_real[entry][first + 4]
+    first = 4 * (s % 2)
+    for column in ti.static(range(3)):
+        meta[s][column] = log_int[entry][first + column]
+    cell[s] = log_int[entry][first + 3]
+    flight[s][RADIUS] = kinds[meta[s][KIND]][KIND_RADIUS]
 
 
 @ti.func
@@ -188,14 +221,13 @@ def settle(
     grid: ti.types.ndarray(ndim=1),
     scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
-    body: ti.types.ndarray(ndim=1),
+    kinds: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
+    image: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
-    flight_to: ti.types.ndarray(ndim=1),
-    body_to: ti.types.ndarray(ndim=1),
-    meta_to: ti.types.ndarray(ndim=1),
-    cell_to: ti.types.ndarray(ndim=1),
+    log_real: ti.types.ndarray(ndim=1),
+    log_int: ti.types.ndarray(ndim=1),
     start: ti.types.ndarray(ndim=1),
     fill: ti.types.ndarray(ndim=1),
     block: ti.types.ndarray(ndim=1),
@@ -207,12 +239,15 @@ def settle(
 
     Counting sort: `start` (cells + 1,) gets the first slot of each cell, `order` (n,) the old slot of each new one.
     Slots within a cell come from atomics in any order; sorting them by id makes the result independent of threads.
-    `limit` gets the largest and the mean square speed. The `_to` arrays receive the sorted disks, `link` is cleared.
+    `limit` gets the largest and the mean square speed. `link` is cleared.
+    The disks move by way of the log, whose records are lost.
     """
     for c in range(n_cells(grid)):
         fill[c] = 0
+    for _ in range(1):
+        limit[EARLIEST] = FAR
     for i in range(grid[N]):
-        fly(i, grid, scale, flight, meta, link, cell, fill)
+        fly(i, grid, scale, flight, meta, image, link, cell, fill, limit)
     for item in range(SPREAD * n_blocks(n_cells(grid))):
         if item % SPREAD == 0:
             sum_block(item // SPREAD, n_cells(grid), fill, block)
@@ -228,15 +263,17 @@ def settle(
     for c in range(n_cells(grid)):
         order_cell(c, start, order, meta)
     for s in range(grid[N]):
-        gather(s, order[s], flight, body, meta, cell, flight_to, body_to, meta_to, cell_to)
-        clear(s, flight_to, link)
+        lay_aside(s, order[s], flight, meta, cell, log_real, log_int)
+    for s in range(grid[N]):
+        put_back(s, flight, kinds, meta, cell, log_real, log_int)
+        clear(s, flight, link)
     for item in range(SPREAD * n_blocks(grid[N])):
         if item % SPREAD == 0:
             b = item // SPREAD
             fastest2 = limit[FASTEST] * 0.0
             sum2 = limit[FASTEST] * 0.0
             for s in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
-                vx, vy = flight_to[s][VX], flight_to[s][VY]
+                vx, vy = flight[s][VX], flight[s][VY]
                 fastest2 = ti.max(fastest2, vx * vx + vy * vy)
                 sum2 += vx * vx + vy * vy
             ti.atomic_max(limit[FASTEST], ti.sqrt(fastest2))
@@ -255,6 +292,7 @@ def export(
     scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
+    image: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
     real_out: ti.types.ndarray(ndim=2),
     int_out: ti.types.ndarray(ndim=2),
@@ -269,5 +307,5 @@ def export(
         real_out[i, 3] = flight[s][VY]
         real_out[i, 4] = flight[s][SPIN]
         int_out[i, 0] = meta[s][COLLISIONS]
-        int_out[i, 1] = meta[s][IMAGE_X]
-        int_out[i, 2] = meta[s][IMAGE_Y]
+        int_out[i, 1] = image[i][0]
+        int_out[i, 2] = image[i][1]

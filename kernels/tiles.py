@@ -41,6 +41,7 @@ from .layout import (
     PREVIOUS,
     PREVIOUS_IN_BIN,
     RADIUS,
+    ROLL_BACK,
     ROLLED_BACK,
     ROUND,
     ROW,
@@ -70,6 +71,7 @@ from .layout import (
     precedes,
     sooner,
 )
+from .lists import offer
 from .rounds import next_round
 
 CHUNK = 32  # log records that a tile takes at a time
@@ -210,7 +212,7 @@ def run_tile(
     grid: ti.template(),
     scale: ti.template(),
     flight: ti.template(),
-    body: ti.template(),
+    kinds: ti.template(),
     link: ti.template(),
     meta: ti.template(),
     cell: ti.template(),
@@ -274,7 +276,7 @@ def run_tile(
                             shift = 8 - shift
                         collide_at(
                             free, t, ti.min(i, j), ti.max(i, j), shift,
-                            grid, scale, flight, body, link, meta, limit, log_real, log_int, law,
+                            grid, scale, flight, kinds, link, meta, limit, log_real, log_int, law,
                         )  # fmt: skip
                         free += 1
                         done += 1
@@ -329,10 +331,16 @@ def run_tile(
     for entry in range(free, chunk_end):
         log_int[entry][STANDS] = 0
     ti.atomic_add(counter[N_STANDING], done)
-    for i in range(low, high):
-        # These columns now serve the rounds again.
-        link[i][NEXT] = -1
-        link[i][PREVIOUS_IN_BIN] = -1
+    # Whom the tiles' meeting must look at: those at a border, and those that still wait.
+    last = low
+    if ti.static(not alone):
+        for i in range(low, high):
+            link[i][NEXT] = -1  # these columns now serve the rounds again
+            link[i][PREVIOUS_IN_BIN] = -1
+            if n_others(link[i][LENGTH]) > 0 or flight[i][TE] < window or link[i][PARTNER] == ROLLED_BACK:
+                order[last] = i
+                last += 1
+    return last - low
 
 
 @ti.kernel
@@ -340,11 +348,12 @@ def run_tiles(
     grid: ti.types.ndarray(ndim=1),
     scale: ti.types.ndarray(ndim=1),
     flight: ti.types.ndarray(ndim=1),
-    body: ti.types.ndarray(ndim=1),
+    kinds: ti.types.ndarray(ndim=1),
     link: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
     start: ti.types.ndarray(ndim=1),
+    fill: ti.types.ndarray(ndim=1),
     order: ti.types.ndarray(ndim=1),
     neighbour: ti.types.ndarray(ndim=1),
     counter: ti.types.ndarray(ndim=1),
@@ -353,18 +362,23 @@ def run_tiles(
     log_int: ti.types.ndarray(ndim=1),
     law: ti.types.ndarray(ndim=3),
 ):
-    """All tiles at once, one thread each, up to the end of the window."""
+    """All tiles at once, one thread each, up to the end of the window.
+
+    `order` and `fill` get, from each tile's first slot on, the disks that `join_tiles` must look at, and their number.
+    """
     for item in range(SPREAD * grid[TILES_X] * grid[TILES_Y]):
         if item % SPREAD == 0:
             cells = grid[CELLS_X] * grid[CELLS_Y]
             low = start[item // SPREAD * cells]
             high = start[(item // SPREAD + 1) * cells]
             if high > low:
-                run_tile(
+                fill[item // SPREAD] = run_tile(
                     low, high, False, 0,
-                    grid, scale, flight, body, link, meta, cell, start, order, neighbour, counter, limit,
+                    grid, scale, flight, kinds, link, meta, cell, start, order, neighbour, counter, limit,
                     log_real, log_int, law,
                 )  # fmt: skip
+            else:
+                fill[item // SPREAD] = 0
 
 
 @ti.func
@@ -388,6 +402,7 @@ def check_history(
     i,
     j,
     shift,
+    grid: ti.template(),
     scale: ti.template(),
     flight: ti.template(),
     link: ti.template(),
@@ -475,12 +490,64 @@ def check_history(
         else:
             end_i = begin_i
             begin_i = log_int[end_i][PREVIOUS + side_of(end_i, i, log_int)]
-    if found < horizon:
+    if found < horizon and grid[ROLL_BACK] == 1:
         ti.atomic_add(counter[N_VIOLATIONS], 1)
         if undo_i < NEVER:
             mark(i, undo_i, link, lists, counter)
         if undo_j < NEVER:
             mark(j, undo_j, link, lists, counter)
+
+
+@ti.func
+def look_across(
+    i,
+    grid: ti.template(),
+    scale: ti.template(),
+    flight: ti.template(),
+    link: ti.template(),
+    meta: ti.template(),
+    neighbour: ti.template(),
+):
+    """Predict disk i's meetings with disks of other tiles, where either of the two has changed or forgotten the other.
+
+    Writes only what is disk i's own: the other disk looks for itself.
+    """
+    row = grid[ROW]
+    horizon = scale[HORIZON]
+    for q in range(n_others(link[i][LENGTH])):
+        code = neighbour[row * i + row - 1 - q]
+        j = code // 9
+        if link[i][AFFECTED] == UNSURE or link[j][AFFECTED] == UNSURE:
+            shift = code - 9 * j
+            if link[i][HEAD] < 0 or link[i][HEAD] != link[j][HEAD]:
+                t = meeting_time(
+                    flight[i][X], flight[i][Y], flight[i][VX], flight[i][VY], flight[i][TAU],
+                    flight[j][X], flight[j][Y], flight[j][VX], flight[j][VY], flight[j][TAU],
+                    (shift // 3 - 1) * scale[TILE_X], (shift % 3 - 1) * scale[TILE_Y],
+                    flight[i][RADIUS] + flight[j][RADIUS], ti.min(horizon, flight[i][TE]),
+                )  # fmt: skip
+                offer(i, t, code, horizon, flight, link, meta)
+
+
+@ti.func
+def still_true(i, scale: ti.template(), flight: ti.template(), link: ti.template()):
+    """Whether disk i's event is one of its present flight and its partner's; if that was rolled back, it will tell."""
+    code = link[i][PARTNER]
+    j = code // 9
+    shift = code - 9 * j
+    true = 1
+    if link[j][PARTNER] != ROLLED_BACK and link[j][PARTNER] != 9 * i + 8 - shift:
+        t = meeting_time(
+            flight[i][X], flight[i][Y], flight[i][VX], flight[i][VY], flight[i][TAU],
+            flight[j][X], flight[j][Y], flight[j][VX], flight[j][VY], flight[j][TAU],
+            (shift // 3 - 1) * scale[TILE_X], (shift % 3 - 1) * scale[TILE_Y],
+            flight[i][RADIUS] + flight[j][RADIUS], scale[HORIZON],
+        )  # fmt: skip
+        if t != flight[i][TE] or (link[i][HEAD] >= 0 and link[i][HEAD] == link[j][HEAD]):
+            true = 0
+    elif link[j][PARTNER] != ROLLED_BACK and flight[j][TE] != flight[i][TE]:
+        true = 0
+    return true
 
 
 @ti.kernel
@@ -491,6 +558,9 @@ def join_tiles(
     link: ti.types.ndarray(ndim=1),
     meta: ti.types.ndarray(ndim=1),
     cell: ti.types.ndarray(ndim=1),
+    start: ti.types.ndarray(ndim=1),
+    fill: ti.types.ndarray(ndim=1),
+    order: ti.types.ndarray(ndim=1),
     neighbour: ti.types.ndarray(ndim=1),
     lists: ti.types.ndarray(ndim=2),
     counter: ti.types.ndarray(ndim=1),
@@ -499,46 +569,64 @@ def join_tiles(
 ):
     """After the tiles ran: undo what a disk of another tile should have prevented, and open the rounds.
 
-    Disks that may not know their earliest event predict anew in the first round; pairs that were held for each other
-    are active in it.
+    Active in the first round are all disks with an event in the window. Disks that may not know their earliest event
+    predict anew in it: those that were rolled back or became too fast, and those whose partner has changed since.
     """
-    for i in range(grid[N]):
-        lengths = link[i][LENGTH]
-        tile = cell[i] // (grid[CELLS_X] * grid[CELLS_Y])
-        for q in range(n_others(lengths)):
-            code = neighbour[grid[ROW] * i + grid[ROW] - 1 - q]
-            j = code // 9
-            if i < j and (link[i][HEAD] >= 0 or link[j][HEAD] >= 0):
-                if cell[j] // (grid[CELLS_X] * grid[CELLS_Y]) != tile:
-                    check_history(
-                        i, j, code - 9 * j, scale, flight, link, meta, lists, counter, log_real, log_int
-                    )
+    for item in range(SPREAD * grid[TILES_X] * grid[TILES_Y]):
+        if item % SPREAD == 0:
+            tile = item // SPREAD
+            low = start[tile * grid[CELLS_X] * grid[CELLS_Y]]
+            for place in range(low, low + fill[tile]):
+                i = order[place]
+                for q in range(n_others(link[i][LENGTH])):
+                    code = neighbour[grid[ROW] * i + grid[ROW] - 1 - q]
+                    j = code // 9
+                    if i < j and (link[i][HEAD] >= 0 or link[j][HEAD] >= 0):
+                        if cell[j] // (grid[CELLS_X] * grid[CELLS_Y]) != tile:
+                            check_history(
+                                i,
+                                j,
+                                code - 9 * j,
+                                grid,
+                                scale,
+                                flight,
+                                link,
+                                meta,
+                                lists,
+                                counter,
+                                log_real,
+                                log_int,
+                            )
     for _ in range(1):
         propagate(link, lists, counter, log_int)
-    for i in range(grid[N]):
-        # Before anything is restored: who predicted without looking at other tiles? A disk beyond the border that
-        # changed is among them, and tells its neighbours.
-        stale = link[i][AFFECTED] == UNSURE
-        held = flight[i][TE] < scale[WINDOW]
-        if held and not stale:
-            # What a disk waits for may have changed since it predicted, unless its partner waits for it too.
-            code = link[i][PARTNER]
-            j = code // 9
-            if link[j][PARTNER] != 9 * i + 8 - (code - 9 * j) or flight[j][TE] != flight[i][TE]:
-                stale = True
-        if link[i][UNDO] == NEVER:
-            if stale:
-                push(CHANGED_ROW + counter[ROUND] % 2, i, lists, counter)
-            elif held:
-                push(AFFECTED_ROW + counter[ROUND] % 2, i, lists, counter)
-                link[i][ACTIVE] = counter[ROUND] + 1
     for q in range(counter[UNDO_ROW]):
         restore(lists[UNDO_ROW, q], flight, link, counter, log_real, log_int)
+        link[lists[UNDO_ROW, q]][AFFECTED] = -1
+    for item in range(SPREAD * grid[TILES_X] * grid[TILES_Y]):
+        if item % SPREAD == 0:
+            low = start[item // SPREAD * grid[CELLS_X] * grid[CELLS_Y]]
+            for place in range(low, low + fill[item // SPREAD]):
+                if link[order[place]][PARTNER] != ROLLED_BACK:
+                    look_across(order[place], grid, scale, flight, link, meta, neighbour)
+    for item in range(SPREAD * grid[TILES_X] * grid[TILES_Y]):
+        if item % SPREAD == 0:
+            low = start[item // SPREAD * grid[CELLS_X] * grid[CELLS_Y]]
+            now = counter[ROUND] % 2
+            for place in range(low, low + fill[item // SPREAD]):
+                i = order[place]
+                if link[i][PARTNER] == ROLLED_BACK:
+                    if link[i][AFFECTED] == UNSURE:  # not among those to be rolled back: it became too fast
+                        push(CHANGED_ROW + now, i, lists, counter)
+                elif flight[i][TE] < scale[WINDOW]:
+                    if still_true(i, scale, flight, link) == 1:
+                        push(AFFECTED_ROW + now, i, lists, counter)
+                        link[i][ACTIVE] = counter[ROUND] + 1
+                    else:
+                        push(CHANGED_ROW + now, i, lists, counter)
     for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
-        i = lists[CHANGED_ROW + counter[ROUND] % 2, q]
         # From here on the same as a disk that was rolled back.
+        i = lists[CHANGED_ROW + counter[ROUND] % 2, q]
         link[i][PARTNER] = ROLLED_BACK
-        link[i][AFFECTED] = -1
         flight[i][TE] = FAR
     for _ in range(1):
         now = counter[ROUND] % 2
