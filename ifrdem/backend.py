@@ -6,7 +6,9 @@ import contextlib
 import io
 import os
 import tempfile
+import weakref
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 from .errors import InputError, nearest
 
@@ -119,6 +121,30 @@ def _kernel_cache() -> str:
         return tempfile.mkdtemp(prefix="ifrdem-kernels-")
 
 
+class User(Protocol):
+    """What holds arrays of Taichi's."""
+
+    def release(self) -> None:
+        """Give the arrays up: Taichi ends."""
+
+
+_users: weakref.WeakSet[User] = weakref.WeakSet()
+
+
+def register(user: User) -> None:
+    """Have `user.release()` called before Taichi ends or starts anew.
+
+    An array given back later would be taken for one of the new Taichi's, which may lie at the same address.
+    """
+    _users.add(user)
+
+
+def _release_users() -> None:
+    for user in list(_users):
+        user.release()
+    _users.clear()
+
+
 def start(
     arch: str = "cpu", *, threads: int | None = None, precision: str = "f64", profile: bool = False
 ) -> Running:
@@ -152,6 +178,7 @@ def start(
     good_enough = (wanted, replace(wanted, profile=True))
     if _running is not None and _running in good_enough and ti.lang.impl.get_runtime().prog is not None:
         return _running
+    _release_users()
     with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
         ti.init(
             arch=getattr(ti, arch),
@@ -175,5 +202,6 @@ def stop() -> None:
     if _running is not None:
         import taichi as ti
 
+        _release_users()
         ti.reset()
         _running = None

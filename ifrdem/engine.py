@@ -20,6 +20,7 @@ An epoch ends early, and everything at or after its new end is undone, when
 from __future__ import annotations
 
 import math
+import sys
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -106,10 +107,9 @@ def _free(array: Any) -> None:
     import taichi as ti
 
     runtime = ti.lang.impl.get_runtime()
-    if array.arr is not None and runtime.prog is not None:
-        if not hasattr(array, "__del__"):
-            runtime.prog.delete_ndarray(array.arr)
-            array.arr = None
+    if runtime.prog is not None and not hasattr(array, "__del__"):
+        runtime.prog.delete_ndarray(array.arr)
+        array.arr = None
 
 
 def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -191,6 +191,7 @@ class Engine:
             )
         elif not 0.0 < skin <= widest:
             raise InputError(f"skin = {skin}: must lie above 0 and not above {widest:.6g} in this box")
+        self._released = False
         self.skin = skin
         self.time = float(state.time)
         self.collisions = int(state.collisions.sum()) // 2
@@ -201,6 +202,8 @@ class Engine:
         self._window = 1.0 / (windows or 1)
         self.adapt_windows = windows is None
         self.tile_disks = tile_disks
+        self._log_real: Any = None
+        self._log_int: Any = None
         self._burst = 1  # epochs of the next launch, where one thread runs them
         self._real = np.float32 if precision == "f32" else np.float64
         self._stalled = 0
@@ -215,6 +218,7 @@ class Engine:
         if order is None:
             order = "rounds" if arch != "cpu" else "alone" if n <= ALONE else "tiles"
         self.order = order
+        backend.register(self)
         self._allocate(state, law_table, diameter + skin)
 
     # ------------------------------------------------------------------ arrays
@@ -302,15 +306,25 @@ class Engine:
         self._link.fill(0)
 
     def allocate_log(self, records: int) -> None:
-        """Make room for so many collisions an epoch; the epoch at hand loses its log."""
+        """Make room for so many collisions an epoch; the epoch at hand loses its log. Half the disks at least."""
         import taichi as ti
 
-        if self._grid[6]:
-            _free(self._log_real)
-            _free(self._log_int)
+        for old in (self._log_real, self._log_int):
+            if old is not None:
+                _free(old)
+        records = max(records, (self.n + 1) // 2)  # sorting needs as much
         self._grid[6] = records
         self._log_real = ti.Vector.ndarray(_LOG_REAL, self._dtype, records)
         self._log_int = ti.Vector.ndarray(_LOG_INT, ti.i32, records)
+
+    def switch_off_rollback(self) -> None:
+        """Let collisions that came too early stand: to see that tests notice. Never do so for results."""
+        self._grid[8] = 0
+
+    @property
+    def most_level(self) -> int:
+        """Highest level that the box allows a fast disk (`kernels/extend.py`)."""
+        return int(self._grid[7])
 
     @property
     def bytes_allocated(self) -> int:
@@ -335,6 +349,7 @@ class Engine:
         """
         self._check_whole()
         self._whole = False
+        self.last_collisions = None
         if self.n < 2:
             self._settle()
             self._fly_freely(t_end)
@@ -344,7 +359,25 @@ class Engine:
             self._epoch(t_end, collisions)
         self._whole = True
 
+    def release(self) -> None:
+        """Give all device memory back; the engine cannot be used any more."""
+        self._released = True
+        for name, value in list(vars(self).items()):
+            if hasattr(value, "element_shape"):
+                _free(value)
+                setattr(self, name, None)
+
+    def __del__(self) -> None:
+        # Taichi's arrays of vectors do not free themselves.
+        if not getattr(self, "_released", True) and not sys.is_finalizing():
+            self.release()
+
     def _check_whole(self) -> None:
+        if self._released:
+            raise EngineError(
+                "this simulation has ended: another one was started with another device, precision or number of "
+                "threads, of which a process has one at a time"
+            )
         if not self._whole:
             raise EngineError(
                 "an epoch was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
@@ -379,6 +412,9 @@ class Engine:
                 self._lengthen_rows(needed)
         epochs, done = int(self._total[1]), int(self._total[2])
         if self._limit[FASTEST] == 0.0:
+            self.statistics.epochs += epochs
+            self.collisions += done
+            self.time = float(self._clock[0])
             self._fly_freely(t_end)
             return
         elapsed = time.perf_counter() - began
@@ -427,7 +463,10 @@ class Engine:
             self._clear()
             if needed:
                 self._lengthen_rows(needed)
-            elif not self._lengthen_log():
+                continue
+            self.statistics.cut_for_log += 1
+            self._log_growths += 1
+            if not self._lengthen_log():
                 horizon /= 2.0
         if end < horizon:
             self._cut(end)
@@ -447,7 +486,8 @@ class Engine:
         settle(
             self._grid, self._scale,
             self._flight, self._kinds, self._meta, self._image, self._link, self._cell,
-            self._log_real, self._log_int, self._start, self._fill, self._block, self._order, self._squares, self._limit,
+            self._log_real, self._log_int,
+            self._start, self._fill, self._block, self._order, self._squares, self._limit,
         )  # fmt: skip
         self._scale[9] = 0.0
         if self._limit[EARLIEST] < FAR:
@@ -476,10 +516,11 @@ class Engine:
                     self._grid, self._scale, self._flight, self._link, self._meta, self._cell, self._start,
                     self._neighbour, self._counter, self._limit,
                 )  # fmt: skip
-            extend_fast(
-                self._grid, self._scale, self._flight, self._link, self._meta, self._cell, self._start,
-                self._neighbour, self._lists, self._counter, self._log_real, self._log_int,
-            )  # fmt: skip
+            if not self._counter[MOST_NEIGHBOURS]:
+                extend_fast(
+                    self._grid, self._scale, self._flight, self._link, self._meta, self._cell, self._start,
+                    self._neighbour, self._lists, self._counter, self._log_real, self._log_int,
+                )  # fmt: skip
             needed = int(self._counter[MOST_NEIGHBOURS])
             if needed == 0:
                 return
@@ -543,7 +584,8 @@ class Engine:
             if self.order == "tiles":
                 run_tiles(
                     self._grid, self._scale, self._flight, self._kinds, self._link, self._meta, self._cell,
-                    self._start, self._fill, self._order, self._neighbour, counter, self._limit, self._log_real, self._log_int, self._law,
+                    self._start, self._fill, self._order, self._neighbour, counter, self._limit,
+                    self._log_real, self._log_int, self._law,
                 )  # fmt: skip
                 if counter[LOG_FULL]:
                     return horizon  # to be done again

@@ -122,7 +122,7 @@ def epochs_by_one_thread(
                 fast = 0
                 for i in range(n):
                     level = too_fast(i, grid, scale, flight, link)
-                    if level > 0:
+                    if level > 0 and counter[MOST_NEIGHBOURS] == 0:
                         link[i][LENGTH] += level * LEVEL
                         counter[TOP_LEVEL] = ti.max(counter[TOP_LEVEL], level)
                         order[fast] = i

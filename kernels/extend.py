@@ -5,8 +5,8 @@ short if the fastest disk had to keep to it. A disk that is too fast gets a high
 (1 + l / 4) reaches, and is listed with everybody whom it could then touch, at the beginning of the epoch or when a
 collision has made it fast. Whom it could meet only beyond its old range, it cannot have met before.
 
-At any time, every pair closer at the beginning of the epoch than contact + both ranges is listed. Entries too many do no
-harm: no event depends on them.
+At any time, every pair closer at the beginning of the epoch than contact + both ranges is listed. Entries too many
+do no harm: no event depends on them.
 """
 
 import taichi as ti
@@ -60,8 +60,8 @@ EXTENDS = -3  # as a partner: this disk's list is being extended
 def speed_cap(fastest, mean_square, most_level):
     """Speed [length/time] up to which disks need no longer list, and which sets the length of an epoch.
 
-    A lower one makes epochs longer, and more disks need longer lists: CAP times the root mean square speed is reached by
-    one disk in 170 of a Maxwellian gas. The fastest disk must stay well below the highest level.
+    A lower one makes epochs longer, and more disks need longer lists: CAP times the root mean square speed is reached
+    by one disk in 170 of a Maxwellian gas. The fastest disk must stay well below the highest level.
     """
     least = SPEED_MARGIN * fastest / (1.0 + 0.2 * most_level)
     return ti.min(SPEED_MARGIN * fastest, ti.max(CAP * ti.sqrt(mean_square), least))
@@ -169,9 +169,9 @@ def extend(
 ):
     """Second step: list disk i with everybody whom it could now touch.
 
-    Of two disks that are extended together, the lower slot lists the pair. Both disks must know of their meeting: `when`
-    says whether a prediction follows anyhow (LATER), or none of the disks has moved yet and the event is offered to both
-    (AT_START_ALONE), or both are put on the list AFFECTED_ROW to predict (AT_START).
+    Of two disks that are extended together, the lower slot lists the pair. Both disks must know of their meeting:
+    `when` says whether a prediction follows anyhow (LATER), or none of the disks has moved yet and the event is
+    offered to both (AT_START_ALONE), or both are put on the list AFFECTED_ROW to predict (AT_START).
     """
     x, y = start_position(i, flight, link, log_real, log_int)
     radius = flight[i][RADIUS]

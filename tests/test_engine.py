@@ -86,13 +86,16 @@ def states_equal(a: State, b: State) -> bool:
 
 
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
-def test_trajectory_is_bitwise_the_same_on_one_and_two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("order", ["tiles", "rounds"])
+def test_trajectory_is_bitwise_the_same_on_one_and_two_threads(
+    order: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     disks = equal_disks(20_000)
     box, state = start(disks, 0.5)
     ends = []
     for threads, few in ((1, 4096), (2, 4096), (2, 0), (1, 1 << 30)):
         monkeypatch.setattr(ifrdem.engine, "FEW", few)  # rounds in parallel always, or by one thread always
-        engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads)
+        engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads, order=order, tile_disks=500)
         advance(engine, 10)
         ends.append((engine.time, engine.state()))
     for time, end in ends[1:]:
@@ -179,7 +182,7 @@ def test_an_interrupted_epoch_is_not_continued(monkeypatch: pytest.MonkeyPatch) 
     def interrupted(*_: object) -> float:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(engine, "_rounds", interrupted)
+    monkeypatch.setattr(engine, "_epochs_by_one_thread", interrupted)
     with pytest.raises(KeyboardInterrupt):
         engine.advance(collisions=20)
     monkeypatch.undo()
@@ -189,7 +192,7 @@ def test_an_interrupted_epoch_is_not_continued(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_case_files_allow_as_many_disks_as_the_engine() -> None:
-    assert MOST_DISKS == ifrdem.engine.ADDRESSABLE // ifrdem.engine.ROW
+    assert MOST_DISKS == ifrdem.engine.MOST_DISKS
 
 
 def test_gas_at_rest_stays_at_rest_and_cannot_give_collisions() -> None:
@@ -260,9 +263,15 @@ def test_a_collapse_without_end_stops_with_a_message(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(ifrdem.engine, "STALLED_EPOCHS", 3)
     disks = equal_disks(200)
     box, state = start(disks, 0.75)
-    simulation = Simulation(disks, box, IFRLaw(e_n=0.05, e_t=-1.0, mu=0.0), state)
+    law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])
+    engine = Engine(disks, box, state, law, order="rounds")
+
+    def run() -> None:
+        while engine.time < 1.0:
+            engine.advance(t_end=1.0)
+
     with pytest.raises(EngineError, match="inelastic collapse"):
-        simulation.run(t_end=1.0)
+        run()
 
 
 def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:

@@ -47,17 +47,18 @@ def assert_same_as_serial(
     np.testing.assert_allclose(box.minimum_image(engine.state().position - end.position), 0.0, atol=1e-5)
 
 
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
 @pytest.mark.parametrize("law", [ELASTIC, COIN, ROLLING], ids=["elastic", "coin", "rolling"])
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.6, 0.7])
 def test_collisions_are_those_of_the_serial_code(
-    packing_fraction: float, law: tuple[float, ...], arch: str
+    packing_fraction: float, law: tuple[float, ...], order: str, arch: str
 ) -> None:
     disks = equal_disks(1000)
     box, state = equilibrated(disks, packing_fraction)
-    engine = Engine(disks, box, state, np.array([[law]]), arch=arch)
+    engine = Engine(disks, box, state, np.array([[law]]), arch=arch, order=order, tile_disks=60)
     assert_same_as_serial(disks, box, state, law, engine)
     # The run is worth something only if optimism had to be corrected in it.
-    assert engine.statistics.violations > 0
+    assert order == "alone" or engine.statistics.violations > 0
 
 
 @pytest.mark.parametrize("packing_fraction", [0.1, 0.3, 0.55])
@@ -76,50 +77,80 @@ def test_collisions_do_not_depend_on_the_skin(skin: float) -> None:
     assert_same_as_serial(disks, box, state, COIN, engine)
 
 
-def test_parallel_rounds_give_the_serial_collisions(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("order", ["tiles", "rounds"])
+def test_parallel_rounds_give_the_serial_collisions(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ifrdem.engine, "FEW", 0)  # no round goes to a single thread
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]))
+    engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
     assert_same_as_serial(disks, box, state, COIN, engine)
 
 
-def test_an_epoch_cut_short_by_a_fast_disk_loses_nothing() -> None:
-    """Heavy disks drive light ones to almost twice their own speed: beyond what the neighbour list allows for."""
-    n = 400
+def driven_by_heavy_disks(n: int) -> tuple[Disks, Box, State]:
+    """Heavy disks drive light ones, at rest before, to almost twice their own speed."""
     heavy = np.arange(n) % 20 == 0
     disks = Disks(n, mass=np.where(heavy, 100.0, 0.01), radius=0.5)
     box, state = start(disks, 0.3)
-    state = State(state.position, np.where(heavy[:, None], state.velocity, 0.0), np.zeros(n))
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    return disks, box, State(state.position, np.where(heavy[:, None], state.velocity, 0.0), np.zeros(n))
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_lists_of_disks_that_become_fast_are_extended_and_lose_nothing(order: str) -> None:
+    disks, box, state = driven_by_heavy_disks(900)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=100, skin=0.8)
+    assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
+    assert engine.most_level > 0
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_an_epoch_cut_short_by_a_fast_disk_loses_nothing(order: str) -> None:
+    """The same in a box so small that lists cannot be extended."""
+    disks, box, state = driven_by_heavy_disks(100)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=30, skin=6.0)
+    assert engine.most_level == 0
     assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
     assert engine.statistics.cut_for_speed > 0
 
 
-def test_an_epoch_cut_short_by_a_full_log_loses_nothing() -> None:
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_an_epoch_cut_short_by_a_full_log_loses_nothing(order: str) -> None:
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]), skin=2.0)
+    engine = Engine(disks, box, state, np.array([[COIN]]), skin=3.0, order=order, tile_disks=250)
     engine.log_growth = 1  # keep the log short
-    engine.allocate_log(disks.n)
+    engine.allocate_log(disks.n // 2)
     assert_same_as_serial(disks, box, state, COIN, engine)
     assert engine.statistics.cut_for_log > 0
 
 
-def test_an_epoch_cut_short_by_too_many_rounds_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("order", ["tiles", "rounds"])
+def test_an_epoch_cut_short_by_too_many_rounds_loses_nothing(
+    order: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(ifrdem.engine, "MOST_ROUNDS", 4)
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]))
+    engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
     assert_same_as_serial(disks, box, state, COIN, engine)
     assert engine.statistics.cut_for_rounds > 0
 
 
-def test_neighbour_rows_grow_instead_of_losing_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_neighbour_rows_grow_instead_of_losing_neighbours(
+    order: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(ifrdem.engine, "ROW", 2)
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]))
+    engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
+    assert_same_as_serial(disks, box, state, COIN, engine)
+
+
+@pytest.mark.parametrize("windows", [1, 3, 8])
+def test_collisions_do_not_depend_on_the_windows(windows: int) -> None:
+    disks = equal_disks(500)
+    box, state = equilibrated(disks, 0.5)
+    engine = Engine(disks, box, state, np.array([[COIN]]), order="tiles", tile_disks=60, windows=windows)
     assert_same_as_serial(disks, box, state, COIN, engine)
 
 
@@ -144,8 +175,11 @@ def two_in_a_long_box() -> tuple[Disks, Box, State]:
     )
 
 
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
 @pytest.mark.parametrize("make", [small_box, two_in_a_long_box])
-def test_small_boxes_give_the_serial_collisions(make: Callable[[], tuple[Disks, Box, State]]) -> None:
+def test_small_boxes_give_the_serial_collisions(
+    make: Callable[[], tuple[Disks, Box, State]], order: str
+) -> None:
     disks, box, state = make()
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=3)
     assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
