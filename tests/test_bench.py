@@ -120,7 +120,7 @@ def test_report_names_what_was_measured(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_every_option_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[str]) -> None:
     readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-    listed = set(re.findall(r"--[a-z][a-z-]*", readme.split("### Benchmark")[1].split("\n## ")[0]))
+    listed = set(re.findall(r"--[a-z][a-z-]*", readme.split("### Benchmark")[1].split("\n##")[0]))
     assert len(listed) > 10
     with pytest.raises(SystemExit):
         cli.main(["bench", "--help"])
