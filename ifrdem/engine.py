@@ -5,10 +5,10 @@ that could touch before its end (`kernels/lists.py`, `kernels/extend.py`). Then 
 of three ways (`ORDERS`):
 
 - *alone*: one thread, in their order, whole epochs in one launch (`kernels/epochs.py`): gases of up to ALONE disks;
-- *tiles*: each tile by one thread, in its order, as far as disks of other tiles do not matter (`kernels/tiles.py`);
+- *tiles*: each tile by one thread, in order, as far as disks of other tiles do not matter (`kernels/tiles.py`);
   what remains between the tiles in rounds. Tiles run ahead of each other by one *window*, a part of the epoch that
   gets shorter where much must be undone: in clusters;
-- *rounds*: all disks at once, optimistically; collisions that came too early are undone (`kernels/rounds.py`): for GPUs.
+- *rounds*: all disks at once, optimistically; what came too early is undone (`kernels/rounds.py`): for GPUs.
 
 Guarantee. Invariants at the end of a window:
 
@@ -70,6 +70,7 @@ _LOG_REAL, _LOG_INT = 11, 8
 _FLIGHT, _KIND, _LINK, _META, _IMAGE, _LISTS = 8, 4, 8, 3, 2, 5
 ADDRESSABLE = 2**31 - 1  # entries of one array that 32-bit indices reach
 ROW = 16  # entries of a neighbour row to begin with; rows grow where more are needed
+CROWD = 8000  # neighbours of one disk, at most: its row's lengths share an integer
 MOST_DISKS = ADDRESSABLE // 24  # with rows as long as a dense gas may need
 # With cells for half as many as there are disks, and in double precision.
 BYTES_PER_DISK = (
@@ -216,10 +217,23 @@ class Engine:
             )
         # Beyond half a side, a pair could be near through two images at once.
         widest = shortest / 2.0 - diameter
+        # As many of the smallest disks as can stand around the largest one, within the reach of a fast one's list.
+        smallest = 2.0 * float(disks.radius.min()) if n else 1.0
+        crowded = 0.5 * (math.sqrt(CROWD) * smallest - diameter - smallest) / 2.5
+        if crowded <= 0.05 * smallest:
+            raise InputError(
+                f"the largest disk is {diameter / smallest:.4g} times as wide as the smallest: at most some "
+                f"{math.sqrt(CROWD) - 1.0:.0f} times is supported"
+            )
+        widest = min(widest, crowded)
         if skin is None:
             # A handful of disks may as well list everybody, and rarely do so.
             skin = (
-                min(default_skin(box.packing_fraction(disks.radius), diameter), widest) if n > 16 else widest
+                min(
+                    default_skin(box.packing_fraction(disks.radius), 2.0 * float(disks.radius.mean())), widest
+                )
+                if n > 16
+                else widest
             )
         elif not 0.0 < skin <= widest:
             raise InputError(f"skin = {skin}: must lie above 0 and not above {widest:.6g} in this box")
@@ -270,7 +284,7 @@ class Engine:
         tiles = [1, 1]
         if self.order != "alone":
             wanted = math.sqrt(self.tile_disks * most[0] * most[1] / max(n, 1))
-            tiles = [max(1, round(count / wanted)) for count in most]
+            tiles = [min(count, max(1, round(count / wanted))) for count in most]
         cells = [count // by for count, by in zip(most, tiles, strict=True)]
         total = tiles[0] * tiles[1] * cells[0] * cells[1]
 
@@ -344,7 +358,9 @@ class Engine:
         for old in (self._log_real, self._log_int):
             if old is not None:
                 _free(old)
-        records = max(records, (self.n + 1) // 2)  # sorting needs as much
+        # Sorting needs half the disks; every tile takes records by the chunk.
+        tiles = int(self._grid[1] * self._grid[2])
+        records = max(records, (self.n + 1) // 2, 64 * (tiles + 1))
         self._grid[6] = records
         self._log_real = ti.Vector.ndarray(_LOG_REAL, self._dtype, records)
         self._log_int = ti.Vector.ndarray(_LOG_INT, ti.i32, records)
@@ -483,9 +499,10 @@ class Engine:
             return
         cap = speed_cap(fastest, float(self._limit[MEAN_SQUARE]), int(self._grid[MOST_LEVEL]))
         horizon = min(float(self._scale[REACH]) / cap, t_end - self.time)
+        planned, by_tiles = horizon, self.order == "tiles"
         while True:
             self._list(horizon)
-            end = self._rounds(horizon)
+            end = self._rounds(horizon, by_tiles)
             needed = int(self._counter[MOST_NEIGHBOURS])
             if self._counter[LOG_FULL] != 2 and not needed:
                 break
@@ -500,6 +517,9 @@ class Engine:
             self._log_growths += 1
             if not self._lengthen_log():
                 horizon /= 2.0
+                if horizon < planned / 256.0:
+                    # A collapse, which has no end within a tile. Rounds can stop at any time.
+                    horizon, by_tiles = planned, False
         if end < horizon:
             self._cut(end)
         done = self._standing()
@@ -580,7 +600,7 @@ class Engine:
         self.allocate_log(self.log_growth * records)
         return True
 
-    def _rounds(self, horizon: float) -> float:
+    def _rounds(self, horizon: float, by_tiles: bool) -> float:
         """Windows of tiles and rounds until no event before the end is left; returns the end."""
         from .kernels.layout import (
             BEGIN,
@@ -613,7 +633,7 @@ class Engine:
             most_rounds = int(counter[N_ROUNDS]) + MOST_ROUNDS
             everybody = self.n
             active = self.n
-            if self.order == "tiles":
+            if by_tiles:
                 run_tiles(
                     self._grid, self._scale, self._flight, self._kinds, self._link, self._meta, self._cell,
                     self._start, self._fill, self._order, self._neighbour, counter, self._limit,

@@ -156,7 +156,8 @@ def collide_at(
             level = needed_level(flight[slot][VX], flight[slot][VY], scale)
             if level > grid[MOST_LEVEL]:
                 speed = ti.sqrt(flight[slot][VX] ** 2 + flight[slot][VY] ** 2)
-                ti.atomic_min(limit[END], reach_of(level_of(link[slot][LENGTH]), scale) / speed)
+                # It has not come so far yet at t, whatever its speed is now.
+                ti.atomic_min(limit[END], ti.max(t, reach_of(level_of(link[slot][LENGTH]), scale) / speed))
 
 
 @ti.func

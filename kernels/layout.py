@@ -87,7 +87,7 @@ FAR = 1.0e30  # a time later than any event
 NEVER = 1 << 30  # "undo from collision number NEVER on": nothing to undo
 SAME_FRAME = 4  # the shift of two disks of one tile
 # LENGTH = neighbours in the same frame + OTHER * those in others + LEVEL * level
-OTHER, LEVEL = 1 << 11, 1 << 22
+OTHER, LEVEL = 1 << 14, 1 << 27
 LEVELS = 4.0  # levels by which a disk's range grows by one reach
 
 

@@ -216,8 +216,9 @@ def list_tile(
     # A row that later disks made too long shows when it is looked at again.
     for i in range(start[first], start[first + cells_x * cells_y]):
         most = ti.max(most, n_own(link[i][LENGTH]) + n_others(link[i][LENGTH]))
-    if most > row:
-        ti.atomic_max(counter[MOST_NEIGHBOURS], most)
+    # In a row that is just full, a candidate may have been written over the last neighbour.
+    if most >= row:
+        ti.atomic_max(counter[MOST_NEIGHBOURS], most + 1)
 
 
 @ti.kernel
