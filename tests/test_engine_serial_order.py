@@ -17,6 +17,7 @@ from serial_reference import simulate
 import ifrdem.engine
 from ifrdem.box import Box
 from ifrdem.engine import Collisions, Engine
+from ifrdem.errors import EngineError
 from ifrdem.state import Disks, State
 
 PER_DISK = 5
@@ -183,3 +184,78 @@ def test_small_boxes_give_the_serial_collisions(
     disks, box, state = make()
     engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=3)
     assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
+
+
+def sequence(engine: Engine, t_end: float) -> list[tuple[int, int]]:
+    """The pairs that collide until `t_end`, in order."""
+    engine.keep_collisions = True
+    pairs: list[tuple[int, int]] = []
+    while engine.time < t_end:
+        engine.advance(t_end=t_end)
+        if engine.last_collisions is not None:
+            pairs += [(int(i), int(j)) for i, j in engine.last_collisions.pair]
+    return pairs
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_an_epoch_does_not_end_before_the_collision_that_shortens_it(order: str) -> None:
+    """A heavy disk makes a light one, at rest before, twice as fast, in a box too small for longer lists."""
+    disks = Disks(2, mass=np.array([1.0, 0.01]), radius=0.5)
+    state = State(np.array([[1.0, 5.0], [5.8, 5.0]]), np.array([[1.0, 0.0], [0.0, 0.0]]), np.zeros(2))
+    engine = Engine(disks, Box((20.0, 20.0)), state, np.array([[ELASTIC]]), order=order)
+    assert sequence(engine, 6.0) == [(0, 1)]
+    # Elastic: the heavy one keeps (M - m) / (M + m), the light one gets 2 M / (M + m).
+    np.testing.assert_allclose(engine.state().velocity[:, 0], [0.99 / 1.01, 2.0 / 1.01], rtol=1e-14)
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_a_row_that_is_just_full_loses_nobody(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Disk 0 has two neighbours in a row of two, and a candidate, disk 3, that is none."""
+    monkeypatch.setattr(ifrdem.engine, "ROW", 2)
+    position = np.array([[1.0, 1.0], [1.0, 2.5], [2.5, 1.0], [2.9, 5.9]])
+    velocity = np.zeros((4, 2))
+    velocity[2, 0] = -1.0
+    state = State(position, velocity, np.zeros(4))
+    engine = Engine(
+        equal_disks(4), Box((12.0, 12.0)), state, np.array([[ELASTIC]]), order=order, skin=1.2, tile_disks=100
+    )
+    assert sequence(engine, 1.0) == [(0, 2)]
+
+
+def test_a_collapse_in_a_tile_ends_like_one_in_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ifrdem.engine, "STALLED_EPOCHS", 3)
+    n = 12
+    position = np.column_stack((5.0 + 1.1 * np.arange(n), np.full(n, 2.0)))
+    velocity = np.zeros((n, 2))
+    velocity[0, 0], velocity[-1, 0] = 1.0, -1.0
+    law = np.array([[(0.1, -1.0, 0.0, 0.0, 0.0)]])
+    engine = Engine(
+        equal_disks(n),
+        Box((40.0, 4.0)),
+        State(position, velocity, np.zeros(n)),
+        law,
+        order="tiles",
+        tile_disks=100,
+    )
+
+    def run_on() -> None:
+        while engine.time < 30.0:
+            engine.advance(t_end=30.0)
+
+    with pytest.raises(EngineError, match="inelastic collapse"):
+        run_on()
+
+
+def test_a_disk_among_thousands_of_small_ones_loses_none() -> None:
+    n = 3000
+    radius = np.full(n + 1, 0.5)
+    radius[0] = 8.0
+    disks = Disks(n + 1, mass=(2.0 * radius) ** 2, radius=radius)
+    box = Box((240.0, 240.0))
+    grid = np.stack(np.meshgrid(np.arange(60) * 4.0 + 2.0, np.arange(60) * 4.0 + 2.0), axis=-1).reshape(-1, 2)
+    far = grid[np.hypot(*(grid - 120.0).T) > 12.0][:n]
+    velocity = np.random.default_rng(4).normal(size=(n + 1, 2))
+    velocity[0] = 0.0
+    state = State(np.vstack(([[120.0, 120.0]], far)), velocity, np.zeros(n + 1))
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=1)
