@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from . import backend
-from .case import MOST_DISKS
+from .engine_limits import MOST_DISKS
 from .errors import InputError
 
 T = TypeVar("T")

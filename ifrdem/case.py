@@ -14,6 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, mo
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
 
+from .engine_limits import MOST_DISKS
+
 UNITS: Mapping[str, Mapping[str, str]] = {
     "SI": {"length": "m", "mass": "kg", "time": "s", "energy": "J", "momentum": "kg m s-1", "angle": "rad"},
     "reduced": dict.fromkeys(("length", "mass", "time", "energy", "momentum", "angle"), "reduced"),
@@ -21,8 +23,6 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
-
-MOST_DISKS = (2**31 - 1) // 24  # what the engine's 32-bit indices reach, see `Engine`
 
 
 @dataclass(frozen=True)

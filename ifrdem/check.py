@@ -6,7 +6,7 @@ import math
 
 from . import backend
 from .case import Case
-from .engine import BYTES_PER_DISK
+from .engine_limits import BYTES_PER_DISK
 from .errors import InputError
 from .estimate import OBSERVABLES, Estimate, disk_bytes
 from .gas import Gas

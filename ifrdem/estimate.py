@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from . import engine, h5md, theory
+from . import engine_limits, h5md, theory
 from .case import Case
 from .gas import Gas, Species
 
@@ -87,7 +87,7 @@ class Estimate:
             collisions_at_most=at_most,
             # The constant properties once: radius, mass, k in 8 bytes, the material in 4.
             file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values())) + 28 * n,
-            array_bytes=n * engine.BYTES_PER_DISK,
+            array_bytes=n * engine_limits.BYTES_PER_DISK,
         )
 
 

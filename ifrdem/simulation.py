@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .box import Box
-from .engine import Collisions, Engine, Statistics
+from .engine import Collisions, Engine
 from .errors import InputError
 from .law import IFRLaw
 from .observables import Measure, measure
 from .placement import check_no_overlap
 from .state import Disks, State
+from .statistics import Statistics
 
 Observer = Callable[[State, Measure], None]
 Progress = Callable[[float, int], None]

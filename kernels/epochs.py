@@ -31,7 +31,10 @@ from .layout import (
     VX,
     VY,
     WINDOW,
+    Cube,
+    GasArrays,
     N,
+    Rows,
 )
 from .lists import list_tile, open_epoch
 from .sort import clear, fly, lay_aside, order_cell, put_back
@@ -40,122 +43,105 @@ from .tiles import run_tile
 
 @ti.kernel
 def epochs_by_one_thread(
-    most_epochs: ti.i32,
-    clock: ti.types.ndarray(ndim=1),
-    total: ti.types.ndarray(ndim=1),
-    grid: ti.types.ndarray(ndim=1),
-    scale: ti.types.ndarray(ndim=1),
-    flight: ti.types.ndarray(ndim=1),
-    kinds: ti.types.ndarray(ndim=1),
-    meta: ti.types.ndarray(ndim=1),
-    image: ti.types.ndarray(ndim=1),
-    link: ti.types.ndarray(ndim=1),
-    cell: ti.types.ndarray(ndim=1),
-    start: ti.types.ndarray(ndim=1),
-    fill: ti.types.ndarray(ndim=1),
-    order: ti.types.ndarray(ndim=1),
-    neighbour: ti.types.ndarray(ndim=1),
-    counter: ti.types.ndarray(ndim=1),
-    limit: ti.types.ndarray(ndim=1),
-    log_real: ti.types.ndarray(ndim=1),
-    log_int: ti.types.ndarray(ndim=1),
-    law: ti.types.ndarray(ndim=3),
-):
+    most_epochs: ti.i32, clock: Rows, total: Rows, grid: Rows, scale: Rows, flight: Rows, kinds: Rows,
+    meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows, neighbour: Rows,
+    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube,
+):  # fmt: skip
     """Up to `most_epochs` epochs of a gas of one tile.
 
     Ends before that at `clock[TIME_END]`, after `total[COLLISIONS_LEFT]` collisions, when nothing moves, and when an
     epoch ended earlier than `clock[PLANNED]`, for the host to see to it. `clock[NOW]` advances; what the last epoch
-    left to fly is in `scale[DURATION]`.
+    left to fly is in `gas.scale[DURATION]`.
     """
+    gas = ti.static(GasArrays(
+        grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
+        start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
+        log_real=log_real, log_int=log_int, law=law,
+    ))  # fmt: skip
     for _ in range(1):
-        n = grid[N]
-        cells = grid[CELLS_X] * grid[CELLS_Y]
+        n = gas.grid[N]
+        cells = gas.grid[CELLS_X] * gas.grid[CELLS_Y]
         going = 1
         while going == 1:
-            limit[EARLIEST] = FAR
+            gas.limit[EARLIEST] = FAR
             for c in range(cells):
-                fill[c] = 0
+                gas.fill[c] = 0
             for i in range(n):
-                fly(i, grid, scale, flight, meta, image, link, cell, fill, limit)
+                fly(i, gas)
             before = 0
             for c in range(cells):
-                start[c] = before
-                before += fill[c]
-                fill[c] = start[c]
-            start[cells] = n
+                gas.start[c] = before
+                before += gas.fill[c]
+                gas.fill[c] = gas.start[c]
+            gas.start[cells] = n
             for i in range(n):
-                c = cell[i]
-                order[fill[c]] = i
-                fill[c] += 1
+                c = gas.cell[i]
+                gas.order[gas.fill[c]] = i
+                gas.fill[c] += 1
             for c in range(cells):
-                order_cell(c, start, order, meta)
-            fastest2 = scale[DURATION] * 0.0
-            sum2 = scale[DURATION] * 0.0
+                order_cell(c, gas)
+            fastest2 = gas.scale[DURATION] * 0.0
+            sum2 = gas.scale[DURATION] * 0.0
             for s in range(n):
-                lay_aside(s, order[s], flight, meta, cell, log_real, log_int)
+                lay_aside(s, gas.order[s], gas)
             for s in range(n):
-                put_back(s, flight, kinds, meta, cell, log_real, log_int)
-                clear(s, flight, link)
-                square = flight[s][VX] * flight[s][VX] + flight[s][VY] * flight[s][VY]
+                put_back(s, gas)
+                clear(s, gas)
+                square = gas.flight[s][VX] * gas.flight[s][VX] + gas.flight[s][VY] * gas.flight[s][VY]
                 fastest2 = ti.max(fastest2, square)
                 sum2 += square
-            scale[DURATION] = 0.0
-            limit[FASTEST] = ti.sqrt(fastest2)
-            limit[MEAN_SQUARE] = sum2 / n
-            counter[MOST_NEIGHBOURS] = 0
-            counter[LOG_FULL] = 0
-            if fastest2 == 0.0 or limit[EARLIEST] < FAR:
+            gas.scale[DURATION] = 0.0
+            gas.limit[FASTEST] = ti.sqrt(fastest2)
+            gas.limit[MEAN_SQUARE] = sum2 / n
+            gas.counter[MOST_NEIGHBOURS] = 0
+            gas.counter[LOG_FULL] = 0
+            if fastest2 == 0.0 or gas.limit[EARLIEST] < FAR:
                 going = 0
             else:
-                whole = scale[REACH] / speed_cap(limit[FASTEST], limit[MEAN_SQUARE], grid[MOST_LEVEL])
+                whole = gas.scale[REACH] / speed_cap(
+                    gas.limit[FASTEST], gas.limit[MEAN_SQUARE], gas.grid[MOST_LEVEL]
+                )
                 left = clock[TIME_END] - clock[NOW]
                 last = 0
                 if left <= whole:
                     whole = left
                     last = 1
-                scale[HORIZON] = whole
-                scale[BEGIN] = 0.0
-                scale[WINDOW] = scale[HORIZON]
-                clock[PLANNED] = scale[HORIZON]
-                open_epoch(scale, counter, limit)
-                list_tile(0, grid, scale, flight, link, meta, start, neighbour, counter)
+                gas.scale[HORIZON] = whole
+                gas.scale[BEGIN] = 0.0
+                gas.scale[WINDOW] = gas.scale[HORIZON]
+                clock[PLANNED] = gas.scale[HORIZON]
+                open_epoch(gas)
+                list_tile(0, gas)
                 fast = 0
                 for i in range(n):
-                    level = too_fast(i, grid, scale, flight, link)
-                    if level > 0 and counter[MOST_NEIGHBOURS] == 0:
-                        link[i][LENGTH] += level * LEVEL
-                        counter[TOP_LEVEL] = ti.max(counter[TOP_LEVEL], level)
-                        order[fast] = i
+                    level = too_fast(i, gas)
+                    if level > 0 and gas.counter[MOST_NEIGHBOURS] == 0:
+                        gas.link[i][LENGTH] += level * LEVEL
+                        gas.counter[TOP_LEVEL] = ti.max(gas.counter[TOP_LEVEL], level)
+                        gas.order[fast] = i
                         fast += 1
                 for q in range(fast):
-                    extend(
-                        order[q], AT_START_ALONE,
-                        grid, scale, flight, link, meta, cell, start, neighbour, link, counter, log_real, log_int,
-                    )  # fmt: skip
-                if counter[MOST_NEIGHBOURS] > 0:
+                    extend(gas.order[q], AT_START_ALONE, gas)
+                if gas.counter[MOST_NEIGHBOURS] > 0:
                     going = 0
                 else:
                     most = ti.cast(ti.min(total[COLLISIONS_LEFT], 1 << 30), ti.i32)
-                    run_tile(
-                        0, n, True, most,
-                        grid, scale, flight, kinds, link, meta, cell, start, order, neighbour, counter,
-                        limit, log_real, log_int, law,
-                    )  # fmt: skip
-                    if counter[MOST_NEIGHBOURS] > 0:
+                    run_tile(0, n, True, most, gas)
+                    if gas.counter[MOST_NEIGHBOURS] > 0:
                         going = 0
                 if going == 1:
-                    scale[DURATION] = limit[END]
+                    gas.scale[DURATION] = gas.limit[END]
                     total[N_EPOCHS] += 1
-                    total[N_TOTAL] += counter[N_STANDING]
-                    total[COLLISIONS_LEFT] -= counter[N_STANDING]
+                    total[N_TOTAL] += gas.counter[N_STANDING]
+                    total[COLLISIONS_LEFT] -= gas.counter[N_STANDING]
                     most_epochs_left = most_epochs - ti.cast(total[N_EPOCHS], ti.i32)
-                    if limit[END] < scale[HORIZON]:
+                    if gas.limit[END] < gas.scale[HORIZON]:
                         going = 0
                         last = 0
                     if last == 1:
                         clock[NOW] = clock[TIME_END]
                         going = 0
                     else:
-                        clock[NOW] += limit[END]
+                        clock[NOW] += gas.limit[END]
                     if total[COLLISIONS_LEFT] <= 0 or most_epochs_left <= 0:
                         going = 0

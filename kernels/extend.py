@@ -11,15 +11,15 @@ do no harm: no event depends on them.
 
 import taichi as ti
 
+from .cells import cell_beside, place_of
+from .flights import first_meeting, offer, shift_by, start_position
 from .layout import (
     AFFECTED,
     AFFECTED_ROW,
-    BEFORE,
     CELL_X,
     CELL_Y,
     CELLS_X,
     CELLS_Y,
-    HEAD,
     HORIZON,
     LENGTH,
     LEVEL,
@@ -28,28 +28,20 @@ from .layout import (
     MOST_NEIGHBOURS,
     OTHER,
     PARTNER,
-    PREVIOUS,
     RADIUS,
     REACH,
     ROW,
     SAME_FRAME,
-    SLOT,
     SPEED_MARGIN,
-    TILE_X,
-    TILE_Y,
     TOP_LEVEL,
     VX,
     VY,
     WIDEST,
-    X,
-    Y,
-    contact_delay,
     level_of,
     n_others,
     n_own,
-    tile_beside,
+    push,
 )
-from .lists import offer
 
 CAP = 2.26
 LATER, AT_START_ALONE, AT_START = range(3)
@@ -68,182 +60,119 @@ def speed_cap(fastest, mean_square, most_level):
 
 
 @ti.func
-def needed_level(vx, vy, scale: ti.template()):
+def needed_level(vx, vy, gas: ti.template()):
     """The lowest level at which a disk may keep this velocity to the end of the epoch."""
-    way = ti.sqrt(vx * vx + vy * vy) * scale[HORIZON]
+    way = ti.sqrt(vx * vx + vy * vy) * gas.scale[HORIZON]
     level = 0
-    if way > scale[REACH]:
-        level = ti.ceil(ti.min((way / scale[REACH] - 1.0) * LEVELS, 1.0e6), ti.i32)
+    if way > gas.scale[REACH]:
+        level = ti.ceil(ti.min((way / gas.scale[REACH] - 1.0) * LEVELS, 1.0e6), ti.i32)
     return level
 
 
 @ti.func
-def reach_of(level, scale: ti.template()):
+def reach_of(level, gas: ti.template()):
     """How far a disk of that level may move in the epoch."""
-    return scale[REACH] * (1.0 + level / LEVELS)
+    return gas.scale[REACH] * (1.0 + level / LEVELS)
 
 
 @ti.func
-def start_position(
-    i, flight: ti.template(), link: ti.template(), log_real: ti.template(), log_int: ti.template()
-):
-    """Where disk i was at the beginning of the epoch."""
-    x, y = flight[i][X], flight[i][Y]
-    entry = link[i][HEAD]
-    while entry >= 0:
-        side = 0
-        if log_int[entry][SLOT] != i:
-            side = 1
-        x, y = log_real[entry][BEFORE + 5 * side], log_real[entry][BEFORE + 5 * side + 1]
-        entry = log_int[entry][PREVIOUS + side]
-    return x, y
-
-
-@ti.func
-def push(row, item, lists: ti.template(), counter: ti.template()):
-    """Append to a work list."""
-    lists[row, ti.atomic_add(counter[row], 1)] = item
-
-
-@ti.func
-def append(
-    i, j, shift, grid: ti.template(), link: ti.template(), neighbour: ti.template(), counter: ti.template()
-):
+def append(i, j, shift, gas: ti.template()):
     """Add disk j, one `shift` away, to disk i's list."""
-    row = grid[ROW]
+    row = gas.grid[ROW]
     step = OTHER
     if shift == SAME_FRAME:
         step = 1
-    lengths = ti.atomic_add(link[i][LENGTH], step)
+    lengths = ti.atomic_add(gas.link[i][LENGTH], step)
     if n_own(lengths) + n_others(lengths) >= row:
         # The epoch will be done again with longer rows; until then, no length may point beyond its row.
-        ti.atomic_sub(link[i][LENGTH], step)
-        ti.atomic_max(counter[MOST_NEIGHBOURS], row + 1)
+        ti.atomic_sub(gas.link[i][LENGTH], step)
+        ti.atomic_max(gas.counter[MOST_NEIGHBOURS], row + 1)
     elif shift == SAME_FRAME:
-        neighbour[row * i + n_own(lengths)] = j
+        gas.neighbour[row * i + n_own(lengths)] = j
     else:
-        neighbour[row * i + row - 1 - n_others(lengths)] = 9 * j + shift
+        gas.neighbour[row * i + row - 1 - n_others(lengths)] = 9 * j + shift
 
 
 @ti.func
-def listed(i, j, shift, grid: ti.template(), link: ti.template(), neighbour: ti.template()):
+def listed(i, j, shift, gas: ti.template()):
     """Whether disk i's list already has disk j."""
-    row = grid[ROW]
-    lengths = link[i][LENGTH]
+    row = gas.grid[ROW]
+    lengths = gas.link[i][LENGTH]
     found = 0
     if shift == SAME_FRAME:
         for q in range(n_own(lengths)):
-            if neighbour[row * i + q] == j:
+            if gas.neighbour[row * i + q] == j:
                 found = 1
     else:
         for q in range(n_others(lengths)):
-            if neighbour[row * i + row - 1 - q] == 9 * j + shift:
+            if gas.neighbour[row * i + row - 1 - q] == 9 * j + shift:
                 found = 1
     return found
 
 
 @ti.func
-def raise_level(i, level, link: ti.template(), counter: ti.template()):
+def raise_level(i, level, gas: ti.template()):
     """First step for disk i, done for all such disks before the second: its new level."""
-    link[i][LENGTH] += (level - level_of(link[i][LENGTH])) * LEVEL
-    link[i][PARTNER] = EXTENDS
-    ti.atomic_max(counter[TOP_LEVEL], level)
+    gas.link[i][LENGTH] += (level - level_of(gas.link[i][LENGTH])) * LEVEL
+    gas.link[i][PARTNER] = EXTENDS
+    ti.atomic_max(gas.counter[TOP_LEVEL], level)
 
 
 @ti.func
-def extend(
-    i,
-    when: ti.template(),
-    grid: ti.template(),
-    scale: ti.template(),
-    flight: ti.template(),
-    link: ti.template(),
-    meta: ti.template(),
-    cell: ti.template(),
-    start: ti.template(),
-    neighbour: ti.template(),
-    lists: ti.template(),
-    counter: ti.template(),
-    log_real: ti.template(),
-    log_int: ti.template(),
-):
+def extend(i, when: ti.template(), gas: ti.template()):
     """Second step: list disk i with everybody whom it could now touch.
 
     Of two disks that are extended together, the lower slot lists the pair. Both disks must know of their meeting:
     `when` says whether a prediction follows anyhow (LATER), or none of the disks has moved yet and the event is
     offered to both (AT_START_ALONE), or both are put on the list AFFECTED_ROW to predict (AT_START).
     """
-    x, y = start_position(i, flight, link, log_real, log_int)
-    radius = flight[i][RADIUS]
-    own_reach = reach_of(level_of(link[i][LENGTH]), scale)
-    furthest = scale[WIDEST] + own_reach + reach_of(counter[TOP_LEVEL], scale)
-    cells = grid[CELLS_X] * grid[CELLS_Y]
-    tile = cell[i] // cells
-    in_x = (cell[i] - tile * cells) // grid[CELLS_Y]
-    in_y = cell[i] - tile * cells - in_x * grid[CELLS_Y]
-    most_x = ti.min(ti.ceil(furthest / scale[CELL_X], ti.i32), grid[CELLS_X])
-    most_y = ti.min(ti.ceil(furthest / scale[CELL_Y], ti.i32), grid[CELLS_Y])
+    x, y = start_position(i, gas)
+    radius = gas.flight[i][RADIUS]
+    own_reach = reach_of(level_of(gas.link[i][LENGTH]), gas)
+    furthest = gas.scale[WIDEST] + own_reach + reach_of(gas.counter[TOP_LEVEL], gas)
+    tile, in_x, in_y = place_of(gas.cell[i], gas)
+    most_x = ti.min(ti.ceil(furthest / gas.scale[CELL_X], ti.i32), gas.grid[CELLS_X])
+    most_y = ti.min(ti.ceil(furthest / gas.scale[CELL_Y], ti.i32), gas.grid[CELLS_Y])
     for at_x in range(in_x - most_x, in_x + most_x + 1):
         for at_y in range(in_y - most_y, in_y + most_y + 1):
-            cx, cy = at_x, at_y
-            shift = SAME_FRAME
-            if cx < 0:
-                cx += grid[CELLS_X]
-                shift -= 3
-            elif cx >= grid[CELLS_X]:
-                cx -= grid[CELLS_X]
-                shift += 3
-            if cy < 0:
-                cy += grid[CELLS_Y]
-                shift -= 1
-            elif cy >= grid[CELLS_Y]:
-                cy -= grid[CELLS_Y]
-                shift += 1
-            other = tile
-            if shift != SAME_FRAME:
-                other = tile_beside(tile, shift, grid)
-            c = (other * grid[CELLS_X] + cx) * grid[CELLS_Y] + cy
-            for j in range(start[c], start[c + 1]):
-                beside = link[j][PARTNER] == EXTENDS
+            c, shift = cell_beside(tile, at_x, at_y, gas)
+            shift_x, shift_y = shift_by(shift, gas)
+            for j in range(gas.start[c], gas.start[c + 1]):
+                beside = gas.link[j][PARTNER] == EXTENDS
                 if ti.static(when != LATER):
-                    beside = level_of(link[j][LENGTH]) > 0
+                    beside = level_of(gas.link[j][LENGTH]) > 0
                 if j != i and (i < j or not beside):
-                    xj, yj = start_position(j, flight, link, log_real, log_int)
-                    rx = xj - x + (shift // 3 - 1) * scale[TILE_X]
-                    ry = yj - y + (shift % 3 - 1) * scale[TILE_Y]
-                    sigma = radius + flight[j][RADIUS]
-                    near = sigma + own_reach + reach_of(level_of(link[j][LENGTH]), scale)
+                    xj, yj = start_position(j, gas)
+                    rx = xj - x + shift_x
+                    ry = yj - y + shift_y
+                    near = (
+                        radius
+                        + gas.flight[j][RADIUS]
+                        + own_reach
+                        + reach_of(level_of(gas.link[j][LENGTH]), gas)
+                    )
                     if rx * rx + ry * ry < near * near:
-                        if listed(i, j, shift, grid, link, neighbour) == 0:
-                            append(i, j, shift, grid, link, neighbour, counter)
-                            append(j, i, 8 - shift, grid, link, neighbour, counter)
+                        if listed(i, j, shift, gas) == 0:
+                            append(i, j, shift, gas)
+                            append(j, i, 8 - shift, gas)
                             if ti.static(when != LATER):
-                                t = contact_delay(
-                                    rx,
-                                    ry,
-                                    flight[i][VX],
-                                    flight[i][VY],
-                                    flight[j][VX],
-                                    flight[j][VY],
-                                    sigma,
-                                    scale[HORIZON],
-                                )
+                                t = first_meeting(i, j, rx, ry, gas.scale[HORIZON], gas)
                                 if ti.static(when == AT_START_ALONE):
-                                    offer(i, t, 9 * j + shift, scale[HORIZON], flight, link, meta)
-                                    offer(j, t, 9 * i + 8 - shift, scale[HORIZON], flight, link, meta)
-                                elif t < scale[HORIZON]:
+                                    offer(i, t, 9 * j + shift, gas.scale[HORIZON], gas)
+                                    offer(j, t, 9 * i + 8 - shift, gas.scale[HORIZON], gas)
+                                elif t < gas.scale[HORIZON]:
                                     for member in ti.static(range(2)):
                                         slot = i
                                         if ti.static(member == 1):
                                             slot = j
-                                        if ti.atomic_max(link[slot][AFFECTED], 0) < 0:
-                                            push(AFFECTED_ROW, slot, lists, counter)
+                                        if ti.atomic_max(gas.link[slot][AFFECTED], 0) < 0:
+                                            push(AFFECTED_ROW, slot, gas)
 
 
 @ti.func
-def too_fast(i, grid: ti.template(), scale: ti.template(), flight: ti.template(), link: ti.template()):
+def too_fast(i, gas: ti.template()):
     """The level that disk i needs, if that is above the one it has and not above what the box allows; else 0."""
-    level = needed_level(flight[i][VX], flight[i][VY], scale)
-    if level <= level_of(link[i][LENGTH]) or level > grid[MOST_LEVEL]:
+    level = needed_level(gas.flight[i][VX], gas.flight[i][VY], gas)
+    if level <= level_of(gas.link[i][LENGTH]) or level > gas.grid[MOST_LEVEL]:
         level = 0
     return level

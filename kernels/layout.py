@@ -1,4 +1,4 @@
-"""Columns of the arrays that the engine's kernels share, and the time of contact of two straight flights.
+"""Columns of the arrays that the engine's kernels share, and how they are passed on.
 
 All arrays are `ti.ndarray`s, so that a kernel is compiled once for every number of disks. A disk's *slot* is its
 place in the sorted order of the current epoch; its id never changes. *Cells* are small enough that only disks of
@@ -31,7 +31,11 @@ Positions are relative to the lower left corner of the disk's tile, so that they
 origin; times are relative to the beginning of the epoch. A *shift* s = 3 (dx + 1) + (dy + 1) says that the
 neighbour's tile lies dx, dy in {-1, 0, 1} tiles away, across a periodic side or not; seen from the other disk it is
 8 - s. A *code* is 9 * slot + shift.
+
+A kernel takes the arrays that it needs, and bundles them into `GasArrays` for the functions that it calls.
 """
+
+from typing import Any, NamedTuple
 
 import taichi as ti
 
@@ -89,11 +93,9 @@ SAME_FRAME = 4  # the shift of two disks of one tile
 # LENGTH = neighbours in the same frame + OTHER * those in others + LEVEL * level
 OTHER, LEVEL = 1 << 14, 1 << 27
 LEVELS = 4.0  # levels by which a disk's range grows by one reach
-
-
-def rounding():
-    """Relative error that a velocity may carry: some 50 units in its last place."""
-    return 6.0e-6 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-14
+HIGHEST_LEVEL = (
+    12  # a disk may come so many quarters of a reach further than others of its list, and once as far
+)
 
 
 @ti.func
@@ -115,79 +117,35 @@ def level_of(lengths):
 
 
 @ti.func
-def contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, within):
-    """Time until the separation r + v t, v = v_j - v_i, has length sigma; FAR if never; 0 for a touching pair.
-
-    The smaller root of (r + v t)^2 = sigma^2 in the form that does not cancel, c / (sqrt(b^2 - v^2 c) - b) with
-    b = r.v and c = r^2 - sigma^2. Every term is even under (r, v) -> (-r, -v): both disks of a pair compute bitwise
-    the same time.
-
-    Contact takes c = -2 b t - v^2 t^2 <= -2 b t. Most pairs cannot make that `within` the time of interest, and are
-    told apart without root and division; they also count as never.
-
-    A touching pair that approaches more slowly than the rounding errors of its velocities counts as at rest: disks
-    pressed together by others would otherwise push each other for ever, in no time and to no effect.
-    """
-    delay = FAR
-    vx = vxj - vxi
-    vy = vyj - vyi
-    b = rx * vx + ry * vy
-    c = rx * rx + ry * ry - sigma * sigma
-    if c <= -2.0 * b * within:
-        if b < 0.0:
-            v2 = vx * vx + vy * vy
-            d = b * b - v2 * c
-            if c <= 0.0:
-                noise = ti.static(rounding()) * ((ti.abs(vxi) + ti.abs(vxj)) + (ti.abs(vyi) + ti.abs(vyj)))
-                if b < -sigma * noise:
-                    delay = 0.0
-            elif d > 0.0:
-                delay = c / (ti.sqrt(d) - b)
-    return delay
+def push(row, item, gas: ti.template()):
+    """Append to a work list."""
+    gas.lists[row, ti.atomic_add(gas.counter[row], 1)] = item
 
 
-@ti.func
-def meeting_time(xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shift_y, sigma, before):
-    """Time of contact of two flights, each known from its own clock tau on; FAR if they do not touch `before`."""
-    start = ti.max(tau_i, tau_j)
-    rx = (xj + vxj * (start - tau_j)) - (xi + vxi * (start - tau_i)) + shift_x
-    ry = (yj + vyj * (start - tau_j)) - (yi + vyi * (start - tau_i)) + shift_y
-    return start + contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, before - start)
+# Arguments of kernels: arrays of one, two and three dimensions (a dimension of vectors' components not counted).
+Rows, Table, Cube = (ti.types.ndarray(ndim=dimensions) for dimensions in (1, 2, 3))
 
 
-@ti.func
-def sooner(t, j, earliest, partner, horizon, meta: ti.template()):
-    """Whether an event at t with disk j comes before the one at `earliest` with `partner` (a code), and in time.
+class GasArrays(NamedTuple):
+    """The arrays that a kernel was given, under their names in the table above; bundled while it is compiled."""
 
-    Exact ties fall to the smaller id.
-    """
-    before = t < earliest and t < horizon
-    if t == earliest and t < horizon:
-        before = meta[j][ID] < meta[partner // 9][ID]
-    return before
-
-
-@ti.func
-def precedes(a, b, c, d):
-    """Whether the pair of ids {a, b} comes before {c, d} in the order (smaller id, larger id)."""
-    low_1, high_1 = ti.min(a, b), ti.max(a, b)
-    low_2, high_2 = ti.min(c, d), ti.max(c, d)
-    return low_1 < low_2 or (low_1 == low_2 and high_1 < high_2)
-
-
-@ti.func
-def tile_beside(tile, shift, grid: ti.template()):
-    """The tile that lies one `shift` from `tile`, across the box's sides if need be."""
-    tx = tile // grid[TILES_Y]
-    ty = tile - tx * grid[TILES_Y]
-    tx += shift // 3 - 1
-    ty += shift % 3 - 1
-    if tx < 0:
-        tx += grid[TILES_X]
-    elif tx >= grid[TILES_X]:
-        tx -= grid[TILES_X]
-    if ty < 0:
-        ty += grid[TILES_Y]
-    elif ty >= grid[TILES_Y]:
-        ty -= grid[TILES_Y]
-    return tx * grid[TILES_Y] + ty
+    grid: Any = None
+    scale: Any = None
+    flight: Any = None
+    kinds: Any = None
+    meta: Any = None
+    image: Any = None
+    link: Any = None
+    cell: Any = None
+    start: Any = None
+    fill: Any = None
+    block: Any = None
+    order: Any = None
+    squares: Any = None
+    neighbour: Any = None
+    lists: Any = None
+    counter: Any = None
+    limit: Any = None
+    log_real: Any = None
+    log_int: Any = None
+    law: Any = None

@@ -17,8 +17,8 @@ and marks are minima. The work lists are filled by atomics in any order, but are
 
 import taichi as ti
 
-from .events import collide, predict, propagate, restore
-from .extend import LATER, extend, push, raise_level, too_fast
+from .events import collide, mark, predict, propagate, restore
+from .extend import LATER, extend, raise_level, too_fast
 from .layout import (
     AFFECTED_ROW,
     CHANGED_ROW,
@@ -33,7 +33,6 @@ from .layout import (
     MOST_NEIGHBOURS,
     N_LOG,
     N_ROUNDS,
-    NEVER,
     NUMBER,
     PARTNER,
     ROLLED_BACK,
@@ -43,236 +42,200 @@ from .layout import (
     STANDS,
     TE,
     TIME,
-    UNDO,
     UNDO_ROW,
     WINDOW,
+    Cube,
+    GasArrays,
     N,
+    Rows,
+    Table,
+    push,
 )
 from .sort import BLOCK, n_blocks
 
 
 @ti.func
-def next_round(grid: ti.template(), lists: ti.template(), counter: ti.template(), link: ti.template()):
+def next_round(gas: ti.template()):
     """Close a round: rolled-back disks open the next one's list of changed disks."""
-    now = counter[ROUND] % 2
-    following = counter[ROUND] + 1
-    counter[CHANGED_ROW + 1 - now] = 0
-    counter[AFFECTED_ROW + 1 - now] = 0
-    counter[ROUND] = following
-    counter[N_ROUNDS] += 1
+    now = gas.counter[ROUND] % 2
+    following = gas.counter[ROUND] + 1
+    gas.counter[CHANGED_ROW + 1 - now] = 0
+    gas.counter[AFFECTED_ROW + 1 - now] = 0
+    gas.counter[ROUND] = following
+    gas.counter[N_ROUNDS] += 1
     # Each active disk of the next round logs at most one collision. Deciding before it begins keeps the outcome
     # independent of threads.
-    if counter[N_LOG] + counter[CHANGED_ROW + now] + counter[AFFECTED_ROW + now] > grid[LOG_CAPACITY]:
-        counter[LOG_FULL] = 1
+    if (
+        gas.counter[N_LOG] + gas.counter[CHANGED_ROW + now] + gas.counter[AFFECTED_ROW + now]
+        > gas.grid[LOG_CAPACITY]
+    ):
+        gas.counter[LOG_FULL] = 1
     q = 0
-    while q < counter[UNDO_ROW]:
-        i = lists[UNDO_ROW, q]
-        link[i][DIRTY] = following
-        push(CHANGED_ROW + following % 2, i, lists, counter)
+    while q < gas.counter[UNDO_ROW]:
+        i = gas.lists[UNDO_ROW, q]
+        gas.link[i][DIRTY] = following
+        push(CHANGED_ROW + following % 2, i, gas)
         q += 1
-    counter[UNDO_ROW] = 0
+    gas.counter[UNDO_ROW] = 0
 
 
 @ti.func
-def n_active(everybody, counter: ti.template()):
+def n_active(everybody, gas: ti.template()):
     """How many disks the round looks at for collisions: all, or those that predicted in the round before."""
     n = everybody
     if everybody == 0:
-        last = (counter[ROUND] + 1) % 2
-        n = counter[CHANGED_ROW + last] + counter[AFFECTED_ROW + last]
+        last = (gas.counter[ROUND] + 1) % 2
+        n = gas.counter[CHANGED_ROW + last] + gas.counter[AFFECTED_ROW + last]
     return n
 
 
 @ti.func
-def active_disk(q, everybody, lists: ti.template(), counter: ti.template()):
+def active_disk(q, everybody, gas: ti.template()):
     """Slot of the q-th active disk."""
     i = q
     if everybody == 0:
-        last = (counter[ROUND] + 1) % 2
-        changed = counter[CHANGED_ROW + last]
+        last = (gas.counter[ROUND] + 1) % 2
+        changed = gas.counter[CHANGED_ROW + last]
         if q < changed:
-            i = lists[CHANGED_ROW + last, q]
+            i = gas.lists[CHANGED_ROW + last, q]
         else:
-            i = lists[AFFECTED_ROW + last, q - changed]
+            i = gas.lists[AFFECTED_ROW + last, q - changed]
     return i
 
 
 @ti.kernel
 def one_round(
-    everybody: ti.i32,
-    grid: ti.types.ndarray(ndim=1),
-    scale: ti.types.ndarray(ndim=1),
-    flight: ti.types.ndarray(ndim=1),
-    kinds: ti.types.ndarray(ndim=1),
-    link: ti.types.ndarray(ndim=1),
-    meta: ti.types.ndarray(ndim=1),
-    cell: ti.types.ndarray(ndim=1),
-    start: ti.types.ndarray(ndim=1),
-    neighbour: ti.types.ndarray(ndim=1),
-    lists: ti.types.ndarray(ndim=2),
-    counter: ti.types.ndarray(ndim=1),
-    limit: ti.types.ndarray(ndim=1),
-    log_real: ti.types.ndarray(ndim=1),
-    log_int: ti.types.ndarray(ndim=1),
-    law: ti.types.ndarray(ndim=3),
-):
+    everybody: ti.i32, grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows,
+    cell: Rows, start: Rows, neighbour: Rows, lists: Table, counter: Rows, limit: Rows, log_real: Rows,
+    log_int: Rows, law: Cube,
+):  # fmt: skip
     """One round in parallel. `everybody` = n makes all disks active (a window's first round), 0 the last predicted.
 
     Events before `window` and before the epoch's end are due; predictions reach to `horizon`; nobody may move
     further than `reach`, half the skin.
     """
+    gas = ti.static(GasArrays(
+        grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
+        neighbour=neighbour, lists=lists, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
+        law=law,
+    ))  # fmt: skip
     for _ in range(1):
         # Latched: an end brought forward by this round's collisions holds from the next round on.
-        limit[LATCHED] = ti.min(limit[END], scale[WINDOW])
-    for q in range(n_active(everybody, counter)):
-        collide(
-            active_disk(q, everybody, lists, counter), everybody,
-            grid, scale, flight, kinds, link, meta, lists, counter, limit, log_real, log_int, law,
-        )  # fmt: skip
-    for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
-        i = lists[CHANGED_ROW + counter[ROUND] % 2, q]
-        level = too_fast(i, grid, scale, flight, link)
+        gas.limit[LATCHED] = ti.min(gas.limit[END], gas.scale[WINDOW])
+    for q in range(n_active(everybody, gas)):
+        collide(active_disk(q, everybody, gas), everybody, gas)
+    for q in range(gas.counter[CHANGED_ROW + gas.counter[ROUND] % 2]):
+        i = gas.lists[CHANGED_ROW + gas.counter[ROUND] % 2, q]
+        level = too_fast(i, gas)
         if level > 0:
-            raise_level(i, level, link, counter)
-            push(EXTEND_ROW, i, lists, counter)
-    for q in range(counter[EXTEND_ROW]):
-        extend(
-            lists[EXTEND_ROW, q], LATER,
-            grid, scale, flight, link, meta, cell, start, neighbour, lists, counter, log_real, log_int,
-        )  # fmt: skip
+            raise_level(i, level, gas)
+            push(EXTEND_ROW, i, gas)
+    for q in range(gas.counter[EXTEND_ROW]):
+        extend(gas.lists[EXTEND_ROW, q], LATER, gas)
     for _ in range(1):
-        counter[EXTEND_ROW] = 0
-    for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
-        predict(
-            lists[CHANGED_ROW + counter[ROUND] % 2, q], True,
-            grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int,
-        )  # fmt: skip
+        gas.counter[EXTEND_ROW] = 0
+    for q in range(gas.counter[CHANGED_ROW + gas.counter[ROUND] % 2]):
+        predict(gas.lists[CHANGED_ROW + gas.counter[ROUND] % 2, q], True, gas)
     for _ in range(1):
-        propagate(link, lists, counter, log_int)
-    for q in range(counter[UNDO_ROW]):
-        restore(lists[UNDO_ROW, q], flight, link, counter, log_real, log_int)
-    for q in range(counter[AFFECTED_ROW + counter[ROUND] % 2]):
-        i = lists[AFFECTED_ROW + counter[ROUND] % 2, q]
-        if link[i][PARTNER] != ROLLED_BACK:
-            predict(
-                i, False,
-                grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int,
-            )  # fmt: skip
+        propagate(gas)
+    for q in range(gas.counter[UNDO_ROW]):
+        restore(gas.lists[UNDO_ROW, q], gas)
+    for q in range(gas.counter[AFFECTED_ROW + gas.counter[ROUND] % 2]):
+        i = gas.lists[AFFECTED_ROW + gas.counter[ROUND] % 2, q]
+        if gas.link[i][PARTNER] != ROLLED_BACK:
+            predict(i, False, gas)
     for _ in range(1):
-        next_round(grid, lists, counter, link)
+        next_round(gas)
 
 
 @ti.kernel
 def rounds_by_one_thread(
-    first: ti.i32,
-    most_active: ti.i32,
-    most_rounds: ti.i32,
-    grid: ti.types.ndarray(ndim=1),
-    scale: ti.types.ndarray(ndim=1),
-    flight: ti.types.ndarray(ndim=1),
-    kinds: ti.types.ndarray(ndim=1),
-    link: ti.types.ndarray(ndim=1),
-    meta: ti.types.ndarray(ndim=1),
-    cell: ti.types.ndarray(ndim=1),
-    start: ti.types.ndarray(ndim=1),
-    neighbour: ti.types.ndarray(ndim=1),
-    lists: ti.types.ndarray(ndim=2),
-    counter: ti.types.ndarray(ndim=1),
-    limit: ti.types.ndarray(ndim=1),
-    log_real: ti.types.ndarray(ndim=1),
-    log_int: ti.types.ndarray(ndim=1),
-    law: ti.types.ndarray(ndim=3),
-):
+    first: ti.i32, most_active: ti.i32, most_rounds: ti.i32, grid: Rows, scale: Rows, flight: Rows,
+    kinds: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows, neighbour: Rows, lists: Table,
+    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube,
+):  # fmt: skip
     """The rounds of `one_round`, one after another by one thread, while no more than `most_active` disks are active.
 
     Starting threads costs more than the few disks of a late round, or the rounds of a small system, need.
     """
+    gas = ti.static(GasArrays(
+        grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
+        neighbour=neighbour, lists=lists, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
+        law=law,
+    ))  # fmt: skip
     for _ in range(1):
         everybody = first
         going = 1
         while going == 1:
-            limit[LATCHED] = ti.min(limit[END], scale[WINDOW])
-            for q in range(n_active(everybody, counter)):
-                collide(
-                    active_disk(q, everybody, lists, counter), everybody,
-                    grid, scale, flight, kinds, link, meta, lists, counter, limit, log_real, log_int, law,
-                )  # fmt: skip
-            for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
-                i = lists[CHANGED_ROW + counter[ROUND] % 2, q]
-                level = too_fast(i, grid, scale, flight, link)
+            gas.limit[LATCHED] = ti.min(gas.limit[END], gas.scale[WINDOW])
+            for q in range(n_active(everybody, gas)):
+                collide(active_disk(q, everybody, gas), everybody, gas)
+            for q in range(gas.counter[CHANGED_ROW + gas.counter[ROUND] % 2]):
+                i = gas.lists[CHANGED_ROW + gas.counter[ROUND] % 2, q]
+                level = too_fast(i, gas)
                 if level > 0:
-                    raise_level(i, level, link, counter)
-                    push(EXTEND_ROW, i, lists, counter)
-            for q in range(counter[EXTEND_ROW]):
-                extend(
-                    lists[EXTEND_ROW, q], LATER,
-                    grid, scale, flight, link, meta, cell, start, neighbour, lists, counter, log_real, log_int,
-                )  # fmt: skip
-            counter[EXTEND_ROW] = 0
-            for q in range(counter[CHANGED_ROW + counter[ROUND] % 2]):
-                predict(
-                    lists[CHANGED_ROW + counter[ROUND] % 2, q], True,
-                    grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int,
-                )  # fmt: skip
-            propagate(link, lists, counter, log_int)
-            for q in range(counter[UNDO_ROW]):
-                restore(lists[UNDO_ROW, q], flight, link, counter, log_real, log_int)
-            for q in range(counter[AFFECTED_ROW + counter[ROUND] % 2]):
-                i = lists[AFFECTED_ROW + counter[ROUND] % 2, q]
-                if link[i][PARTNER] != ROLLED_BACK:
-                    predict(
-                        i, False,
-                        grid, scale, flight, link, meta, neighbour, lists, counter, log_real, log_int,
-                    )  # fmt: skip
-            next_round(grid, lists, counter, link)
+                    raise_level(i, level, gas)
+                    push(EXTEND_ROW, i, gas)
+            for q in range(gas.counter[EXTEND_ROW]):
+                extend(gas.lists[EXTEND_ROW, q], LATER, gas)
+            gas.counter[EXTEND_ROW] = 0
+            for q in range(gas.counter[CHANGED_ROW + gas.counter[ROUND] % 2]):
+                predict(gas.lists[CHANGED_ROW + gas.counter[ROUND] % 2, q], True, gas)
+            propagate(gas)
+            for q in range(gas.counter[UNDO_ROW]):
+                restore(gas.lists[UNDO_ROW, q], gas)
+            for q in range(gas.counter[AFFECTED_ROW + gas.counter[ROUND] % 2]):
+                i = gas.lists[AFFECTED_ROW + gas.counter[ROUND] % 2, q]
+                if gas.link[i][PARTNER] != ROLLED_BACK:
+                    predict(i, False, gas)
+            next_round(gas)
             everybody = 0
-            active = n_active(0, counter) + counter[CHANGED_ROW + counter[ROUND] % 2]
+            active = n_active(0, gas) + gas.counter[CHANGED_ROW + gas.counter[ROUND] % 2]
             if (
                 active == 0
                 or active > most_active
-                or counter[LOG_FULL] == 1
-                or counter[MOST_NEIGHBOURS] > 0
-                or counter[N_ROUNDS] >= most_rounds
+                or gas.counter[LOG_FULL] == 1
+                or gas.counter[MOST_NEIGHBOURS] > 0
+                or gas.counter[N_ROUNDS] >= most_rounds
             ):
                 going = 0
 
 
 @ti.kernel
 def earliest_event(
-    grid: ti.types.ndarray(ndim=1), flight: ti.types.ndarray(ndim=1), limit: ti.types.ndarray(ndim=1)
-):
-    """`limit[EARLIEST]`: the time of the earliest unprocessed event. Everything before it is final."""
+    grid: Rows, flight: Rows, limit: Rows,
+):  # fmt: skip
+    """`gas.limit[EARLIEST]`: the time of the earliest unprocessed event. Everything before it is final."""
+    gas = ti.static(GasArrays(
+        grid=grid, flight=flight, limit=limit,
+    ))  # fmt: skip
     for _ in range(1):
-        limit[EARLIEST] = FAR
-    for item in range(SPREAD * n_blocks(grid[N])):
+        gas.limit[EARLIEST] = FAR
+    for item in range(SPREAD * n_blocks(gas.grid[N])):
         if item % SPREAD == 0:
             b = item // SPREAD
-            earliest = limit[EARLIEST]
-            for i in range(b * BLOCK, ti.min(grid[N], (b + 1) * BLOCK)):
-                earliest = ti.min(earliest, flight[i][TE])
-            ti.atomic_min(limit[EARLIEST], earliest)
+            earliest = gas.limit[EARLIEST]
+            for i in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
+                earliest = ti.min(earliest, gas.flight[i][TE])
+            ti.atomic_min(gas.limit[EARLIEST], earliest)
 
 
 @ti.kernel
 def cut(
-    end: ti.f64,
-    flight: ti.types.ndarray(ndim=1),
-    link: ti.types.ndarray(ndim=1),
-    lists: ti.types.ndarray(ndim=2),
-    counter: ti.types.ndarray(ndim=1),
-    log_real: ti.types.ndarray(ndim=1),
-    log_int: ti.types.ndarray(ndim=1),
-):
+    end: ti.f64, flight: Rows, link: Rows, lists: Table, counter: Rows, log_real: Rows, log_int: Rows,
+):  # fmt: skip
     """Undo every collision at `end` or later, to end the epoch there."""
+    gas = ti.static(GasArrays(
+        flight=flight, link=link, lists=lists, counter=counter, log_real=log_real, log_int=log_int,
+    ))  # fmt: skip
     for _ in range(1):
-        counter[UNDO_ROW] = 0
-    for entry in range(counter[N_LOG]):
-        if log_int[entry][STANDS] == 1 and log_real[entry][TIME] >= end:
+        gas.counter[UNDO_ROW] = 0
+    for entry in range(gas.counter[N_LOG]):
+        if gas.log_int[entry][STANDS] == 1 and gas.log_real[entry][TIME] >= end:
             for side in ti.static(range(2)):
-                i = log_int[entry][SLOT + side]
-                if ti.atomic_min(link[i][UNDO], log_int[entry][NUMBER + side]) == NEVER:
-                    push(UNDO_ROW, i, lists, counter)
-    for q in range(counter[UNDO_ROW]):
-        restore(lists[UNDO_ROW, q], flight, link, counter, log_real, log_int)
+                i = gas.log_int[entry][SLOT + side]
+                mark(i, gas.log_int[entry][NUMBER + side], gas)
+    for q in range(gas.counter[UNDO_ROW]):
+        restore(gas.lists[UNDO_ROW, q], gas)
     for _ in range(1):
-        counter[UNDO_ROW] = 0
+        gas.counter[UNDO_ROW] = 0

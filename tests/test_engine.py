@@ -9,10 +9,11 @@ import pytest
 from gases import COIN, ELASTIC, equal_disks, equilibrated, mixture, start
 
 import ifrdem.engine
+import ifrdem.epochs
 from ifrdem import backend, placement
 from ifrdem.box import Box
-from ifrdem.case import MOST_DISKS
 from ifrdem.engine import Engine
+from ifrdem.engine_limits import BYTES_PER_DISK
 from ifrdem.errors import EngineError, InputError
 from ifrdem.law import IFRLaw
 from ifrdem.simulation import Simulation
@@ -94,7 +95,7 @@ def test_trajectory_is_bitwise_the_same_on_one_and_two_threads(
     box, state = start(disks, 0.5)
     ends = []
     for threads, few in ((1, 4096), (2, 4096), (2, 0), (1, 1 << 30)):
-        monkeypatch.setattr(ifrdem.engine, "FEW", few)  # rounds in parallel always, or by one thread always
+        monkeypatch.setattr(ifrdem.epochs, "FEW", few)  # rounds in parallel always, or by one thread always
         engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads, order=order, tile_disks=500)
         advance(engine, 10)
         ends.append((engine.time, engine.state()))
@@ -179,20 +180,16 @@ def test_an_interrupted_epoch_is_not_continued(monkeypatch: pytest.MonkeyPatch) 
     engine = Engine(disks, box, state, np.array([[COIN]]))
     engine.advance(collisions=10)
 
-    def interrupted(*_: object) -> float:
+    def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(engine, "_epochs_by_one_thread", interrupted)
+    monkeypatch.setattr(engine.epochs, "run_alone", interrupted)
     with pytest.raises(KeyboardInterrupt):
         engine.advance(collisions=20)
     monkeypatch.undo()
     for use in (lambda: engine.advance(collisions=20), engine.state):
         with pytest.raises(EngineError, match="interrupted half-way"):
             use()
-
-
-def test_case_files_allow_as_many_disks_as_the_engine() -> None:
-    assert MOST_DISKS == ifrdem.engine.MOST_DISKS
 
 
 def test_gas_at_rest_stays_at_rest_and_cannot_give_collisions() -> None:
@@ -259,7 +256,7 @@ def test_inelastic_collapse_passes_in_finite_work() -> None:
 
 
 def test_a_collapse_without_end_stops_with_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.engine, "MOST_ROUNDS", 20)
+    monkeypatch.setattr(ifrdem.epochs, "MOST_ROUNDS", 20)
     monkeypatch.setattr(ifrdem.engine, "STALLED_EPOCHS", 3)
     disks = equal_disks(200)
     box, state = start(disks, 0.75)
@@ -292,4 +289,4 @@ def test_memory_is_what_the_estimate_says() -> None:
     box, state = start(disks, 0.3)
     engine = Engine(disks, box, state, np.array([[ELASTIC]]))
     # Cells come on top, about one for two disks; the log has 1024 records more.
-    assert engine.bytes_allocated == pytest.approx(disks.n * ifrdem.engine.BYTES_PER_DISK, rel=0.05)
+    assert engine.bytes_allocated == pytest.approx(disks.n * BYTES_PER_DISK, rel=0.05)

@@ -14,7 +14,9 @@ import pytest
 from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
 from serial_reference import simulate
 
+import ifrdem.device_arrays
 import ifrdem.engine
+import ifrdem.epochs
 from ifrdem.box import Box
 from ifrdem.engine import Collisions, Engine
 from ifrdem.errors import EngineError
@@ -80,7 +82,7 @@ def test_collisions_do_not_depend_on_the_skin(skin: float) -> None:
 
 @pytest.mark.parametrize("order", ["tiles", "rounds"])
 def test_parallel_rounds_give_the_serial_collisions(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.engine, "FEW", 0)  # no round goes to a single thread
+    monkeypatch.setattr(ifrdem.epochs, "FEW", 0)  # no round goes to a single thread
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
@@ -118,8 +120,8 @@ def test_an_epoch_cut_short_by_a_full_log_loses_nothing(order: str) -> None:
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[COIN]]), skin=3.0, order=order, tile_disks=250)
-    engine.log_growth = 1  # keep the log short
-    engine.allocate_log(disks.n // 2)
+    engine.epochs.log_growth = 1  # keep the log short
+    engine.arrays.make_log(disks.n // 2)
     assert_same_as_serial(disks, box, state, COIN, engine)
     assert engine.statistics.cut_for_log > 0
 
@@ -128,7 +130,7 @@ def test_an_epoch_cut_short_by_a_full_log_loses_nothing(order: str) -> None:
 def test_an_epoch_cut_short_by_too_many_rounds_loses_nothing(
     order: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ifrdem.engine, "MOST_ROUNDS", 4)
+    monkeypatch.setattr(ifrdem.epochs, "MOST_ROUNDS", 4)
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
@@ -140,7 +142,7 @@ def test_an_epoch_cut_short_by_too_many_rounds_loses_nothing(
 def test_neighbour_rows_grow_instead_of_losing_neighbours(
     order: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ifrdem.engine, "ROW", 2)
+    monkeypatch.setattr(ifrdem.device_arrays, "ROW", 2)
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
@@ -211,7 +213,7 @@ def test_an_epoch_does_not_end_before_the_collision_that_shortens_it(order: str)
 @pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
 def test_a_row_that_is_just_full_loses_nobody(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Disk 0 has two neighbours in a row of two, and a candidate, disk 3, that is none."""
-    monkeypatch.setattr(ifrdem.engine, "ROW", 2)
+    monkeypatch.setattr(ifrdem.device_arrays, "ROW", 2)
     position = np.array([[1.0, 1.0], [1.0, 2.5], [2.5, 1.0], [2.9, 5.9]])
     velocity = np.zeros((4, 2))
     velocity[2, 0] = -1.0

@@ -1,0 +1,277 @@
+"""The engine's arrays: what lies on the device, how large it is, and how kernels get it.
+
+`kernels/layout.py` says what each array holds; they have the same names here. This module imports Taichi: import it
+only after `backend.start`.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from .box import Box
+from .engine_limits import ADDRESSABLE, FLIGHT, IMAGE, KIND, LINK, LISTS, LOG_INT, LOG_REAL, META, ROW
+from .errors import EngineError
+from .kernels.layout import (
+    CELL_X,
+    HIGHEST_LEVEL,
+    LEVELS,
+    LOG_CAPACITY,
+    MOST_LEVEL,
+    N_LOG,
+    REACH,
+    ROLL_BACK,
+    SKIN,
+    SLOT,
+    STANDS,
+    TILES_X,
+    TILES_Y,
+    TIME,
+    WIDEST,
+)
+from .kernels.layout import ROW as ROW_LENGTH
+from .state import Disks, State
+
+_SCAN_BLOCK = 1024
+
+
+def _free(array: Any) -> None:
+    """Give a Taichi array's memory back: arrays of vectors do not do so by themselves."""
+    runtime = ti.lang.impl.get_runtime()
+    if runtime.prog is not None and not hasattr(array, "__del__"):
+        runtime.prog.delete_ndarray(array.arr)
+        array.arr = None
+
+
+def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """What kinds of disks there are, shape (kinds, 4): inverse mass, k, radius, material; and each disk's kind."""
+    columns = (1.0 / disks.mass, disks.k, disks.radius, disks.material.astype(np.float64))
+    code: NDArray[np.int64] = np.zeros(disks.n, dtype=np.int64)
+    for column in columns:
+        if disks.n and column.min() != column.max():
+            values, index = np.unique(column, return_inverse=True)
+            _, code = np.unique(code * len(values) + index, return_inverse=True)
+    _, first = (
+        np.unique(code, return_index=True)
+        if code.any()
+        else (None, np.zeros(min(disks.n, 1), dtype=np.int64))
+    )
+    return np.stack([column[first] for column in columns], axis=1), code
+
+
+class DeviceArrays:
+    """All arrays of one engine, under the names that kernels give their arguments.
+
+    Parameters
+    ----------
+    disks, box, state, law_table
+        As for `Engine`.
+    skin : float
+        Extra listing distance [length].
+    tile_disks : int or None
+        Disks that a tile should hold; None makes the whole box one tile.
+    precision : {"f64", "f32"}
+        Type of real numbers.
+    """
+
+    def __init__(
+        self,
+        disks: Disks,
+        box: Box,
+        state: State,
+        law_table: NDArray[np.float64],
+        *,
+        skin: float,
+        tile_disks: int | None,
+        precision: str,
+    ) -> None:
+        n = self.n = disks.n
+        self._real = np.float32 if precision == "f32" else np.float64
+        self._type = getattr(ti, precision)
+        self._arguments: dict[Callable[..., None], list[str]] = {}
+        diameter = 2.0 * float(disks.radius.max()) if n else 0.0
+        tiles, cells = self._divide(box, diameter + skin, tile_disks)
+        total = tiles[0] * tiles[1] * cells[0] * cells[1]
+        room = max(n, 1)
+        kinds, kind = _kinds(disks)
+        self.flight = self._vectors(FLIGHT, self._type, room)
+        self.kinds = self._vectors(KIND, self._type, max(len(kinds), 1))
+        self.meta = self._vectors(META, ti.i32, room)
+        self.image = self._vectors(IMAGE, ti.i32, room)
+        self.link = self._vectors(LINK, ti.i32, room)
+        self.cell = ti.ndarray(ti.i32, (room,))
+        self.order = ti.ndarray(ti.i32, (room,))
+        self.lists = ti.ndarray(ti.i32, (LISTS, room))
+        self.start = ti.ndarray(ti.i32, (total + 1,))
+        self.fill = ti.ndarray(ti.i32, (total,))
+        self.block = ti.ndarray(ti.i32, (total // _SCAN_BLOCK + 1,))
+        self.squares = ti.ndarray(self._type, (room // _SCAN_BLOCK + 1,))
+        self.neighbour = ti.ndarray(ti.i32, (room * ROW,))
+        self.law = ti.ndarray(self._type, law_table.shape)
+        # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
+        self.counter = np.zeros(16, dtype=np.int32)
+        self.limit = np.zeros(5, dtype=self._real)
+        self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1], dtype=np.int32)
+        self.scale = np.zeros(11, dtype=self._real)
+        self.clock = np.zeros(3)
+        self.total = np.zeros(3, dtype=np.int64)
+        tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
+        cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]
+        self.scale[CELL_X : CELL_X + 4] = (*cell_sides, *tile_sides)
+        self.scale[SKIN] = skin
+        self.scale[REACH] = skin / 2.0
+        self.scale[WIDEST] = diameter
+        # Two disks of the highest level must still find each other in tiles side by side, and through one image only.
+        room_for = min(*tile_sides, min(box.lengths) / 2.0) - diameter
+        self.grid[MOST_LEVEL] = min(max(int((room_for / skin - 1.0) * LEVELS), 0), HIGHEST_LEVEL)
+        self.log_real: Any = None
+        self.log_int: Any = None
+        self.make_log(n // 2 + 1024)
+        self._put(box, state, disks, kinds, kind, law_table, tiles, cells)
+
+    @staticmethod
+    def _vectors(columns: int, of: Any, rows: int) -> Any:
+        return ti.Vector.ndarray(columns, of, rows)
+
+    def _divide(self, box: Box, reach: float, tile_disks: int | None) -> tuple[list[int], list[int]]:
+        """Tiles along each side of the box, and cells along each side of a tile."""
+        # Wider by a trifle: a disk on the border of two cells may count to either.
+        least = reach * (1.0 + 100.0 * float(np.finfo(self._real).eps))
+        most = [max(1, int(side / least)) for side in box.lengths]
+        # More cells than disks would only cost time: a dilute gas gets larger ones.
+        thin = math.sqrt(max(1.0, most[0] * most[1] / max(self.n, 1)))
+        most = [max(1, int(count / thin)) for count in most]
+        tiles = [1, 1]
+        if tile_disks is not None:
+            wanted = math.sqrt(tile_disks * most[0] * most[1] / max(self.n, 1))
+            tiles = [min(count, max(1, round(count / wanted))) for count in most]
+        return tiles, [count // by for count, by in zip(most, tiles, strict=True)]
+
+    def _put(
+        self,
+        box: Box,
+        state: State,
+        disks: Disks,
+        kinds: NDArray[np.float64],
+        kind: NDArray[np.int64],
+        law_table: NDArray[np.float64],
+        tiles: list[int],
+        cells: list[int],
+    ) -> None:
+        n, room = self.n, max(self.n, 1)
+        tile_sides = np.array(box.lengths) / tiles
+        position = box.wrap(state.position)
+        tile = np.minimum((position / tile_sides).astype(np.int64), np.array(tiles) - 1)
+        local = position - tile * tile_sides
+        index = np.clip((local / (tile_sides / cells)).astype(np.int64), 0, np.array(cells) - 1)
+        flight = np.zeros((room, FLIGHT), dtype=self._real)
+        flight[:n, 0:2] = local
+        flight[:n, 2:4] = state.velocity
+        flight[:n, 5] = state.spin
+        flight[:n, 6] = disks.radius
+        meta = np.zeros((room, META), dtype=np.int32)
+        meta[:n, 0] = np.arange(n)
+        meta[:n, 1] = kind
+        meta[:n, 2] = state.collisions
+        image = np.zeros((room, IMAGE), dtype=np.int32)
+        image[:n] = state.image + np.floor(state.position / box.lengths).astype(np.int32)
+        cell = np.zeros(room, dtype=np.int32)
+        cell[:n] = ((tile[:, 0] * tiles[1] + tile[:, 1]) * cells[0] + index[:, 0]) * cells[1] + index[:, 1]
+        self.flight.from_numpy(flight)
+        if n:
+            self.kinds.from_numpy(kinds.astype(self._real))
+        self.image.from_numpy(image)
+        self.meta.from_numpy(meta)
+        self.cell.from_numpy(cell)
+        self.law.from_numpy(law_table.astype(self._real))
+        self.link.fill(0)
+
+    def launch(self, kernel: Callable[..., None], *numbers: float, **given: NDArray[Any]) -> None:
+        """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or found here by their names."""
+        if kernel not in self._arguments:
+            self._arguments[kernel] = list(inspect.signature(kernel).parameters)
+        names = self._arguments[kernel][len(numbers) :]
+        kernel(*numbers, *(given[name] if name in given else getattr(self, name) for name in names))
+
+    def lengthen_rows(self, needed: int) -> None:
+        """Make room for `needed` neighbours of a disk; the lists at hand are lost.
+
+        Raises
+        ------
+        EngineError
+            If 32-bit indices cannot reach so many.
+        """
+        row = min(needed + needed // 4, ADDRESSABLE // self.n)
+        if row < needed:
+            raise EngineError(
+                f"a disk has {needed} neighbours: for {self.n} disks, 32-bit indices allow {row}; "
+                "use a smaller skin"
+            )
+        self.grid[ROW_LENGTH] = row
+        _free(self.neighbour)
+        self.neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * row,))
+
+    @property
+    def records(self) -> int:
+        """Collisions that the log has room for."""
+        return int(self.grid[LOG_CAPACITY])
+
+    def make_log(self, records: int) -> None:
+        """Make room for so many collisions an epoch; the epoch at hand loses its log. Half the disks at least."""
+        for old in (self.log_real, self.log_int):
+            if old is not None:
+                _free(old)
+        # Sorting needs half the disks; every tile takes records by the chunk.
+        tiles = int(self.grid[TILES_X] * self.grid[TILES_Y])
+        records = max(records, (self.n + 1) // 2, 64 * (tiles + 1))
+        self.grid[LOG_CAPACITY] = records
+        self.log_real = self._vectors(LOG_REAL, self._type, records)
+        self.log_int = self._vectors(LOG_INT, ti.i32, records)
+
+    def standing_records(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Times, shape (c,), and slots, shape (c, 2), of the collisions that stand, in any order."""
+        written = int(self.counter[N_LOG])
+        log_int = self.log_int.to_numpy()[:written]
+        stands = log_int[:, STANDS] == 1
+        return self.log_real.to_numpy()[:written][stands, TIME], log_int[stands, SLOT : SLOT + 2]
+
+    def ids(self) -> NDArray[np.int32]:
+        """Id of the disk at each slot, shape (N,)."""
+        ids: NDArray[np.int32] = self.meta.to_numpy()[:, 0]
+        return ids
+
+    def zeros(self, columns: int, *, real: bool) -> NDArray[Any]:
+        """A host array with a row for each disk, one at least, for kernels to write into."""
+        return np.zeros((max(self.n, 1), columns), dtype=self._real if real else np.int32)
+
+    def switch_off_rollback(self) -> None:
+        """Let collisions that came too early stand."""
+        self.grid[ROLL_BACK] = 0
+
+    @property
+    def most_level(self) -> int:
+        """Highest level that the box allows a fast disk (`kernels/extend.py`)."""
+        return int(self.grid[MOST_LEVEL])
+
+    def _on_device(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if hasattr(value, "element_shape")}
+
+    @property
+    def bytes_allocated(self) -> int:
+        """Bytes of all device arrays."""
+        return sum(
+            (8 if str(array.dtype) == "f64" else 4) * math.prod(array.shape) * math.prod(array.element_shape)
+            for array in self._on_device().values()
+        )
+
+    def release(self) -> None:
+        """Give all device memory back."""
+        for name, array in self._on_device().items():
+            _free(array)
+            setattr(self, name, None)

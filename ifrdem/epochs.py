@@ -1,0 +1,297 @@
+"""One epoch from its opening to its end, in each of the three ways; `engine.py` tells what for.
+
+Imports the kernels, and Taichi with them: import this module only after `backend.start`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from .device_arrays import DeviceArrays
+from .errors import EngineError
+from .kernels.epochs import epochs_by_one_thread
+from .kernels.extend import speed_cap
+from .kernels.joining import join_tiles
+from .kernels.layout import (
+    AFFECTED_ROW,
+    BEGIN,
+    CHANGED_ROW,
+    COLLISIONS_LEFT,
+    DURATION,
+    EARLIEST,
+    END,
+    FAR,
+    FASTEST,
+    HORIZON,
+    LOG_FULL,
+    MEAN_SQUARE,
+    MOST_NEIGHBOURS,
+    N_EPOCHS,
+    N_ROUNDS,
+    N_STANDING,
+    N_TOTAL,
+    N_UNDONE,
+    N_VIOLATIONS,
+    NOW,
+    PLANNED,
+    REACH,
+    ROUND,
+    TIME_END,
+    WINDOW,
+)
+from .kernels.opening import clear_all, extend_fast, list_disks, list_tiles
+from .kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
+from .kernels.sort import settle
+from .kernels.tiles import run_tiles
+from .statistics import Statistics
+
+LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see to progress and interrupts
+# Of the collisions in a window, how many undone ones make windows shorter or longer, and how short they get at most.
+MOST_UNDONE, LEAST_UNDONE, SHORTEST_WINDOW = 0.04, 0.01, 1.0 / 1024.0
+FEW = 4096  # up to so many active disks, one thread is faster than several
+MOST_ROUNDS = 2000  # rounds of a window after which the epoch is cut at its earliest unprocessed event
+MOST_LOG = 4  # records for each disk up to which the log grows; beyond, epochs get shorter
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one launch or epoch did.
+
+    Attributes
+    ----------
+    time : time at its end [time]
+    gained : time that the last epoch covers [time]
+    planned : time that it was to cover [time]
+    collisions : collisions of all its epochs
+    fastest : largest speed at the beginning of the last epoch [length/time]; 0 if nothing moves
+    """
+
+    time: float
+    gained: float
+    planned: float
+    collisions: int
+    fastest: float
+
+
+class Epochs:
+    """Processes the epochs of one engine.
+
+    Parameters
+    ----------
+    arrays : DeviceArrays
+    statistics : Statistics
+        Counts what happens.
+    order : {"alone", "tiles", "rounds"}
+    windows : int, optional
+        Windows of an epoch; by default as many as the collisions that must be undone ask for.
+    """
+
+    def __init__(
+        self, arrays: DeviceArrays, statistics: Statistics, order: str, windows: int | None = None
+    ) -> None:
+        self.arrays, self.statistics, self.order = arrays, statistics, order
+        # Tiles run ahead of each other by one window, this part of an epoch; in clusters a small one.
+        self._window = 1.0 / (windows or 1)
+        self._adapt = windows is None
+        self._burst = 1  # epochs of the next launch, where one thread runs them
+        self.log_growth = 2  # a log that was too short gets longer by this factor
+        self._log_growths = 0
+
+    def settle(self, now: float) -> float:
+        """Fly and sort the disks to the end of the epoch before, at time `now`; returns the largest speed."""
+        self.arrays.launch(settle)
+        self.arrays.scale[DURATION] = 0.0
+        self._watchdog(now)
+        return float(self.arrays.limit[FASTEST])
+
+    def fly(self, duration: float) -> None:
+        """Let the disks fly on, all by the same time, when they settle."""
+        self.arrays.scale[DURATION] = duration
+
+    def _watchdog(self, now: float) -> None:
+        earliest = float(self.arrays.limit[EARLIEST])
+        if earliest < FAR:
+            raise EngineError(
+                f"t = {now + earliest:.9g}: an event before the end of the epoch was left unprocessed "
+                "although no disk was active; please report this with the case file and seed"
+            )
+
+    # ------------------------------------------------------------------ by one thread
+
+    def run_alone(self, now: float, t_end: float, wanted: int | None, *, single: bool) -> Outcome:
+        """Some epochs (`single`: one) in one launch, to `t_end` or `wanted` more collisions at the latest."""
+        a = self.arrays
+        a.clock[[NOW, TIME_END, PLANNED]] = now, t_end, 0.0
+        a.total[[COLLISIONS_LEFT, N_EPOCHS, N_TOTAL]] = 2**62 if wanted is None else wanted, 0, 0
+        began = time.perf_counter()
+        while True:
+            a.launch(epochs_by_one_thread, 1 if single else self._burst)
+            needed = int(a.counter[MOST_NEIGHBOURS])
+            if not needed:
+                break
+            self.cut(0.0)
+            a.lengthen_rows(needed)
+        epochs, done, end = int(a.total[N_EPOCHS]), int(a.total[N_TOTAL]), float(a.limit[END])
+        elapsed = time.perf_counter() - began
+        if epochs == self._burst:
+            self._burst = int(min(max(self._burst * LAUNCH_SECONDS / elapsed, 1), 4 * self._burst, 1 << 20))
+        self.statistics.epochs += epochs
+        planned, fastest = float(a.clock[PLANNED]), float(a.limit[FASTEST])
+        if fastest > 0.0:
+            self._watchdog(now)
+            if a.counter[LOG_FULL]:
+                self.statistics.cut_for_log += 1
+            elif end < planned and not (wanted is not None and done >= wanted):
+                self.statistics.cut_for_speed += 1
+        return Outcome(float(a.clock[NOW]), end, planned, done, fastest)
+
+    # ------------------------------------------------------------------ in tiles or rounds
+
+    def run(self, now: float, t_end: float, wanted: int | None) -> Outcome:
+        """One epoch, to `t_end` or `wanted` more collisions at the latest."""
+        a = self.arrays
+        fastest = self.settle(now)
+        if fastest == 0.0:
+            return Outcome(now, 0.0, 0.0, 0, 0.0)
+        cap = speed_cap(fastest, float(a.limit[MEAN_SQUARE]), a.most_level)
+        left = t_end - now
+        horizon = min(float(a.scale[REACH]) / cap, left)
+        planned, by_tiles = horizon, self.order == "tiles"
+        while True:
+            self._list(horizon)
+            end = self._windows(horizon, by_tiles)
+            needed = int(a.counter[MOST_NEIGHBOURS])
+            if a.counter[LOG_FULL] != 2 and not needed:
+                break
+            # A fast disk's list became too long for its row, or the tiles had no room to log their collisions: again,
+            # with longer rows, a longer log or a shorter epoch.
+            self.cut(0.0)
+            a.launch(clear_all)
+            if needed:
+                a.lengthen_rows(needed)
+                continue
+            self.statistics.cut_for_log += 1
+            self._log_growths += 1
+            if not self._lengthen_log():
+                horizon /= 2.0
+                if horizon < planned / 256.0:
+                    # A collapse, which has no end within a tile. Rounds can stop at any time.
+                    horizon, by_tiles = planned, False
+        if end < horizon:
+            self.cut(end)
+        if wanted is not None and self.standing() >= wanted:
+            end = self._end_after(wanted)
+            self.cut(end)
+        self.fly(end)
+        self.statistics.epochs += 1
+        reached = end == horizon and horizon == left
+        return Outcome(t_end if reached else now + end, end, horizon, self.standing(), fastest)
+
+    def after_epoch(self) -> None:
+        """Make the log longer if it was too short: only when nobody wants to read it any more."""
+        if self.statistics.cut_for_log > self._log_growths:
+            self._log_growths = self.statistics.cut_for_log
+            self._lengthen_log()
+
+    def _list(self, horizon: float) -> None:
+        a = self.arrays
+        a.scale[HORIZON] = horizon
+        while True:
+            a.launch(list_tiles if self.order == "tiles" else list_disks)
+            if not a.counter[MOST_NEIGHBOURS]:
+                a.launch(extend_fast)
+            needed = int(a.counter[MOST_NEIGHBOURS])
+            if needed == 0:
+                return
+            a.lengthen_rows(needed)
+            a.launch(clear_all)
+
+    def _lengthen_log(self) -> bool:
+        """Double the log, if that is still reasonable."""
+        a = self.arrays
+        if self.log_growth == 1 or a.records > MOST_LOG * a.n + 4096:
+            return False
+        a.make_log(self.log_growth * a.records)
+        return True
+
+    def _windows(self, horizon: float, by_tiles: bool) -> float:
+        """Windows of tiles and rounds until no event before the end is left; returns the end."""
+        a, counter = self.arrays, self.arrays.counter
+        begin, active = 0.0, 0
+        while begin < horizon:
+            stop = begin + self._window * horizon
+            if self._window == 1.0 or stop > horizon * (1.0 - 1e-6):
+                stop = horizon
+            a.scale[BEGIN], a.scale[WINDOW] = begin, stop
+            done, undone = int(counter[N_STANDING]), int(counter[N_UNDONE])
+            most_rounds = int(counter[N_ROUNDS]) + MOST_ROUNDS
+            everybody = active = a.n
+            if by_tiles:
+                a.launch(run_tiles)
+                if counter[LOG_FULL]:
+                    return horizon  # to be done again
+                a.launch(join_tiles)
+                everybody, active = 0, self._active()
+            while active and not counter[LOG_FULL] and counter[N_ROUNDS] < most_rounds:
+                if active <= FEW:
+                    a.launch(rounds_by_one_thread, everybody, FEW, most_rounds)
+                else:
+                    a.launch(one_round, everybody)
+                everybody, active = 0, self._active()
+                if counter[MOST_NEIGHBOURS]:
+                    return horizon  # to be done again
+            if active:
+                break
+            begin = stop
+            if self._adapt:
+                self._adapt_window(int(counter[N_UNDONE]) - undone, int(counter[N_STANDING]) - done)
+        self.statistics.rounds += int(counter[N_ROUNDS])
+        self.statistics.undone += int(counter[N_UNDONE])
+        self.statistics.violations += int(counter[N_VIOLATIONS])
+        end = float(a.limit[END])
+        if active == 0:
+            if end < horizon:
+                self.statistics.cut_for_speed += 1
+            return end
+        if counter[LOG_FULL]:
+            self.statistics.cut_for_log += 1
+        else:
+            self.statistics.cut_for_rounds += 1
+            if self._adapt:
+                self._window = max(self._window / 4.0, SHORTEST_WINDOW)
+        a.launch(earliest_event)
+        return min(end, float(a.limit[EARLIEST]))
+
+    def _adapt_window(self, undone: int, done: int) -> None:
+        """Bound the optimism: shorter windows where much had to be undone, longer ones where little."""
+        if undone > MOST_UNDONE * done:
+            self._window = max(self._window / 2.0, SHORTEST_WINDOW)
+        elif undone < LEAST_UNDONE * done:
+            self._window = min(self._window * 2.0, 1.0)
+
+    def _active(self) -> int:
+        """Disks active in the next round: those that just predicted, and those rolled back, which will."""
+        counter = self.arrays.counter
+        last = 1 - counter[ROUND] % 2
+        return int(counter[CHANGED_ROW : CHANGED_ROW + 2].sum() + counter[AFFECTED_ROW + last])
+
+    # ------------------------------------------------------------------ the log
+
+    def cut(self, end: float) -> None:
+        """Undo every collision of the epoch at `end` or later."""
+        self.arrays.launch(cut, end)
+
+    def standing(self) -> int:
+        """Collisions of the epoch that stand."""
+        return int(self.arrays.counter[N_STANDING])
+
+    def _end_after(self, count: int) -> float:
+        """The end at which exactly the first `count` collisions of the epoch stand (more only in an exact tie)."""
+        if count <= 0:
+            return 0.0
+        times, _ = self.arrays.standing_records()
+        return float(np.nextafter(np.partition(times, count - 1)[count - 1], math.inf))
