@@ -8,21 +8,14 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from . import __version__
+from .arguments import Parser
 from .errors import EngineError, InputError, nearest
 
 BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130  # what shells use for SIGINT
-
-
-class _Parser(argparse.ArgumentParser):
-    """Raises InputError instead of exiting, so that every message leaves in the same way."""
-
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see `{self.prog} --help`)")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -62,7 +55,7 @@ def _say(message: str) -> None:
 
 
 def _parse(arguments: list[str]) -> argparse.Namespace:
-    parser = _Parser(
+    parser = Parser(
         prog="ifrdem",
         description="Event-exact simulation of granular gases of rough disks that collide by the independent "
         "friction-restitution law.",

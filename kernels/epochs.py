@@ -104,7 +104,7 @@ def epochs_by_one_thread(
                 left = clock[TIME_END] - clock[NOW]
                 last = 0
                 if left <= whole:
-                    whole = left
+                    whole = ti.cast(left, float)
                     last = 1
                 gas.scale[HORIZON] = whole
                 gas.scale[BEGIN] = 0.0
