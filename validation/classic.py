@@ -11,6 +11,7 @@ Both are for two equal homogeneous disks, disk 2 at rest, as in Fig. 5.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,7 @@ def walton_tan_delta_2(psi: Array, e_n: float, mu: float, beta: float) -> Array:
     return np.minimum(mu, (1.0 + beta) / (3.0 * (1.0 + e_n)) * np.tan(psi))
 
 
-def hertz_mindlin(psi: Array, e_n: float, mu: float, *, poisson: float = 0.33, steps: int = 2000) -> Spring:
+def hertz_mindlin(psi: Array, e_n: float, mu: float, *, poisson: float = 0.33, steps: int = 800) -> Spring:
     """Integrate contacts with Hertz's and Mindlin's springs in time.
 
     Units: effective mass m_n = 1, v_o = 1 and Hertz's stiffness 1: F_n = d^(3/2) + damping. Mindlin's
@@ -43,6 +44,7 @@ def hertz_mindlin(psi: Array, e_n: float, mu: float, *, poisson: float = 0.33, s
     return _integrate(psi, mu, damping, 2.0 * (1.0 - poisson) / (2.0 - poisson), steps)
 
 
+@lru_cache
 def _damping(e_n: float, steps: int) -> float:
     from scipy.optimize import brentq
 

@@ -23,7 +23,7 @@ from ..errors import InputError, nearest
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CASES = ("angles", "velocities", "restitution", "stopping", "rolling")
+CASES = ("angles", "velocities", "restitution", "stopping", "rolling", "reductions", "misprints", "energy")
 """Names of the cases, in the order in which they run; each is a module `ifrdem.validation.<name>`."""
 
 

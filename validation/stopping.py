@@ -212,7 +212,7 @@ def _figure_10(got: After, slides: tuple[Slides, Slides]) -> Picture:
     psi = np.radians(np.linspace(0.5, 89.5, 400))
     line = predicted.after(angles.coin_impact(TABLE_II[1], psi), "percussion_center")
     ax.plot(np.degrees(psi), line.v_2 / line.v_1, color=style.BLUE, label=r"$v_2/v_1$ (Eq. 29)")
-    coarse = slice(5, None, 10)
+    coarse = slice(5, None, 20)
     d_1 = table_reference.stopping_distance(line.v_1[coarse], line.Rw_1[coarse])
     d_2 = table_reference.stopping_distance(line.v_2[coarse], line.Rw_2[coarse])
     ax.plot(
