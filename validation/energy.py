@@ -48,7 +48,7 @@ class Map:
 def run(quick: bool) -> Result:
     """See the module's QUESTION."""
     result = Result()
-    side, slopes = (21, 40) if quick else (61, 90)
+    side, slopes = (15, 40) if quick else (61, 90)
     maps = {}
     for sticking in angles.CLOSURES:
         for text, M, k_1, k_2 in (("two disks", 1.0, 2.0, 2.0), ("M = 1.3, k = 1 and 2.5", *MIXED)):
@@ -128,7 +128,7 @@ def _figure(maps: dict[str, Map]) -> Picture:
             shading="nearest",
             rasterized=True,
         )
-        edge = np.linspace(-1.0, 0.95, 300)
+        edge = np.linspace(-1.0, 0.95, 150)
         ax.plot(edge, [_largest_mu(one, sticking) for one in edge], color=style.BLACK, lw=1.2)
         ax.set(xlabel=r"$e_t$", ylabel=r"$\mu$", yscale="log", xlim=(-1.0, 0.95), ylim=(0.02, 1.0))
         ax.set_title(f"({name}) {angles.NAMES[sticking]}", fontsize=9)
@@ -149,7 +149,7 @@ def _largest_mu(e_t: float, sticking: str) -> float:
     if _verdict(e_t, 1.0, sticking, 1.0, 2.0, 2.0)[0]:
         return float("nan")
     low, high = 1e-6, 1.0
-    for _ in range(40):
+    for _ in range(25):
         middle = np.sqrt(low * high)
         if _verdict(e_t, float(middle), sticking, 1.0, 2.0, 2.0)[0]:
             low = middle

@@ -121,6 +121,9 @@ def _case(place: Path, outcome: Outcome) -> str:
 
 
 def _figure(place: Path, picture: Picture) -> str:
+    # One layout serves the three files.
+    picture.figure.draw_without_rendering()
+    picture.figure.set_layout_engine("none")
     for ending in ("png", "pdf"):
         # Without the date, the same results give the same files.
         no_date = {"CreationDate": None} if ending == "pdf" else {}

@@ -108,12 +108,12 @@ def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say
             say(f"[{number}/{len(chosen)}] {name}: {registry.load(name).QUESTION}")
             outcomes.append(_run(name, quick))
             say(_table(outcomes[-1]))
-        seconds = time.perf_counter() - began
-        record = environment(quick=quick, seconds=seconds)
+        record = environment(quick=quick, seconds=time.perf_counter() - began)
         _write(place / "results.json", json.dumps(rows_as_json(outcomes), indent=1, allow_nan=False))
+        say("writing the report")
         page.write(place, outcomes, record)
     status = exit_status(outcomes, named=bool(names))
-    say(_closing(outcomes, place, seconds, status))
+    say(_closing(outcomes, place, time.perf_counter() - began, status))
     return status
 
 

@@ -315,6 +315,7 @@ def _figure_table() -> Picture:
         ylabel=r"$\varepsilon$",
         xlim=(1.0, 1e-3),
     )
+    right.set_ylim(0.03, 60.0)
     right.legend(loc="upper right", fontsize=7)
     style.letter(right, "(b)")
     return Picture(
