@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -29,6 +30,10 @@ figcaption { font-size: 13.5px; color: #333; max-width: 50em; }
 pre { background: #f4f4f4; padding: .6em; overflow-x: auto; font-size: 12px; }
 .note { font-size: 13.5px; color: #333; }
 """
+
+
+GREEK = {name: f"&{name};" for name in ("psi", "delta", "alpha", "omega", "mu", "rho")} | {"eps": "&epsilon;"}
+SYMBOLS = "|".join((*GREEK, *"evmRkdPTV"))  # what may have a subscript
 
 
 def write(place: Path, outcomes: Sequence[Outcome], record: Mapping[str, str]) -> None:
@@ -82,12 +87,10 @@ def _head(outcomes: Sequence[Outcome], record: Mapping[str, str]) -> str:
 
 
 def _case(place: Path, outcome: Outcome) -> str:
-    from .runner import number
-
     parts = [
         f'<h2 id="{_text(outcome.name)}">{_text(outcome.name)} '
         f'<span class="{outcome.status}">{outcome.status}</span></h2>',
-        f"<p>{_text(outcome.question)}<br><span class='note'>Reference: {_text(outcome.reference)}</span></p>",
+        f"<p>{rich(outcome.question)}<br><span class='note'>Reference: {rich(outcome.reference)}</span></p>",
     ]
     if outcome.skipped:
         parts.append(f'<p class="skipped">Skipped: {_text(outcome.skipped)}</p>')
@@ -97,27 +100,38 @@ def _case(place: Path, outcome: Outcome) -> str:
     parts += [_figure(place, picture) for picture in outcome.result.pictures]
     parts += [_table(table) for table in outcome.result.tables]
     if outcome.result.rows:
-        with_printed = any(row.printed is not None for row in outcome.result.rows)
-        header = ("", "quantity", "measured", "expected", "tolerance", *(("printed",) * with_printed), "source",
-                  "reason of the tolerance")  # fmt: skip
-        cells, bad = [], []
-        for row in outcome.result.rows:
-            status = "passed" if row.passed else "failed"
-            bad.append(not row.passed)
-            cells.append(
-                (
-                    f'<span class="{status}">{status}</span>',
-                    _text(row.quantity),
-                    number(row.measured),
-                    number(row.expected),
-                    number(row.tolerance),
-                    *((number(row.printed),) * with_printed),
-                    _text(row.source),
-                    _text(row.reason),
-                )
-            )
-        parts.append(_rows(header, cells, numbers=range(2, 5 + with_printed), bad=bad))
+        parts.append(_comparisons(outcome))
     return "\n".join(parts)
+
+
+def _comparisons(outcome: Outcome) -> str:
+    """The rows of a case; the reasons of the tolerances below, by letter."""
+    from .runner import number
+
+    rows = outcome.result.rows
+    letters = {
+        reason: chr(ord("a") + i) for i, reason in enumerate(dict.fromkeys(row.reason for row in rows))
+    }
+    with_printed = any(row.printed is not None for row in rows)
+    header = ("", "quantity", "measured", "expected", "tolerance", *(("printed",) * with_printed), "source")
+    cells = []
+    for row in rows:
+        status = "passed" if row.passed else "failed"
+        cells.append(
+            (
+                f'<span class="{status}">{status}</span>',
+                rich(row.quantity),
+                number(row.measured),
+                number(row.expected),
+                f"{number(row.tolerance)} <sup>{letters[row.reason]}</sup>",
+                *((number(row.printed),) * with_printed),
+                rich(row.source),
+            )
+        )
+    reasons = "<br>".join(f"<sup>{letter}</sup> {rich(reason)}" for reason, letter in letters.items())
+    bad = [not row.passed for row in rows]
+    table = _rows(header, cells, numbers=range(2, 5 + with_printed), bad=bad)
+    return f'{table}<p class="note">Reasons of the tolerances:<br>{reasons}</p>'
 
 
 def _figure(place: Path, picture: Picture) -> str:
@@ -134,7 +148,7 @@ def _figure(place: Path, picture: Picture) -> str:
     width, height = (round(96 * inches) for inches in picture.figure.get_size_inches())
     return (
         f'<figure id="{_text(picture.name)}"><img width="{width}" height="{height}" alt="{_text(picture.caption)}" '
-        f'src="data:image/svg+xml;base64,{data}"><figcaption>{_text(picture.caption)}</figcaption></figure>'
+        f'src="data:image/svg+xml;base64,{data}"><figcaption>{rich(picture.caption)}</figcaption></figure>'
     )
 
 
@@ -142,12 +156,12 @@ def _table(table: Table) -> str:
     from .runner import number
 
     cells = [
-        tuple(_text(cell) if isinstance(cell, str) else number(float(cell)) for cell in row)
+        tuple(rich(cell) if isinstance(cell, str) else number(float(cell)) for cell in row)
         for row in table.rows
     ]
     numbers = [i for i, cell in enumerate(table.rows[0]) if not isinstance(cell, str)] if table.rows else []
-    note = f'<p class="note">{_text(table.note)}</p>' if table.note else ""
-    return f"<h3>{_text(table.title)}</h3>\n{_rows(table.header, cells, numbers=numbers)}{note}"
+    note = f'<p class="note">{rich(table.note)}</p>' if table.note else ""
+    return f"<h3>{rich(table.title)}</h3>\n{_rows(table.header, cells, numbers=numbers)}{note}"
 
 
 def _rows(
@@ -159,7 +173,7 @@ def _rows(
 ) -> str:
     """A table; cells are HTML already."""
     right = set(numbers)
-    lines = ["<table>", "<tr>" + "".join(f"<th>{_text(cell)}</th>" for cell in header) + "</tr>"]
+    lines = ["<table>", "<tr>" + "".join(f"<th>{rich(cell)}</th>" for cell in header) + "</tr>"]
     for i, row in enumerate(rows):
         kind = ' class="bad"' if bad is not None and bad[i] else ""
         cells = "".join(
@@ -172,3 +186,9 @@ def _rows(
 
 def _text(text: str) -> str:
     return html.escape(text)
+
+
+def rich(text: str) -> str:
+    """HTML of a text with the paper's symbols: Greek letters by name, an underscore before a subscript."""
+    escaped = re.sub(rf"\b({SYMBOLS})_([a-z0-9]+)\b", r"\1<sub>\2</sub>", html.escape(text))
+    return re.sub(rf"(?<![\w/])({'|'.join(GREEK)})(?![\w.])", lambda found: GREEK[found[1]], escaped)

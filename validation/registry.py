@@ -119,18 +119,14 @@ class Result:
         reason: str,
         source: str,
     ) -> None:
-        """Add a row of arrays against arrays: its `measured` is the largest deviation, NaN if one is.
+        """Add a row of arrays against arrays: its `measured` is the largest deviation.
 
-        Raises
-        ------
-        ValueError
-            If there is nothing to compare: an empty comparison would pass.
+        It is NaN, and the row fails, if one of the values is NaN or there is nothing to compare.
         """
         deviation = np.abs(np.asarray(measured, dtype=float) - np.asarray(expected, dtype=float))
-        if deviation.size == 0:
-            raise ValueError(f"{quantity}: no value to compare")
+        largest = float(np.max(deviation)) if deviation.size else float("nan")
         text = f"largest deviation of {quantity}, {deviation.size} values"
-        self.rows.append(Row(text, float(np.max(deviation)), 0.0, tolerance, reason, source))
+        self.rows.append(Row(text, largest, 0.0, tolerance, reason, source))
 
 
 def _with_printed(row: Row, printed: float) -> Row:

@@ -106,7 +106,8 @@ def _table_i(result: Result, n: int) -> None:
             lever = "(1/R_1 + M/R_2)/(1 + M)"
             less = f"2 rho (1 + e_n) cot(psi) {lever}" if rolls else f"2/3 r {lever}"
             wrong = "2 rho (1 + e_n) cot(psi) / r" if rolls else "2"
-            off = [float(np.max(np.abs(got.e_t_apparent[where] - values))) for values in (expected, printed)]
+            deviations = [np.abs(got.e_t_apparent[where] - values) for values in (expected, printed)]
+            off = [float(np.max(values)) if values.size else float("nan") for values in deviations]
             cells.append((text, f"{words} - {less}", off[0], f"{words} - {wrong}", off[1]))
     result.tables.append(
         Table(
