@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from . import classic, pairs, predicted, style
+from .pairs import ROUND_OFF, After
 from .paper import FIGURE_5A, TABLE_II, Impact
-from .registry import Picture
+from .registry import Picture, Result
 
 CLOSURE = "percussion_center"
 ALUMINIUM, POLYESTER, BRONZE = ((row.e_n, row.e_t, row.mu) for row in (TABLE_II[1], TABLE_II[7], TABLE_II[5]))
@@ -20,9 +22,17 @@ BY_MASS = (
 )
 
 
-def draw() -> list[Picture]:
-    """Figures 5, 6, 7, 8 and 9."""
-    return [_figure_5(), _figure_6(), _figure_7(), _figure_8(), _figure_9()]
+def draw(result: Result) -> None:
+    """Add figures 5, 6, 7, 8 and 9, and how far their points are from their lines."""
+    for figure in (_figure_5, _figure_6, _figure_7, _figure_8, _figure_9):
+        result.pictures.append(figure(result))
+
+
+def _check(result: Result, figure: str, quantity: str, got: After, ordinate: Callable[[After], Any]) -> None:
+    """A row: the points of a figure against its line."""
+    right = predicted.after(got.impact, CLOSURE)
+    text = f"points of {figure}, {quantity}"
+    result.all_near(text, ordinate(got), ordinate(right), 1e-10, ROUND_OFF, "Eqs. 18, 19, 22, 23")
 
 
 def _curve_and_points(
@@ -34,7 +44,7 @@ def _curve_and_points(
     return line, got
 
 
-def _figure_5() -> Picture:
+def _figure_5(result: Result) -> Picture:
     figure, axes = style.panels(2)
     for ax, coefficients, name, coin in zip(
         axes, (FIGURE_5A, ALUMINIUM), "ab", ("bronze-aluminium 5 pts", "aluminium 1 pta"), strict=True
@@ -43,6 +53,7 @@ def _figure_5() -> Picture:
         psi = np.arctan(np.linspace(0.02, 5.5, 300))
         line = predicted.after(Impact(psi, *coefficients), CLOSURE)
         got = pairs.fly(Impact(np.arctan(np.r_[0.06:1.0:9j, 1.2:5.4:20j]), *coefficients), CLOSURE)
+        _check(result, f"Fig. 5{name}", "tan(delta_2)", got, lambda pair: np.tan(pair.delta_2))
         ax.plot(np.tan(psi), np.tan(line.delta_2), color=style.BLUE, label="Eqs. 19, 23")
         style.points(ax, np.tan(got.impact.psi), np.tan(got.delta_2), style.BLUE, "simulated")
         ax.plot(np.tan(psi), classic.walton_tan_delta_2(psi, e_n, mu, beta=0.4), ":", color=style.BLACK,
@@ -64,10 +75,11 @@ def _figure_5() -> Picture:
     )
 
 
-def _figure_6() -> Picture:
+def _figure_6(result: Result) -> Picture:
     figure, (ax,) = style.panels()
     for M, text, colour, marker in BY_MASS:
         line, got = _curve_and_points({"M": M}, BRONZE)
+        _check(result, "Fig. 6", f"delta_1 [rad], M = {text}", got, lambda pair: pair.delta_1)
         ax.plot(np.degrees(line.impact.psi), np.degrees(line.delta_1), color=colour)
         style.points(ax, np.degrees(got.impact.psi), np.degrees(got.delta_1), colour, f"M = {text}", marker)
     ax.set(
@@ -86,12 +98,13 @@ def _figure_6() -> Picture:
     )
 
 
-def _figure_7() -> Picture:
+def _figure_7(result: Result) -> Picture:
     figure, (ax,) = style.panels()
     for M, text, colour, marker in BY_MASS:
         psi = np.arctan(np.linspace(0.0, 0.57, 50))
         line = predicted.after(Impact(psi, *BRONZE, M=M), CLOSURE)
         got = pairs.fly(Impact(np.arctan(np.linspace(0.02, 0.56, 18)), *BRONZE, M=M), CLOSURE)
+        _check(result, "Fig. 7", f"tan(delta_1), M = {text}", got, lambda pair: pair.v_1t / pair.v_1n)
         ax.plot(np.tan(psi), line.v_1t / line.v_1n, color=colour)
         style.points(ax, np.tan(got.impact.psi), got.v_1t / got.v_1n, colour, f"M = {text}", marker)
     ax.axhline(0.0, color=style.GREY, lw=0.5)
@@ -104,13 +117,14 @@ def _figure_7() -> Picture:
     )
 
 
-def _figure_8() -> Picture:
+def _figure_8(result: Result) -> Picture:
     figure, (ax,) = style.panels()
     for coefficients, text, colour, marker in (
         (ALUMINIUM, "aluminium", style.BLUE, "s"),
         (POLYESTER, "polyester resin", style.VERMILION, "o"),
     ):
         line, got = _curve_and_points({}, coefficients)
+        _check(result, "Fig. 8", f"alpha_1 [rad], {text}", got, lambda pair: pair.alpha_1)
         ax.plot(np.degrees(line.impact.psi), np.degrees(line.alpha_1), color=colour)
         style.points(ax, np.degrees(got.impact.psi), np.degrees(got.alpha_1), colour, text, marker)
     ax.set(xlabel=r"$\psi$ (deg)", ylabel=r"$\alpha_1$ (deg)", xlim=(0, 90), ylim=(0, None))
@@ -123,10 +137,11 @@ def _figure_8() -> Picture:
     )
 
 
-def _figure_9() -> Picture:
+def _figure_9(result: Result) -> Picture:
     figure, (ax,) = style.panels()
     for M, text, colour, marker in BY_MASS:
         line, got = _curve_and_points({"M": M}, BRONZE)
+        _check(result, "Fig. 9", f"alpha_1 [rad], M = {text}", got, lambda pair: pair.alpha_1)
         ax.plot(np.degrees(line.impact.psi), np.degrees(line.alpha_1), color=colour)
         style.points(ax, np.degrees(got.impact.psi), np.degrees(got.alpha_1), colour, f"M = {text}", marker)
     ax.set(

@@ -78,7 +78,7 @@ def run(quick: bool) -> Result:
     _table_ii(result, n)
     _beyond(result, 300 if quick else 3000)
     _massive_plane(result, n)
-    result.pictures += angle_figures.draw()
+    angle_figures.draw(result)
     return result
 
 

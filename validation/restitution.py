@@ -36,7 +36,7 @@ def run(quick: bool) -> Result:
     _equations_26_to_28(result, n)
     _table_i(result, n)
     _spheres(result)
-    result.pictures += [_figure_3(), _figure_12()]
+    result.pictures += [_figure_3(result), _figure_12(result)]
     return result
 
 
@@ -133,7 +133,7 @@ def _spheres(result: Result) -> None:
             )  # fmt: skip
 
 
-def _figure_3() -> Picture:
+def _figure_3(result: Result) -> Picture:
     figure, (ax,) = style.panels(width=4.4, height=3.2)
     for (text, coefficients), colour, marker in zip(
         SPHERES, (style.BLUE, style.VERMILION), "os", strict=True
@@ -145,7 +145,16 @@ def _figure_3() -> Picture:
             c = Impact(np.arctan(1.0 / cot), *coefficients, M=0.0, k_1=k, k_2=k)
             label = f"{text}, factor {note}" if k == 2.5 else f"factor {note}"
             ax.plot(cot, paper.e_t_apparent_sliding(c), dash, color=colour, label=label)
-            style.points(ax, cot, pairs.fly(c).e_t_apparent, colour, None, marker if k == 2.5 else "x")
+            got = pairs.fly(c).e_t_apparent
+            result.all_near(
+                f"points of Fig. 3, {text}, factor {note}",
+                got,
+                paper.e_t_apparent_sliding(c),
+                EXACT,
+                REASON,
+                "Eq. 26",
+            )
+            style.points(ax, cot, got, colour, None, marker if k == 2.5 else "x")
     ax.set(xlabel=r"$\cot\psi$", ylabel=r"$e_t^*$", xlim=(0, 3), ylim=(-1.02, 1.0))
     ax.legend(loc="lower right", fontsize=7)
     return Picture(
@@ -158,11 +167,13 @@ def _figure_3() -> Picture:
     )
 
 
-def _figure_12() -> Picture:
+def _figure_12(result: Result) -> Picture:
     figure, (ax,) = style.panels()
     psi = np.radians(np.linspace(3.0, 88.0, 600))
     line: Any = predicted.after(Impact(psi, *POLYESTER), "percussion_center")
     got = pairs.fly(Impact(np.radians(np.linspace(8.0, 87.0, 34)), *POLYESTER))
+    right = predicted.after(got.impact, "percussion_center").e_t_apparent
+    result.all_near("points of Fig. 12, e_t*", got.e_t_apparent, right, EXACT, REASON, "Eqs. 26 and 28")
     ax.plot(1.0 / np.tan(psi), line.e_t_apparent, color=style.BLUE, label="Eqs. 26, 28")
     style.points(ax, 1.0 / np.tan(got.impact.psi), got.e_t_apparent, style.BLUE, "simulated")
     ax.axhline(0.0, color=style.GREY, lw=0.5)

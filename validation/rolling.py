@@ -64,7 +64,7 @@ def run(quick: bool) -> Result:
     for sticking in angles.CLOSURES:
         _spins(result, sticking, n)
         _boundaries(result, sticking, 60 if quick else 200)
-    result.pictures += [_figure_11(), _figure_regimes()]
+    result.pictures += [_figure_11(result), _figure_regimes()]
     return result
 
 
@@ -127,21 +127,28 @@ def _boundaries(result: Result, sticking: str, n: int) -> None:
             )  # fmt: skip
 
 
-def _figure_11() -> Picture:
+def _spin_of_disk_2(c: Impact, sticking: str) -> Array:
+    """R_2 omega_2 by the equation of each impact's regime."""
+    regime = regime_of(c, sticking)
+    laws = spin_laws(sticking)
+    return np.select([regime == name for name in laws], [law(c) for law, _ in laws.values()])
+
+
+def _figure_11(result: Result) -> Picture:
     figure, (ax,) = style.panels()
     psi = np.radians(np.linspace(0.02, 89.9, 700))
-    for rho, dash, colour, marker, text in (
-        (0.02, "-", style.BLUE, "o", r"$\rho/R_2 = 0.02$"),
-        (0.0, ":", style.VERMILION, "s", r"$\rho = 0$"),
+    for rho, dash, colour, marker, text, label in (
+        (0.02, "-", style.BLUE, "o", "rho/R_2 = 0.02", r"$\rho/R_2 = 0.02$"),
+        (0.0, ":", style.VERMILION, "s", "rho = 0", r"$\rho = 0$"),
     ):
-        c = Impact(psi, *BRONZE, rho=rho)
-        line = np.zeros_like(psi)
-        for name, (law, _) in spin_laws("percussion_center").items():
-            here = regime_of(c, "percussion_center") == name
-            line[here] = law(c)[here]
         got = pairs.fly(Impact(np.radians(np.linspace(2.0, 88.0, 30)), *BRONZE, rho=rho))
-        ax.plot(np.degrees(psi), line, dash, color=colour, label=f"Eqs. 34, 40, {text}")
-        style.points(ax, np.degrees(got.impact.psi), got.Rw_2, colour, f"simulated, {text}", marker)
+        right = _spin_of_disk_2(got.impact, "percussion_center")
+        result.all_near(
+            f"points of Fig. 11, {text}", got.Rw_2, right, EXACT, ROUND_OFF, "Eqs. 34, 40 and 41 (corrected)"
+        )
+        line = _spin_of_disk_2(Impact(psi, *BRONZE, rho=rho), "percussion_center")
+        ax.plot(np.degrees(psi), line, dash, color=colour, label=f"Eqs. 34, 40, {label}")
+        style.points(ax, np.degrees(got.impact.psi), got.Rw_2, colour, f"simulated, {label}", marker)
     ax.set(xlabel=r"$\psi$ (deg)", ylabel=r"$R_2\omega_2/v_o$", xlim=(0, 90), ylim=(0, 0.32))
     ax.legend(loc="upper right", fontsize=7.5)
     return Picture(

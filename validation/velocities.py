@@ -117,6 +117,9 @@ def _speeds(result: Result, steps: int) -> None:
             f"{name} from that at 0.2 m/s, up to 1.5 m/s", grid, at_first, EXACT, ROUND_OFF, source
         )
     right = predicted.after(angles.coin_impact(row, np.radians(ANGLES)), "percussion_center")
+    expected = np.repeat(right.alpha_1[:, None], steps, axis=1)
+    measured = got.alpha_1.reshape(shape)
+    result.all_near("points of Fig. 4, alpha_1 [rad]", measured, expected, EXACT, ROUND_OFF, "Eqs. 18 and 22")
     figure, (ax,) = style.panels()
     shown = np.unique(np.linspace(0, steps - 1, 6).astype(int))
     markers = zip(ANGLES, style.COLOURS, ("o", "s", "^", "D"), strict=False)
