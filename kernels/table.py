@@ -222,7 +222,7 @@ def advance(v, u, k, a, dt, tolerance):
             v_new = q_new * ti.max(ti.sin(theta), 0.0)
             u_new = q_new * ti.max(ti.cos(theta), 0.0) * (1.0 * (u > 0.0) - 1.0 * (u < 0.0))
         x = reduced_x * q * q / a
-        t = reduced_t * q / a
+        t = ti.min(reduced_t * q / a, dt)
         eps = ti.tan(theta)
     return v_new, u_new, x, t, eps
 
