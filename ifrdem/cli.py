@@ -108,6 +108,25 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     _add_bench(bench)
     bench.set_defaults(act=_bench)
 
+    validate = verbs.add_parser(
+        "validate",
+        help="reproduce the paper through the kernels",
+        description="Collide disks as the paper does, and compare with its equations, tables and figures. Writes "
+        "results.json, report.html and the figures. Exit status 0 only if every row passed.",
+        allow_abbrev=False,
+    )
+    validate.add_argument("names", metavar="NAME", nargs="*", help="cases to run (default: all; see --list)")
+    validate.add_argument("--quick", action="store_true", help="fewer samples: under a minute")
+    validate.add_argument("--list", action="store_true", help="list the cases and run none")
+    validate.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        default="validation-report",
+        help="folder (default: validation-report)",
+    )
+    validate.set_defaults(act=_validate)
+
     info = verbs.add_parser("info", help="say what a trajectory holds", allow_abbrev=False)
     info.add_argument("file", metavar="FILE", help="a trajectory (.h5)")
     info.set_defaults(act=_info)
@@ -267,6 +286,15 @@ def _bench(options: argparse.Namespace) -> int:
             raise InputError(f"--n {chosen.n} --phi {chosen.phi:g}: {error}") from None
     _say(json.dumps(found.figures(), indent=2) if chosen.json else found.report())
     return 0
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from .validation import runner
+
+    if options.list:
+        _say(runner.listing())
+        return 0
+    return runner.validate(options.names, options.output, quick=options.quick, say=_say)
 
 
 def _info(options: argparse.Namespace) -> int:

@@ -117,7 +117,8 @@ class Engine:
     Raises
     ------
     InputError
-        If a disk is larger than a third of a side of the box, or the device is not there.
+        If a disk is larger than a third of a side of the box, one of infinite mass moves, or the device is not
+        there.
     """
 
     def __init__(
@@ -141,6 +142,13 @@ class Engine:
             raise InputError(f"{n} disks: the engine's 32-bit indices allow {MOST_DISKS} at most")
         if state.n != n:
             raise InputError(f"the state has {state.n} disks: {n} are needed")
+        moving = ~disks.movable & (np.any(state.velocity != 0.0, axis=1) | (state.spin != 0.0))
+        if np.any(moving):
+            i = int(np.argmax(moving))
+            raise InputError(
+                f"disk {i} has an infinite mass and moves (velocity {state.velocity[i]}, spin {state.spin[i]}): "
+                "an immovable disk must be at rest"
+            )
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
         if n and int(disks.material.max()) >= len(law_table):
             raise InputError(

@@ -27,6 +27,7 @@ class Measure:
         Sum of I w^2 / 2 [energy].
     temperature : float
         T = <m v^2> / 2 [energy], the energy of two degrees of freedom at T / 2 each. 0 without disks.
+        Averages are over the disks that can move.
     rotational_temperature : float
         T_rot = <I w^2> [energy], of one degree of freedom. 0 without disks.
     momentum : array (2,)
@@ -61,11 +62,14 @@ def measure(disks: Disks, state: State) -> Measure:
     """
     if disks.n != state.n:
         raise InputError(f"the state has {state.n} disks, the gas has {disks.n}")
+    # An immovable disk is at rest: its infinite mass would make a NaN of that. It counts for nothing.
+    movable = disks.movable
+    mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
     # np.sum adds pairwise along a contiguous axis: its rounding grows like log n, not like n.
     v_x, v_y = np.ascontiguousarray(state.velocity.T)
-    translational = 0.5 * float(np.sum(disks.mass * (v_x**2 + v_y**2)))
-    rotational = 0.5 * float(np.sum(disks.inertia * state.spin**2))
-    n = max(disks.n, 1)
+    translational = 0.5 * float(np.sum(mass * (v_x**2 + v_y**2)))
+    rotational = 0.5 * float(np.sum(inertia * state.spin**2))
+    n = max(int(np.count_nonzero(movable)), 1)
     return Measure(
         time=float(state.time),
         # Each collision is counted at both of its disks.
@@ -74,5 +78,5 @@ def measure(disks: Disks, state: State) -> Measure:
         rotational_energy=rotational,
         temperature=translational / n,
         rotational_temperature=2.0 * rotational / n,
-        momentum=np.array([np.sum(disks.mass * v_x), np.sum(disks.mass * v_y)]),
+        momentum=np.array([np.sum(mass * v_x), np.sum(mass * v_y)]),
     )

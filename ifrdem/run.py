@@ -205,11 +205,11 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
         "device": device,
         "threads": case.run.threads or backend.cores(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "git": _revision(),
+        "git": revision(),
     }
 
 
-def _revision() -> str:
+def revision() -> str:
     """The git commit of the program's own source tree, or why there is none."""
     root = Path(__file__).resolve().parents[1]
     if not (root / ".git").exists():

@@ -27,7 +27,7 @@ class Simulation:
     Parameters
     ----------
     disks : Disks
-        Masses [mass], radii [length], k and materials of n disks.
+        Masses [mass], radii [length], k and materials of n disks. A disk of infinite mass is immovable.
     box : Box
         The periodic box; its shorter side must be at least three times the largest diameter.
     law : IFRLaw or sequence of sequences of IFRLaw
@@ -239,4 +239,6 @@ def _check_energy(laws: list[list[IFRLaw]], disks: Disks) -> None:
         kinds = np.unique(np.stack([disks.material, disks.k, np.ones(disks.n)], axis=1), axis=0)
     for one, (a, k_a, m_a) in enumerate(kinds):
         for b, k_b, m_b in kinds[one:]:
+            if math.isinf(m_a) and math.isinf(m_b):
+                continue  # neither moves: they never meet
             laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)

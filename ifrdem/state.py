@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import InputError
 
 
-def _column(name: str, value: ArrayLike, n: int, *, positive: bool) -> NDArray[np.float64]:
+def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) -> NDArray[np.float64]:
     column = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)))
-    wrong = ~(np.isfinite(column) & (column > 0.0)) if positive else ~np.isfinite(column)
+    wrong = ~(column > 0.0) | (np.isinf(column) & (not infinite))
     if np.any(wrong):
         i = int(np.argmax(wrong))
-        kind = "a positive finite number" if positive else "a finite number"
+        kind = (
+            "a positive number (infinite for an immovable disk)" if infinite else "a positive finite number"
+        )
         raise InputError(f"{name}[{i}] = {column[i]}: {kind} is needed")
     column.flags.writeable = False
     return column
@@ -32,7 +34,8 @@ class Disks:
     n : int
         Number of disks.
     mass : array_like
-        Masses m [mass].
+        Masses m [mass]. An infinite one makes an immovable disk: it must be at rest, without spin, and counts
+        neither in energies nor in momentum.
     radius : array_like
         Radii R [length].
     k : array_like
@@ -43,7 +46,7 @@ class Disks:
     Raises
     ------
     InputError
-        If n is negative, or a mass, radius or k is not a positive finite number.
+        If n is negative, or a mass, radius or k is not a positive finite number (a mass may be infinite).
     """
 
     n: int
@@ -58,7 +61,7 @@ class Disks:
         set_ = object.__setattr__
         set_(self, "n", int(self.n))
         for name in ("mass", "radius", "k"):
-            set_(self, name, _column(name, getattr(self, name), self.n, positive=True))
+            set_(self, name, _positive(name, getattr(self, name), self.n, infinite=name == "mass"))
         material = np.array(np.broadcast_to(np.asarray(self.material, dtype=np.int32), (self.n,)))
         if np.any(material < 0):
             raise InputError("material: indices of 0 or more are needed")
@@ -66,8 +69,13 @@ class Disks:
         set_(self, "material", material)
 
     @property
+    def movable(self) -> NDArray[np.bool_]:
+        """Which disks have a finite mass, shape (n,)."""
+        return np.isfinite(self.mass)
+
+    @property
     def inertia(self) -> NDArray[np.float64]:
-        """Moments of inertia m R^2 / k [mass length^2], shape (n,)."""
+        """Moments of inertia m R^2 / k [mass length^2], shape (n,); infinite for an immovable disk."""
         return self.mass * self.radius**2 / self.k
 
 

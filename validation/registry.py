@@ -1,0 +1,165 @@
+"""What a validation case is, and which there are.
+
+A case is a module of this package with three things:
+
+- `QUESTION`, one line: what it asks;
+- `REFERENCE`, one line: where the expected values come from;
+- `run(quick)`, which returns a `Result`, or raises `Skip` where it cannot run.
+
+To add one, write the module and put its name and file into `CASES`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError, nearest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CASES = ("angles", "velocities", "restitution", "stopping", "rolling", "reductions", "misprints", "energy")
+"""Names of the cases, in the order in which they run; each is a module `ifrdem.validation.<name>`."""
+
+
+class Skip(Exception):
+    """A case cannot run here (a package is missing, say); the message says why. It never counts as passed."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One comparison.
+
+    Attributes
+    ----------
+    quantity : str
+        What was measured, with its unit.
+    measured, expected : float
+        What the simulation gave, and what the reference says.
+    tolerance : float
+        The largest |measured - expected| that passes.
+    reason : str
+        Why the tolerance is what it is.
+    source : str
+        Where the expected value comes from.
+    printed : float or None
+        What the paper prints, where that is a misprint: the simulation must also be far from it, by more than
+        ten times the tolerance.
+    """
+
+    quantity: str
+    measured: float
+    expected: float
+    tolerance: float
+    reason: str
+    source: str
+    printed: float | None = None
+
+    @property
+    def passed(self) -> bool:
+        """Whether the measured value is within the tolerance; never so for a NaN."""
+        if not abs(self.measured - self.expected) <= self.tolerance:
+            return False
+        return self.printed is None or abs(self.measured - self.printed) > 10.0 * self.tolerance
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the report: the name of its files, a caption, and the matplotlib figure itself."""
+
+    name: str
+    caption: str
+    figure: Figure
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the report; cells are texts or numbers."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: list[tuple[str | float, ...]]
+    note: str = ""
+
+
+@dataclass
+class Result:
+    """What a case found."""
+
+    rows: list[Row] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+
+    def near(
+        self,
+        quantity: str,
+        measured: Any,
+        expected: Any,
+        tolerance: float,
+        reason: str,
+        source: str,
+        *,
+        printed: float | None = None,
+    ) -> None:
+        """Add a row of one number against one number."""
+        row = Row(quantity, float(measured), float(expected), tolerance, reason, source)
+        self.rows.append(row if printed is None else _with_printed(row, float(printed)))
+
+    def all_near(
+        self,
+        quantity: str,
+        measured: ArrayLike,
+        expected: ArrayLike,
+        tolerance: float,
+        reason: str,
+        source: str,
+    ) -> None:
+        """Add a row of arrays against arrays: its `measured` is the largest deviation.
+
+        It is NaN, and the row fails, if one of the values is NaN or there is nothing to compare.
+        """
+        deviation = np.abs(np.asarray(measured, dtype=float) - np.asarray(expected, dtype=float))
+        largest = float(np.max(deviation)) if deviation.size else float("nan")
+        text = f"largest deviation of {quantity}, {deviation.size} values"
+        self.rows.append(Row(text, largest, 0.0, tolerance, reason, source))
+
+
+def _with_printed(row: Row, printed: float) -> Row:
+    return Row(row.quantity, row.measured, row.expected, row.tolerance, row.reason, row.source, printed)
+
+
+class Case(Protocol):
+    """The module of a case."""
+
+    QUESTION: str
+    REFERENCE: str
+
+    def run(self, quick: bool) -> Result:
+        """Measure and compare; `quick` takes fewer samples."""
+        ...
+
+
+def load(name: str) -> Case:
+    """The case of this name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    check_names([name])
+    return cast(Case, importlib.import_module(f".{name}", __package__))
+
+
+def check_names(names: list[str]) -> None:
+    """Raise InputError, with the nearest spelling, unless each is the name of a case."""
+    for name in names:
+        if name not in CASES:
+            raise InputError(
+                f"case = '{name}': there is no such case{nearest(name, CASES)}; there are: {', '.join(CASES)}"
+            )

@@ -1,0 +1,257 @@
+"""What `ifrdem validate` does: runs the cases, prints a table as it goes, writes results, figures and report."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+from .. import __version__
+from ..errors import InputError
+from . import registry
+from .registry import Result, Row, Skip
+
+Say = Callable[[str], None]
+
+
+@dataclass
+class Outcome:
+    """How a case ended.
+
+    Attributes
+    ----------
+    name, question, reference : str
+        See `registry`.
+    result : Result
+        What it found; empty if it was skipped or raised.
+    skipped, error, details : str
+        Why it was skipped, or what it raised, with the traceback; empty otherwise.
+    seconds : float
+        How long it took [s].
+    """
+
+    name: str
+    question: str
+    reference: str
+    result: Result = field(default_factory=Result)
+    skipped: str = ""
+    error: str = ""
+    details: str = ""
+    seconds: float = 0.0
+
+    @property
+    def failures(self) -> list[Row]:
+        """Rows that did not pass."""
+        return [row for row in self.result.rows if not row.passed]
+
+    @property
+    def passed(self) -> bool:
+        """Whether the case ran, compared something, and every row passed."""
+        return bool(self.result.rows) and not (self.error or self.skipped or self.failures)
+
+    @property
+    def status(self) -> str:
+        """passed, failed or skipped."""
+        return "skipped" if self.skipped else "passed" if self.passed else "failed"
+
+
+def listing() -> str:
+    """The cases and their questions, as text."""
+    return "\n".join(f"{name:<14} {registry.load(name).QUESTION}" for name in registry.CASES)
+
+
+def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say = print) -> int:
+    """Run cases (all of them if no names are given) and write their report into a folder.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Cases.
+    folder : str
+        Where results.json, report.html and the figures go; it is made. Files of these names are replaced.
+    quick : bool
+        Fewer samples.
+    say : callable
+        Takes the lines to show.
+
+    Returns
+    -------
+    int
+        0 if every row passed, 1 otherwise. A case that cannot run here counts as failed if it was asked for
+        by name; in a run of all cases it is reported and left out.
+
+    Raises
+    ------
+    InputError
+        If a name is wrong or the folder cannot be written.
+    """
+    names = list(dict.fromkeys(names))
+    registry.check_names(names)
+    place = _folder(folder)
+    import matplotlib as mpl
+
+    from . import page, style
+
+    chosen = names or list(registry.CASES)
+    outcomes = []
+    began = time.perf_counter()
+    with mpl.rc_context(style.RC):
+        for number, name in enumerate(chosen, 1):
+            say(f"[{number}/{len(chosen)}] {name}: {registry.load(name).QUESTION}")
+            outcomes.append(_run(name, quick))
+            say(_table(outcomes[-1]))
+        record = environment(quick=quick, seconds=time.perf_counter() - began)
+        _write(place / "results.json", json.dumps(rows_as_json(outcomes), indent=1, allow_nan=False))
+        say("writing the report")
+        page.write(place, outcomes, record)
+    status = exit_status(outcomes, named=bool(names))
+    say(_closing(outcomes, place, time.perf_counter() - began, status))
+    return status
+
+
+def _folder(folder: str) -> Path:
+    place = Path(folder)
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        if not os.access(place, os.W_OK):
+            raise InputError(f"-o {folder}: this folder cannot be written")
+    except OSError as error:
+        raise InputError(f"-o {folder}: a folder cannot be made there: {error.strerror}") from error
+    return place
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _run(name: str, quick: bool) -> Outcome:
+    case = registry.load(name)
+    outcome = Outcome(name, case.QUESTION, case.REFERENCE)
+    began = time.perf_counter()
+    try:
+        outcome.result = case.run(quick)
+        if not outcome.result.rows:
+            outcome.error = "the case compared nothing"
+    except Skip as reason:
+        outcome.skipped = str(reason)
+    except Exception as error:  # whatever a case does, the others still run, and it is reported as failed
+        outcome.error = f"{type(error).__name__}: {error}"
+        outcome.details = traceback.format_exc()
+    outcome.seconds = time.perf_counter() - began
+    return outcome
+
+
+def exit_status(outcomes: Sequence[Outcome], *, named: bool) -> int:
+    """0 if all passed; a skipped case is forgiven only if it was not asked for by name and others ran."""
+    ran = [each for each in outcomes if not each.skipped]
+    forgiven = not named or len(ran) == len(outcomes)
+    return 0 if ran and forgiven and all(each.passed for each in ran) else 1
+
+
+def rows_as_json(outcomes: Sequence[Outcome]) -> list[dict[str, object]]:
+    """A list of rows; numbers that are not finite become null, and a row with one has not passed."""
+    rows: list[dict[str, object]] = []
+    for each in outcomes:
+        for row in each.result.rows:
+            rows.append(
+                {
+                    "case": each.name,
+                    "quantity": row.quantity,
+                    "measured": _finite(row.measured),
+                    "expected": _finite(row.expected),
+                    "tolerance": _finite(row.tolerance),
+                    "reason": row.reason,
+                    "source": row.source,
+                    "printed": _finite(row.printed),
+                    "passed": row.passed,
+                    "status": "passed" if row.passed else "failed",
+                }
+            )
+        if each.error or each.skipped:
+            rows.append(
+                {
+                    "case": each.name,
+                    "quantity": "the case as a whole",
+                    "measured": None,
+                    "expected": None,
+                    "tolerance": None,
+                    "reason": each.error or each.skipped,
+                    "source": each.reference,
+                    "printed": None,
+                    "passed": False,
+                    "status": each.status,
+                }
+            )
+    return rows
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def number(value: float | None) -> str:
+    """A number as the tables show it."""
+    if value is None:
+        return ""
+    return f"{value:.6g}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:.2e}"
+
+
+def _table(outcome: Outcome) -> str:
+    lines = []
+    for row in outcome.result.rows:
+        mark = "ok  " if row.passed else "FAIL"
+        printed = "" if row.printed is None else f"  (printed {number(row.printed)})"
+        lines.append(
+            f"  {mark} {row.quantity}: {number(row.measured)}, expected {number(row.expected)} "
+            f"+- {number(row.tolerance)}{printed}  [{row.source}]"
+        )
+        if not row.passed:
+            lines.append(f"       off by {number(abs(row.measured - row.expected))}; tolerance: {row.reason}")
+    if outcome.error:
+        lines.append(f"  FAIL {outcome.error}")
+        lines += [f"       {line}" for line in outcome.details.splitlines()]
+    if outcome.skipped:
+        lines.append(f"  SKIP {outcome.skipped}")
+    lines.append(f"  {outcome.name} {outcome.status} in {outcome.seconds:.1f} s")
+    return "\n".join(lines)
+
+
+def _closing(outcomes: Sequence[Outcome], place: Path, seconds: float, status: int) -> str:
+    rows = sum(len(each.result.rows) for each in outcomes)
+    failed = sum(len(each.failures) for each in outcomes)
+    lines = [f"{rows} rows in {seconds:.1f} s: {rows - failed} passed, {failed} failed"]
+    for word in ("failed", "skipped"):
+        some = [each.name for each in outcomes if each.status == word]
+        if some:
+            lines.append(f"cases {word}: {', '.join(some)}")
+    lines.append(f"report: {place / 'report.html'}" + ("" if status == 0 else "  (not everything passed)"))
+    return "\n".join(lines)
+
+
+def environment(*, quick: bool, seconds: float) -> dict[str, str]:
+    """What the report says of where it comes from."""
+    from .. import backend
+    from ..run import revision
+
+    packages = ("numpy", "scipy", "taichi", "h5py", "matplotlib")
+    return {
+        "ifrdem": f"{__version__} ({revision()})",
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "samples": "quick" if quick else "full",
+        "seconds": f"{seconds:.1f}",
+        "processor": f"{backend.cpu_name()}, {backend.cores()} cores",
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        **{name: metadata.version(name) for name in packages},
+    }

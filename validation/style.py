@@ -1,0 +1,57 @@
+"""How the figures of the report look."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours: told apart with every kind of colour blindness.
+BLUE, VERMILION, GREEN, SKY, ORANGE, PURPLE, BLACK = (
+    "#0072B2", "#D55E00", "#009E73", "#56B4E9", "#E69F00", "#CC79A7", "#000000",
+)  # fmt: skip
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+GREY = "#777777"
+
+RC: Any = {
+    "font.size": 9.0,
+    "mathtext.fontset": "stix",
+    "font.family": "STIXGeneral",
+    "axes.grid": False,
+    "axes.linewidth": 0.7,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 4.5,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "pdf.fonttype": 42,  # text stays text
+    "svg.fonttype": "path",  # the report needs no fonts
+    "savefig.dpi": 200,
+}
+"""Settings of matplotlib while figures are drawn and saved."""
+
+
+def panels(
+    columns: int = 1, rows: int = 1, *, width: float = 3.6, height: float = 2.9
+) -> tuple[Figure, list[Axes]]:
+    """An empty figure, and its axes row by row; `width` and `height` of each in inches."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(columns * width, rows * height), layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
+
+
+def points(axes: Axes, x: Any, y: Any, colour: str, label: str | None = None, marker: str = "o") -> None:
+    """Simulated values: open markers, so that the line shows through."""
+    axes.plot(x, y, marker, mfc="none", mec=colour, mew=0.9, color=colour, label=label, ls="none", zorder=3)
+
+
+def letter(axes: Axes, text: str) -> None:
+    """Name a panel in its upper left corner."""
+    axes.annotate(text, (0.0, 1.0), (4, -4), xycoords="axes fraction", textcoords="offset points", va="top",
+                  weight="bold")  # fmt: skip
