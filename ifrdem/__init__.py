@@ -25,6 +25,8 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "State": ("state", "State"),
     "Trajectory": ("trajectory", "Trajectory"),
     "TrajectoryWriter": ("trajectory_writer", "TrajectoryWriter"),
+    "Motion": ("walls", "Motion"),
+    "Wall": ("walls", "Wall"),
     "collide": ("law", "collide"),
     "observables": ("observables", None),
     "placement": ("placement", None),
@@ -39,11 +41,13 @@ __all__ = [
     "EngineError",
     "IFRLaw",
     "InputError",
+    "Motion",
     "Regime",
     "Simulation",
     "State",
     "Trajectory",
     "TrajectoryWriter",
+    "Wall",
     "__version__",
     "coins",
     "collide",
@@ -66,6 +70,7 @@ if TYPE_CHECKING:
     from .state import Disks, State
     from .trajectory import Trajectory
     from .trajectory_writer import TrajectoryWriter
+    from .walls import Motion, Wall
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""The region that disks move in: a periodic rectangle."""
+"""The region that disks move in: a rectangle, whose sides are periodic or walls."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from .errors import InputError
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangle with periodic sides and its lower left corner at the origin.
+    """A rectangle with its lower left corner at the origin.
 
     Parameters
     ----------
     lengths : tuple of two floats
         Side lengths (Lx, Ly) [length].
+    periodic : tuple of two bools
+        Whether disks that leave on one side come in on the other, along x and along y. Where not, walls stand.
 
     Raises
     ------
@@ -27,17 +29,28 @@ class Box:
     """
 
     lengths: tuple[float, float]
+    periodic: tuple[bool, bool] = (True, True)
 
     def __post_init__(self) -> None:
         lengths = tuple(float(side) for side in self.lengths)
         if len(lengths) != 2 or not all(math.isfinite(side) and side > 0 for side in lengths):
             raise InputError(f"box lengths = {self.lengths}: two positive finite numbers are needed")
         object.__setattr__(self, "lengths", lengths)
+        periodic = tuple(bool(one) for one in self.periodic)
+        if len(periodic) != 2:
+            raise InputError(f"box periodic = {self.periodic}: one value for x and one for y are needed")
+        object.__setattr__(self, "periodic", periodic)
 
     @property
     def area(self) -> float:
         """Area Lx Ly [length^2]."""
         return self.lengths[0] * self.lengths[1]
+
+    @property
+    def periods(self) -> tuple[float, float]:
+        """Lengths of periodic directions, 0 for others, as `scipy.spatial.cKDTree` wants them."""
+        width, height = self.lengths
+        return (width if self.periodic[0] else 0.0, height if self.periodic[1] else 0.0)
 
     @classmethod
     def from_packing_fraction(
@@ -72,13 +85,14 @@ class Box:
         return math.pi * float(np.sum(np.square(radius))) / self.area
 
     def wrap(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Positions [length], shape (..., 2), moved by whole box lengths into [0, Lx) x [0, Ly)."""
+        """Positions [length], shape (..., 2), moved by whole box lengths into [0, Lx) x [0, Ly) where periodic."""
         lengths = np.asarray(self.lengths)
         wrapped = np.mod(position, lengths)
         # np.mod of a tiny negative number rounds to the length itself.
-        return np.where(wrapped >= lengths, 0.0, wrapped)
+        wrapped = np.where(wrapped >= lengths, 0.0, wrapped)
+        return np.where(self.periodic, wrapped, position)
 
     def minimum_image(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """The shortest periodic equivalent of differences of positions [length], shape (..., 2)."""
         lengths = np.asarray(self.lengths)
-        return difference - lengths * np.round(difference / lengths)
+        return difference - np.where(self.periodic, lengths * np.round(difference / lengths), 0.0)

@@ -16,10 +16,24 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from .box import Box
-from .engine_limits import ADDRESSABLE, FLIGHT, IMAGE, KIND, LINK, LISTS, LOG_INT, LOG_REAL, META, ROW
+from .engine_limits import (
+    ADDRESSABLE,
+    FLIGHT,
+    IMAGE,
+    KIND,
+    LINK,
+    LISTS,
+    LOG_INT,
+    LOG_REAL,
+    META,
+    ROW,
+    WALL,
+)
 from .errors import EngineError
 from .kernels.layout import (
     CELL_X,
+    GX,
+    HEAD,
     HIGHEST_LEVEL,
     LEVELS,
     LOG_CAPACITY,
@@ -33,6 +47,7 @@ from .kernels.layout import (
     TILES_X,
     TILES_Y,
     TIME,
+    WALL_SPEED,
     WIDEST,
 )
 from .kernels.layout import ROW as ROW_LENGTH
@@ -78,6 +93,12 @@ class DeviceArrays:
         Disks that a tile should hold; None makes the whole box one tile.
     precision : {"f64", "f32"}
         Type of real numbers.
+    walls : array (W, 17), optional
+        Rows as `kernels/walls.py` describes them.
+    wall_speed : float
+        The fastest that a wall moves [length/time].
+    gravity : two floats
+        Acceleration of all disks [length/time^2].
     """
 
     def __init__(
@@ -90,6 +111,9 @@ class DeviceArrays:
         skin: float,
         tile_disks: int | None,
         precision: str,
+        walls: NDArray[np.float64] | None = None,
+        wall_speed: float = 0.0,
+        gravity: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         n = self.n = disks.n
         self._real = np.float32 if precision == "f32" else np.float64
@@ -117,19 +141,31 @@ class DeviceArrays:
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self.counter = np.zeros(16, dtype=np.int32)
         self.limit = np.zeros(5, dtype=self._real)
-        self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1], dtype=np.int32)
-        self.scale = np.zeros(11, dtype=self._real)
+        n_walls = 0 if walls is None else len(walls)
+        self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls], dtype=np.int32)
+        self.scale = np.zeros(14, dtype=self._real)
         self.clock = np.zeros(3)
-        self.total = np.zeros(3, dtype=np.int64)
+        self.total = np.zeros(4, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
         cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]
         self.scale[CELL_X : CELL_X + 4] = (*cell_sides, *tile_sides)
         self.scale[SKIN] = skin
         self.scale[REACH] = skin / 2.0
         self.scale[WIDEST] = diameter
+        self.scale[GX : GX + 2] = gravity
+        self.scale[WALL_SPEED] = wall_speed
         # Two disks of the highest level must still find each other in tiles side by side, and through one image only.
         room_for = min(*tile_sides, min(box.lengths) / 2.0) - diameter
         self.grid[MOST_LEVEL] = min(max(int((room_for / skin - 1.0) * LEVELS), 0), HIGHEST_LEVEL)
+        self.walls = self._vectors(WALL, self._type, max(n_walls, 1))
+        if walls is not None and n_walls:
+            self.walls.from_numpy(walls.astype(self._real))
+        beside_walls = room if n_walls else 1
+        self.near_walls = ti.ndarray(ti.i32, (beside_walls,))
+        self.wall_hits = ti.ndarray(ti.i32, (beside_walls,))
+        self.wall_work = ti.ndarray(self._type, (beside_walls,))
+        for tally in (self.wall_hits, self.wall_work):
+            tally.fill(0)
         self.log_real: Any = None
         self.log_int: Any = None
         self.make_log(n // 2 + 1024)
@@ -190,7 +226,9 @@ class DeviceArrays:
         self.meta.from_numpy(meta)
         self.cell.from_numpy(cell)
         self.law.from_numpy(law_table.astype(self._real))
-        self.link.fill(0)
+        link = np.zeros((room, LINK), dtype=np.int32)
+        link[:, HEAD] = -1  # nothing is logged yet
+        self.link.from_numpy(link)
 
     def launch(self, kernel: Callable[..., None], *numbers: float, **given: NDArray[Any]) -> None:
         """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or found here by their names."""
@@ -235,10 +273,10 @@ class DeviceArrays:
         self.log_int = self._vectors(LOG_INT, ti.i32, records)
 
     def standing_records(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Times, shape (c,), and slots, shape (c, 2), of the collisions that stand, in any order."""
+        """Times, shape (c,), and slots, shape (c, 2), of the collisions of two disks that stand, in any order."""
         written = int(self.counter[N_LOG])
         log_int = self.log_int.to_numpy()[:written]
-        stands = log_int[:, STANDS] == 1
+        stands = (log_int[:, STANDS] == 1) & (log_int[:, SLOT + 1] >= 0)
         return self.log_real.to_numpy()[:written][stands, TIME], log_int[stands, SLOT : SLOT + 2]
 
     def ids(self) -> NDArray[np.int32]:

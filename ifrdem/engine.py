@@ -53,6 +53,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -65,6 +66,8 @@ from .engine_limits import ALONE, CROWD, MOST_DISKS, TILE_DISKS
 from .errors import EngineError, InputError
 from .state import Disks, State
 from .statistics import Statistics
+from .walls import Wall, sides
+from .walls import check as check_walls
 
 if TYPE_CHECKING:
     from .device_arrays import DeviceArrays
@@ -101,7 +104,7 @@ def default_skin(packing_fraction: float, diameter: float) -> float:
 
 
 class Engine:
-    """Disks in a periodic box, moved from collision to collision.
+    """Disks in a box, moved from collision to collision.
 
     Parameters
     ----------
@@ -113,6 +116,10 @@ class Engine:
         See `backend.start`.
     skin : float, optional
         Extra listing distance [length]; by default `default_skin`. Results do not depend on it beyond rounding.
+    walls : sequence of Wall
+        Beside the straight ones of material 0 at sides of the box that are not periodic, which come after them.
+    gravity : two floats
+        Acceleration of all disks [length/time^2]; only in directions that are not periodic.
 
     Raises
     ------
@@ -135,6 +142,8 @@ class Engine:
         order: str | None = None,
         tile_disks: int = TILE_DISKS,
         windows: int | None = None,
+        walls: Sequence[Wall] = (),
+        gravity: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
@@ -162,6 +171,23 @@ class Engine:
                 f"disk {i} has diameter {diameter:.6g}, more than a third of the box side {shortest:.6g}: "
                 "it could meet its own periodic image; use a larger box"
             )
+        self.gravity = (float(gravity[0]), float(gravity[1]))
+        for axis, pull in enumerate(self.gravity):
+            if not math.isfinite(pull):
+                raise InputError(f"gravity = {gravity}: two finite numbers are needed")
+            if pull != 0.0 and box.periodic[axis]:
+                raise InputError(
+                    f"gravity = {gravity}: disks would fall for ever in the periodic direction {'xy'[axis]}; make it "
+                    "not periodic, with a floor"
+                )
+        self.walls = (*walls, *sides(box))
+        check_walls(self.walls, box, state.position, disks.radius, len(law_table))
+        # Behind a side that is a wall the box goes on for a diameter: pairs never meet through it. No wall moves
+        # further than that; a steady one must not come there (the state is checked).
+        room = [0.0 if periodic else 2.0 * diameter + self._wall_extent() for periodic in box.periodic]
+        self._offset = np.array(room) / 2.0
+        inner = Box((box.lengths[0] + room[0], box.lengths[1] + room[1]))
+        shortest = min(inner.lengths)
         # Beyond half a side, a pair could be near through two images at once.
         widest = shortest / 2.0 - diameter
         # As many of the smallest disks as can stand around the largest one, within the reach of a fast one's list.
@@ -200,11 +226,26 @@ class Engine:
         from .epochs import Epochs
 
         backend.register(self)
+        moved = State(
+            position=state.position + self._offset, velocity=state.velocity, spin=state.spin, time=state.time,
+            collisions=state.collisions, image=state.image,
+        )  # fmt: skip
         self.arrays: DeviceArrays = DeviceArrays(
-            disks, box, state, law_table,
+            disks, inner, moved, law_table,
             skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
+            walls=np.array([wall.row(self._offset) for wall in self.walls]) if self.walls else None,
+            wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
         )  # fmt: skip
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
+        self.wall_hits = 0
+
+    def _wall_extent(self) -> float:
+        return 2.0 * max((w.motion.extent for w in self.walls if math.isfinite(w.motion.extent)), default=0.0)
+
+    @property
+    def wall_work(self) -> float:
+        """Energy that moving walls gave to the disks so far [energy], up to the latest settling (`state` settles)."""
+        return float(self.arrays.wall_work.to_numpy().astype(np.float64).sum()) if self.walls else 0.0
 
     @property
     def most_level(self) -> int:
@@ -234,7 +275,7 @@ class Engine:
         self._check_whole()
         self._whole = False
         self.last_collisions = None
-        if self.n < 2:
+        if self.n == 0 or (self.n == 1 and not self.walls):
             self.epochs.settle(self.time)
             self._fly_freely(t_end)
         else:
@@ -244,14 +285,15 @@ class Engine:
             else:
                 outcome = self.epochs.run(self.time, t_end, wanted)
             self.collisions += outcome.collisions
-            if outcome.fastest == 0.0:
+            self.wall_hits += outcome.wall_hits
+            if outcome.still:
                 self.time = outcome.time
                 self._fly_freely(t_end)
             else:
                 if self.keep_collisions:
                     self.last_collisions = self._read_log()
                 self.time = outcome.time
-                self.epochs.after_epoch()
+                self.epochs.after_epoch(self.time)
                 self._watch(outcome, t_end)
         self._whole = True
 
@@ -329,12 +371,18 @@ class Engine:
         n = self.n
         real, integer = self.arrays.zeros(5, real=True), self.arrays.zeros(3, real=False)
         self.arrays.launch(export, real_out=real, int_out=integer)
+        position = real[:n, 0:2] - self._offset
+        image = integer[:n, 1:3].copy()
+        escaped = np.flatnonzero(np.any((image != 0) & ~np.array(self.box.periodic), axis=1))
+        if len(escaped):
+            raise EngineError(f"t = {self.time:.9g}: disk {escaped[0]} left the box where a wall should be")
+        # Rounding can put a disk onto the far side, which is the next box already.
+        inside = np.minimum(position, np.nextafter(self.box.lengths, 0.0))
         return State(
-            # Rounding can put a disk onto the far side, which is the next box already.
-            position=np.minimum(real[:n, 0:2], np.nextafter(self.box.lengths, 0.0)),
+            position=np.where(self.box.periodic, inside, position),
             velocity=real[:n, 2:4],
             spin=real[:n, 4],
             time=self.time,
             collisions=integer[:n, 0].copy(),
-            image=integer[:n, 1:3].copy(),
+            image=image,
         )

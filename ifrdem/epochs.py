@@ -14,7 +14,6 @@ import numpy as np
 from .device_arrays import DeviceArrays
 from .errors import EngineError
 from .kernels.epochs import epochs_by_one_thread
-from .kernels.extend import speed_cap
 from .kernels.joining import join_tiles
 from .kernels.layout import (
     AFFECTED_ROW,
@@ -26,6 +25,7 @@ from .kernels.layout import (
     END,
     FAR,
     FASTEST,
+    GX,
     HORIZON,
     LOG_FULL,
     MEAN_SQUARE,
@@ -36,13 +36,19 @@ from .kernels.layout import (
     N_TOTAL,
     N_UNDONE,
     N_VIOLATIONS,
+    N_WALL_HITS,
+    N_WALLS_TOTAL,
     NOW,
     PLANNED,
     REACH,
+    RESTING,
     ROUND,
     TIME_END,
+    WALL_SPEED,
+    WALLS,
     WINDOW,
 )
+from .kernels.levels import epoch_length, speed_cap
 from .kernels.opening import clear_all, extend_fast, list_disks, list_tiles
 from .kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
 from .kernels.sort import settle
@@ -67,7 +73,9 @@ class Outcome:
     gained : time that the last epoch covers [time]
     planned : time that it was to cover [time]
     collisions : collisions of all its epochs
-    fastest : largest speed at the beginning of the last epoch [length/time]; 0 if nothing moves
+    fastest : largest speed at the beginning of the last epoch [length/time]
+    wall_hits : collisions with walls
+    still : whether nothing moves, and nothing will
     """
 
     time: float
@@ -75,6 +83,8 @@ class Outcome:
     planned: float
     collisions: int
     fastest: float
+    wall_hits: int = 0
+    still: bool = False
 
 
 class Epochs:
@@ -126,7 +136,12 @@ class Epochs:
         """Some epochs (`single`: one) in one launch, to `t_end` or `wanted` more collisions at the latest."""
         a = self.arrays
         a.clock[[NOW, TIME_END, PLANNED]] = now, t_end, 0.0
-        a.total[[COLLISIONS_LEFT, N_EPOCHS, N_TOTAL]] = 2**62 if wanted is None else wanted, 0, 0
+        a.total[[COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL]] = (
+            (2**62 if wanted is None else wanted),
+            0,
+            0,
+            0,
+        )
         began = time.perf_counter()
         while True:
             a.launch(epochs_by_one_thread, 1 if single else self._burst)
@@ -141,13 +156,16 @@ class Epochs:
             self._burst = int(min(max(self._burst * LAUNCH_SECONDS / elapsed, 1), 4 * self._burst, 1 << 20))
         self.statistics.epochs += epochs
         planned, fastest = float(a.clock[PLANNED]), float(a.limit[FASTEST])
-        if fastest > 0.0:
+        still = self._still(fastest)
+        if not still:
             self._watchdog(now)
+            self._check_rest(now)
             if a.counter[LOG_FULL]:
                 self.statistics.cut_for_log += 1
             elif end < planned and not (wanted is not None and done >= wanted):
                 self.statistics.cut_for_speed += 1
-        return Outcome(float(a.clock[NOW]), end, planned, done, fastest)
+        hits = int(a.total[N_WALLS_TOTAL])
+        return Outcome(float(a.clock[NOW]), end, planned, done, fastest, hits, still)
 
     # ------------------------------------------------------------------ in tiles or rounds
 
@@ -155,11 +173,14 @@ class Epochs:
         """One epoch, to `t_end` or `wanted` more collisions at the latest."""
         a = self.arrays
         fastest = self.settle(now)
-        if fastest == 0.0:
-            return Outcome(now, 0.0, 0.0, 0, 0.0)
+        if self._still(fastest):
+            return Outcome(now, 0.0, 0.0, 0, 0.0, still=True)
+        a.clock[NOW] = now
         cap = speed_cap(fastest, float(a.limit[MEAN_SQUARE]), a.most_level)
         left = t_end - now
-        horizon = min(float(a.scale[REACH]) / cap, left)
+        horizon = min(
+            epoch_length(float(a.scale[REACH]), cap, float(a.scale[WALL_SPEED]), self._pull()), left
+        )
         planned, by_tiles = horizon, self.order == "tiles"
         while True:
             self._list(horizon)
@@ -186,14 +207,32 @@ class Epochs:
         if wanted is not None and self.standing() >= wanted:
             end = self._end_after(wanted)
             self.cut(end)
+        self._check_rest(now)
         self.fly(end)
         self.statistics.epochs += 1
         reached = end == horizon and horizon == left
-        return Outcome(t_end if reached else now + end, end, horizon, self.standing(), fastest)
+        time_at_end = t_end if reached else now + end
+        return Outcome(time_at_end, end, horizon, self.standing(), fastest, int(a.counter[N_WALL_HITS]))
 
-    def after_epoch(self) -> None:
+    def _pull(self) -> float:
+        """Magnitude of gravity."""
+        return float(np.hypot(*self.arrays.scale[GX : GX + 2]))
+
+    def _still(self, fastest: float) -> bool:
+        return fastest == 0.0 and self._pull() == 0.0 and self.arrays.scale[WALL_SPEED] == 0.0
+
+    def _check_rest(self, now: float) -> None:
+        if self.arrays.counter[RESTING]:
+            raise EngineError(
+                f"t = {now:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic collapse); "
+                "there is no next collision to go on to. Use a larger e_n with the wall, or end the run earlier"
+            )
+
+    def after_epoch(self, now: float) -> None:
         """Make the log longer if it was too short: only when nobody wants to read it any more."""
         if self.statistics.cut_for_log > self._log_growths:
+            if self.arrays.grid[WALLS]:
+                self.settle(now)  # what walls did is read from the log
             self._log_growths = self.statistics.cut_for_log
             self._lengthen_log()
 

@@ -130,7 +130,7 @@ def create(
     lengths = np.array(box.lengths)
     frame_box = particles.create_group("box")
     frame_box.attrs["dimension"] = 3
-    frame_box.attrs["boundary"] = ["periodic", "periodic", "none"]
+    frame_box.attrs["boundary"] = [*("periodic" if one else "none" for one in box.periodic), "none"]
     frame_box.attrs["lengths"] = lengths
     edges = frame_box.create_group("edges")
     edges.create_dataset("step", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.int64)

@@ -82,7 +82,7 @@ def _close_pairs(box: Box, radius: NDArray[np.float64], position: NDArray[np.flo
     """
     # A size class spans a factor 2: with more classes there are more trees, with fewer more pairs.
     classes = list(_size_classes(radius, 2.0))
-    trees = [cKDTree(position[members], boxsize=box.lengths) for members in classes]
+    trees = [cKDTree(position[members], boxsize=box.periods) for members in classes]
     found = [np.empty((0, 2), dtype=np.intp)]
     for a, members in enumerate(classes):
         reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE)
@@ -154,12 +154,12 @@ def _clear_of(
     placed_radius: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Which candidates, of these radii, overlap none of the placed disks; shape (candidates,)."""
-    tree = cKDTree(placed, boxsize=box.lengths)
+    tree = cKDTree(placed, boxsize=box.periods)
     if np.ptp(placed_radius) == 0.0:
         near, _ = tree.query(candidate)  # of equal disks the nearest decides
         return near > (radius + placed_radius[0]) * (1.0 + TOLERANCE)
     reach = float(radius.max() + placed_radius.max()) * (1.0 + 2.0 * TOLERANCE)
-    close = cKDTree(candidate, boxsize=box.lengths).sparse_distance_matrix(tree, reach, output_type="ndarray")
+    close = cKDTree(candidate, boxsize=box.periods).sparse_distance_matrix(tree, reach, output_type="ndarray")
     blocked = close["v"] <= (radius[close["i"]] + placed_radius[close["j"]]) * (1.0 + TOLERANCE)
     clear = np.ones(len(candidate), dtype=bool)
     clear[close["i"][blocked]] = False
@@ -175,7 +175,7 @@ def _one_by_one(
     is in its way or has placed the same disk.
     """
     reach = 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
-    pairs = cKDTree(candidate, boxsize=box.lengths).query_pairs(reach, output_type="ndarray")
+    pairs = cKDTree(candidate, boxsize=box.periods).query_pairs(reach, output_type="ndarray")
     distance = np.linalg.norm(box.minimum_image(candidate[pairs[:, 0]] - candidate[pairs[:, 1]]), axis=1)
     contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
     pairs = np.sort(pairs[distance <= contact * (1.0 + TOLERANCE)], axis=1)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import theory
+from .box import Box
 from .errors import InputError
 from .law import IFRLaw
 from .trajectory import Trajectory
@@ -201,7 +202,7 @@ def _disks(
     from matplotlib.colors import LinearSegmentedColormap
 
     radius = trajectory.disks.radius
-    position, owner = _with_images(position, radius, trajectory.box.lengths)
+    position, owner = _with_images(position, radius, trajectory.box)
     # A heavy tail of fast spins must not wash out all others: colours are full from the 95th percentile on.
     limit = float(np.quantile(np.abs(spin), 0.95)) if len(spin) else 0.0
     limit = limit if limit > 0.0 else 1.0
@@ -251,11 +252,13 @@ def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDAr
 
 
 def _with_images(
-    position: NDArray[np.float64], radius: NDArray[np.float64], lengths: tuple[float, float]
+    position: NDArray[np.float64], radius: NDArray[np.float64], box: Box
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Positions with the periodic images of disks that a side cuts, and which disk each of them is."""
     owner = np.arange(len(position))
-    for axis, length in enumerate(lengths):
+    for axis, length in enumerate(box.periods):
+        if length == 0.0:
+            continue
         low = position[:, axis] < radius[owner]
         high = position[:, axis] > length - radius[owner]
         shift = np.zeros(2)

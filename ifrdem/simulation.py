@@ -16,20 +16,22 @@ from .observables import Measure, measure
 from .placement import check_no_overlap
 from .state import Disks, State
 from .statistics import Statistics
+from .walls import Wall, sides
 
 Observer = Callable[[State, Measure], None]
 Progress = Callable[[float, int], None]
 
 
 class Simulation:
-    """Rough disks in a periodic box, collided exactly by the IFR law.
+    """Rough disks in a box, periodic or between walls, collided exactly by the IFR law.
 
     Parameters
     ----------
     disks : Disks
         Masses [mass], radii [length], k and materials of n disks. A disk of infinite mass is immovable.
     box : Box
-        The periodic box; its shorter side must be at least three times the largest diameter.
+        Its shorter side must be at least three times the largest diameter. Straight walls of material 0 stand at
+        sides that are not periodic.
     law : IFRLaw or sequence of sequences of IFRLaw
         One law for all pairs, or a symmetric table [material][material].
     state : State
@@ -42,6 +44,11 @@ class Simulation:
         Extra distance [length] within which neighbours are listed; chosen for speed by default.
     precision : {"f64", "f32"}
         Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
+    walls : sequence of Wall
+        Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
+        first.
+    gravity : two floats
+        Acceleration of all disks [length/time^2]; only in directions that are not periodic.
 
     Raises
     ------
@@ -51,10 +58,9 @@ class Simulation:
 
     Notes
     -----
-    Limits: a periodic box, no forces between collisions, disks of similar size for speed (the largest sets the
-    grid). Inelastic collapse (smooth disks, e_n well below 0.7) takes very many collisions; touching disks that
-    approach more slowly than 1e-14 of their velocities count as at rest, which ends it, and a run that gains no time
-    at all ends with an EngineError.
+    Limits: disks of similar size for speed (the largest sets the grid). Inelastic collapse (smooth disks, e_n well
+    below 0.7) takes very many collisions; touching disks that approach more slowly than 1e-14 of their velocities count
+    as at rest, which ends it, and a run that gains no time at all ends with an EngineError.
     """
 
     def __init__(
@@ -68,15 +74,27 @@ class Simulation:
         threads: int | None = None,
         skin: float | None = None,
         precision: str = "f64",
+        walls: Sequence[Wall] = (),
+        gravity: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
-        self._laws = _law_table(law, disks)
-        _check_energy(self._laws, disks)
+        materials = max((wall.material for wall in walls), default=0)
+        self._laws = _law_table(law, disks, materials)
+        _check_energy(self._laws, disks, [*walls, *sides(box)])
         check_no_overlap(box, disks.radius, state.position)
         table = np.array([[one.table_row() for one in row] for row in self._laws])
         self._engine = Engine(
-            disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision
+            disks,
+            box,
+            state,
+            table,
+            arch=arch,
+            threads=threads,
+            skin=skin,
+            precision=precision,
+            walls=walls,
+            gravity=gravity,
         )
 
     @property
@@ -86,7 +104,7 @@ class Simulation:
 
     @property
     def box(self) -> Box:
-        """The periodic box."""
+        """The box."""
         return self._engine.box
 
     @property
@@ -98,6 +116,16 @@ class Simulation:
     def collisions(self) -> int:
         """Collisions so far; each involves two disks."""
         return self._engine.collisions
+
+    @property
+    def wall_hits(self) -> int:
+        """Collisions with walls so far."""
+        return self._engine.wall_hits
+
+    @property
+    def wall_work(self) -> float:
+        """Energy that moving walls have given to the disks up to the latest `state` [energy]."""
+        return self._engine.wall_work
 
     @property
     def statistics(self) -> Statistics:
@@ -216,8 +244,10 @@ class Simulation:
                 observer(state, measured)
 
 
-def _law_table(law: IFRLaw | Sequence[Sequence[IFRLaw]], disks: Disks) -> list[list[IFRLaw]]:
-    materials = int(disks.material.max()) + 1 if disks.n else 1
+def _law_table(
+    law: IFRLaw | Sequence[Sequence[IFRLaw]], disks: Disks, most_of_walls: int
+) -> list[list[IFRLaw]]:
+    materials = max(int(disks.material.max()) if disks.n else 0, most_of_walls) + 1
     if isinstance(law, IFRLaw):
         return [[law] * materials for _ in range(materials)]
     table = [list(row) for row in law]
@@ -230,8 +260,8 @@ def _law_table(law: IFRLaw | Sequence[Sequence[IFRLaw]], disks: Disks) -> list[l
     return table
 
 
-def _check_energy(laws: list[list[IFRLaw]], disks: Disks) -> None:
-    """Refuse a law that could add energy for a pair of disks that is there; the worst cases are pairs of kinds."""
+def _check_energy(laws: list[list[IFRLaw]], disks: Disks, walls: Sequence[Wall]) -> None:
+    """Refuse a law that could add energy for a pair that is there; the worst cases are pairs of kinds."""
     kinds: NDArray[np.float64] = np.unique(np.stack([disks.material, disks.k, disks.mass], axis=1), axis=0)
     if (
         len(kinds) > 200
@@ -242,3 +272,7 @@ def _check_energy(laws: list[list[IFRLaw]], disks: Disks) -> None:
             if math.isinf(m_a) and math.isinf(m_b):
                 continue  # neither moves: they never meet
             laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)
+    for material in {wall.material for wall in walls}:
+        for a, k_a, m_a in kinds:
+            # Beside a wall's infinite mass, the pair's mean k is the disk's own.
+            laws[int(a)][material].check(k_a, k_a, m_a, m_a)

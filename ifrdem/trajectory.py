@@ -171,7 +171,9 @@ class Trajectory(Sequence[Frame]):
             mass, radius, k, material = (particles[name][()] for name in ("mass", "radius", "k", "material"))
             self.disks = Disks(len(mass), mass=mass, radius=radius, k=k, material=material)
             lengths = particles["box"].attrs["lengths"]
-            self.box = Box((float(lengths[0]), float(lengths[1])))
+            sides = [str(one) for one in particles["box"].attrs["boundary"]]
+            periodic = (sides[0] == "periodic", sides[1] == "periodic")
+            self.box = Box((float(lengths[0]), float(lengths[1])), periodic)
             self.parameters: dict[str, str | int | float] = {}
             self._file["parameters"].visititems(self._read_parameter)
         except BaseException:
@@ -323,7 +325,7 @@ def _describe_gas(trajectory: Trajectory) -> list[str]:
             )
     if disks.n:
         lines.append(f"  materials         {len(np.unique(disks.material))}")
-    lines.append(f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, periodic")
+    lines.append(f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {_sides(box)}")
     lines.append(f"  packing fraction  {box.packing_fraction(disks.radius):.4f}")
     return lines
 
@@ -371,3 +373,11 @@ def _bytes(count: float) -> str:
             return f"{count:.3g} {unit}"
         count /= 1000
     return f"{count:.3g} TB"
+
+
+def _sides(box: Box) -> str:
+    if box.periodic[0] == box.periodic[1]:
+        return "periodic" if box.periodic[0] else "between walls"
+    return (
+        f"periodic in {'x' if box.periodic[0] else 'y'}, between walls in {'y' if box.periodic[0] else 'x'}"
+    )

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from .extend import AT_START_ALONE, extend, speed_cap, too_fast
+from .extend import AT_START_ALONE, extend
 from .layout import (
     BEGIN,
     CELLS_X,
@@ -13,6 +13,8 @@ from .layout import (
     END,
     FAR,
     FASTEST,
+    GX,
+    GY,
     HORIZON,
     LENGTH,
     LEVEL,
@@ -23,29 +25,37 @@ from .layout import (
     N_EPOCHS,
     N_STANDING,
     N_TOTAL,
+    N_WALL_HITS,
+    N_WALLS_TOTAL,
     NOW,
     PLANNED,
     REACH,
+    RESTING,
     TIME_END,
     TOP_LEVEL,
     VX,
     VY,
+    WALL_SPEED,
+    WALLS,
     WINDOW,
     Cube,
     GasArrays,
     N,
     Rows,
 )
+from .levels import epoch_length, speed_cap, too_fast
 from .lists import list_tile, open_epoch
 from .sort import clear, fly, lay_aside, order_cell, put_back
 from .tiles import run_tile
+from .walls import offer_wall
 
 
 @ti.kernel
 def epochs_by_one_thread(
     most_epochs: ti.i32, clock: Rows, total: Rows, grid: Rows, scale: Rows, flight: Rows, kinds: Rows,
     meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows, neighbour: Rows,
-    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube,
+    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
+    wall_hits: Rows, wall_work: Rows,
 ):  # fmt: skip
     """Up to `most_epochs` epochs of a gas of one tile.
 
@@ -56,7 +66,8 @@ def epochs_by_one_thread(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
-        log_real=log_real, log_int=log_int, law=law,
+        log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls, wall_hits=wall_hits,
+        wall_work=wall_work, clock=clock,
     ))  # fmt: skip
     for _ in range(1):
         n = gas.grid[N]
@@ -95,12 +106,12 @@ def epochs_by_one_thread(
             gas.limit[MEAN_SQUARE] = sum2 / n
             gas.counter[MOST_NEIGHBOURS] = 0
             gas.counter[LOG_FULL] = 0
-            if fastest2 == 0.0 or gas.limit[EARLIEST] < FAR:
+            pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])
+            if fastest2 + pull + gas.scale[WALL_SPEED] == 0.0 or gas.limit[EARLIEST] < FAR:
                 going = 0
             else:
-                whole = gas.scale[REACH] / speed_cap(
-                    gas.limit[FASTEST], gas.limit[MEAN_SQUARE], gas.grid[MOST_LEVEL]
-                )
+                cap = speed_cap(gas.limit[FASTEST], gas.limit[MEAN_SQUARE], gas.grid[MOST_LEVEL])
+                whole = epoch_length(gas.scale[REACH], cap, gas.scale[WALL_SPEED], pull)
                 left = clock[TIME_END] - clock[NOW]
                 last = 0
                 if left <= whole:
@@ -122,6 +133,9 @@ def epochs_by_one_thread(
                         fast += 1
                 for q in range(fast):
                     extend(gas.order[q], AT_START_ALONE, gas)
+                if gas.grid[WALLS] > 0:
+                    for i in range(n):
+                        offer_wall(i, gas)
                 if gas.counter[MOST_NEIGHBOURS] > 0:
                     going = 0
                 else:
@@ -133,9 +147,10 @@ def epochs_by_one_thread(
                     gas.scale[DURATION] = gas.limit[END]
                     total[N_EPOCHS] += 1
                     total[N_TOTAL] += gas.counter[N_STANDING]
+                    total[N_WALLS_TOTAL] += gas.counter[N_WALL_HITS]
                     total[COLLISIONS_LEFT] -= gas.counter[N_STANDING]
                     most_epochs_left = most_epochs - ti.cast(total[N_EPOCHS], ti.i32)
-                    if gas.limit[END] < gas.scale[HORIZON]:
+                    if gas.limit[END] < gas.scale[HORIZON] or gas.counter[RESTING] > 0:
                         going = 0
                         last = 0
                     if last == 1:

@@ -5,8 +5,8 @@ The order of these steps and what they guarantee is told in `rounds.py`.
 
 import taichi as ti
 
-from .extend import needed_level, reach_of
-from .flights import flight_between, meeting_time, precedes, previous, shift_by, side_of, sooner
+from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
+from .history import flight_between, previous, record, side_of
 from .law import collide_pair
 from .layout import (
     ACTIVE,
@@ -15,8 +15,8 @@ from .layout import (
     BEFORE,
     CHANGED_ROW,
     DIRTY,
-    END,
     FAR,
+    FIRST_WALL,
     HEAD,
     HORIZON,
     ID,
@@ -25,17 +25,16 @@ from .layout import (
     LATCHED,
     LENGTH,
     MATERIAL,
-    MOST_LEVEL,
     N_LOG,
     N_STANDING,
     N_UNDONE,
     N_VIOLATIONS,
+    N_WALL_HITS,
     NEVER,
     NUMBER,
     PARTNER,
     PREVIOUS,
     RADIUS,
-    REACH,
     REGIME,
     ROLL_BACK,
     ROLLED_BACK,
@@ -53,30 +52,16 @@ from .layout import (
     UNDO_ROW,
     VX,
     VY,
+    WALLS,
     K,
     X,
     Y,
-    level_of,
     n_others,
     n_own,
     push,
 )
-
-
-@ti.func
-def record(entry, side, slot, gas: ti.template()):
-    """Log a disk's state before its collision number `entry`, and make that its latest."""
-    first = BEFORE + 5 * side
-    gas.log_real[entry][first] = gas.flight[slot][X]
-    gas.log_real[entry][first + 1] = gas.flight[slot][Y]
-    gas.log_real[entry][first + 2] = gas.flight[slot][VX]
-    gas.log_real[entry][first + 3] = gas.flight[slot][VY]
-    gas.log_real[entry][first + 4] = gas.flight[slot][SPIN]
-    gas.log_int[entry][SLOT + side] = slot
-    gas.log_int[entry][PREVIOUS + side] = gas.link[slot][HEAD]
-    gas.log_int[entry][NUMBER + side] = gas.link[slot][SEQ]
-    gas.link[slot][HEAD] = entry
-    gas.link[slot][SEQ] += 1
+from .levels import limit_if_too_fast
+from .walls import first_wall, hit_wall
 
 
 @ti.func
@@ -119,21 +104,8 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[b][SPIN] = w_b
     gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32)
     gas.log_int[entry][STANDS] = 1
-    # The neighbour list is complete while nobody moves further than his reach. A disk that becomes faster gets a
-    # longer list (`extend`); if the box does not allow that, the epoch ends before the disk comes so far.
-    fastest2 = ti.max(vx_a * vx_a + vy_a * vy_a, vx_b * vx_b + vy_b * vy_b)
-    if fastest2 * (gas.scale[HORIZON] * gas.scale[HORIZON]) > gas.scale[REACH] * gas.scale[REACH]:
-        for disk in ti.static(range(2)):
-            slot = a
-            if ti.static(disk == 1):
-                slot = b
-            level = needed_level(gas.flight[slot][VX], gas.flight[slot][VY], gas)
-            if level > gas.grid[MOST_LEVEL]:
-                speed = ti.sqrt(gas.flight[slot][VX] ** 2 + gas.flight[slot][VY] ** 2)
-                # It has not come so far yet at t, whatever its speed is now.
-                ti.atomic_min(
-                    gas.limit[END], ti.max(t, reach_of(level_of(gas.link[slot][LENGTH]), gas) / speed)
-                )
+    limit_if_too_fast(a, t, gas)
+    limit_if_too_fast(b, t, gas)
 
 
 @ti.func
@@ -166,6 +138,10 @@ def collide(i, everybody, gas: ti.template()):
             row = CHANGED_ROW + round_ % 2
             push(row, a, gas)
             push(row, b, gas)
+    elif code <= FIRST_WALL and t < gas.limit[LATCHED]:
+        hit_wall(ti.atomic_add(gas.counter[N_LOG], 1), t, i, gas)
+        gas.link[i][DIRTY] = gas.counter[ROUND]
+        push(CHANGED_ROW + gas.counter[ROUND] % 2, i, gas)
 
 
 @ti.func
@@ -232,7 +208,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
                             if crossing == ended:
                                 # An exact tie falls to the smaller pair of ids.
                                 early = precedes(
-                                    gas.meta[i][ID], gas.meta[j][ID], gas.meta[other][ID], gas.meta[j][ID]
+                                    gas.meta[i][ID], gas.meta[j][ID], id_at(other, gas), gas.meta[j][ID]
                                 )
                             if early:
                                 undo = number
@@ -250,11 +226,16 @@ def predict(i, changed: ti.template(), gas: ti.template()):
                     if t < gas.flight[j][TE]:
                         affected = True
                     elif t == gas.flight[j][TE]:
-                        affected = affected or gas.meta[i][ID] < gas.meta[partner_j // 9][ID]
+                        affected = affected or gas.meta[i][ID] < id_of(partner_j, gas)
                 if affected:  # nested: Taichi evaluates both sides of `and`
                     if ti.atomic_max(gas.link[j][AFFECTED], round_) < round_:
                         push(AFFECTED_ROW + round_ % 2, j, gas)
         if sooner(t, j, earliest, partner, horizon, gas):
+            earliest = t
+            partner = code
+    if gas.grid[WALLS] > 0:
+        t, code = first_wall(i, gas)
+        if t < earliest:
             earliest = t
             partner = code
     gas.flight[i][TE] = earliest
@@ -277,11 +258,12 @@ def propagate(gas: ti.template()):
                 if gas.log_int[entry][NUMBER + side] >= gas.link[i][UNDO]:
                     j = gas.log_int[entry][SLOT + 1 - side]
                     number = gas.log_int[entry][NUMBER + 1 - side]
-                    if number < gas.link[j][UNDO]:
-                        if gas.link[j][UNDO] == NEVER:
-                            push(UNDO_ROW, j, gas)
-                        gas.link[j][UNDO] = number
-                        moved = 1
+                    if j >= 0:  # not a wall
+                        if number < gas.link[j][UNDO]:
+                            if gas.link[j][UNDO] == NEVER:
+                                push(UNDO_ROW, j, gas)
+                            gas.link[j][UNDO] = number
+                            moved = 1
                     entry = gas.log_int[entry][PREVIOUS + side]
                 else:
                     entry = -1
@@ -298,7 +280,9 @@ def restore(i, gas: ti.template()):
         side = side_of(entry, i, gas)
         gas.log_int[entry][STANDS] = 0
         before = gas.log_int[entry][PREVIOUS + side]
-        if side == 0:
+        if gas.log_int[entry][SLOT + 1] < 0:
+            ti.atomic_sub(gas.counter[N_WALL_HITS], 1)
+        elif side == 0:
             ti.atomic_add(gas.counter[N_UNDONE], 1)
             ti.atomic_sub(gas.counter[N_STANDING], 1)
         if gas.log_int[entry][NUMBER + side] == undo:

@@ -12,7 +12,8 @@ do no harm: no event depends on them.
 import taichi as ti
 
 from .cells import cell_beside, place_of
-from .flights import first_meeting, offer, shift_by, start_position
+from .flights import first_meeting, offer, shift_by
+from .history import start_position
 from .layout import (
     AFFECTED,
     AFFECTED_ROW,
@@ -23,56 +24,25 @@ from .layout import (
     HORIZON,
     LENGTH,
     LEVEL,
-    LEVELS,
-    MOST_LEVEL,
     MOST_NEIGHBOURS,
     OTHER,
     PARTNER,
     RADIUS,
-    REACH,
     ROW,
     SAME_FRAME,
-    SPEED_MARGIN,
     TOP_LEVEL,
-    VX,
-    VY,
+    WALLS,
     WIDEST,
     level_of,
     n_others,
     n_own,
     push,
 )
+from .levels import reach_of
+from .walls import note_walls
 
-CAP = 2.26
 LATER, AT_START_ALONE, AT_START = range(3)
 EXTENDS = -3  # as a partner: this disk's list is being extended
-
-
-@ti.pyfunc
-def speed_cap(fastest, mean_square, most_level):
-    """Speed [length/time] up to which disks need no longer list, and which sets the length of an epoch.
-
-    A lower one makes epochs longer, and more disks need longer lists: CAP times the root mean square speed is reached
-    by one disk in 170 of a Maxwellian gas. The fastest disk must stay well below the highest level.
-    """
-    least = SPEED_MARGIN * fastest / (1.0 + 0.2 * most_level)
-    return ti.min(SPEED_MARGIN * fastest, ti.max(CAP * ti.sqrt(mean_square), least))
-
-
-@ti.func
-def needed_level(vx, vy, gas: ti.template()):
-    """The lowest level at which a disk may keep this velocity to the end of the epoch."""
-    way = ti.sqrt(vx * vx + vy * vy) * gas.scale[HORIZON]
-    level = 0
-    if way > gas.scale[REACH]:
-        level = ti.ceil(ti.min((way / gas.scale[REACH] - 1.0) * LEVELS, 1.0e6), ti.i32)
-    return level
-
-
-@ti.func
-def reach_of(level, gas: ti.template()):
-    """How far a disk of that level may move in the epoch."""
-    return gas.scale[REACH] * (1.0 + level / LEVELS)
 
 
 @ti.func
@@ -129,6 +99,8 @@ def extend(i, when: ti.template(), gas: ti.template()):
     x, y = start_position(i, gas)
     radius = gas.flight[i][RADIUS]
     own_reach = reach_of(level_of(gas.link[i][LENGTH]), gas)
+    if gas.grid[WALLS] > 0:
+        note_walls(i, x, y, own_reach, gas)
     furthest = gas.scale[WIDEST] + own_reach + reach_of(gas.counter[TOP_LEVEL], gas)
     tile, in_x, in_y = place_of(gas.cell[i], gas)
     most_x = ti.min(ti.ceil(furthest / gas.scale[CELL_X], ti.i32), gas.grid[CELLS_X])
@@ -167,12 +139,3 @@ def extend(i, when: ti.template(), gas: ti.template()):
                                             slot = j
                                         if ti.atomic_max(gas.link[slot][AFFECTED], 0) < 0:
                                             push(AFFECTED_ROW, slot, gas)
-
-
-@ti.func
-def too_fast(i, gas: ti.template()):
-    """The level that disk i needs, if that is above the one it has and not above what the box allows; else 0."""
-    level = needed_level(gas.flight[i][VX], gas.flight[i][VY], gas)
-    if level <= level_of(gas.link[i][LENGTH]) or level > gas.grid[MOST_LEVEL]:
-        level = 0
-    return level

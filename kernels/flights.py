@@ -6,27 +6,7 @@ find the same bits.
 
 import taichi as ti
 
-from .layout import (
-    BEFORE,
-    FAR,
-    HEAD,
-    ID,
-    NEVER,
-    NUMBER,
-    PARTNER,
-    PREVIOUS,
-    RADIUS,
-    SLOT,
-    TAU,
-    TE,
-    TILE_X,
-    TILE_Y,
-    TIME,
-    VX,
-    VY,
-    X,
-    Y,
-)
+from .layout import FAR, FIRST_WALL, HEAD, ID, PARTNER, RADIUS, TAU, TE, TILE_X, TILE_Y, VX, VY, WALL_ID, X, Y
 
 
 def rounding():
@@ -76,6 +56,24 @@ def meeting_time(xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shif
 
 
 @ti.func
+def id_of(code, gas: ti.template()):
+    """Id of the disk or wall of a code. Walls come after all disks."""
+    found = WALL_ID + FIRST_WALL - code
+    if code > FIRST_WALL:
+        found = gas.meta[code // 9][ID]
+    return found
+
+
+@ti.func
+def id_at(slot, gas: ti.template()):
+    """Id of the disk at a slot, or of the wall -1 - slot."""
+    found = WALL_ID - 1 - slot
+    if slot >= 0:
+        found = gas.meta[slot][ID]
+    return found
+
+
+@ti.func
 def sooner(t, j, earliest, partner, horizon, gas: ti.template()):
     """Whether an event at t with disk j comes before the one at `earliest` with `partner` (a code), and in time.
 
@@ -83,7 +81,7 @@ def sooner(t, j, earliest, partner, horizon, gas: ti.template()):
     """
     before = t < earliest and t < horizon
     if t == earliest and t < horizon:
-        before = gas.meta[j][ID] < gas.meta[partner // 9][ID]
+        before = gas.meta[j][ID] < id_of(partner, gas)
     return before
 
 
@@ -134,55 +132,3 @@ def offer(i, t, code, horizon, gas: ti.template()):
         if sooner(t, code // 9, gas.flight[i][TE], gas.link[i][PARTNER], horizon, gas):
             gas.flight[i][TE] = t
             gas.link[i][PARTNER] = code
-
-
-@ti.func
-def side_of(entry, i, gas: ti.template()):
-    """Which side of a log record disk i is."""
-    side = 0
-    if gas.log_int[entry][SLOT] != i:
-        side = 1
-    return side
-
-
-@ti.func
-def previous(entry, i, gas: ti.template()):
-    """Disk i's record before this one; -1 if there is none."""
-    return gas.log_int[entry][PREVIOUS + side_of(entry, i, gas)]
-
-
-@ti.func
-def flight_between(i, begin, end, horizon, gas: ti.template()):
-    """Disk i's flight from its record `begin` (-1: from the beginning of the epoch) to `end` (-1: it goes on).
-
-    Returns position and velocity at its start, the times of its start and end, the number of the collision that
-    ended it (NEVER if none did) and the other disk of that (-1).
-    """
-    x, y, vx, vy = gas.flight[i][X], gas.flight[i][Y], gas.flight[i][VX], gas.flight[i][VY]
-    started = 0.0 * horizon
-    ended = horizon
-    number = NEVER
-    other = -1
-    if begin >= 0:
-        started = gas.log_real[begin][TIME]
-    if end >= 0:
-        side = side_of(end, i, gas)
-        first = BEFORE + 5 * side
-        x, y = gas.log_real[end][first], gas.log_real[end][first + 1]
-        vx, vy = gas.log_real[end][first + 2], gas.log_real[end][first + 3]
-        ended = gas.log_real[end][TIME]
-        number = gas.log_int[end][NUMBER + side]
-        other = gas.log_int[end][SLOT + 1 - side]
-    return x, y, vx, vy, started, ended, number, other
-
-
-@ti.func
-def start_position(i, gas: ti.template()):
-    """Where disk i was at the beginning of the epoch."""
-    x, y = gas.flight[i][X], gas.flight[i][Y]
-    entry = gas.link[i][HEAD]
-    while entry >= 0:
-        side = side_of(entry, i, gas)
-        x, y = gas.log_real[entry][BEFORE + 5 * side], gas.log_real[entry][BEFORE + 5 * side + 1]
-        entry = gas.log_int[entry][PREVIOUS + side]
-    return x, y

@@ -3,7 +3,8 @@
 import taichi as ti
 
 from .events import mark, propagate, restore
-from .flights import flight_between, meeting, meeting_time, offer, precedes, previous, shift_by
+from .flights import id_at, meeting, meeting_time, offer, precedes, shift_by
+from .history import flight_between, previous
 from .layout import (
     ACTIVE,
     AFFECTED,
@@ -76,11 +77,11 @@ def check_history(i, j, shift, gas: ti.template()):
                     # An exact tie falls to the smaller pair of ids.
                     if t == stop_i and end_i >= 0:
                         real = real and precedes(
-                            gas.meta[i][ID], gas.meta[j][ID], gas.meta[i][ID], gas.meta[other_i][ID]
+                            gas.meta[i][ID], gas.meta[j][ID], gas.meta[i][ID], id_at(other_i, gas)
                         )
                     if t == stop_j and end_j >= 0:
                         real = real and precedes(
-                            gas.meta[i][ID], gas.meta[j][ID], gas.meta[j][ID], gas.meta[other_j][ID]
+                            gas.meta[i][ID], gas.meta[j][ID], gas.meta[j][ID], id_at(other_j, gas)
                         )
                     if real:
                         found = t
@@ -125,14 +126,15 @@ def look_across(i, gas: ti.template()):
 def still_true(i, gas: ti.template()):
     """Whether disk i's event is one of its present flight and its partner's; if that was rolled back, it will tell."""
     code = gas.link[i][PARTNER]
-    j = code // 9
-    shift = code - 9 * j
     true = 1
-    if gas.link[j][PARTNER] != ROLLED_BACK and gas.link[j][PARTNER] != 9 * i + 8 - shift:
-        if meeting(i, j, shift, gas.scale[HORIZON], gas) != gas.flight[i][TE]:
+    if code >= 0:  # a wall's part in an event does not change
+        j = code // 9
+        shift = code - 9 * j
+        if gas.link[j][PARTNER] != ROLLED_BACK and gas.link[j][PARTNER] != 9 * i + 8 - shift:
+            if meeting(i, j, shift, gas.scale[HORIZON], gas) != gas.flight[i][TE]:
+                true = 0
+        elif gas.link[j][PARTNER] != ROLLED_BACK and gas.flight[j][TE] != gas.flight[i][TE]:
             true = 0
-    elif gas.link[j][PARTNER] != ROLLED_BACK and gas.flight[j][TE] != gas.flight[i][TE]:
-        true = 0
     return true
 
 

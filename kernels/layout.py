@@ -20,10 +20,14 @@ log_int      (c, 8) int    its slots, links and flags
 lists        (5, n) int    work lists of the rounds
 counter      (16,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
-grid         (9,) int      numbers of disks, tiles and cells
-scale        (11,) real    lengths and times of the grid and the epoch
+grid         (10,) int     numbers of disks, tiles, cells and walls
+scale        (14,) real    lengths and times of the grid and the epoch, gravity
 clock        (3,) double   times in epochs run by one thread
-total        (3,) int64    collisions and epochs of one launch
+total        (4,) int64    collisions and epochs of one launch
+walls        (W, 17) real  geometry, motion and material of each wall (`walls.py`)
+near_walls   (n,) int      bits of the walls that a disk can touch in this epoch
+wall_hits    (n,) int      collisions with walls, by id
+wall_work    (n,) real     energy that walls gave, by id
 law          (M, M, 5)     e_n, e_t, mu, contact_point, rho of each pair of materials
 ===========  ============  ==================================================================================
 
@@ -68,19 +72,24 @@ MOST_NEIGHBOURS = 10  # longest neighbour row that was needed
 LOG_FULL = 11  # 1: the log may have no room for another round; 2: it had too little for the tiles
 N_UNDONE = 12  # collisions undone
 TOP_LEVEL = 13  # highest level of any disk in this epoch
+N_WALL_HITS = 14  # collisions with walls that stand
+RESTING = 15  # 1: a disk came to rest on a wall, or its next meeting with it cannot be found
 # limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event, mean
 # square of the speeds
 END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
 # grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records;
-# highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back
-N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL, ROLL_BACK = range(9)
+# highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back; walls
+N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL, ROLL_BACK, WALLS = range(10)
 # scale: sides of a cell and of a tile, listing distance beyond contact, end of predictions, beginning and end of the
-# window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter
-CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW, REACH, DURATION, WIDEST = range(11)
+# window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter,
+# gravity, a speed that walls may give to disks
+CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW, REACH, DURATION, WIDEST, GX, GY, WALL_SPEED = (
+    range(14)
+)
 # clock, in double precision: present time, where to stop, planned length of the latest epoch
 NOW, TIME_END, PLANNED = range(3)
-# total, 64-bit: collisions still wanted; epochs and collisions of this launch
-COLLISIONS_LEFT, N_EPOCHS, N_TOTAL = range(3)
+# total, 64-bit: collisions still wanted; epochs, collisions and collisions with walls of this launch
+COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL = range(4)
 
 SPEED_MARGIN = 1.15  # how much faster than the fastest disk a disk may become before the epoch is cut short
 # Taichi hands a thread at least so many items of a loop. Loops over few, long items run over SPREAD times as many,
@@ -89,6 +98,8 @@ SPREAD = 512
 ROLLED_BACK = -2  # as a partner: this disk was rolled back and has not predicted again
 FAR = 1.0e30  # a time later than any event
 NEVER = 1 << 30  # "undo from collision number NEVER on": nothing to undo
+FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
+WALL_ID = 1 << 30  # walls come after all disks in the order of events
 SAME_FRAME = 4  # the shift of two disks of one tile
 # LENGTH = neighbours in the same frame + OTHER * those in others + LEVEL * level
 OTHER, LEVEL = 1 << 14, 1 << 27
@@ -149,3 +160,8 @@ class GasArrays(NamedTuple):
     log_real: Any = None
     log_int: Any = None
     law: Any = None
+    clock: Any = None
+    walls: Any = None
+    near_walls: Any = None
+    wall_hits: Any = None
+    wall_work: Any = None

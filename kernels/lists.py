@@ -17,18 +17,23 @@ from .layout import (
     N_STANDING,
     N_UNDONE,
     N_VIOLATIONS,
+    N_WALL_HITS,
     OTHER,
     RADIUS,
+    REACH,
+    RESTING,
     ROW,
     SAME_FRAME,
     SKIN,
     TE,
     TOP_LEVEL,
+    WALLS,
     X,
     Y,
     n_others,
     n_own,
 )
+from .walls import note_walls, wall_phases
 
 
 @ti.func
@@ -49,10 +54,13 @@ def open_epoch(gas: ti.template()):
             LOG_FULL,
             N_UNDONE,
             TOP_LEVEL,
+            N_WALL_HITS,
+            RESTING,
         )
     ):
         gas.counter[item] = 0
     gas.limit[END] = gas.scale[HORIZON]
+    wall_phases(gas)
 
 
 @ti.func
@@ -138,6 +146,8 @@ def list_tile(tile, gas: ti.template()):
                 most = ti.max(most, n_own(lengths) + n_others(lengths))
     # A row that later disks made too long shows when it is looked at again.
     for i in range(gas.start[first], gas.start[first + cells_x * cells_y]):
+        if gas.grid[WALLS] > 0:
+            note_walls(i, gas.flight[i][X], gas.flight[i][Y], gas.scale[REACH], gas)
         most = ti.max(most, n_own(gas.link[i][LENGTH]) + n_others(gas.link[i][LENGTH]))
     # In a row that is just full, a candidate may have been written over the last neighbour.
     if most >= row:

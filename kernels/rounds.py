@@ -18,7 +18,7 @@ and marks are minima. The work lists are filled by atomics in any order, but are
 import taichi as ti
 
 from .events import collide, mark, predict, propagate, restore
-from .extend import LATER, extend, raise_level, too_fast
+from .extend import LATER, extend, raise_level
 from .layout import (
     AFFECTED_ROW,
     CHANGED_ROW,
@@ -51,6 +51,7 @@ from .layout import (
     Table,
     push,
 )
+from .levels import too_fast
 from .sort import BLOCK, n_blocks
 
 
@@ -103,11 +104,27 @@ def active_disk(q, everybody, gas: ti.template()):
     return i
 
 
+@ti.func
+def raise_if_fast(i, gas: ti.template()):
+    """Have disk i's list extended if it has become too fast for it."""
+    level = too_fast(i, gas)
+    if level > 0:
+        raise_level(i, level, gas)
+        push(EXTEND_ROW, i, gas)
+
+
+@ti.func
+def predict_again(i, gas: ti.template()):
+    """Step 5 for disk i, unless it was rolled back and predicts in the next round anyhow."""
+    if gas.link[i][PARTNER] != ROLLED_BACK:
+        predict(i, False, gas)
+
+
 @ti.kernel
 def one_round(
     everybody: ti.i32, grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows,
     cell: Rows, start: Rows, neighbour: Rows, lists: Table, counter: Rows, limit: Rows, log_real: Rows,
-    log_int: Rows, law: Cube,
+    log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """One round in parallel. `everybody` = n makes all disks active (a window's first round), 0 the last predicted.
 
@@ -117,7 +134,7 @@ def one_round(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, lists=lists, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
-        law=law,
+        law=law, walls=walls, near_walls=near_walls,
     ))  # fmt: skip
     for _ in range(1):
         # Latched: an end brought forward by this round's collisions holds from the next round on.
@@ -125,11 +142,7 @@ def one_round(
     for q in range(n_active(everybody, gas)):
         collide(active_disk(q, everybody, gas), everybody, gas)
     for q in range(gas.counter[CHANGED_ROW + gas.counter[ROUND] % 2]):
-        i = gas.lists[CHANGED_ROW + gas.counter[ROUND] % 2, q]
-        level = too_fast(i, gas)
-        if level > 0:
-            raise_level(i, level, gas)
-            push(EXTEND_ROW, i, gas)
+        raise_if_fast(gas.lists[CHANGED_ROW + gas.counter[ROUND] % 2, q], gas)
     for q in range(gas.counter[EXTEND_ROW]):
         extend(gas.lists[EXTEND_ROW, q], LATER, gas)
     for _ in range(1):
@@ -141,9 +154,7 @@ def one_round(
     for q in range(gas.counter[UNDO_ROW]):
         restore(gas.lists[UNDO_ROW, q], gas)
     for q in range(gas.counter[AFFECTED_ROW + gas.counter[ROUND] % 2]):
-        i = gas.lists[AFFECTED_ROW + gas.counter[ROUND] % 2, q]
-        if gas.link[i][PARTNER] != ROLLED_BACK:
-            predict(i, False, gas)
+        predict_again(gas.lists[AFFECTED_ROW + gas.counter[ROUND] % 2, q], gas)
     for _ in range(1):
         next_round(gas)
 
@@ -152,7 +163,7 @@ def one_round(
 def rounds_by_one_thread(
     first: ti.i32, most_active: ti.i32, most_rounds: ti.i32, grid: Rows, scale: Rows, flight: Rows,
     kinds: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows, neighbour: Rows, lists: Table,
-    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube,
+    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """The rounds of `one_round`, one after another by one thread, while no more than `most_active` disks are active.
 
@@ -161,7 +172,7 @@ def rounds_by_one_thread(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, lists=lists, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
-        law=law,
+        law=law, walls=walls, near_walls=near_walls,
     ))  # fmt: skip
     for _ in range(1):
         everybody = first
@@ -171,11 +182,7 @@ def rounds_by_one_thread(
             for q in range(n_active(everybody, gas)):
                 collide(active_disk(q, everybody, gas), everybody, gas)
             for q in range(gas.counter[CHANGED_ROW + gas.counter[ROUND] % 2]):
-                i = gas.lists[CHANGED_ROW + gas.counter[ROUND] % 2, q]
-                level = too_fast(i, gas)
-                if level > 0:
-                    raise_level(i, level, gas)
-                    push(EXTEND_ROW, i, gas)
+                raise_if_fast(gas.lists[CHANGED_ROW + gas.counter[ROUND] % 2, q], gas)
             for q in range(gas.counter[EXTEND_ROW]):
                 extend(gas.lists[EXTEND_ROW, q], LATER, gas)
             gas.counter[EXTEND_ROW] = 0
@@ -185,9 +192,7 @@ def rounds_by_one_thread(
             for q in range(gas.counter[UNDO_ROW]):
                 restore(gas.lists[UNDO_ROW, q], gas)
             for q in range(gas.counter[AFFECTED_ROW + gas.counter[ROUND] % 2]):
-                i = gas.lists[AFFECTED_ROW + gas.counter[ROUND] % 2, q]
-                if gas.link[i][PARTNER] != ROLLED_BACK:
-                    predict(i, False, gas)
+                predict_again(gas.lists[AFFECTED_ROW + gas.counter[ROUND] % 2, q], gas)
             next_round(gas)
             everybody = 0
             active = n_active(0, gas) + gas.counter[CHANGED_ROW + gas.counter[ROUND] % 2]
@@ -234,7 +239,8 @@ def cut(
         if gas.log_int[entry][STANDS] == 1 and gas.log_real[entry][TIME] >= end:
             for side in ti.static(range(2)):
                 i = gas.log_int[entry][SLOT + side]
-                mark(i, gas.log_int[entry][NUMBER + side], gas)
+                if i >= 0:  # not a wall
+                    mark(i, gas.log_int[entry][NUMBER + side], gas)
     for q in range(gas.counter[UNDO_ROW]):
         restore(gas.lists[UNDO_ROW, q], gas)
     for _ in range(1):

@@ -10,8 +10,8 @@ opens the rounds, which do the rest.
 import taichi as ti
 
 from .events import collide_at
-from .extend import LATER, extend, raise_level, too_fast
-from .flights import meeting_time, precedes, shift_by, sooner
+from .extend import LATER, extend, raise_level
+from .flights import id_of, meeting_time, precedes, shift_by, sooner
 from .layout import (
     AFFECTED,
     BEGIN,
@@ -19,6 +19,7 @@ from .layout import (
     CELLS_Y,
     END,
     FAR,
+    FIRST_WALL,
     HEAD,
     HORIZON,
     ID,
@@ -32,6 +33,7 @@ from .layout import (
     PARTNER,
     PREVIOUS_IN_BIN,
     RADIUS,
+    RESTING,
     ROLLED_BACK,
     ROW,
     SAME_FRAME,
@@ -43,6 +45,7 @@ from .layout import (
     TILES_Y,
     VX,
     VY,
+    WALLS,
     WINDOW,
     Cube,
     GasArrays,
@@ -52,10 +55,14 @@ from .layout import (
     n_others,
     n_own,
 )
+from .levels import too_fast
+from .walls import first_wall, hit_wall
 
 CHUNK = 32  # log records that a tile takes at a time
 # In place of the disk before in a bin: nobody knows of this disk; it is held; it is the first of bin FIRST - b.
 OUT, HELD, FIRST = -1, -2, -3
+# What the earliest event is: a collision with a disk or a wall; one that must wait; none any more.
+WITH_DISK, WITH_WALL, WITH_HELD, NOT_DUE = range(4)
 UNSURE = -2  # in place of a stamp: this disk predicted without looking at other tiles
 
 
@@ -102,8 +109,8 @@ def earliest_of_bin(b, gas: ti.template()):
                 best = j
                 t = t_j
             elif t_j == t:
-                p, q = gas.link[best][PARTNER] // 9, gas.link[j][PARTNER] // 9
-                if precedes(gas.meta[j][ID], gas.meta[q][ID], gas.meta[best][ID], gas.meta[p][ID]):
+                p, q = id_of(gas.link[best][PARTNER], gas), id_of(gas.link[j][PARTNER], gas)
+                if precedes(gas.meta[j][ID], q, gas.meta[best][ID], p):
                     best = j
             j = gas.link[j][NEXT]
     return best
@@ -156,6 +163,11 @@ def predict_in_order(i, now, low, high, begin, rate, gas: ti.template()):
                             gas.flight[j][TE] = t
                             gas.link[j][PARTNER] = 9 * i + 8 - shift
                             enqueue(j, low, high - low, begin, rate, gas.scale[WINDOW], gas)
+    if gas.grid[WALLS] > 0:
+        t, code = first_wall(i, gas)
+        if t < earliest:
+            earliest = t
+            partner = code
     gas.flight[i][TE] = earliest
     gas.link[i][PARTNER] = partner
     if earliest < now:
@@ -197,10 +209,25 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
                 if t >= gas.limit[END]:
                     b = high
             if b < high:
-                if j < low or j >= high:
+                due = NOT_DUE
+                if code <= FIRST_WALL:
+                    due = WITH_WALL
+                elif j >= low and j < high:
+                    if gas.link[j][PARTNER] == 9 * i + 8 - shift and gas.flight[j][TE] == t:
+                        due = WITH_DISK
+                    elif gas.link[j][PREVIOUS_IN_BIN] == HELD:
+                        due = WITH_HELD
+                else:
+                    due = WITH_HELD
+                members = 0  # disks that predict: i, and then j
+                if due == WITH_HELD:
                     dequeue(i, gas)
                     gas.link[i][PREVIOUS_IN_BIN] = HELD
-                elif gas.link[j][PARTNER] == 9 * i + 8 - shift and gas.flight[j][TE] == t:
+                elif due == NOT_DUE:
+                    # The partner has changed meanwhile.
+                    dequeue(i, gas)
+                    members = 1
+                else:
                     if free == chunk_end:
                         free = ti.atomic_add(gas.counter[N_LOG], CHUNK)
                         chunk_end = free + CHUNK
@@ -213,41 +240,44 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
                                 gas.limit[END] = t
                     if b < high:
                         dequeue(i, gas)
-                        dequeue(j, gas)
-                        if i > j:
-                            shift = 8 - shift
-                        collide_at(free, t, ti.min(i, j), ti.max(i, j), shift, gas)
+                        members = 1
+                        if due == WITH_WALL:
+                            hit_wall(free, t, i, gas)
+                        else:
+                            dequeue(j, gas)
+                            if i > j:
+                                shift = 8 - shift
+                            collide_at(free, t, ti.min(i, j), ti.max(i, j), shift, gas)
+                            done += 1
+                            members = 2
                         free += 1
-                        done += 1
-                        for member in range(2):
-                            m = i + member * (j - i)
-                            level = too_fast(m, gas)
-                            if ti.static(alone):
-                                if level > 0:
-                                    raise_level(m, level, gas)
-                                    extend(m, LATER, gas)
-                                    if gas.counter[MOST_NEIGHBOURS] > 0:
-                                        b = high
-                                    level = 0
-                            if level > 0:
-                                # Its list may need disks of other tiles: the rounds see to it.
-                                gas.flight[m][TE] = FAR
-                                gas.link[m][PARTNER] = ROLLED_BACK
-                                gas.link[m][AFFECTED] = UNSURE
-                                gas.link[m][PREVIOUS_IN_BIN] = HELD
-                            else:
-                                predict_in_order(m, t, low, high, begin, rate, gas)
-                        if ti.static(alone):
-                            if done == most:
-                                gas.limit[END] = t
+                for member in range(members):
+                    m = i + member * (j - i)
+                    level = too_fast(m, gas)
+                    if ti.static(alone):
+                        if level > 0:
+                            raise_level(m, level, gas)
+                            extend(m, LATER, gas)
+                            if gas.counter[MOST_NEIGHBOURS] > 0:
                                 b = high
-                elif gas.link[j][PREVIOUS_IN_BIN] == HELD:
-                    dequeue(i, gas)
-                    gas.link[i][PREVIOUS_IN_BIN] = HELD
-                else:
-                    # The partner has changed meanwhile.
-                    dequeue(i, gas)
-                    predict_in_order(i, t, low, high, begin, rate, gas)
+                            level = 0
+                    if level > 0:
+                        # Its list may need disks of other tiles: the rounds see to it.
+                        gas.flight[m][TE] = FAR
+                        gas.link[m][PARTNER] = ROLLED_BACK
+                        gas.link[m][AFFECTED] = UNSURE
+                        gas.link[m][PREVIOUS_IN_BIN] = HELD
+                    else:
+                        predict_in_order(m, t, low, high, begin, rate, gas)
+                if ti.static(alone):
+                    # Collisions asked for are those of two disks: a wall does not stop the count from being reached.
+                    if members == 2:
+                        if done == most:
+                            gas.limit[END] = t
+                            b = high
+                    if gas.counter[RESTING] > 0:
+                        gas.limit[END] = t
+                        b = high
     for entry in range(free, chunk_end):
         gas.log_int[entry][STANDS] = 0
     ti.atomic_add(gas.counter[N_STANDING], done)
@@ -271,7 +301,7 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
 def run_tiles(
     grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows,
     fill: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows,
-    law: Cube,
+    law: Cube, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """All tiles at once, one thread each, up to the end of the window.
 
@@ -280,7 +310,7 @@ def run_tiles(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit, log_real=log_real,
-        log_int=log_int, law=law,
+        log_int=log_int, law=law, walls=walls, near_walls=near_walls,
     ))  # fmt: skip
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:

@@ -1,0 +1,333 @@
+"""Walls: lines, segments, containers and posts, at rest, moving, or with a moving surface.
+
+A wall is a disk of infinite mass to the collision law, with a material of its own. `kernels/walls.py` finds when disks
+meet it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .box import Box
+from .engine_limits import MOST_WALLS
+from .errors import InputError, nearest
+
+Point = tuple[float, float]
+SHAPES = ("line", "segment", "container", "post")
+MOTIONS = ("still", "steady", "sine", "sawtooth")
+
+
+def _point(name: str, value: Sequence[float]) -> Point:
+    numbers = tuple(float(number) for number in value)
+    if len(numbers) != 2 or not all(math.isfinite(number) for number in numbers):
+        raise InputError(f"{name} = {value}: two finite numbers are needed")
+    return numbers
+
+
+def _number(
+    name: str, value: float, low: float = -math.inf, high: float = math.inf, *, open_: bool = False
+) -> float:
+    number = float(value)
+    inside = low < number < high if open_ else low <= number <= high
+    if not (math.isfinite(number) and inside):
+        between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
+        between += "" if high == math.inf else f" and {'below' if open_ else 'not above'} {high:g}"
+        raise InputError(f"{name} = {value}: a finite number{between} is needed")
+    return number
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a wall moves as a whole: a displacement s(t) along a direction; t is the time of the run.
+
+    Parameters
+    ----------
+    kind : {"still", "steady", "sine", "sawtooth"}
+        steady: s = speed t. sine: s = amplitude sin(2 pi frequency t + phase). sawtooth: at constant speed from
+        -amplitude to +amplitude in the part `rise` of a period, and back in the rest of it.
+    direction : two floats
+        Any length but 0; only the direction counts.
+    speed : float
+        Of a steady motion [length/time].
+    amplitude : float
+        Of an oscillation [length].
+    frequency : float
+        Of an oscillation [1/time].
+    phase : float
+        At t = 0 [rad]; 2 pi is a whole period.
+    rise : float
+        Between 0 and 1.
+
+    Raises
+    ------
+    InputError
+        If a number is not finite or out of its range.
+    """
+
+    kind: str = "still"
+    direction: Point = (0.0, 1.0)
+    speed: float = 0.0
+    amplitude: float = 0.0
+    frequency: float = 0.0
+    phase: float = 0.0
+    rise: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.kind not in MOTIONS:
+            raise InputError(
+                f"motion kind = '{self.kind}': allowed are {', '.join(MOTIONS)}{nearest(self.kind, MOTIONS)}"
+            )
+        x, y = _point("motion direction", self.direction)
+        length = math.hypot(x, y)
+        if length == 0.0:
+            raise InputError("motion direction = (0, 0): it has no direction")
+        object.__setattr__(self, "direction", (x / length, y / length))
+        _number("motion speed", self.speed)
+        _number("motion amplitude", self.amplitude, 0.0)
+        _number("motion frequency", self.frequency, 0.0)
+        _number("motion phase", self.phase)
+        _number("motion rise", self.rise, 0.0, 1.0, open_=True)
+        if self.kind in ("sine", "sawtooth") and self.frequency == 0.0:
+            raise InputError(f"motion kind = '{self.kind}': a frequency above 0 is needed")
+
+    @property
+    def most_speed(self) -> float:
+        """The largest speed [length/time]."""
+        if self.kind == "steady":
+            return abs(self.speed)
+        if self.kind == "sine":
+            return 2.0 * math.pi * self.frequency * self.amplitude
+        if self.kind == "sawtooth":
+            return 2.0 * self.amplitude * self.frequency / min(self.rise, 1.0 - self.rise)
+        return 0.0
+
+    @property
+    def extent(self) -> float:
+        """How far it goes from its middle position [length]; infinite for a steady motion."""
+        return math.inf if self.kind == "steady" and self.speed != 0.0 else self.amplitude
+
+    def displacement(self, t: float) -> float:
+        """s(t) [length]."""
+        if self.kind == "steady":
+            return self.speed * t
+        if self.kind == "sine":
+            return self.amplitude * math.sin(2.0 * math.pi * self.frequency * t + self.phase)
+        if self.kind == "sawtooth":
+            part = (self.frequency * t + self.phase / (2.0 * math.pi)) % 1.0
+            if part < self.rise:
+                return self.amplitude * (2.0 * part / self.rise - 1.0)
+            return self.amplitude * (1.0 - 2.0 * (part - self.rise) / (1.0 - self.rise))
+        return 0.0
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall. Make one by `line`, `segment`, `container` or `post`.
+
+    Attributes
+    ----------
+    shape : {"line", "segment", "container", "post"}
+    place : two floats
+        A point of a line, the beginning of a segment, the centre of a circle [length].
+    towards : two floats
+        A line's unit normal towards the disks; from the beginning of a segment to its end [length].
+    radius : float
+        Of a circle [length].
+    material : int
+        Row of the law's table.
+    motion : Motion
+    surface_speed : float
+        Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
+        that points to the disk, that is clockwise for a container and counter-clockwise for a post.
+    """
+
+    shape: Literal["line", "segment", "container", "post"]
+    place: Point
+    towards: Point = (0.0, 0.0)
+    radius: float = 0.0
+    material: int = 0
+    motion: Motion = Motion()
+    surface_speed: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise InputError(
+                f"wall shape = '{self.shape}': allowed are {', '.join(SHAPES)}{nearest(self.shape, SHAPES)}"
+            )
+        object.__setattr__(self, "place", _point(f"{self.shape} wall, place", self.place))
+        object.__setattr__(self, "towards", _point(f"{self.shape} wall, direction", self.towards))
+        if self.shape in ("line", "segment") and math.hypot(*self.towards) == 0.0:
+            what = (
+                "normal = (0, 0): it has no direction" if self.shape == "line" else "both ends are the same"
+            )
+            raise InputError(f"{self.shape} wall: {what}")
+        if self.shape == "line":
+            length = math.hypot(*self.towards)
+            object.__setattr__(self, "towards", (self.towards[0] / length, self.towards[1] / length))
+        _number(f"{self.shape} wall, radius", self.radius, 0.0, open_=self.shape == "container")
+        _number(f"{self.shape} wall, surface speed", self.surface_speed)
+
+    @classmethod
+    def line(
+        cls,
+        point: Point,
+        normal: Point,
+        *,
+        material: int = 0,
+        motion: Motion = Motion(),
+        surface_speed: float = 0.0,
+    ) -> Wall:
+        """An endless straight wall through `point`; disks are on the side to which `normal` points."""
+        return cls("line", point, normal, 0.0, material, motion, surface_speed)
+
+    @classmethod
+    def segment(
+        cls,
+        start: Point,
+        end: Point,
+        *,
+        material: int = 0,
+        motion: Motion = Motion(),
+        surface_speed: float = 0.0,
+    ) -> Wall:
+        """A straight wall from `start` to `end`, without thickness; disks collide with both sides and the ends."""
+        (x, y), (x_1, y_1) = _point("segment wall, start", start), _point("segment wall, end", end)
+        return cls("segment", (x, y), (x_1 - x, y_1 - y), 0.0, material, motion, surface_speed)
+
+    @classmethod
+    def container(
+        cls,
+        center: Point,
+        radius: float,
+        *,
+        material: int = 0,
+        motion: Motion = Motion(),
+        surface_speed: float = 0.0,
+    ) -> Wall:
+        """A circular wall around the disks."""
+        return cls("container", center, (0.0, 0.0), radius, material, motion, surface_speed)
+
+    @classmethod
+    def post(
+        cls,
+        center: Point,
+        radius: float,
+        *,
+        material: int = 0,
+        motion: Motion = Motion(),
+        surface_speed: float = 0.0,
+    ) -> Wall:
+        """A round wall among the disks; radius 0 is a point."""
+        return cls("post", center, (0.0, 0.0), radius, material, motion, surface_speed)
+
+    def row(self, offset: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The wall as a row of `kernels/walls.py`, every position moved by `offset` [length], shape (2,)."""
+        motion = self.motion
+        amplitude = motion.speed if motion.kind == "steady" else motion.amplitude
+        turn = 2.0 * math.pi
+        rate = turn * motion.frequency if motion.kind == "sine" else motion.frequency
+        phase = motion.phase if motion.kind == "sine" else motion.phase / turn
+        return np.array(
+            [
+                SHAPES.index(self.shape), *(np.array(self.place) + offset), *self.towards, self.radius,
+                MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,
+                self.surface_speed, self.material, -1.0, 0.0,
+            ],
+            dtype=np.float64,
+        )  # fmt: skip
+
+    def gap(
+        self, position: NDArray[np.float64], radius: NDArray[np.float64], t: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Distance between wall and disks [length] at time t; negative where they overlap.
+
+        Parameters
+        ----------
+        position : array (n, 2)
+        radius : array (n,)
+        """
+        moved = np.array(self.place) + np.array(self.motion.direction) * self.motion.displacement(t)
+        d = position - moved
+        towards = np.array(self.towards)
+        if self.shape == "line":
+            return d @ towards - radius
+        if self.shape == "segment":
+            along = np.clip(d @ towards / (towards @ towards), 0.0, 1.0)
+            d = d - along[:, None] * towards
+        r = np.hypot(d[:, 0], d[:, 1])
+        return (self.radius - r if self.shape == "container" else r - self.radius) - radius
+
+    @property
+    def most_speed(self) -> float:
+        """The largest speed of any point of its surface [length/time]."""
+        return self.motion.most_speed + abs(self.surface_speed)
+
+
+def sides(box: Box, material: int = 0) -> list[Wall]:
+    """Straight walls at those sides of a box that are not periodic."""
+    (width, height), found = box.lengths, []
+    if not box.periodic[0]:
+        found += [Wall.line((0.0, 0.0), (1.0, 0.0), material=material)]
+        found += [Wall.line((width, 0.0), (-1.0, 0.0), material=material)]
+    if not box.periodic[1]:
+        found += [Wall.line((0.0, 0.0), (0.0, 1.0), material=material)]
+        found += [Wall.line((0.0, height), (0.0, -1.0), material=material)]
+    return found
+
+
+def check(
+    walls: Sequence[Wall],
+    box: Box,
+    position: NDArray[np.float64],
+    radius: NDArray[np.float64],
+    materials: int,
+) -> None:
+    """Refuse walls that cannot be simulated, or that disks overlap at the start.
+
+    Raises
+    ------
+    InputError
+        Names wall and disk, and by how much they overlap.
+    """
+    if len(walls) > MOST_WALLS:
+        raise InputError(
+            f"{len(walls)} walls: {MOST_WALLS} at most are supported, the sides of the box included"
+        )
+    for w, wall in enumerate(walls):
+        name = f"wall {w} ({wall.shape})"
+        if not 0 <= wall.material < materials:
+            raise InputError(
+                f"{name}: material index {wall.material}: the law table has {materials} materials"
+            )
+        x, y = wall.place
+        reach = wall.radius + (0.0 if math.isinf(wall.motion.extent) else wall.motion.extent)
+        for axis, side in enumerate(box.lengths):
+            if box.periodic[axis] and wall.shape != "line":
+                low, high = (
+                    wall.place[axis],
+                    wall.place[axis] + (wall.towards[axis] if wall.shape == "segment" else 0.0),
+                )
+                if min(low, high) - reach < 0.0 or max(low, high) + reach > side:
+                    raise InputError(
+                        f"{name} at ({x:.6g}, {y:.6g}) reaches beyond a periodic side of the box, where walls are not "
+                        "repeated; move it inside, or make that direction not periodic"
+                    )
+            if box.periodic[axis] and wall.shape == "line" and wall.towards[axis] != 0.0:
+                raise InputError(
+                    f"{name}: a line across a periodic direction of the box ({'xy'[axis]}); make that direction not "
+                    "periodic"
+                )
+        if len(position):
+            gap = wall.gap(position, radius)
+            worst = int(np.argmin(gap))
+            if gap[worst] < 0.0:
+                raise InputError(
+                    f"disk {worst} at ({position[worst, 0]:.6g}, {position[worst, 1]:.6g}) overlaps {name} by "
+                    f"{-gap[worst]:.3g}"
+                )
