@@ -46,6 +46,14 @@ def test_python_example_is_the_case_to_the_last_bit(tmp_path: Path, monkeypatch:
             np.testing.assert_array_equal(getattr(a, field), getattr(b, field))
 
 
+def test_walls_example_shakes_coins(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block("walls"), "README.md", "exec"), {})
+    hits, collisions, work = capsys.readouterr().out.split()
+    assert int(hits) > 20
+    assert int(collisions) > 20
+    assert float(work) > 0.0
+
+
 def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:
     assert block("run").endswith("&& .venv/bin/pip install . && .venv/bin/ifrdem run cases/cooling.toml\n")
     assert (ROOT / "cases" / "cooling.toml").is_file()
