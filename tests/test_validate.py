@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -357,3 +359,10 @@ def test_environment_of_the_report_names_versions():
     record = runner.environment(quick=True, seconds=1.0)
     assert record["samples"] == "quick"
     assert record["taichi"].startswith("1.7")
+
+
+def test_readme_lists_every_case():
+    text = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    section = text.split("## Validation")[1].split("\n## ")[0]
+    assert re.findall(r"^\| `(\w+)` \|", section, flags=re.MULTILINE) == list(registry.CASES)
+    assert ".venv/bin/ifrdem validate -o validation-report\n" in section

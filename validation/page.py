@@ -22,7 +22,7 @@ h1, h2, h3 { font-weight: normal; } h2 { border-bottom: 1px solid #999; margin-t
 table { border-collapse: collapse; font: 12.5px/1.35 Helvetica, Arial, sans-serif; margin: 1em 0; }
 th, td { padding: .18em .7em .18em 0; text-align: left; vertical-align: top; border-bottom: 1px solid #e2e2e2; }
 th { border-bottom: 1px solid #666; }
-td.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
+td.n, th.n { text-align: right; } td.n { white-space: nowrap; font-variant-numeric: tabular-nums; }
 .passed { color: #00664a; } .failed { color: #fff; background: #b3261e; padding: 0 .3em; } .skipped { color: #8a5a00; }
 tr.bad td { background: #fbe3e1; }
 figure { margin: 1.5em 0; } figure img { max-width: 100%; }
@@ -173,14 +173,13 @@ def _rows(
 ) -> str:
     """A table; cells are HTML already."""
     right = set(numbers)
-    lines = ["<table>", "<tr>" + "".join(f"<th>{rich(cell)}</th>" for cell in header) + "</tr>"]
+    kinds = [' class="n"' if column in right else "" for column in range(len(header))]
+    head = "".join(f"<th{kind}>{rich(cell)}</th>" for cell, kind in zip(header, kinds, strict=True))
+    lines = ["<table>", f"<tr>{head}</tr>"]
     for i, row in enumerate(rows):
-        kind = ' class="bad"' if bad is not None and bad[i] else ""
-        cells = "".join(
-            f"<td{' class=' + chr(34) + 'n' + chr(34) if column in right else ''}>{cell}</td>"
-            for column, cell in enumerate(row)
-        )
-        lines.append(f"<tr{kind}>{cells}</tr>")
+        mark = ' class="bad"' if bad is not None and bad[i] else ""
+        cells = "".join(f"<td{kind}>{cell}</td>" for cell, kind in zip(row, kinds, strict=True))
+        lines.append(f"<tr{mark}>{cells}</tr>")
     return "\n".join([*lines, "</table>"])
 
 

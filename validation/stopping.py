@@ -204,21 +204,22 @@ def _balance(result: Result, psi: Array, flown: list[After], slides: list[tuple[
 
 
 def _figure_10(result: Result, got: After, slides: tuple[Slides, Slides]) -> Picture:
-    figure, (ax,) = style.panels()
+    figure, (ax, low) = style.panels(2)
     c = got.impact
     psi = np.radians(np.linspace(0.5, 89.5, 400))
     line = predicted.after(angles.coin_impact(TABLE_II[1], psi), "percussion_center")
     ax.plot(np.degrees(psi), line.v_2 / line.v_1, color=style.BLUE, label=r"$v_2/v_1$ (Eq. 29)")
-    coarse = slice(5, None, 20)
-    d_1 = table_reference.stopping_distance(line.v_1[coarse], line.Rw_1[coarse])
-    d_2 = table_reference.stopping_distance(line.v_2[coarse], line.Rw_2[coarse])
-    ax.plot(
-        np.degrees(psi[coarse]),
-        np.sqrt(d_2 / d_1),
-        "--",
-        color=style.VERMILION,
-        label="exact sliding and spinning",
-    )
+    # Each point is a flight by SciPy: few of them, and the corner where sliding begins.
+    corner = np.arctan(paper.tan_psi_transit_percussion_center(c)[0])
+    degrees = np.concatenate([np.linspace(1.0, 76.0, 22), np.linspace(78.0, STEEPEST, 8)])
+    nodes = np.sort(np.append(np.radians(degrees), corner))
+    coarse = predicted.after(angles.coin_impact(TABLE_II[1], nodes), "percussion_center")
+    d_1 = table_reference.stopping_distance(coarse.v_1, coarse.Rw_1)
+    d_2 = table_reference.stopping_distance(coarse.v_2, coarse.Rw_2)
+    at, exact, by_speed = np.degrees(coarse.impact.psi), np.sqrt(d_2 / d_1), coarse.v_2 / coarse.v_1
+    ax.plot(at, exact, "--", color=style.VERMILION, label="exact sliding and spinning")
+    low.plot(at, exact / by_speed, "--", color=style.VERMILION, label="exact sliding and spinning")
+    low.axhline(1.0, color=style.BLUE, label="Eq. 29")
     step = max(len(c.psi) // 14, 2)
     some, others = slice(0, None, step), slice(step // 2, None, step)
     style.points(ax, np.degrees(c.psi[some]), (got.v_2 / got.v_1)[some], style.BLUE, r"simulated $v_2/v_1$")
@@ -236,12 +237,24 @@ def _figure_10(result: Result, got: After, slides: tuple[Slides, Slides]) -> Pic
         "points of Fig. 10, (d_2/d_1)^(1/2)", ratio, reference, 1e-9, FLIGHT, "Eqs. 6 to 17 and DOP853"
     )
     style.points(ax, np.degrees(c.psi[others]), ratio, style.VERMILION, r"simulated $(d_2/d_1)^{1/2}$", "s")
-    ax.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2}$, $v_2/v_1$", xlim=(0, 90), yscale="log")
+    ax.set(
+        xlabel=r"$\psi$ (deg)",
+        ylabel=r"$(d_2/d_1)^{1/2}$, $v_2/v_1$",
+        xlim=(0, 90),
+        ylim=(0.02, 40.0),
+        yscale="log",
+    )
     ax.legend(loc="lower left")
+    style.letter(ax, "(a)")
+    right = (by_law.v_2 / by_law.v_1)[others]
+    style.points(low, np.degrees(c.psi[others]), ratio / right, style.VERMILION, "simulated", "s")
+    low.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2} / (v_2/v_1)$", xlim=(0, 90), ylim=(0.92, 1.1))
+    low.legend(loc="upper center")
+    style.letter(low, "(b)")
     return Picture(
         "figure-10",
         "Figure 10. Stopping distances of two aluminium coins after their collision. Eq. 29 takes (d_2/d_1)^(1/2) for "
-        "v_2/v_1; with the exact friction of a disk that slides and spins the two differ.",
+        "v_2/v_1; with the exact friction of a disk that slides and spins the two differ (b).",
         figure,
     )
 
