@@ -53,6 +53,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -69,6 +70,7 @@ from .statistics import Statistics
 if TYPE_CHECKING:
     from .device_arrays import DeviceArrays
     from .epochs import Outcome
+    from .forces import Force
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 STALLED_EPOCHS = 50  # epochs in a row that together gain no time: the gas has collapsed
@@ -113,11 +115,15 @@ class Engine:
         See `backend.start`.
     skin : float, optional
         Extra listing distance [length]; by default `default_skin`. Results do not depend on it beyond rounding.
+    forces : sequence of Force
+        What acts between collisions (`splitting.py` says when).
+    seed : int
+        Of the forces' random numbers, 0 to 2^64 - 1.
 
     Raises
     ------
     InputError
-        If a disk is larger than a third of a side of the box, or the device is not there.
+        If a disk is larger than a third of a side of the box, the device is not there, or a force cannot act.
     """
 
     def __init__(
@@ -134,6 +140,8 @@ class Engine:
         order: str | None = None,
         tile_disks: int = TILE_DISKS,
         windows: int | None = None,
+        forces: Sequence[Force] = (),
+        seed: int = 0,
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
@@ -190,6 +198,7 @@ class Engine:
         backend.start(arch, threads=threads, precision=precision)
         from .device_arrays import DeviceArrays
         from .epochs import Epochs
+        from .splitting import Splitting
 
         backend.register(self)
         self.arrays: DeviceArrays = DeviceArrays(
@@ -197,6 +206,8 @@ class Engine:
             skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
         )  # fmt: skip
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
+        self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
+        self._resting = 0
 
     @property
     def most_level(self) -> int:
@@ -217,34 +228,39 @@ class Engine:
     def advance(self, *, t_end: float = math.inf, collisions: int | None = None) -> None:
         """Run one epoch, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
+        It ends at the latest where a force acts, after that.
+
         Raises
         ------
         EngineError
             If no collision can ever happen but some are asked for, if collisions pile up without end (inelastic
-            collapse), or if a guarantee of the engine is violated.
+            collapse), if a force makes a velocity that is not finite, or if a guarantee of the engine is violated.
         """
         self._check_whole()
         self._whole = False
         self.last_collisions = None
+        stop = min(t_end, self.splitting.next_time)
         if self.n < 2:
             self.epochs.settle(self.time)
-            self._fly_freely(t_end)
+            self._fly_freely(stop, t_end)
         else:
             wanted = None if collisions is None else collisions - self.collisions
             if self.order == "alone":
-                outcome = self.epochs.run_alone(self.time, t_end, wanted, single=self.keep_collisions)
+                outcome = self.epochs.run_alone(self.time, stop, wanted, single=self.keep_collisions)
             else:
-                outcome = self.epochs.run(self.time, t_end, wanted)
+                outcome = self.epochs.run(self.time, stop, wanted)
             self.collisions += outcome.collisions
             if outcome.fastest == 0.0:
                 self.time = outcome.time
-                self._fly_freely(t_end)
+                self._fly_freely(stop, t_end)
             else:
+                self._resting = 0
                 if self.keep_collisions:
                     self.last_collisions = self._read_log()
                 self.time = outcome.time
                 self.epochs.after_epoch()
                 self._watch(outcome, t_end)
+        self._apply_forces()
         self._whole = True
 
     def release(self) -> None:
@@ -268,13 +284,19 @@ class Engine:
                 "an epoch was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
             )
 
-    def _fly_freely(self, t_end: float) -> None:
-        if not math.isfinite(t_end):
+    def _apply_forces(self) -> None:
+        for index in self.splitting.due(self.time):
+            self.splitting.apply(index, self.time)
+
+    def _fly_freely(self, stop: float, t_end: float) -> None:
+        """To `stop` [time], where a force may set disks in motion; to `t_end` without one."""
+        self._resting += 1
+        if not math.isfinite(stop) or (not math.isfinite(t_end) and self._resting > PATIENCE):
             raise EngineError(
                 f"t = {self.time:.6g}: no disk can meet another one, but collisions are asked for"
             )
-        self.epochs.fly(t_end - self.time)
-        self.time = t_end
+        self.epochs.fly(stop - self.time)
+        self.time = stop
 
     def _read_log(self) -> Collisions:
         """The latest epoch's collisions; the epoch began at `time`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from .observables import Measure, measure
 from .placement import check_no_overlap
 from .state import Disks, State
 from .statistics import Statistics
+
+if TYPE_CHECKING:
+    from .forces import Force
 
 Observer = Callable[[State, Measure], None]
 Progress = Callable[[float, int], None]
@@ -42,16 +46,21 @@ class Simulation:
         Extra distance [length] within which neighbours are listed; chosen for speed by default.
     precision : {"f64", "f32"}
         Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
+    forces : sequence of forces.Force
+        Drives and drag that act between collisions, each at the middle of its own steps; at a time at which several do,
+        in this order and in the reverse order by turns (`ifrdem.forces`).
+    seed : int
+        Of the random numbers of the forces, 0 to 2^64 - 1.
 
     Raises
     ------
     InputError
         If disks overlap at the start, the law could add energy for the disks present, the box is too small,
-        arrays do not fit, or the device is not there.
+        arrays do not fit, a force cannot act, or the device is not there.
 
     Notes
     -----
-    Limits: a periodic box, no forces between collisions, disks of similar size for speed (the largest sets the
+    Limits: a periodic box, disks of similar size for speed (the largest sets the
     grid). Inelastic collapse (smooth disks, e_n well below 0.7) takes very many collisions; touching disks that
     approach more slowly than 1e-14 of their velocities count as at rest, which ends it, and a run that gains no time
     at all ends with an EngineError.
@@ -68,6 +77,8 @@ class Simulation:
         threads: int | None = None,
         skin: float | None = None,
         precision: str = "f64",
+        forces: Sequence[Force] = (),
+        seed: int = 0,
     ) -> None:
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
@@ -76,8 +87,9 @@ class Simulation:
         check_no_overlap(box, disks.radius, state.position)
         table = np.array([[one.table_row() for one in row] for row in self._laws])
         self._engine = Engine(
-            disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision
-        )
+            disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
+            forces=forces, seed=seed,
+        )  # fmt: skip
 
     @property
     def disks(self) -> Disks:
@@ -108,6 +120,16 @@ class Simulation:
     def bytes_allocated(self) -> int:
         """Memory of the engine's arrays [bytes]."""
         return self._engine.bytes_allocated
+
+    @property
+    def energy_inputs(self) -> NDArray[np.float64]:
+        """Energy that each force has put in since the start, less what it took out [energy], shape (forces,)."""
+        return self._engine.splitting.energy_inputs.copy()
+
+    @property
+    def energy_input(self) -> float:
+        """Energy that all forces together have put in since the start, less what they took out [energy]."""
+        return math.fsum(self._engine.splitting.energy_inputs)
 
     @property
     def state(self) -> State:
@@ -211,7 +233,7 @@ class Simulation:
     def _observe(self, observers: list[Observer]) -> None:
         if observers:
             state = self.state
-            measured = measure(self.disks, state)
+            measured = measure(self.disks, state, energy_input=self.energy_input)
             for observer in observers:
                 observer(state, measured)
 
