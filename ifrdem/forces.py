@@ -166,7 +166,7 @@ class Langevin(Force):
     temperature : float
         Of the bath for velocities [energy], 0 or more.
     rate : float
-        Friction rate of velocities [1/time]; 0 leaves them alone.
+        Friction rate of velocities [1/time]; 0, the default, leaves them alone.
     spin_temperature : float, optional
         Of the bath for spins [energy]; `temperature` without it.
     spin_rate : float
@@ -178,7 +178,7 @@ class Langevin(Force):
         step: float,
         *,
         temperature: float,
-        rate: float,
+        rate: float = 0.0,
         spin_temperature: float | None = None,
         spin_rate: float = 0.0,
     ) -> None:
