@@ -53,7 +53,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -268,9 +268,9 @@ class Engine:
         self._released = True
         self.arrays.release()
 
-    def __del__(self) -> None:
-        # Taichi's arrays of vectors do not free themselves.
-        if not getattr(self, "_released", True) and not sys.is_finalizing():
+    def __del__(self, is_finalizing: Callable[[], bool] = sys.is_finalizing) -> None:
+        # Taichi's arrays of vectors do not free themselves. At the end, `sys` itself may have gone already.
+        if not getattr(self, "_released", True) and not is_finalizing():
             self.release()
 
     def _check_whole(self) -> None:

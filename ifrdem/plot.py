@@ -110,7 +110,7 @@ def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
     if curves is not None:
         _curves(upper, lower, *curves)
     upper.plot([], [], color="black", ls="--" if curves is not None else "none", lw=1.5, label=note)
-    upper.legend(loc="lower left", frameon=False)
+    upper.legend(loc="best", frameon=False)
     if np.count_nonzero(later) and np.any(T[later] > 0.0):
         upper.set_xscale("log")
         upper.set_yscale("log")
@@ -140,7 +140,7 @@ def _driven_temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> No
     _label(upper, lower, trajectory)
     for axes in (upper, lower):
         _from_zero(axes)
-    upper.legend(loc="center right", frameon=False)
+    upper.legend(loc="best", frameon=False)
     upper.tick_params(which="both", labelbottom=False)
 
 

@@ -189,8 +189,9 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))
         if scale > 0.0:
             drift = float(np.linalg.norm(last.momentum - first.momentum))
+            what = "change" if case.force else "drift"  # heat baths and drag change it
             lines.append(
-                f"  momentum drift {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
+                f"  momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
                 "of what the disks would carry if all flew one way at the start"
             )
     return "\n".join(lines)

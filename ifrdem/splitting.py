@@ -9,6 +9,7 @@ a colder gas than kicks before drag. Alternating makes two steps together symmet
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -25,6 +26,8 @@ from .state import Disks
 
 # Times that differ by rounding only are one time: (1 + 1/2) * 0.1 and (0 + 1/2) * 0.3.
 SAME_TIME = 8.0 * float(np.finfo(np.float64).eps)
+
+_kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
 
 
 class Splitting:
@@ -93,7 +96,7 @@ class Splitting:
         totals, gained = np.zeros(max(force.totals, 1)), np.zeros(1)
         parameters = np.array([*force.parameters, 0.0])  # one entry at least
         kind: Any = type(force)  # mypy does not take a class for hashable
-        sum_totals, apply_force = kernels_of(kind, len(force.parameters))
+        sum_totals, apply_force = _kernels(kind, len(force.parameters))
         given: dict[str, Any] = {
             "when": np.array([_time(k, step), step]),
             "counter_words": _words(k, index, self._seed),

@@ -1,7 +1,5 @@
 """The kernels that apply a force to every disk: one pair of them for each class of forces."""
 
-import functools
-
 import taichi as ti
 
 from .layout import (
@@ -81,7 +79,6 @@ def energy(mass, inertia, vx, vy, spin):
     return 0.5 * (mass * (vx_ * vx_ + vy_ * vy_) + inertia * (spin_ * spin_))
 
 
-@functools.cache
 def kernels_of(force, n_parameters):
     """Kernels of a class of forces with so many parameters: (sum its totals, apply it).
 
