@@ -28,6 +28,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Motion": ("walls", "Motion"),
     "Wall": ("walls", "Wall"),
     "collide": ("law", "collide"),
+    "forces": ("forces", None),
     "observables": ("observables", None),
     "placement": ("placement", None),
     "plot": ("plot", None),
@@ -51,6 +52,7 @@ __all__ = [
     "__version__",
     "coins",
     "collide",
+    "forces",
     "observables",
     "placement",
     "plot",
@@ -58,6 +60,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from . import forces as forces
     from . import observables as observables
     from . import placement as placement
     from . import plot as plot

@@ -81,6 +81,7 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
         )
         if not verdict.strict:
             lines.append(_row("", verdict.message))
+    lines += _forces(case, estimate)
     each_disk = disk_bytes(case.output.fields, case.output.precision)
     frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"
     what = f"{case.output.frames + 1} frames x {frame}"
@@ -96,6 +97,24 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
         ),
     ]
     return "\n".join(lines)
+
+
+def _forces(case: Case, estimate: Estimate) -> list[str]:
+    """A line for each force, and the steady state that theory expects."""
+    lines = []
+    free_times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
+    for i, force in enumerate(case.force, start=1):
+        given = force.model_dump(exclude={"kind", "step"}, exclude_none=True)
+        text = f"{force.kind}: {', '.join(f'{key} = {value:g}' for key, value in given.items())}"
+        text += f", every {force.step:g}{case.unit('time')}"
+        if free_times:
+            text += f" ({force.step / min(free_times):.3g} of the shortest mean free time at the start)"
+        lines.append(_row(f"force {i}", text))
+    if estimate.steady_state is not None:
+        T, T_rot = estimate.steady_state
+        spins = "" if math.isnan(T_rot) else f", T_rot = {T_rot:.4g}{case.unit('energy')}"
+        lines.append(_row("steady state", f"T = {T:.4g}{case.unit('energy')}{spins}, by kinetic theory"))
+    return lines
 
 
 def size(count: float) -> str:

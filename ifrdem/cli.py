@@ -134,10 +134,12 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     new = verbs.add_parser(
         "new",
         help="write a commented case file to start from",
-        description="Write a commented case file to start from: cooling or mixture.",
+        description="Write a commented case file to start from: cooling, driven or mixture.",
         allow_abbrev=False,
     )
-    new.add_argument("kind", metavar="KIND", help="cooling (one kind of coins) or mixture (two)")
+    new.add_argument(
+        "kind", metavar="KIND", help="cooling (one kind of coins), driven (random kicks) or mixture (two)"
+    )
     new.add_argument("-o", "--output", metavar="FILE", help="file to write (default: KIND.toml; - prints it)")
     new.add_argument("--force", action="store_true", help="replace a file that exists")
     new.set_defaults(act=_new)

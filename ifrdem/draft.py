@@ -14,6 +14,7 @@ from .box import Box
 from .case import (
     BoxSection,
     Case,
+    ForceSection,
     MaterialSection,
     PairSection,
     RunSection,
@@ -76,6 +77,7 @@ class Draft:
     species: tuple[SpeciesSection | None, ...]
     start: StartSection | None
     material_names: tuple[str, ...]  # those of sections with mistakes too
+    force: tuple[ForceSection | None, ...] = ()
 
     @classmethod
     def from_sections(cls, raw: Mapping[str, Any]) -> Draft:
@@ -103,6 +105,7 @@ class Draft:
                 for each in (materials if isinstance(materials, list) else ())
                 if isinstance(each, Mapping) and isinstance(each.get("name"), str)
             ),
+            force=several(ForceSection, raw.get("force", [])),
         )
 
     @classmethod
@@ -116,6 +119,16 @@ class Draft:
             tuple(case.species),
             case.start,
             tuple(each.name for each in case.material),
+            tuple(case.force),
+        )
+
+    @property
+    def sets_in_motion(self) -> bool:
+        """Whether a force moves disks that are at rest, or may: one with mistakes counts."""
+        moving = ("kicks", "langevin")
+        return any(
+            each is None or (each.kind in moving and each.temperature != 0.0 and each.rate != 0.0)
+            for each in self.force
         )
 
     def known_species(self) -> list[Species]:

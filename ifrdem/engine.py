@@ -53,7 +53,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -72,6 +72,7 @@ from .walls import check as check_walls
 if TYPE_CHECKING:
     from .device_arrays import DeviceArrays
     from .epochs import Outcome
+    from .forces import Force
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 STALLED_EPOCHS = 50  # epochs in a row that together gain no time: the gas has collapsed
@@ -120,12 +121,16 @@ class Engine:
         Beside the straight ones of material 0 at sides of the box that are not periodic, which come after them.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
+    forces : sequence of Force
+        What acts between collisions (`splitting.py` says when).
+    seed : int
+        Of the forces' random numbers, 0 to 2^64 - 1.
 
     Raises
     ------
     InputError
-        If a disk is larger than a third of a side of the box, one of infinite mass moves, or the device is not
-        there.
+        If a disk is larger than a third of a side of the box, one of infinite mass moves, the device is not there, or a
+        force cannot act.
     """
 
     def __init__(
@@ -144,6 +149,8 @@ class Engine:
         windows: int | None = None,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
+        forces: Sequence[Force] = (),
+        seed: int = 0,
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
@@ -224,6 +231,7 @@ class Engine:
         backend.start(arch, threads=threads, precision=precision)
         from .device_arrays import DeviceArrays
         from .epochs import Epochs
+        from .splitting import Splitting
 
         backend.register(self)
         moved = State(
@@ -237,6 +245,8 @@ class Engine:
             wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
         )  # fmt: skip
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
+        self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
+        self._resting = 0
         self.wall_hits = 0
 
     def _wall_extent(self) -> float:
@@ -266,35 +276,40 @@ class Engine:
     def advance(self, *, t_end: float = math.inf, collisions: int | None = None) -> None:
         """Run one epoch, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
+        It ends at the latest where a force acts, after that.
+
         Raises
         ------
         EngineError
             If no collision can ever happen but some are asked for, if collisions pile up without end (inelastic
-            collapse), or if a guarantee of the engine is violated.
+            collapse), if a force makes a velocity that is not finite, or if a guarantee of the engine is violated.
         """
         self._check_whole()
         self._whole = False
         self.last_collisions = None
+        stop = min(t_end, self.splitting.next_time)
         if self.n == 0 or (self.n == 1 and not self.walls):
             self.epochs.settle(self.time)
-            self._fly_freely(t_end)
+            self._fly_freely(stop, t_end)
         else:
             wanted = None if collisions is None else collisions - self.collisions
             if self.order == "alone":
-                outcome = self.epochs.run_alone(self.time, t_end, wanted, single=self.keep_collisions)
+                outcome = self.epochs.run_alone(self.time, stop, wanted, single=self.keep_collisions)
             else:
-                outcome = self.epochs.run(self.time, t_end, wanted)
+                outcome = self.epochs.run(self.time, stop, wanted)
             self.collisions += outcome.collisions
             self.wall_hits += outcome.wall_hits
             if outcome.still:
                 self.time = outcome.time
-                self._fly_freely(t_end)
+                self._fly_freely(stop, t_end)
             else:
+                self._resting = 0
                 if self.keep_collisions:
                     self.last_collisions = self._read_log()
                 self.time = outcome.time
                 self.epochs.after_epoch(self.time)
                 self._watch(outcome, t_end)
+        self._apply_forces()
         self._whole = True
 
     def release(self) -> None:
@@ -302,9 +317,9 @@ class Engine:
         self._released = True
         self.arrays.release()
 
-    def __del__(self) -> None:
-        # Taichi's arrays of vectors do not free themselves.
-        if not getattr(self, "_released", True) and not sys.is_finalizing():
+    def __del__(self, is_finalizing: Callable[[], bool] = sys.is_finalizing) -> None:
+        # Taichi's arrays of vectors do not free themselves. At the end, `sys` itself may have gone already.
+        if not getattr(self, "_released", True) and not is_finalizing():
             self.release()
 
     def _check_whole(self) -> None:
@@ -318,13 +333,19 @@ class Engine:
                 "an epoch was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
             )
 
-    def _fly_freely(self, t_end: float) -> None:
-        if not math.isfinite(t_end):
+    def _apply_forces(self) -> None:
+        for index in self.splitting.due(self.time):
+            self.splitting.apply(index, self.time)
+
+    def _fly_freely(self, stop: float, t_end: float) -> None:
+        """To `stop` [time], where a force may set disks in motion; to `t_end` without one."""
+        self._resting += 1
+        if not math.isfinite(stop) or (not math.isfinite(t_end) and self._resting > PATIENCE):
             raise EngineError(
                 f"t = {self.time:.6g}: no disk can meet another one, but collisions are asked for"
             )
-        self.epochs.fly(t_end - self.time)
-        self.time = t_end
+        self.epochs.fly(stop - self.time)
+        self.time = stop
 
     def _read_log(self) -> Collisions:
         """The latest epoch's collisions; the epoch began at `time`."""

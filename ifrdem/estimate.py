@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from . import engine_limits, h5md, theory
+from . import driven_theory, engine_limits, h5md, theory
 from .case import Case
+from .driven_theory import Drive
 from .gas import Gas, Species
 
 OBSERVABLES = {
@@ -21,6 +22,7 @@ OBSERVABLES = {
     "temperature": 1,
     "rotational_temperature": 1,
     "momentum": 2,
+    "energy_input": 1,
     "dissipated_energy": 1,
     "collisions": 1,
 }
@@ -44,9 +46,11 @@ class Estimate:
     end_time : float
         Simulated time at the end [time]; nan where theory does not tell.
     collisions : float
-        Collisions of the whole run, each counted once.
+        Collisions of the whole run, each counted once; nan where theory does not tell.
     collisions_at_most : bool
         Whether `collisions` is only an upper bound: the initial rate, which cooling lowers.
+    steady_state : tuple of float or None
+        T and T_rot [energy] at which a driven gas would stay, by kinetic theory.
     file_bytes, array_bytes : int
         Size of the trajectory file, and of the engine's arrays.
     """
@@ -58,6 +62,7 @@ class Estimate:
     end_time: float
     collisions: float
     collisions_at_most: bool
+    steady_state: tuple[float, float] | None
     file_bytes: int
     array_bytes: int
 
@@ -71,8 +76,22 @@ class Estimate:
             for each, rate in zip(gas.species, rates, strict=True)
         ]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
-        end, per_disk = _cooled(gas, phi, mean_rate, case.run.t_end, case.run.collisions_per_disk)
-        at_most = math.isnan(per_disk)
+        drive, steady = None, None
+        if case.force and len(gas.species) == 1:
+            (each,) = gas.species
+            inertia = each.mass * each.radius**2 / each.k
+            drive = Drive.of([force.model_dump() for force in case.force], each.mass, inertia)
+            if drive is not None and gas.laws[0][0].rho == 0.0:
+                steady = driven_theory.steady_state(
+                    gas.laws[0][0], each.mass, each.radius, each.k, phi, drive
+                )
+        end, per_disk = (
+            case.run.t_end if case.run.t_end is not None else math.nan,
+            case.run.collisions_per_disk if case.run.collisions_per_disk is not None else math.nan,
+        )
+        if not case.force or drive is not None:
+            end, per_disk = _expected(gas, phi, mean_rate, drive, steady, end, per_disk)
+        at_most = math.isnan(per_disk) and not case.force  # a drive may raise the rate
         if at_most:
             per_disk = mean_rate * (case.run.t_end or 0.0)
         frames = case.output.frames + 1
@@ -85,6 +104,7 @@ class Estimate:
             end_time=end,
             collisions=0.5 * n * per_disk,
             collisions_at_most=at_most,
+            steady_state=steady,
             # The constant properties once: radius, mass, k in 8 bytes, the material in 4.
             file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values())) + 28 * n,
             array_bytes=n * engine_limits.BYTES_PER_DISK,
@@ -132,27 +152,39 @@ def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float
     return math.sqrt(2.0 * math.pi) * np.sum(number[None, :] / area * sigma * g * speed, axis=1)
 
 
-def _cooled(
-    gas: Gas, phi: float, rate: float, t_end: float | None, collisions_per_disk: float | None
+def _expected(
+    gas: Gas,
+    phi: float,
+    rate: float,
+    drive: Drive | None,
+    steady: tuple[float, float] | None,
+    t_end: float,
+    collisions_per_disk: float,
 ) -> tuple[float, float]:
-    """Time and collisions per disk at the end, by kinetic theory; nan for what it does not tell."""
-    unknown = (
-        t_end if t_end is not None else math.nan,
-        collisions_per_disk if collisions_per_disk is not None else math.nan,
-    )
+    """Time and collisions per disk at the end, by kinetic theory; nan for what it does not tell.
+
+    One of the two is given, the other nan; `rate` is that of collisions of a disk at the start [1/time].
+    """
+    unknown = t_end, collisions_per_disk
     law = gas.laws[0][0]
-    if len(gas.species) > 1 or law.rho > 0.0 or rate == 0.0:
+    if len(gas.species) > 1 or law.rho > 0.0:
         return unknown
     (each,) = gas.species
+    if steady is not None:
+        rate = max(rate, theory.collision_rate(phi, steady[0], each.mass, each.radius))
+    if rate == 0.0:
+        return unknown
     T = 0.5 * each.mass * each.speed_rms**2
     T_rot = each.mass * each.radius**2 / each.k * each.spin_rms**2
 
     def per_disk(time: float) -> float:
-        return float(theory.cooling(law, each.mass, each.radius, each.k, phi, T, T_rot, [time])[2][0])
+        one = (law, each.mass, each.radius, each.k, phi)
+        if drive is None:
+            return float(theory.cooling(*one, T, T_rot, [time])[2][0])
+        return float(driven_theory.driven(*one, drive, T, T_rot, [time])[2][0])
 
-    if t_end is not None:
+    if math.isnan(collisions_per_disk):
         return t_end, per_disk(t_end)
-    assert collisions_per_disk is not None
     # Cooling slows the collisions: double the time until there are enough, then close in.
     late = collisions_per_disk / rate
     while per_disk(late) < collisions_per_disk:

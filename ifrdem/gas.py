@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from .problems import problems
 from .simulation import Simulation
 from .start_file import StartFile
 from .state import Disks, State
+
+if TYPE_CHECKING:
+    from .forces import Force
 
 
 @dataclass(frozen=True)
@@ -116,6 +120,8 @@ class Gas:
         options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads, "skin": skin}
         if case.run.precision != "f64":
             options["precision"] = case.run.precision
+        if case.force:
+            options |= {"forces": forces_of(case), "seed": case.run.seed}
         begin = self.start(case) if state is None else state
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
@@ -129,6 +135,20 @@ class Gas:
             return placement.random_positions(self.box, self.disks.radius, seed=seed)
         except InputError as error:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
+
+
+def forces_of(case: Case) -> list[Force]:
+    """The forces of a case, in its order. Imports Taichi."""
+    from .forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks
+
+    kinds: dict[str, Callable[..., Force]] = {
+        "kicks": RandomKicks,
+        "spin_kicks": SpinKicks,
+        "langevin": Langevin,
+        "drag": Drag,
+        "rescale": Rescale,
+    }
+    return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
 
 
 def _as_moving(species: tuple[Species, ...], given: StartFile) -> tuple[Species, ...]:

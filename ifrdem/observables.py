@@ -32,6 +32,8 @@ class Measure:
         T_rot = <I w^2> [energy], of one degree of freedom. 0 without disks.
     momentum : array (2,)
         Sum of m v [mass length/time].
+    energy_input : float
+        Energy that forces have put in since the start, less what they took out [energy].
 
     Notes
     -----
@@ -45,6 +47,7 @@ class Measure:
     temperature: float
     rotational_temperature: float
     momentum: NDArray[np.float64]
+    energy_input: float = 0.0
 
     @property
     def energy(self) -> float:
@@ -52,8 +55,8 @@ class Measure:
         return self.translational_energy + self.rotational_energy
 
 
-def measure(disks: Disks, state: State) -> Measure:
-    """Measure a gas.
+def measure(disks: Disks, state: State, *, energy_input: float = 0.0) -> Measure:
+    """Measure a gas; a state does not tell the `energy_input` [energy] of its past.
 
     Raises
     ------
@@ -79,4 +82,5 @@ def measure(disks: Disks, state: State) -> Measure:
         temperature=translational / n,
         rotational_temperature=2.0 * rotational / n,
         momentum=np.array([np.sum(mass * v_x), np.sum(mass * v_y)]),
+        energy_input=energy_input,
     )

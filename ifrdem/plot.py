@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import theory
+from . import driven_theory, theory
 from .box import Box
+from .driven_theory import Drive
 from .errors import InputError
 from .law import IFRLaw
 from .trajectory import Trajectory
@@ -50,6 +53,37 @@ def cooling(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -
     InputError
         If the trajectory cannot be read or lacks these observables, or the picture cannot be written.
     """
+    _draw(path_h5, path_png, _temperatures)
+
+
+def driven(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+    """Draw a driven gas: its temperatures against time beside kinetic theory, and its disks at the end.
+
+    The theory is `driven_theory.driven` from the first frame on, and `driven_theory.steady_state`. Where they do not
+    hold (several kinds of disks, rolling friction, a force that is not linear), the picture says so.
+
+    Parameters
+    ----------
+    path_h5 : path
+        A trajectory as for `cooling`, with the parameter `forces` that `ifrdem run` writes: a list of the keys of each
+        force as JSON.
+    path_png : path
+        The picture to write, as for `cooling`.
+
+    Raises
+    ------
+    InputError
+        As `cooling`.
+    """
+    _draw(path_h5, path_png, _driven_temperatures)
+
+
+def _draw(
+    path_h5: str | os.PathLike[str],
+    path_png: str | os.PathLike[str],
+    temperatures: Callable[[Axes, Axes, Trajectory], None],
+) -> None:
+    """A picture of temperatures (left, and their ratio below) and disks (right)."""
     from matplotlib.figure import Figure
 
     with Trajectory(path_h5) as trajectory:
@@ -59,7 +93,7 @@ def cooling(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15), height_ratios=(3.0, 1.0))
         upper = figure.add_subplot(grid[0, 0])
         lower = figure.add_subplot(grid[1, 0], sharex=upper)
-        _temperatures(upper, lower, trajectory)
+        temperatures(upper, lower, trajectory)
         _last_frame(figure, figure.add_subplot(grid[:, 1]), trajectory)
         figure.suptitle(_title(trajectory))
         _save(figure, Path(path_png))
@@ -70,10 +104,54 @@ def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
 
     Double logarithmic: a homogeneous gas cools like t^-2 (Haff), a straight line.
     """
-    units, times = trajectory.units, trajectory.times
+    times = trajectory.times
+    later = times > 0.0  # time 0 has no place on a logarithmic axis
+    T = _points(upper, lower, trajectory, later)
+    curves, note = _theory(trajectory)
+    if curves is not None:
+        _curves(upper, lower, *curves)
+    upper.plot([], [], color="black", ls="--" if curves is not None else "none", lw=1.5, label=note)
+    upper.legend(loc="best", frameon=False)
+    if np.count_nonzero(later) and np.any(T[later] > 0.0):
+        upper.set_xscale("log")
+        upper.set_yscale("log")
+    _label(upper, lower, trajectory)
+    if upper.get_xscale() == "log":
+        _few_labels(upper)
+    upper.tick_params(which="both", labelbottom=False)
+
+
+def _driven_temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
+    """Both temperatures, and below them their ratio theta, against time, on plain axes that begin at 0."""
+    _points(upper, lower, trajectory, np.ones(len(trajectory), dtype=bool))
+    curves, steady, note = _driven_theory(trajectory)
+    if curves is not None:
+        _curves(upper, lower, *curves)
+    upper.plot([], [], color="black", ls="--" if curves is not None else "none", lw=1.5, label=note)
+    if steady is not None:
+        T, T_rot = steady
+        for axes, value, colour in (
+            (upper, T, TRANSLATION),
+            (upper, T_rot, ROTATION),
+            (lower, T_rot / T, RATIO),
+        ):
+            if np.isfinite(value):
+                axes.axhline(value, ls=":", lw=1.5, color=colour)
+        upper.plot([], [], color="black", ls=":", lw=1.5, label="its steady state")
+    _label(upper, lower, trajectory)
+    for axes in (upper, lower):
+        _from_zero(axes)
+    upper.legend(loc="best", frameon=False)
+    upper.tick_params(which="both", labelbottom=False)
+
+
+def _points(
+    upper: Axes, lower: Axes, trajectory: Trajectory, shown: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Draw the temperatures and their ratio at the frames that are `shown`; returns T of all frames."""
+    times = trajectory.times
     T = trajectory.observables["temperature"]
     T_rot = trajectory.observables["rotational_temperature"]
-    later = times > 0.0  # time 0 has no place on a logarithmic axis
     with np.errstate(divide="ignore", invalid="ignore"):
         theta = T_rot / T
     series = (
@@ -83,31 +161,31 @@ def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
     )
     for axes, values, colour, label in series:
         # Open, so that the theory shows where it agrees.
-        axes.plot(times[later], _positive(values[later]), "o", ms=5, mfc="none", color=colour, label=label)
-    curves, note = _theory(trajectory)
-    if curves is not None:
-        when, *temperatures = curves
-        for axes, values, colour in zip(
-            (upper, upper, lower),
-            (*temperatures, temperatures[1] / temperatures[0]),
-            (TRANSLATION, ROTATION, RATIO),
-            strict=True,
-        ):
-            axes.plot(when, _positive(values), "--", lw=1.5, color=colour)
-    upper.plot([], [], color="black", ls="--" if curves is not None else "none", lw=1.5, label=note)
-    upper.legend(loc="lower left", frameon=False)
-    if np.count_nonzero(later) and np.any(T[later] > 0.0):
-        upper.set_xscale("log")
-        upper.set_yscale("log")
+        axes.plot(times[shown], _positive(values[shown]), "o", ms=5, mfc="none", color=colour, label=label)
+    return T
+
+
+def _curves(
+    upper: Axes, lower: Axes, when: NDArray[np.float64], T: NDArray[np.float64], T_rot: NDArray[np.float64]
+) -> None:
+    """Draw temperatures by theory, and their ratio."""
+    for axes, values, colour in (
+        (upper, T, TRANSLATION),
+        (upper, T_rot, ROTATION),
+        (lower, T_rot / T, RATIO),
+    ):
+        axes.plot(when, _positive(values), "--", lw=1.5, color=colour)
+
+
+def _label(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
+    """Label the axes, of which the lower ones begin at 0."""
+    units = trajectory.units
     upper.set_ylabel(_with_unit("temperature", units.get("energy")))
     lower.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
     _from_zero(lower)
     lower.set_xlabel(_with_unit("time $t$", units.get("time")))
     for axes in (upper, lower):
         axes.grid(True, which="major", lw=0.4, alpha=0.5)
-    if upper.get_xscale() == "log":
-        _few_labels(upper)
-    upper.tick_params(which="both", labelbottom=False)
 
 
 def _from_zero(axes: Axes) -> None:
@@ -144,32 +222,80 @@ def _short(value: float) -> str:
     return rf"${float(factor):g} \times 10^{{{int(exponent)}}}$"
 
 
+@dataclass(frozen=True)
+class _Equal:
+    """What kinetic theory needs to know of a trajectory of equal disks."""
+
+    law: IFRLaw
+    mass: float
+    radius: float
+    k: float
+    phi: float
+    T0: float
+    T_rot0: float
+
+
+def _equal_disks(trajectory: Trajectory) -> _Equal | str:
+    """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
+    disks = trajectory.disks
+    columns = (disks.mass, disks.radius, disks.k, disks.material)
+    if any(np.ptp(column) != 0 for column in columns):
+        return "several kinds of disks: no kinetic theory here"
+    if "laws" not in trajectory.parameters:
+        return "no law in the file: no kinetic theory here"
+    material = int(disks.material[0])
+    row: dict[str, Any] = json.loads(str(trajectory.parameters["laws"]))[material][material]
+    mass, radius, k = (float(column[0]) for column in (disks.mass, disks.radius, disks.k))
+    T0 = float(trajectory.observables["temperature"][0])
+    T_rot0 = float(trajectory.observables["rotational_temperature"][0])
+    law = IFRLaw(**row, k=k)
+    if law.rho > 0.0:
+        return "rolling friction: no kinetic theory here"
+    return _Equal(law, mass, radius, k, trajectory.box.packing_fraction(disks.radius), T0, T_rot0)
+
+
 def _theory(
     trajectory: Trajectory,
 ) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None, str]:
     """Times, T and T_rot by kinetic theory, and what to say of it; None where it does not hold."""
-    disks, times = trajectory.disks, trajectory.times
-    columns = (disks.mass, disks.radius, disks.k, disks.material)
-    if any(np.ptp(column) != 0 for column in columns):
-        return None, "several kinds of disks: no kinetic theory here"
-    if "laws" not in trajectory.parameters:
-        return None, "no law in the file: no kinetic theory here"
-    material = int(disks.material[0])
-    row: dict[str, Any] = json.loads(str(trajectory.parameters["laws"]))[material][material]
-    mass, radius, k = (float(column[0]) for column in (disks.mass, disks.radius, disks.k))
-    law = IFRLaw(**row, k=k)
-    T0 = float(trajectory.observables["temperature"][0])
-    T_rot0 = float(trajectory.observables["rotational_temperature"][0])
-    if law.rho > 0.0:
-        return None, "rolling friction: no kinetic theory here"
-    if T0 == 0.0 or times[-1] <= times[0]:
+    gas, times = _equal_disks(trajectory), trajectory.times
+    if isinstance(gas, str):
+        return None, gas
+    if gas.T0 == 0.0 or times[-1] <= times[0]:
         return None, "nothing moves: no kinetic theory here"
     elapsed = times[times > times[0]] - times[0]
     # Of a single frame, a decade before it shows where it comes from.
     when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
-    phi = trajectory.box.packing_fraction(disks.radius)
-    T, T_rot, _ = theory.cooling(law, mass, radius, k, phi, T0, T_rot0, when)
+    T, T_rot, _ = theory.cooling(gas.law, gas.mass, gas.radius, gas.k, gas.phi, gas.T0, gas.T_rot0, when)
     return (when + times[0], T, T_rot), "kinetic theory (homogeneous gas)"
+
+
+def _driven_theory(
+    trajectory: Trajectory,
+) -> tuple[
+    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None,
+    tuple[float, float] | None,
+    str,
+]:
+    """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold."""
+    gas, times = _equal_disks(trajectory), trajectory.times
+    if isinstance(gas, str):
+        return None, None, gas
+    forces = json.loads(str(trajectory.parameters.get("forces", "[]")))
+    drive = Drive.of(forces, gas.mass, gas.mass * gas.radius**2 / gas.k)
+    if drive is None:
+        return None, None, "a force that is not linear: no kinetic theory here"
+    if (gas.T0 == 0.0 and drive == Drive()) or times[-1] <= times[0]:
+        return None, None, "nothing moves: no kinetic theory here"
+    one = (gas.law, gas.mass, gas.radius, gas.k, gas.phi, drive)
+    when = np.linspace(0.0, times[-1] - times[0], 400)
+    T, T_rot, _ = driven_theory.driven(*one, gas.T0, gas.T_rot0, when)
+    T = np.where(T > 0.0, T, np.nan)
+    return (
+        (when + times[0], T, T_rot),
+        driven_theory.steady_state(*one),
+        "kinetic theory (homogeneous gas)",
+    )
 
 
 def _last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:

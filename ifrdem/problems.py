@@ -34,6 +34,7 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
     if len(species) == len(draft.species) and species:  # all of them are needed to know the disks
         radius = np.concatenate([np.full(each.number, each.radius) for each in species])
         found += _wrong_motion(draft, species)
+        found += _wrong_forces(draft, species)
         box = None
         if draft.box is not None:
             try:
@@ -116,11 +117,27 @@ def _wrong_motion(draft: Draft, species: list[Species]) -> Iterator[Problem]:
         yield Problem("run.collisions_per_disk", value, "one disk alone never collides; give t_end instead")
     elif (
         not any(each.speed_rms > 0.0 for each in species)
+        and not draft.sets_in_motion
         and draft.start is not None
         and draft.start.file is None
     ):
         text = "nothing moves at the start, so nothing ever collides: a species' speed_rms above 0 is needed"
         yield Problem("run.collisions_per_disk", value, text)
+
+
+def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
+    for i, force in enumerate(draft.force):
+        if force is None:
+            continue
+        if force.kind == "kicks" and sum(each.number for each in species) < 2:
+            text = "random kicks keep the total momentum, so 2 disks at least are needed"
+            yield Problem(f"force[{i}].kind", '"kicks"', text)
+        t_end = draft.run.t_end if draft.run is not None else None
+        if t_end is not None and 0.5 * force.step > t_end:
+            text = (
+                f"the force acts at the middle of each step, which never comes before run.t_end = {t_end:g}"
+            )
+            yield Problem(f"force[{i}].step", f"{force.step:g}", text)
 
 
 def _wrong_room(
@@ -173,7 +190,8 @@ def _wrong_start(
     except InputError as error:
         yield from (Problem("start.file", value, line) for line in str(error).splitlines())
         return
-    if draft.run is not None and draft.run.collisions_per_disk is not None and len(radius) > 1:
+    by_collisions = draft.run is not None and draft.run.collisions_per_disk is not None
+    if draft.run is not None and by_collisions and len(radius) > 1 and not draft.sets_in_motion:
         rest = None
         if file.velocity is None and not any(each.speed_rms > 0.0 for each in species):
             rest = "has no velocities: the columns vx, vy, spin or a species' speed_rms above 0 are needed"

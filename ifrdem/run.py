@@ -37,6 +37,11 @@ class Ledger:
     latest: Measure | None = None
     frames: int = 0
 
+    def dissipated(self, measure: Measure) -> float:
+        """Energy that collisions have taken since the first frame [energy]."""
+        assert self.first is not None
+        return self.first.energy - self.first.energy_input + measure.energy_input - measure.energy
+
     def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
         """What is written of the whole gas at a frame; see `estimate.OBSERVABLES`."""
         if self.first is None:
@@ -48,8 +53,9 @@ class Ledger:
             "temperature": measure.temperature,
             "rotational_temperature": measure.rotational_temperature,
             "momentum": measure.momentum,
-            # Nothing feeds energy in: what is missing was dissipated.
-            "dissipated_energy": self.first.energy - measure.energy,
+            "energy_input": measure.energy_input,
+            # What is missing of what was there and what forces put in was dissipated.
+            "dissipated_energy": self.dissipated(measure),
             "collisions": measure.collisions,
         }
 
@@ -136,7 +142,8 @@ def run(
                 )
         ran = time.perf_counter() - began
         if outputs.picture is not None:
-            plot.cooling(outputs.trajectory, outputs.picture)
+            draw = plot.driven if case.force else plot.cooling
+            draw(outputs.trajectory, outputs.picture)
     except KeyboardInterrupt:
         raise Interrupted(_remains(outputs.trajectory, ledger)) from None
     say(_closing(case, gas, ledger, ran, time.perf_counter() - began, progress.collisions_per_second))
@@ -169,17 +176,22 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         lines.append(f"  T/T0 = {last.temperature / first.temperature:.5g}")
     if last.temperature > 0.0:
         lines[-1] += f", theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}"
-    if first.energy > 0.0:
-        lost = first.energy - last.energy
+    lost = ledger.dissipated(last)
+    energy = case.unit("energy")
+    if case.force:
         lines.append(
-            f"  dissipated {lost:.6g}{case.unit('energy')}, {100.0 * lost / first.energy:.4g} % of the start"
+            f"  forces put in {last.energy_input:.6g}{energy}, collisions dissipated {lost:.6g}{energy}"
         )
+    elif first.energy > 0.0:
+        lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
+    if first.energy > 0.0:
         # Against the momentum that the disks' typical speed would add up to, all one way.
         scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))
         if scale > 0.0:
             drift = float(np.linalg.norm(last.momentum - first.momentum))
+            what = "change" if case.force else "drift"  # heat baths and drag change it
             lines.append(
-                f"  momentum drift {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
+                f"  momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
                 "of what the disks would carry if all flew one way at the start"
             )
     return "\n".join(lines)
@@ -202,6 +214,7 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
         "species": json.dumps(species),
         "materials": json.dumps(gas.materials),
         "laws": json.dumps(laws),
+        "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
         "device": device,
         "threads": case.run.threads or backend.cores(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),

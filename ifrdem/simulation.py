@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from .placement import check_no_overlap
 from .state import Disks, State
 from .statistics import Statistics
 from .walls import Wall, sides
+
+if TYPE_CHECKING:
+    from .forces import Force
 
 Observer = Callable[[State, Measure], None]
 Progress = Callable[[float, int], None]
@@ -49,12 +53,17 @@ class Simulation:
         first.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
+    forces : sequence of forces.Force
+        Drives and drag that act between collisions, each at the middle of its own steps; at a time at which several do,
+        in this order and in the reverse order by turns (`ifrdem.forces`).
+    seed : int
+        Of the random numbers of the forces, 0 to 2^64 - 1.
 
     Raises
     ------
     InputError
         If disks overlap at the start, the law could add energy for the disks present, the box is too small,
-        arrays do not fit, or the device is not there.
+        arrays do not fit, a force cannot act, or the device is not there.
 
     Notes
     -----
@@ -76,6 +85,8 @@ class Simulation:
         precision: str = "f64",
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
+        forces: Sequence[Force] = (),
+        seed: int = 0,
     ) -> None:
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
@@ -85,17 +96,9 @@ class Simulation:
         check_no_overlap(box, disks.radius, state.position)
         table = np.array([[one.table_row() for one in row] for row in self._laws])
         self._engine = Engine(
-            disks,
-            box,
-            state,
-            table,
-            arch=arch,
-            threads=threads,
-            skin=skin,
-            precision=precision,
-            walls=walls,
-            gravity=gravity,
-        )
+            disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
+            walls=walls, gravity=gravity, forces=forces, seed=seed,
+        )  # fmt: skip
 
     @property
     def disks(self) -> Disks:
@@ -136,6 +139,16 @@ class Simulation:
     def bytes_allocated(self) -> int:
         """Memory of the engine's arrays [bytes]."""
         return self._engine.bytes_allocated
+
+    @property
+    def energy_inputs(self) -> NDArray[np.float64]:
+        """Energy that each force has put in since the start, less what it took out [energy], shape (forces,)."""
+        return self._engine.splitting.energy_inputs.copy()
+
+    @property
+    def energy_input(self) -> float:
+        """Energy that all forces together have put in since the start, less what they took out [energy]."""
+        return math.fsum(self._engine.splitting.energy_inputs)
 
     @property
     def state(self) -> State:
@@ -239,7 +252,7 @@ class Simulation:
     def _observe(self, observers: list[Observer]) -> None:
         if observers:
             state = self.state
-            measured = measure(self.disks, state)
+            measured = measure(self.disks, state, energy_input=self.energy_input)
             for observer in observers:
                 observer(state, measured)
 

@@ -41,6 +41,27 @@ TEMPLATES: Mapping[str, Template] = {
             "output": {"frames": 100},
         },
     ),
+    "driven": Template(
+        "A gas of aluminium coins that starts at rest and is heated by random kicks until it loses as much.",
+        {
+            "run": {"name": "driven", "seed": 1, "t_end": 1.5, "arch": "cpu", "units": "SI"},
+            "box": {"packing_fraction": 0.2},
+            "material": [{"name": "aluminium", "e_n": 0.87, "e_t": -0.88, "mu": 0.21}],
+            "species": [
+                {
+                    "name": "coins",
+                    "number": 20000,
+                    "material": "aluminium",
+                    "mass": 1.19e-3,
+                    "diameter": 21.0e-3,
+                    "speed_rms": 0.0,
+                }
+            ],
+            "force": [{"kind": "kicks", "step": 2e-3, "power": 2e-3}],
+            "start": {"positions": "random"},
+            "output": {"frames": 100},
+        },
+    ),
     "mixture": Template(
         "Two kinds of coins in one box, with the paper's coefficients for each of the three kinds of pairs.",
         {

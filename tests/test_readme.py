@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,19 @@ def test_walls_example_shakes_coins(capsys: pytest.CaptureFixture[str]) -> None:
     assert int(hits) > 20
     assert int(collisions) > 20
     assert float(work) > 0.0
+
+
+def test_force_example_turns_velocities_and_puts_in_no_energy(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "magnus.py"  # Taichi reads the source of a force
+    file.write_text(block("force"))
+    found = runpy.run_path(str(file))
+    magnus, kicks = found["gas"].energy_inputs
+    # 1000 disks get 0.1 x 5 each; the work on velocities of temperature 1 scatters by sqrt(1000 x 2 x 0.5) = 32.
+    assert kicks == pytest.approx(500.0, abs=160.0)
+    assert abs(magnus) < 1e-10  # it only turns velocities
+    assert capsys.readouterr().out.endswith("]\n")
 
 
 def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:

@@ -1,0 +1,232 @@
+"""Kinetic theory of a driven gas of equal disks: how its temperatures evolve, and where they stay.
+
+What collisions take (`theory.cooling_rates`, with its assumptions and symbols) against what linear forces give and
+take. A disk's translational energy is T, that of its spin T_rot / 2, so that with a power per disk and friction rates
+
+    dT/dt     = power      - 2 rate T            + cooling,
+    dT_rot/dt = 2 spin_power - 2 spin_rate T_rot + cooling of T_rot.
+
+A heat bath of temperature T_b is friction with power = 2 rate T_b; for spins, spin_power = spin_rate T_b.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from . import theory
+from .errors import InputError
+from .law import IFRLaw
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What all forces together do to the temperatures.
+
+    Attributes
+    ----------
+    power, spin_power : float
+        Energy that a disk's motion and its spin get per time [energy/time].
+    rate, spin_rate : float
+        Friction rates of velocities and spins [1/time].
+    """
+
+    power: float = 0.0
+    spin_power: float = 0.0
+    rate: float = 0.0
+    spin_rate: float = 0.0
+
+    @classmethod
+    def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Drive | None:
+        """The drive of the forces of a case (`case.ForceSection`) on equal disks; None where a force is not linear.
+
+        Parameters
+        ----------
+        forces : iterable of mappings
+            The keys of each force; None stands for a key that is not given.
+        mass, inertia : float
+            Of one disk [mass], [mass length^2].
+        """
+        found = {"power": 0.0, "spin_power": 0.0, "rate": 0.0, "spin_rate": 0.0}
+        for force in forces:
+            given = {key: value for key, value in force.items() if value is not None}
+            match given["kind"]:
+                case "kicks":
+                    found["power"] += given.get("power", 2.0 * mass * given.get("diffusion", 0.0))
+                case "spin_kicks":
+                    found["spin_power"] += given.get("power", inertia * given.get("diffusion", 0.0))
+                case "drag" if not given.get("quadratic"):
+                    found["rate"] += given.get("rate", 0.0)
+                    found["spin_rate"] += given.get("spin_rate", 0.0)
+                case "langevin":
+                    T = given["temperature"]
+                    rate, spin_rate = given.get("rate", 0.0), given.get("spin_rate", 0.0)
+                    found["rate"] += rate
+                    found["power"] += 2.0 * rate * T
+                    found["spin_rate"] += spin_rate
+                    found["spin_power"] += spin_rate * given.get("spin_temperature", T)
+                case _:
+                    return None
+        return cls(**found)
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """Heating less losses of a gas."""
+
+    law: IFRLaw
+    mass: float
+    radius: float
+    k: float
+    packing_fraction: float
+    drive: Drive
+
+    def __call__(self, T: float, T_rot: float) -> tuple[float, float]:
+        """(dT/dt, dT_rot/dt) [energy/time], T > 0."""
+        cooling = theory.cooling_rates(
+            T,
+            T_rot,
+            law=self.law,
+            mass=self.mass,
+            radius=self.radius,
+            k=self.k,
+            number_density=self.packing_fraction / (math.pi * self.radius**2),
+        )
+        d = self.drive
+        return (
+            d.power - 2.0 * d.rate * T + float(cooling[0]),
+            2.0 * (d.spin_power - d.spin_rate * T_rot) + float(cooling[1]),
+        )
+
+    def steady_spins(self, T: float) -> float:
+        """T_rot at which spins get what they lose, at a given T; nan if both are nothing, inf if they get more."""
+        if self(T, 0.0)[1] <= 0.0:
+            return math.nan if self(T, T)[1] == 0.0 else 0.0
+        high = T
+        while self(T, high)[1] > 0.0:
+            high *= 2.0
+            if high > 1e12 * T:
+                return math.inf
+        return float(brentq(lambda T_rot: self(T, T_rot)[1], 0.0, high, rtol=1e-13))
+
+
+def steady_state(
+    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, drive: Drive
+) -> tuple[float, float] | None:
+    """Temperatures (T, T_rot) [energy] at which the gas loses what it gets; None if it has no such state with T > 0.
+
+    T_rot is nan where nothing acts on the spins (smooth disks): they keep what they have.
+
+    Parameters
+    ----------
+    law, mass, radius, k
+        As for `theory.cooling_rates`.
+    packing_fraction : float
+        Part of the area that the disks cover.
+    drive : Drive
+        What heats and slows the disks.
+
+    Raises
+    ------
+    InputError
+        As `theory.cooling_rates`.
+    """
+    balance = _Balance(law, mass, radius, k, packing_fraction, drive)
+
+    def heating(log_T: float) -> float:
+        T = math.exp(log_T)
+        T_rot = balance.steady_spins(T)
+        if math.isinf(T_rot):
+            return math.inf
+        return balance(T, 0.0 if math.isnan(T_rot) else T_rot)[0] / T
+
+    # From a temperature of the order of magnitude that the drive sets, look for a change of sign on both sides.
+    rate = theory.collision_rate(packing_fraction, 1.0, mass, radius)
+    most = max(drive.power, drive.spin_power)
+    if most <= 0.0 or rate <= 0.0:
+        return None
+    middle = math.log(most / rate) / 1.5
+    low = high = middle
+    while heating(low) < 0.0:
+        low -= 1.0
+        if low < middle - 40.0:
+            return None
+    while heating(high) > 0.0:
+        high += 1.0
+        if high > middle + 40.0:
+            return None
+    T = math.exp(brentq(heating, low, high, xtol=1e-13)) if low < high else math.exp(low)
+    return T, balance.steady_spins(T)
+
+
+def driven(
+    law: IFRLaw,
+    mass: float,
+    radius: float,
+    k: float,
+    packing_fraction: float,
+    drive: Drive,
+    T0: float,
+    T_rot0: float,
+    times: ArrayLike,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Temperatures of a homogeneous gas of equal disks that is driven.
+
+    Parameters
+    ----------
+    law, mass, radius, k, packing_fraction, drive
+        As for `steady_state`.
+    T0, T_rot0 : float
+        Temperatures at time 0, 0 or more [energy].
+    times : array_like (steps,)
+        Times since the start [time], 0 or more and not decreasing.
+
+    Returns
+    -------
+    T, T_rot, collisions_per_disk : arrays (steps,)
+        [energy], [energy], and the collisions each disk has had on average.
+
+    Raises
+    ------
+    InputError
+        As `theory.cooling_rates`, if the times decrease or are negative, or nothing moves and nothing drives.
+    """
+    when = np.asarray(times, dtype=np.float64)
+    if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
+        raise InputError("times: finite numbers of 0 or more in increasing order are needed, shape (steps,)")
+    if not (0.0 <= T0 < math.inf and 0.0 <= T_rot0 < math.inf):
+        raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: finite numbers of 0 or more are needed")
+    balance = _Balance(law, mass, radius, k, packing_fraction, drive)
+    if len(when) == 0:
+        return np.empty(0), np.empty(0), np.empty(0)
+    scale = max(T0, (drive.power + drive.spin_power) * float(when[-1]))
+    if scale == 0.0:
+        raise InputError("T0 = 0 and no power: nothing moves")
+
+    def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float]:
+        # From rest, a gas passes temperatures at which nothing collides yet.
+        T, T_rot = max(float(y[0]), 1e-9), max(float(y[1]), 0.0)
+        dT, dT_rot = balance(scale * T, scale * T_rot)
+        collisions = theory.collision_rate(packing_fraction, scale * T, mass, radius)
+        return dT / scale, dT_rot / scale, collisions
+
+    solution = solve_ivp(
+        slope,
+        (0.0, max(float(when[-1]), 1e-300)),
+        (T0 / scale, T_rot0 / scale, 0.0),
+        method="LSODA",
+        t_eval=when,
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    if not solution.success:
+        raise RuntimeError(f"the equations of the driven gas could not be integrated: {solution.message}")
+    T, T_rot, collisions = solution.y
+    return scale * T, scale * T_rot, collisions

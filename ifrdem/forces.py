@@ -1,0 +1,326 @@
+"""Forces between collisions: drives, drag, and what users write themselves.
+
+A force acts on every disk at the middle of each of its steps, at the times (k + 1/2) step counted from time 0. Between
+these times disks fly freely and collide exactly. This splitting is symmetric in time, so that what a run shows at
+multiples of the step is off by the square of the step (and between them, where the force of up to half a step is still
+to come or came early, by the step itself).
+
+The module imports Taichi: `act` and `measure` are compiled to run on the device.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import ClassVar
+
+from .errors import InputError
+from .kernels.random import normals, uniforms
+from .state import Disks
+
+import taichi as ti  # isort: skip  (after the kernels, which keep it from printing its banner)
+
+__all__ = ["Drag", "Force", "Langevin", "RandomKicks", "Rescale", "SpinKicks", "normals", "uniforms"]
+
+
+class Force:
+    """A force on every disk; subclasses say in `act` what it does to one of them during a step.
+
+    Parameters
+    ----------
+    step : float
+        Time between two applications [time].
+    parameters : sequence of float
+        Numbers that `act` and `measure` get, to change at will between runs: they are not compiled in.
+
+    Attributes
+    ----------
+    totals : int
+        How many sums over all disks `act` needs; `measure` gives each disk's share of them.
+
+    Raises
+    ------
+    InputError
+        If the step is not a positive finite number or a parameter is not finite.
+
+    Notes
+    -----
+    `act` and `measure` are static methods in the language of Taichi's functions (decorated by `ti.func` or not), in a
+    file, without type annotations. A force changes velocities and spins only. It should do exactly, or to second
+    order in dt at least, what it would do to a disk during dt if nothing else happened. Random numbers must come from
+    `normals(step.random, number)` or `uniforms(step.random, number)`, pairs of them, one pair for each number 0 to
+    65535: they depend on the seed, the disk, the step and the place of the force in the list, and on nothing else.
+    """
+
+    totals: ClassVar[int] = 0
+
+    def __init__(self, step: float, parameters: Sequence[float] = ()) -> None:
+        self.step = number("step", step, positive=True)
+        self.parameters = tuple(
+            number(f"parameters[{i}]", value, negative=True) for i, value in enumerate(parameters)
+        )
+
+    def check(self, disks: Disks) -> None:
+        """Raise InputError if the force cannot act on these disks."""
+
+    @staticmethod
+    def act(disk, step, parameters):
+        """The new (vx, vy, spin) of one disk after the force has acted on it for `step.dt`.
+
+        Parameters
+        ----------
+        disk : struct
+            x, y [length] in the box; vx, vy [length/time]; spin [rad/time]; mass, radius, k,
+            inertia = mass radius^2 / k.
+        step : struct
+            time of the step's middle, dt its length [time]; random, for `normals` and `uniforms`; totals, a vector.
+        parameters : vector
+            The force's parameters.
+        """
+        raise NotImplementedError
+
+    @staticmethod
+    def measure(disk, step, parameters):
+        """What one disk adds to the `totals`, a vector of so many entries; called before `act`, with its arguments."""
+        raise NotImplementedError
+
+
+class RandomKicks(Force):
+    r"""White-noise heating: independent Gaussian kicks that leave the total momentum as it is.
+
+    A disk's velocity gets random kicks with <dv_x^2> = <dv_y^2> = 2 D dt, D = power / (2 m), of which the mean of all,
+    weighted by mass, is subtracted in each step. A factor sqrt(N/(N-1)) makes up for the energy that this takes: the N
+    disks get N power dt on average, whatever their masses. Williams and MacKintosh (1996),
+    doi:10.1103/PhysRevE.54.R9; van Noije and Ernst (1998), doi:10.1007/s100350050009, whose xi_0^2 is 2 D.
+
+    Parameters
+    ----------
+    step : float
+        Time between two kicks [time].
+    power : float
+        Energy that each disk gets per time, on average [energy/time].
+    diffusion : float
+        Instead of it, D [length^2/time^3], the same for all masses (then right to a part in N for unequal masses).
+    """
+
+    totals = 4
+
+    def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
+        super().__init__(step, _strength(power, diffusion))
+
+    def check(self, disks: Disks) -> None:
+        if disks.n < 2:
+            raise InputError(f"random kicks keep the total momentum: 2 disks at least, not {disks.n}")
+
+    @staticmethod
+    def measure(disk, step, parameters):
+        kick = _velocity_kick(disk, step, parameters)
+        return ti.Vector([disk.mass * kick[0], disk.mass * kick[1], disk.mass, 1.0])
+
+    @staticmethod
+    def act(disk, step, parameters):
+        kick = _velocity_kick(disk, step, parameters)
+        n = step.totals[3]
+        scale = ti.sqrt(n / (n - 1.0))
+        vx = disk.vx + scale * (kick[0] - step.totals[0] / step.totals[2])
+        vy = disk.vy + scale * (kick[1] - step.totals[1] / step.totals[2])
+        return vx, vy, disk.spin
+
+
+class SpinKicks(Force):
+    """White-noise heating of the spins: independent Gaussian kicks with <d omega^2> = 2 D dt, D = power / I.
+
+    Cafiero, Luding and Herrmann, Europhys. Lett. 60, 854 (2002).
+
+    Parameters
+    ----------
+    step : float
+        Time between two kicks [time].
+    power : float
+        Energy that each disk gets per time, on average [energy/time].
+    diffusion : float
+        Instead of it, D [rad^2/time^3], the same for all disks.
+    """
+
+    def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
+        super().__init__(step, _strength(power, diffusion))
+
+    @staticmethod
+    def act(disk, step, parameters):
+        # Energy I d omega^2 / 2: one degree of freedom, so that D = power / I.
+        spread = ti.sqrt(2.0 * (parameters[0] / disk.inertia + parameters[1]) * step.dt)
+        return disk.vx, disk.vy, disk.spin + spread * normals(step.random, 0)[0]
+
+
+class Langevin(Force):
+    """A heat bath: friction and noise that bring every disk to a temperature, dv = -rate v dt + noise.
+
+    The exact solution over a step, an Ornstein-Uhlenbeck process: v exp(-rate dt) plus a Gaussian of variance
+    (T/m) (1 - exp(-2 rate dt)) per component; for a spin T_spin/I. Uhlenbeck and Ornstein (1930),
+    doi:10.1103/PhysRev.36.823. The total momentum is not kept.
+
+    Parameters
+    ----------
+    step : float
+        Time between two applications [time].
+    temperature : float
+        Of the bath for velocities [energy], 0 or more.
+    rate : float
+        Friction rate of velocities [1/time]; 0, the default, leaves them alone.
+    spin_temperature : float, optional
+        Of the bath for spins [energy]; `temperature` without it.
+    spin_rate : float
+        Friction rate of spins [1/time]; 0, the default, leaves them alone.
+    """
+
+    def __init__(
+        self,
+        step: float,
+        *,
+        temperature: float,
+        rate: float = 0.0,
+        spin_temperature: float | None = None,
+        spin_rate: float = 0.0,
+    ) -> None:
+        given = {
+            "temperature": temperature,
+            "rate": rate,
+            "spin_temperature": temperature if spin_temperature is None else spin_temperature,
+            "spin_rate": spin_rate,
+        }
+        _some(rate=rate, spin_rate=spin_rate)
+        super().__init__(step, [number(name, value) for name, value in given.items()])
+
+    @staticmethod
+    def act(disk, step, parameters):
+        temperature, rate, spin_temperature, spin_rate = (
+            parameters[0],
+            parameters[1],
+            parameters[2],
+            parameters[3],
+        )
+        left, spin_left = ti.exp(-rate * step.dt), ti.exp(-spin_rate * step.dt)
+        spread = ti.sqrt(temperature / disk.mass * (1.0 - left * left))
+        spin_spread = ti.sqrt(spin_temperature / disk.inertia * (1.0 - spin_left * spin_left))
+        kick, spin_kick = normals(step.random, 0), normals(step.random, 1)
+        return (
+            left * disk.vx + spread * kick[0],
+            left * disk.vy + spread * kick[1],
+            spin_left * disk.spin + spin_spread * spin_kick[0],
+        )
+
+
+class Drag(Force):
+    r"""Friction with a medium at rest: dv/dt = -rate v - quadratic |v| v, d omega/dt = -spin_rate omega.
+
+    The exact solution over a step: with tau = (1 - exp(-rate dt)) / rate, or dt for rate 0, velocities are multiplied
+    by exp(-rate dt) / (1 + quadratic |v| tau).
+
+    Parameters
+    ----------
+    step : float
+        Time between two applications [time].
+    rate : float
+        Of linear drag [1/time], as by a viscous gas.
+    quadratic : float
+        Quadratic drag over mass [1/length], as by a fast flow.
+    spin_rate : float
+        Of the spins' linear drag [1/time].
+    """
+
+    def __init__(
+        self, step: float, *, rate: float = 0.0, quadratic: float = 0.0, spin_rate: float = 0.0
+    ) -> None:
+        given = {"rate": rate, "quadratic": quadratic, "spin_rate": spin_rate}
+        _some(**given)
+        super().__init__(step, [number(name, value) for name, value in given.items()])
+
+    @staticmethod
+    def act(disk, step, parameters):
+        rate, quadratic, spin_rate = parameters[0], parameters[1], parameters[2]
+        left = ti.exp(-rate * step.dt)
+        tau = step.dt
+        if rate > 0.0:
+            tau = (1.0 - left) / rate
+        speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
+        factor = left / (1.0 + quadratic * speed * tau)
+        return factor * disk.vx, factor * disk.vy, disk.spin * ti.exp(-spin_rate * step.dt)
+
+
+class Rescale(Force):
+    """A thermostat that multiplies all velocities by one factor, so that the gas has the same energy after each step.
+
+    A gas that loses its energy in collisions reaches the scaled state of free cooling this way: rescaling is free
+    cooling in another unit of time (Brey, Ruiz-Montero and Moreno 2004, doi:10.1103/PhysRevE.69.051303). A total
+    momentum is scaled too, and a gas at rest stays at rest.
+
+    Parameters
+    ----------
+    step : float
+        Time between two applications [time].
+    temperature : float
+        Translational temperature after each, the mean of m v^2 / 2 [energy]; spins are left alone.
+    energy : float
+        Instead of it, kinetic energy of a disk after each, spins included, mean over all [energy]; spins are
+        multiplied too.
+    """
+
+    totals = 3
+
+    def __init__(self, step: float, *, temperature: float | None = None, energy: float | None = None) -> None:
+        if (temperature is None) == (energy is None):
+            raise InputError("rescale: exactly one of temperature and energy is needed")
+        name, value = ("temperature", temperature) if energy is None else ("energy", energy)
+        wanted = number(name, value, positive=True)
+        super().__init__(step, (wanted, 0.0 if energy is None else 1.0))
+
+    @staticmethod
+    def measure(disk, step, parameters):
+        v2 = disk.vx * disk.vx + disk.vy * disk.vy
+        return 0.5 * ti.Vector([disk.mass * v2, disk.inertia * disk.spin * disk.spin, 2.0])
+
+    @staticmethod
+    def act(disk, step, parameters):
+        wanted, with_spins = parameters[0], parameters[1]
+        present = (step.totals[0] + with_spins * step.totals[1]) / step.totals[2]
+        factor = wanted / wanted
+        if present > 0.0:
+            factor = ti.sqrt(wanted / present)
+        spin = disk.spin
+        if with_spins > 0.0:
+            spin *= factor
+        return factor * disk.vx, factor * disk.vy, spin
+
+
+@ti.func
+def _velocity_kick(disk, step, parameters):
+    """Independent kick of one disk, before the mean of all is taken off."""
+    spread = ti.sqrt((parameters[0] / disk.mass + 2.0 * parameters[1]) * step.dt)
+    return spread * normals(step.random, 0)
+
+
+def number(name: str, value: float | None, *, positive: bool = False, negative: bool = False) -> float:
+    """The value as a float if it is a finite number of the kind that is needed (0 or more unless told)."""
+    kind = (
+        "a positive finite number" if positive else "a finite number" + ("" if negative else ", 0 or more,")
+    )
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
+        raise InputError(f"{name} = {value!r}: {kind} is needed")
+    if (positive and value <= 0.0) or (not negative and value < 0.0):
+        raise InputError(f"{name} = {value}: {kind} is needed")
+    return float(value)
+
+
+def _strength(power: float | None, diffusion: float | None) -> tuple[float, float]:
+    """Strength of kicks as (power, diffusion), one of them 0."""
+    if (power is None) == (diffusion is None):
+        raise InputError("kicks: exactly one of power and diffusion is needed")
+    if power is not None:
+        return number("power", power, positive=True), 0.0
+    return 0.0, number("diffusion", diffusion, positive=True)
+
+
+def _some(**given: float) -> None:
+    """Raise InputError unless one of the numbers is not 0."""
+    if not any(given.values()):
+        raise InputError(f"{', '.join(given)}: one of them above 0 is needed")

@@ -1,0 +1,139 @@
+"""Operator splitting: when each force acts, and what it did to the energy.
+
+Imports the kernels, and Taichi with them: import this module only after `backend.start`.
+
+Forces that act at one and the same time do so in the order given at every other such time and in the reverse order at
+those between. Forces that do not commute would else make an error of first order in the step: drag before kicks is
+a colder gas than kicks before drag. Alternating makes two steps together symmetric in time, hence second order.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .device_arrays import DeviceArrays
+from .errors import EngineError, InputError
+from .forces import Force
+from .kernels.forces import kernels_of
+from .kernels.sort import BLOCK
+from .state import Disks
+
+# Times that differ by rounding only are one time: (1 + 1/2) * 0.1 and (0 + 1/2) * 0.3.
+SAME_TIME = 8.0 * float(np.finfo(np.float64).eps)
+
+_kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
+
+
+class Splitting:
+    """The forces of one engine.
+
+    Parameters
+    ----------
+    forces : sequence of Force
+        In the order in which they act at a time at which several do.
+    arrays : DeviceArrays
+    disks : Disks
+    seed : int
+        Of all random numbers, 0 to 2^64 - 1.
+    time : float
+        The present time [time]; what was to act until then has acted.
+
+    Raises
+    ------
+    InputError
+        If a force is none, cannot act on these disks, or the seed is out of range.
+    """
+
+    def __init__(
+        self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float
+    ) -> None:
+        self.forces = tuple(forces)
+        for i, force in enumerate(self.forces):
+            if not isinstance(force, Force) or type(force).act is Force.act:
+                raise InputError(
+                    f"forces[{i}] = {force!r}: an object of a class derived from ifrdem.forces.Force, with a method "
+                    "act, is needed"
+                )
+            force.check(disks)
+        if not (isinstance(seed, int) and 0 <= seed < 2**64):
+            raise InputError(f"seed = {seed}: a whole number from 0 to 2^64 - 1 is needed")
+        self._arrays = arrays
+        self._seed = seed
+        self._steps = [force.step for force in self.forces]
+        self._next = [_first_after(time, step) for step in self._steps]
+        self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))
+        blocks = disks.n // BLOCK + 1
+        most = max((force.totals for force in self.forces), default=0)
+        self._block_sums = np.zeros((blocks, max(most, 1)))
+
+    @property
+    def next_time(self) -> float:
+        """When the next force acts [time]; infinite without forces."""
+        return min(
+            (_time(k, step) for k, step in zip(self._next, self._steps, strict=True)), default=math.inf
+        )
+
+    def due(self, now: float) -> list[int]:
+        """Indices of the forces that act at `now` [time], in the order in which they do."""
+        found = [i for i, step in enumerate(self._steps) if _reached(_time(self._next[i], step), now)]
+        return found[::-1] if found and self._next[found[0]] % 2 else found
+
+    def apply(self, index: int, now: float) -> None:
+        """Apply a force that is due at `now` [time], the end of the latest epoch.
+
+        Raises
+        ------
+        EngineError
+            If it makes a velocity or spin that is not finite.
+        """
+        force, step, k = self.forces[index], self._steps[index], self._next[index]
+        totals, gained = np.zeros(max(force.totals, 1)), np.zeros(1)
+        parameters = np.array([*force.parameters, 0.0])  # one entry at least
+        kind: Any = type(force)  # mypy does not take a class for hashable
+        sum_totals, apply_force = _kernels(kind, len(force.parameters))
+        given: dict[str, Any] = {
+            "when": np.array([_time(k, step), step]),
+            "counter_words": _words(k, index, self._seed),
+            "parameters": parameters,
+            "block_sums": self._block_sums,
+            "totals": totals,
+            "gained": gained,
+        }
+        if sum_totals is not None:
+            self._arrays.launch(sum_totals, **given)
+        self._arrays.launch(apply_force, **given)
+        self._next[index] = k + 1
+        if not math.isfinite(gained[0]):
+            raise EngineError(
+                f"t = {now:.9g}: force {index + 1}, {type(force).__name__}, made a velocity or spin that is not finite"
+            )
+        self.energy_inputs[index] += gained[0]
+
+
+def _time(k: int, step: float) -> float:
+    """When a force acts for the k-th time: a product, because a sum of steps would gather rounding errors."""
+    return (k + 0.5) * step
+
+
+def _reached(time: float, now: float) -> bool:
+    return time <= now + SAME_TIME * abs(now)
+
+
+def _first_after(now: float, step: float) -> int:
+    """Number of the first step whose middle comes after `now`."""
+    k = math.floor(now / step - 0.5) - 1  # rounding may have put it one too late
+    while _reached(_time(k, step), now):
+        k += 1
+    return k
+
+
+def _words(k: int, index: int, seed: int) -> NDArray[np.uint32]:
+    """What keys the random numbers: see `kernels/forces.py`."""
+    low = 2**32 - 1
+    return np.array([k & low, k >> 32 & low, index, seed & low, seed >> 32], dtype=np.uint32)

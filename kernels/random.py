@@ -1,0 +1,65 @@
+"""Random numbers by counter: the same for the same disk, step and seed, whoever asks and in whatever order.
+
+Philox4x32-10 turns a counter of four words and a key of two into four random words, without any state: Salmon, Moraes,
+Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC '11, doi:10.1145/2063384.2063405.
+
+A *stream* is a vector of six words: id of the disk, number of the force's step (low and high word), 2^16 times the
+index of the force, and the seed (low and high word). The first four are the counter, the last two the key; draws
+`number` 0 to 65535 of a stream are independent of each other.
+"""
+
+import taichi as ti
+
+# Multipliers, and what is added to the key in each round: golden ratio and sqrt(3) - 1, times 2^32.
+MULTIPLY_0, MULTIPLY_1 = 0xD2511F53, 0xCD9E8D57
+WEYL_0, WEYL_1 = 0x9E3779B9, 0xBB67AE85
+ROUNDS = 10
+DRAWS = 1 << 16  # draws of a stream
+
+
+@ti.func
+def philox(counter, key):
+    """Four random words (u32) of a counter of four words and a key of two."""
+    c_0, c_1, c_2, c_3 = counter[0], counter[1], counter[2], counter[3]
+    k_0, k_1 = key[0], key[1]
+    for _ in ti.static(range(ROUNDS)):
+        first = ti.u64(MULTIPLY_0) * ti.cast(c_0, ti.u64)
+        second = ti.u64(MULTIPLY_1) * ti.cast(c_2, ti.u64)
+        c_0 = ti.cast(second >> 32, ti.u32) ^ c_1 ^ k_0
+        c_1 = ti.cast(second, ti.u32)
+        c_2 = ti.cast(first >> 32, ti.u32) ^ c_3 ^ k_1
+        c_3 = ti.cast(first, ti.u32)
+        k_0 += ti.u32(WEYL_0)
+        k_1 += ti.u32(WEYL_1)
+    return ti.Vector([c_0, c_1, c_2, c_3], ti.u32)
+
+
+@ti.func
+def unit(high, low):
+    """A double in (0, 1] of 53 bits, from two random words."""
+    # 27 bits and 26 bits; 1 - [0, 1) is never 0, so that its logarithm is finite.
+    bits = ti.cast(high >> 5, ti.f64) * 67108864.0 + ti.cast(low >> 6, ti.f64)
+    return 1.0 - bits * (1.0 / 9007199254740992.0)
+
+
+@ti.func
+def words(stream, number):
+    """The four random words of draw `number` of a stream."""
+    counter = ti.Vector([stream[0], stream[1], stream[2], stream[3] + ti.cast(number, ti.u32)], ti.u32)
+    return philox(counter, ti.Vector([stream[4], stream[5]], ti.u32))
+
+
+@ti.func
+def uniforms(stream, number):
+    """Two random numbers, uniform in (0, 1]: draw `number` of a stream, which `normals` would use up too."""
+    w = words(stream, number)
+    return ti.Vector([ti.cast(unit(w[0], w[1]), float), ti.cast(unit(w[2], w[3]), float)])
+
+
+@ti.func
+def normals(stream, number):
+    """Two independent random numbers, normal with mean 0 and variance 1: draw `number` of a stream (Box-Muller)."""
+    w = words(stream, number)
+    radius = ti.sqrt(-2.0 * ti.log(unit(w[0], w[1])))
+    angle = 6.283185307179586 * unit(w[2], w[3])
+    return ti.Vector([ti.cast(radius * ti.cos(angle), float), ti.cast(radius * ti.sin(angle), float)])
