@@ -26,6 +26,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Trajectory": ("trajectory", "Trajectory"),
     "TrajectoryWriter": ("trajectory_writer", "TrajectoryWriter"),
     "collide": ("law", "collide"),
+    "fit": ("fit", None),
     "observables": ("observables", None),
     "placement": ("placement", None),
     "plot": ("plot", None),
@@ -47,6 +48,7 @@ __all__ = [
     "__version__",
     "coins",
     "collide",
+    "fit",
     "observables",
     "placement",
     "plot",
@@ -54,6 +56,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from . import fit as fit
     from . import observables as observables
     from . import placement as placement
     from . import plot as plot

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from . import __version__
+from . import __version__, fit_options
 from .errors import EngineError, InputError, nearest
 
 BAD_INPUT = 2
@@ -114,6 +114,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     _add_bench(bench)
     bench.set_defaults(act=_bench)
+
+    fit = verbs.add_parser("fit", help="fit the law's coefficients to measured impacts", allow_abbrev=False)
+    fit_options.add_to(fit)
+    fit.set_defaults(act=_fit)
 
     info = verbs.add_parser("info", help="say what a trajectory holds", allow_abbrev=False)
     info.add_argument("file", metavar="FILE", help="a trajectory (.h5)")
@@ -274,6 +278,10 @@ def _bench(options: argparse.Namespace) -> int:
             raise InputError(f"--n {chosen.n} --phi {chosen.phi:g}: {error}") from None
     _say(json.dumps(found.figures(), indent=2) if chosen.json else found.report())
     return 0
+
+
+def _fit(options: argparse.Namespace) -> int:
+    return 0 if fit_options.run(options, say=_say, complain=_complain) else FAILED
 
 
 def _info(options: argparse.Namespace) -> int:
