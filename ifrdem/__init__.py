@@ -29,6 +29,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Wall": ("walls", "Wall"),
     "collide": ("law", "collide"),
     "forces": ("forces", None),
+    "fit": ("fit", None),
     "observables": ("observables", None),
     "placement": ("placement", None),
     "plot": ("plot", None),
@@ -52,6 +53,7 @@ __all__ = [
     "__version__",
     "coins",
     "collide",
+    "fit",
     "forces",
     "observables",
     "placement",
@@ -60,6 +62,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from . import fit as fit
     from . import forces as forces
     from . import observables as observables
     from . import placement as placement

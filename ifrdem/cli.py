@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import __version__
+from . import __version__, fit_options
 from .arguments import Parser
 from .errors import EngineError, InputError, nearest
 
@@ -126,6 +126,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         help="folder (default: validation-report)",
     )
     validate.set_defaults(act=_validate)
+    fit = verbs.add_parser("fit", help="fit the law's coefficients to measured impacts", allow_abbrev=False)
+    fit_options.add_to(fit)
+    fit.set_defaults(act=_fit)
 
     info = verbs.add_parser("info", help="say what a trajectory holds", allow_abbrev=False)
     info.add_argument("file", metavar="FILE", help="a trajectory (.h5)")
@@ -297,6 +300,10 @@ def _validate(options: argparse.Namespace) -> int:
         _say(runner.listing())
         return 0
     return runner.validate(options.names, options.output, quick=options.quick, say=_say)
+
+
+def _fit(options: argparse.Namespace) -> int:
+    return 0 if fit_options.run(options, say=_say, complain=_complain) else FAILED
 
 
 def _info(options: argparse.Namespace) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,15 +51,29 @@ class Outputs:
         InputError
             With a line for each thing that is wrong. Nothing is left behind.
         """
-        wrong = []
-        for path in (self.trajectory, self.picture):
-            if path is None:
-                continue
-            if path.is_dir():
-                wrong.append(f"output {path}: is a folder")
-            elif path.exists() and not force:
-                wrong.append(f"output {path}: exists already; --force replaces it, -o writes elsewhere")
-        folder = self.trajectory.parent
+        check_files([path for path in (self.trajectory, self.picture) if path is not None], force=force)
+
+    def sizes(self) -> dict[Path, int]:
+        """Bytes of each file that is there."""
+        paths = [path for path in (self.trajectory, self.picture) if path is not None and path.exists()]
+        return {path: path.stat().st_size for path in paths}
+
+
+def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:
+    """Refuse files that exist (unless `force`) or cannot be written.
+
+    Raises
+    ------
+    InputError
+        With a line for each thing that is wrong; `elsewhere` says how to choose another place. Nothing is left behind.
+    """
+    wrong = []
+    for path in paths:
+        if path.is_dir():
+            wrong.append(f"output {path}: is a folder")
+        elif path.exists() and not force:
+            wrong.append(f"output {path}: exists already; --force replaces it, {elsewhere}")
+    for folder in dict.fromkeys(path.parent for path in paths):
         if not folder.exists():
             wrong.append(f"output folder {folder}: does not exist")
         elif not folder.is_dir():
@@ -68,10 +83,5 @@ class Outputs:
                 tempfile.TemporaryFile(dir=folder, prefix=".ifrdem-").close()
             except OSError as error:
                 wrong.append(f"output folder {folder}: cannot be written to: {error.strerror}")
-        if wrong:
-            raise InputError("\n".join(wrong))
-
-    def sizes(self) -> dict[Path, int]:
-        """Bytes of each file that is there."""
-        paths = [path for path in (self.trajectory, self.picture) if path is not None and path.exists()]
-        return {path: path.stat().st_size for path in paths}
+    if wrong:
+        raise InputError("\n".join(wrong))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from . import csv_rows
 from .box import Box
 from .errors import InputError, nearest
 
@@ -60,11 +60,11 @@ def read(path: Path, n: int, box: Box | None = None) -> StartFile:
     InputError
         With a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
     """
-    rows, lines = _rows(path)
+    rows, lines = csv_rows.read(path)
     if not rows:
         raise InputError("is empty: a first line with the names of the columns is needed, such as x,y")
     names = [name.strip() for name in rows[0]]
-    if all(_is_number(name) for name in names):
+    if all(csv_rows.is_number(name) for name in names):
         raise InputError(
             f"line {lines[0]}: there is no header: the first line must name the columns, such as "
             f"{','.join(POSITION)} or {','.join(POSITION + MOTION)}, and here it holds numbers"
@@ -106,35 +106,6 @@ def read(path: Path, n: int, box: Box | None = None) -> StartFile:
         spin=values[:, names.index(MOTION[2])] if moving else None,
         line=np.array(lines[1:], dtype=np.int64),
     )
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _rows(path: Path) -> tuple[list[list[str]], list[int]]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            numbered = [
-                (row, reader.line_num)
-                for row in reader
-                if any(text.strip() for text in row) and not row[0].lstrip().startswith("#")
-            ]
-    except FileNotFoundError:
-        names = [each.name for each in path.parent.glob("*.csv")] if path.parent.is_dir() else []
-        raise InputError(f"there is no such file{nearest(path.name, names)}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"not a text file in UTF-8: {error.reason} at byte {error.start}") from None
-    except csv.Error as error:
-        raise InputError(f"not a CSV file: {error}") from None
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}") from None
-    return [row for row, _ in numbered], [line for _, line in numbered]
 
 
 def _wrong_columns(names: list[str]) -> list[str]:

@@ -1,0 +1,178 @@
+"""The forward model of a fit against the paper's closed forms, and its likelihood against plain searches."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ifrdem.errors import InputError
+from ifrdem.fit_data import Data
+from ifrdem.fit_likelihood import Likelihood
+from ifrdem.fit_model import MEASURED, Model, Pair
+from ifrdem.law import Regime
+from ifrdem.validation import paper
+from ifrdem.validation.paper import Impact
+
+BOTH = pytest.mark.parametrize("sticking", ["percussion_center", "contact_point"])
+STICKS = {
+    "percussion_center": (
+        paper.tan_delta_1_percussion_center,
+        paper.tan_delta_2_percussion_center,
+        paper.e_t_apparent_percussion_center,
+        paper.Rw_2_percussion_center_rolling,
+        paper.tan_psi_transit_percussion_center,
+    ),
+    "contact_point": (
+        paper.tan_delta_1_contact_point,
+        paper.tan_delta_2_contact_point,
+        paper.e_t_apparent_contact_point,
+        paper.Rw_2_contact_point_rolling,
+        paper.tan_psi_transit_contact_point,
+    ),
+}
+SLIDES = (
+    paper.tan_delta_1_sliding,
+    paper.tan_delta_2_sliding,
+    paper.e_t_apparent_sliding,
+    paper.Rw_2_sliding_rolling,
+)
+LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
+COEFFICIENTS = np.array([*LAW.values(), 0.0])
+
+
+def impact(psi: np.ndarray, M: float, rho: float = 0.0) -> Impact:
+    return Impact(psi, **LAW, M=M, R_1=1.4, R_2=1.2, rho=rho)
+
+
+@BOTH
+@pytest.mark.parametrize("M", [0.6, 1.3])  # M < e_n: disk 1 bounces back
+def test_predictions_follow_eqs_18_to_28_in_both_regimes(sticking: str, M: float) -> None:
+    psi = np.radians(np.linspace(1.0, 85.0, 60))
+    c = impact(psi, M)
+    model = Model(Pair(M=M), sticking)
+    got = dict(zip(MEASURED, model.predict(COEFFICIENTS, psi, tuple(MEASURED)).T, strict=True))
+    tan_1, tan_2, e_t_apparent, _, transit = STICKS[sticking]
+    sticks = np.tan(psi) < transit(c)
+    assert 10 < np.sum(sticks) < 50
+    v_1n = paper.v_1n(c)
+    for mine, slide, stick in (
+        (np.tan(np.radians(got["delta_1"])), SLIDES[0], tan_1),
+        (np.tan(np.radians(got["delta_2"])), SLIDES[1], tan_2),
+        (got["e_t_apparent"], SLIDES[2], e_t_apparent),
+    ):
+        np.testing.assert_allclose(mine, np.where(sticks, stick(c), slide(c)), rtol=1e-10)
+    # Eq. 29 with the speeds of Eqs. 6, 7 and of the tangents above.
+    tan_1_here = np.where(sticks, tan_1(c), SLIDES[0](c))
+    tan_2_here = np.where(sticks, tan_2(c), SLIDES[1](c))
+    ratio = paper.v_2n(c) * np.hypot(1.0, tan_2_here) / np.abs(v_1n * np.hypot(1.0, tan_1_here))
+    np.testing.assert_allclose(got["sqrt_d2_d1"], ratio, rtol=1e-10)
+    assert np.all((got["delta_1"] > 90.0) == (v_1n < 0.0))
+
+
+@BOTH
+def test_spin_with_rolling_friction_follows_eqs_34_37_40_beyond_the_nonrolling_angle(sticking: str) -> None:
+    rho, M = 0.03, 1.3
+    psi = np.radians(np.linspace(1.0, 85.0, 200))
+    c = impact(psi, M, rho)
+    model = Model(Pair(M=M, R_1=1.4, R_2=1.2), sticking)
+    coefficients = np.array([*LAW.values(), rho])
+    rolls = paper.T_rolling(c) < paper.T_nonrolling(c)
+    sticks = np.tan(psi) < STICKS[sticking][4](c)
+    expected = np.where(sticks, STICKS[sticking][3](c), SLIDES[3](c))
+    got = model.predict(coefficients, psi, ["Rw_2"])[:, 0]
+    np.testing.assert_allclose(got[rolls], expected[rolls], rtol=1e-10)
+    # The angles between which the curve is smooth are those where the regime changes.
+    edges = model.edges(coefficients, rolling=True)
+    assert np.all(
+        np.diff(model.regimes(coefficients, np.array([e + d for e in edges[1:-1] for d in (-1e-9, 1e-9)])))[
+            ::2
+        ]
+        != 0
+    )
+    regimes = model.regimes(coefficients, psi)
+    changes = 0.5 * (psi[1:] + psi[:-1])[np.diff(regimes) != 0]
+    np.testing.assert_allclose(changes, edges[1:-1], atol=psi[1] - psi[0])
+    assert set(regimes[rolls]) == {Regime.SLIDING_ROLLING, Regime.STICKING_ROLLING}
+
+
+def test_transition_holds_for_any_k_and_inverts() -> None:
+    """Eq. 12 gives m_n/m_t mu (1 + e_n), with m_n/m_t = (1 + k_1 + M (1 + k_2)) / (1 + M); Eq. 15 gives Eq. 25."""
+    pair = Pair(M=1.7, k_1=1.0, k_2=2.5)
+    mean = (2.0 + 1.7 * 3.5) / 2.7
+    for sticking, factor in (("contact_point", mean), ("percussion_center", 2.0)):
+        model = Model(pair, sticking)
+        tan_psi = model.tan_transition(COEFFICIENTS)
+        np.testing.assert_allclose(tan_psi, factor * 0.21 * 1.87, rtol=1e-13)
+        np.testing.assert_allclose(model.mu_of_transition(np.array(0.87), tan_psi), 0.21, rtol=1e-13)
+
+
+def test_impossible_pairs_are_refused_all_at_once() -> None:
+    with pytest.raises(InputError, match=r"M = -1: .*\nk_2 = nan: .*\nR_1, R_2: both radii"):
+        Pair(M=-1, k_2=float("nan"), R_1=0.1)
+
+
+def synthetic(names: tuple[str, ...], error: float, *, n: int, seed: int, M: float = 1.0) -> Data:
+    """Impacts of aluminium coins, psi 4 to 75 degrees, with this error [deg] in every angle."""
+    rng = np.random.default_rng(seed)
+    psi = np.linspace(4.0, 75.0, n)
+    exact = Model(Pair(M=M), "percussion_center").predict(COEFFICIENTS, np.radians(psi), names)
+    return Data(
+        psi=psi + error * rng.standard_normal(n),
+        measured={name: exact[:, i] + error * rng.standard_normal(n) for i, name in enumerate(names)},
+        errors=dict.fromkeys(("psi", *names), error),
+    )
+
+
+NAMES = ("delta_1", "delta_2")
+TRIED = np.array([[0.85, -0.9, 0.2], [0.7, -0.95, 0.3], [0.95, -0.6, 0.1], [0.87, -0.88, 0.21]])
+
+
+@BOTH
+def test_distances_are_the_least_over_all_true_angles(sticking: str) -> None:
+    """Against a fine grid of true angles; delta_1 at M = 1 climbs 14 degrees a degree at the smallest angles."""
+    data, model = synthetic(NAMES, 1.0, n=20, seed=1), Model(Pair(M=1.0), sticking)
+    grid = np.radians(np.linspace(1e-3, 89.9, 200_001))
+    chi2 = Likelihood(data, model).at(TRIED).chi2
+    for coefficients, mine in zip(TRIED, chi2, strict=True):
+        curve = model.predict(np.append(coefficients, 0.0), grid, NAMES)
+        least = 0.0
+        for i in range(len(data)):
+            distance = (data.psi[i] - np.degrees(grid)) ** 2 + np.sum(
+                (np.array([data.measured[name][i] for name in NAMES]) - curve) ** 2, axis=-1
+            )
+            least += np.min(distance)
+        assert mine <= least + 1e-9
+        assert mine == pytest.approx(least, rel=1e-5)  # the grid's step: 5e-4 of an error
+
+
+def test_distance_from_a_straight_line_is_the_effective_variance() -> None:
+    """For one quantity and small errors chi2 = sum (y - f)^2 / (s_y^2 + f'^2 s_psi^2), up to the curve's bend."""
+    model = Model(Pair(M=1.0), "percussion_center")
+    data = synthetic(("delta_2",), 0.01, n=40, seed=2)
+    away = np.abs(np.tan(np.radians(data.psi)) - 2.0 * 0.21 * 1.87) > 0.02  # not beside the corner
+    data = Data(
+        psi=data.psi[away],
+        measured={"delta_2": data.measured["delta_2"][away]},
+        errors={"psi": 0.01, "delta_2": 0.02},
+    )
+    psi, h = np.radians(data.psi), 1e-5
+    f, up, down = (model.predict(COEFFICIENTS, psi + d, ("delta_2",))[:, 0] for d in (0.0, h, -h))
+    variance = 0.02**2 + ((up - down) / np.degrees(2.0 * h)) ** 2 * 0.01**2
+    expected = np.sum((data.measured["delta_2"] - f) ** 2 / variance)
+    got = Likelihood(data, model).at(COEFFICIENTS[:3]).chi2
+    assert got == pytest.approx(expected, rel=1e-3)  # bend times error, 1e-4 rad
+
+
+@BOTH
+@pytest.mark.parametrize("names", [("delta_2",), NAMES, ("delta_2", "Rw_2")])
+def test_derivatives_of_chi2_are_those_of_its_differences(sticking: str, names: tuple[str, ...]) -> None:
+    rolling = "Rw_2" in names
+    model = Model(Pair(M=1.3, R_1=1.0, R_2=1.2), sticking)
+    likelihood = Likelihood(synthetic(names, 0.7, n=20, seed=3, M=1.3), model, rolling=rolling)
+    for start in TRIED:
+        free = np.append(start, 0.03) if rolling else start
+        h = 1e-5 * np.eye(len(free))
+        expected = (likelihood.at(free + h).chi2 - likelihood.at(free - h).chi2) / 2e-5
+        got = 2.0 * likelihood.at(free).gradient
+        # One-sided steps of 1e-6 in the code; a point that changes sides within 1e-5 would show as 1e-5 of chi2''.
+        np.testing.assert_allclose(got, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
