@@ -26,9 +26,11 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Trajectory": ("trajectory", "Trajectory"),
     "TrajectoryWriter": ("trajectory_writer", "TrajectoryWriter"),
     "collide": ("law", "collide"),
+    "growth": ("growth", None),
     "observables": ("observables", None),
     "placement": ("placement", None),
     "plot": ("plot", None),
+    "radii": ("radii", None),
     "theory": ("theory", None),
 }
 
@@ -47,16 +49,20 @@ __all__ = [
     "__version__",
     "coins",
     "collide",
+    "growth",
     "observables",
     "placement",
     "plot",
+    "radii",
     "theory",
 ]
 
 if TYPE_CHECKING:
+    from . import growth as growth
     from . import observables as observables
     from . import placement as placement
     from . import plot as plot
+    from . import radii as radii
     from . import theory as theory
     from .box import Box
     from .coins import coins

@@ -65,11 +65,8 @@ class Estimate:
     def of(cls, gas: Gas, case: Case) -> Estimate:
         """The estimate for a gas and the case that it comes from."""
         n, phi = gas.disks.n, gas.box.packing_fraction(gas.disks.radius)
-        rates = collision_rates(gas.species, gas.box.area)
-        paths = [
-            math.sqrt(math.pi / 4.0) * each.speed_rms / rate if rate > 0.0 else math.nan
-            for each, rate in zip(gas.species, rates, strict=True)
-        ]
+        rates, speeds = _rates_and_speeds(gas)
+        paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
         end, per_disk = _cooled(gas, phi, mean_rate, case.run.t_end, case.run.collisions_per_disk)
         at_most = math.isnan(per_disk)
@@ -80,8 +77,8 @@ class Estimate:
         return cls(
             packing_fraction=phi,
             number_density=n / gas.box.area,
-            collision_rate=tuple(float(rate) for rate in rates),
-            free_path=tuple(float(path) for path in paths),
+            collision_rate=tuple(rates),
+            free_path=tuple(paths),
             end_time=end,
             collisions=0.5 * n * per_disk,
             collisions_at_most=at_most,
@@ -89,6 +86,19 @@ class Estimate:
             file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values())) + 28 * n,
             array_bytes=n * engine_limits.BYTES_PER_DISK,
         )
+
+
+def _rates_and_speeds(gas: Gas) -> tuple[list[float], list[float]]:
+    """Collision rate [1/time] and mean speed [length/time] of a disk of each species, means over its radii."""
+    classes = [each.classes() for each in gas.species]
+    found = iter(collision_rates([one for group in classes for one in group], gas.box.area))
+    rates, speeds = [], []
+    for group in classes:
+        number = np.array([one.number for one in group])
+        rates.append(float(np.average([next(found) for _ in group], weights=number)))
+        rms = np.average([one.speed_rms for one in group], weights=number)
+        speeds.append(math.sqrt(math.pi / 4.0) * float(rms))  # of a Maxwellian in two dimensions
+    return rates, speeds
 
 
 def disk_bytes(fields: Sequence[str], precision: str) -> int:
@@ -99,7 +109,7 @@ def disk_bytes(fields: Sequence[str], precision: str) -> int:
 
 
 def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float64]:
-    """Collisions per disk and time [1/time] of each species in a mixed gas with Maxwellian velocities.
+    """Collisions per disk and time [1/time] of each species of equal disks in a gas with Maxwellian velocities.
 
     Enskog's rate: disks of species j, with number density n_j, meet one of species i at
     sqrt(2 pi) n_j sigma_ij g_ij sqrt(u_i^2 + u_j^2), where sigma_ij = R_i + R_j, u^2 is the variance of a
@@ -120,7 +130,7 @@ def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float
         Area of the box [length^2].
     """
     number = np.array([each.number for each in species], dtype=np.float64)
-    diameter = np.array([2.0 * each.radius for each in species])
+    diameter = np.array([2.0 * each.radius.mean() for each in species])
     variance = np.array([0.5 * each.speed_rms**2 for each in species])
     phi = float(np.sum(number * math.pi * diameter**2 / 4.0)) / area
     sigma = 0.5 * (diameter[:, None] + diameter[None, :])
@@ -141,14 +151,15 @@ def _cooled(
         collisions_per_disk if collisions_per_disk is not None else math.nan,
     )
     law = gas.laws[0][0]
-    if len(gas.species) > 1 or law.rho > 0.0 or rate == 0.0:
+    if len(gas.species) > 1 or not gas.species[0].equal or law.rho > 0.0 or rate == 0.0:
         return unknown
     (each,) = gas.species
-    T = 0.5 * each.mass * each.speed_rms**2
-    T_rot = each.mass * each.radius**2 / each.k * each.spin_rms**2
+    mass, radius = float(each.mass[0]), float(each.radius[0])
+    T = 0.5 * mass * each.speed_rms**2
+    T_rot = mass * radius**2 / each.k * each.spin_rms**2
 
     def per_disk(time: float) -> float:
-        return float(theory.cooling(law, each.mass, each.radius, each.k, phi, T, T_rot, [time])[2][0])
+        return float(theory.cooling(law, mass, radius, each.k, phi, T, T_rot, [time])[2][0])
 
     if t_end is not None:
         return t_end, per_disk(t_end)

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .box import Box
 from .engine import Collisions, Engine
@@ -231,12 +230,16 @@ def _law_table(law: IFRLaw | Sequence[Sequence[IFRLaw]], disks: Disks) -> list[l
 
 
 def _check_energy(laws: list[list[IFRLaw]], disks: Disks) -> None:
-    """Refuse a law that could add energy for a pair of disks that is there; the worst cases are pairs of kinds."""
-    kinds: NDArray[np.float64] = np.unique(np.stack([disks.material, disks.k, disks.mass], axis=1), axis=0)
-    if (
-        len(kinds) > 200
-    ):  # a continuous distribution of masses: kbar lies between the k's, whatever the masses
-        kinds = np.unique(np.stack([disks.material, disks.k, np.ones(disks.n)], axis=1), axis=0)
-    for one, (a, k_a, m_a) in enumerate(kinds):
-        for b, k_b, m_b in kinds[one:]:
-            laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)
+    """Refuse a law that could add energy for a pair of disks that is there.
+
+    Of disks with one k and material, the lightest and the heaviest decide: see `pairing`.
+    """
+    kinds, which = np.unique(np.stack([disks.material, disks.k], axis=1), axis=0, return_inverse=True)
+    lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
+    np.minimum.at(lightest, which.ravel(), disks.mass)
+    np.maximum.at(heaviest, which.ravel(), disks.mass)
+    for one, (a, k_a) in enumerate(kinds):
+        for other in range(one, len(kinds)):
+            b, k_b = kinds[other]
+            for m_a, m_b in {(lightest[one], heaviest[other]), (heaviest[one], lightest[other])}:
+                laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)
