@@ -34,9 +34,11 @@ MARGIN = 1e-4
 STEP = 0.5
 HOT, COLD = 2e-4, 1e-7
 COOLING_STEPS = 1000
+MIXING_STEPS = 400  # where there is room: what it takes to forget who was pushed by whom
+HELD = 0.3  # part of the steps before the temperature falls
 FIRST_STEPS = 150  # of minimising, which is enough up to some 0.8
 LAST_STEPS = 1500
-SKIN = 0.3  # extra listing distance
+SKIN = 0.5  # extra listing distance
 PLATEAU = 200  # steps in which the overlaps must become less
 JAMMED_BELOW = 0.98  # of their squares this part or less must be left
 NEARLY = 1e-3  # mean overlap of jammed disks, as a part of contact, up to which another attempt may do
@@ -64,8 +66,8 @@ def grow(
     Returns
     -------
     array (n, 2)
-        Centres [length], inside the box, without any overlap. At packing fractions below 0.8 many disks almost touch:
-        it is no gas at equilibrium, before it has moved for some collisions per disk.
+        Centres [length], inside the box, without any overlap. Pairs that almost touch are about as frequent as in a
+        gas at equilibrium (by 20 % more or less up to 0.7); a few collisions per disk make it one.
 
     Raises
     ------
@@ -83,14 +85,15 @@ def grow(
     random = seeds.stream(seed, seeds.POSITIONS)
     soft = _SoftDisks(box, radii, random.random((n, 2)) * box.lengths)
     agitation = seeds.stream(seed, seeds.AGITATION)
-    done = soft.minimise(FIRST_STEPS)
-    attempt, most = 0, 3 + 20_000 // (n + 1000)  # few disks jam earlier or later by chance
-    while not done and attempt < most and (attempt == 0 or soft.mean_overlap() < NEARLY):
+    easy = soft.minimise(FIRST_STEPS)
+    most = 3 + 20_000 // (n + 1000)  # few disks jam earlier or later by chance
+    for attempt in range(most):
         # Nobody knows how many attempts it takes: each gets half of what is left of the bar.
-        before, share = 1.0 - 0.5**attempt, 0.5 ** (attempt + 1)
-        soft.cool(agitation, partial(_report, progress, before, share))
+        told = partial(_report, progress, 1.0 - 0.5**attempt, 0.5 ** (attempt + 1))
+        soft.cool(agitation, MIXING_STEPS if easy and attempt == 0 else COOLING_STEPS, told)
         done = soft.minimise(LAST_STEPS)
-        attempt += 1
+        if done or soft.mean_overlap() > NEARLY:
+            break
     if not done:
         attained = _attained(soft, box, radii)
         raise InputError(
@@ -162,7 +165,7 @@ class _SoftDisks:
         raw = self.x[pairs[:, 1]] - self.x[pairs[:, 0]]
         nearest = self.box.minimum_image(raw)
         contact = self.radius[pairs[:, 0]] + self.radius[pairs[:, 1]]
-        near = np.einsum("pk,pk->p", nearest, nearest) < (contact + SKIN) ** 2
+        near = _squared(nearest) < (contact + SKIN) ** 2
         pairs, self.contact = pairs[near], contact[near]
         self.image = (nearest - raw)[near]
         count = len(pairs)
@@ -176,10 +179,10 @@ class _SoftDisks:
     def force(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Forces on the disks, shape (n, 2), and the overlaps of the listed pairs, shape (pairs,), 0 where none."""
         moved = self.x - self.listed_at
-        if np.einsum("ik,ik->i", moved, moved).max() > (0.5 * SKIN) ** 2:
+        if _squared(moved).max() > (0.5 * SKIN) ** 2:
             self._list()
         apart = self.difference @ self.x + self.image
-        distance = np.sqrt(np.einsum("pk,pk->p", apart, apart))
+        distance = np.sqrt(_squared(apart))
         overlap = np.maximum(self.contact - distance, 0.0)
         # Two disks at one and the same place push nowhere; others will part them.
         push = apart * (overlap / np.maximum(distance, 1e-300))[:, None]
@@ -223,21 +226,25 @@ class _SoftDisks:
             self.x = self.x + step * velocity
         return False
 
-    def cool(self, random: np.random.Generator, progress: Progress = lambda _: None) -> None:
-        """Let them move (velocity Verlet) while the temperature falls from HOT to COLD, by scaling the velocities."""
+    def cool(self, random: np.random.Generator, steps: int, progress: Progress) -> None:
+        """Let them move (velocity Verlet) at HOT, and then while it falls to COLD, by scaling the velocities."""
         velocity = random.standard_normal(self.x.shape) * np.sqrt(HOT * self.per_mass)
         force, _ = self.force()
-        for done in range(COOLING_STEPS):
+        for done in range(steps):
             velocity += 0.5 * STEP * self.per_mass * force
             self.x = self.x + STEP * velocity
             force, _ = self.force()
             velocity += 0.5 * STEP * self.per_mass * force
             if done % 10 == 0:
-                temperature = HOT * (COLD / HOT) ** (done / COOLING_STEPS)
+                temperature = HOT * (COLD / HOT) ** max(0.0, (done / steps - HELD) / (1.0 - HELD))
                 velocity *= math.sqrt(
                     temperature / (0.5 * float(np.mean(np.sum(velocity**2 / self.per_mass, axis=1))))
                 )
-                progress(done / COOLING_STEPS)
+                progress(done / steps)
+
+
+def _squared(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1]
 
 
 def _report(progress: Progress, before: float, share: float, part: float) -> None:

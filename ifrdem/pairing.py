@@ -90,8 +90,10 @@ def _coin_of(draft: Draft, material: str) -> str | None:
 
 def verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
     """Whether collisions can add energy, for every pair of species whose coefficients are known."""
+    order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
-        made_of = _coefficients(draft, one.material, other.material)
+        # In one order, so that a pair that is missing is named once.
+        made_of = _coefficients(draft, *sorted((one.material, other.material), key=order.index))
         if isinstance(made_of, Problem):
             yield PairVerdict(one.name, other.name, made_of.key, False, False, made_of.text, None)
         elif made_of is not None:

@@ -94,7 +94,7 @@ def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
         ):
             axes.plot(when, _positive(values), "--", lw=1.5, color=colour)
     upper.plot([], [], color="black", ls="--" if curves is not None else "none", lw=1.5, label=note)
-    upper.legend(loc="lower left", frameon=False)
+    upper.legend(loc="best", frameon=False)
     if np.count_nonzero(later) and np.any(T[later] > 0.0):
         upper.set_xscale("log")
         upper.set_yscale("log")

@@ -40,6 +40,6 @@ class Stage:
     def __call__(self, part: float) -> None:
         """Take note that this part is done, 0 to 1."""
         now = self._clock()
-        if now - self._printed >= self._interval:
+        if part < 1.0 and now - self._printed >= self._interval:
             self._printed = now
             print(f"{self._name}: {100.0 * part:.0f} % done", file=self._stream, flush=True)
