@@ -30,9 +30,11 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "collide": ("law", "collide"),
     "forces": ("forces", None),
     "fit": ("fit", None),
+    "growth": ("growth", None),
     "observables": ("observables", None),
     "placement": ("placement", None),
     "plot": ("plot", None),
+    "radii": ("radii", None),
     "theory": ("theory", None),
 }
 
@@ -55,18 +57,22 @@ __all__ = [
     "collide",
     "fit",
     "forces",
+    "growth",
     "observables",
     "placement",
     "plot",
+    "radii",
     "theory",
 ]
 
 if TYPE_CHECKING:
     from . import fit as fit
     from . import forces as forces
+    from . import growth as growth
     from . import observables as observables
     from . import placement as placement
     from . import plot as plot
+    from . import radii as radii
     from . import theory as theory
     from .box import Box
     from .coins import coins

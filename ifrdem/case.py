@@ -10,17 +10,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
 
+from . import radii
 from .engine_limits import MOST_DISKS
+from .errors import nearest
 
 UNITS: Mapping[str, Mapping[str, str]] = {
     "SI": {"length": "m", "mass": "kg", "time": "s", "energy": "J", "momentum": "kg m s-1", "angle": "rad"},
     "reduced": dict.fromkeys(("length", "mass", "time", "energy", "momentum", "angle"), "reduced"),
 }
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
+
+WAYS_TO_PLACE = ("random", "growth", "hexagonal")
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 
@@ -154,7 +158,7 @@ class BoxSection(Section):
         gt=0.0,
         le=0.9069,
         description="fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal "
-        "disks; a random start reaches about 0.5",
+        "disks; start.positions says how dense a start can be",
         examples=[0.25],
     )
     aspect: float = Field(default=1.0, gt=0.0, description="ratio of the sides Lx/Ly [1]", examples=[1.0])
@@ -225,13 +229,70 @@ class PairSection(Section):
     rho: RollingFriction = 0.0
 
 
+class RadiiSection(Section):
+    """Radii that are not all equal: a distribution, sampled with the run's seed."""
+
+    distribution: Literal["uniform", "gaussian", "lognormal", "bidisperse"] = Field(
+        description='"uniform" (low, high), "gaussian" (mean, deviation), "lognormal" (mean, deviation) or '
+        '"bidisperse" (low, high, large_fraction)',
+        examples=["lognormal"],
+    )
+    mean: float | None = Field(
+        default=None, gt=0.0, description="mean radius of the whole distribution [m]", examples=[10.0e-3]
+    )
+    deviation: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="standard deviation of the radius, not of its logarithm [m]",
+        examples=[2.0e-3],
+    )
+    low: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="smallest radius [m]: cuts off a Gaussian (else at 3 deviations) or lognormal distribution",
+        examples=[5.0e-3],
+    )
+    high: float | None = Field(
+        default=None, gt=0.0, description="largest radius [m]: cuts off likewise", examples=[20.0e-3]
+    )
+    large_fraction: float | None = Field(
+        default=None,
+        gt=0.0,
+        lt=1.0,
+        description="part of the disks that have radius high [1]",
+        examples=[0.5],
+    )
+
+    @classmethod
+    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
+        """Which keys the distribution lacks, or cannot have."""
+        name = data.get("distribution")
+        if not isinstance(name, str) or name not in radii.PARAMETERS:
+            return None  # which the key itself reports
+        known = [key for key in data if key in cls.model_fields and key != "distribution"]
+        return radii.wrong_parameters(name, dict.fromkeys(known))
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The numbers that are given, by name."""
+        return {
+            key: value
+            for key, value in self.model_dump(exclude={"distribution"}).items()
+            if value is not None
+        }
+
+
 class SpeciesSection(Section):
-    """Equal disks."""
+    """Disks of one kind, of equal radii or not."""
 
     choices = (
         Choice(("mass", "radius"), also=("k",)),
         Choice(("mass", "diameter"), also=("k",)),
         Choice(("coin",)),
+        Choice(("mass", "radii"), also=("k",)),
+        Choice(("areal_density", "radius"), also=("k",)),
+        Choice(("areal_density", "diameter"), also=("k",)),
+        Choice(("areal_density", "radii"), also=("k",)),
     )
 
     name: Name = Field(description="name [text]", examples=["coins"])
@@ -249,6 +310,18 @@ class SpeciesSection(Section):
     mass: float | None = Field(default=None, gt=0.0, description="mass of one disk [kg]", examples=[1.19e-3])
     radius: float | None = Field(default=None, gt=0.0, description="radius [m]", examples=[10.5e-3])
     diameter: float | None = Field(default=None, gt=0.0, description="diameter [m]", examples=[21.0e-3])
+    radii: RadiiSection | None = Field(
+        default=None,
+        description="distribution of the radii instead of one radius [table; m]",
+        examples=[{"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}],
+    )
+    areal_density: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="mass per area [kg/m^2] instead of one mass: each disk has areal_density pi R^2. It is the "
+        "density of the material times the thickness of the disks",
+        examples=[3.4],
+    )
     k: float = Field(
         default=2.0,
         gt=0.0,
@@ -373,16 +446,40 @@ class ForceSection(Section):
         return f'kind = "{kind}": {"; ".join(wrong)}' if wrong else None
 
 
+def is_trajectory(positions: str) -> bool:
+    """Whether start.positions is the name of a trajectory file."""
+    return positions.endswith(".h5")
+
+
+def _known_positions(positions: str) -> str:
+    if positions in WAYS_TO_PLACE or is_trajectory(positions):
+        return positions
+    text = f"must be {', '.join(repr(way) for way in WAYS_TO_PLACE)} or the name of a trajectory that ends in .h5"
+    raise PydanticCustomError("positions", "{text}", {"text": text + nearest(positions, WAYS_TO_PLACE)})
+
+
 class StartSection(Section):
     """Where the disks are at the start."""
 
-    choices = (Choice(("positions",)), Choice(("file",)))
+    choices = (Choice(("positions",), also=("frame", "motion")), Choice(("file",)))
     choice_optional = True
 
-    positions: Literal["random", "hexagonal"] = Field(
+    positions: Annotated[str, AfterValidator(_known_positions)] = Field(
         default="random",
-        description='"random" (sequential, without overlaps) or "hexagonal" (a lattice, for dense gases)',
+        description='"random" (one by one, to 0.5 of the area), "growth" (random too, to 0.84), "hexagonal" (a '
+        'lattice), or the name of a trajectory, such as "run.h5" (path from the case file), whose box must be the same',
         examples=["random"],
+    )
+    frame: int | None = Field(
+        default=None,
+        description="frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key",
+        examples=[-1],
+    )
+    motion: bool = Field(
+        default=False,
+        description="take velocities and spins from the frame as well [true or false], instead of speed_rms "
+        "and spin_rms",
+        examples=[True],
     )
     file: Name | None = Field(
         default=None,
@@ -390,6 +487,17 @@ class StartSection(Section):
         "with the columns x, y [m] and, to set velocities too, vx, vy [m/s] and spin [rad/s]",
         examples=["start.csv"],
     )
+
+    @classmethod
+    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
+        """Also what belongs to a trajectory alone."""
+        positions = data.get("positions", "random")
+        given = [key for key in ("frame", "motion") if key in data]
+        if given and "file" not in data and isinstance(positions, str) and not is_trajectory(positions):
+            return f'{", ".join(given)}: only with positions = "NAME.h5", the frame of a trajectory'
+        if isinstance(file := data.get("file"), str) and is_trajectory(file):
+            return f'file = "{file}": a trajectory is named by positions = "{file}"; file is for CSV'
+        return super().wrong_choice(data)
 
 
 class OutputSection(Section):

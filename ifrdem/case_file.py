@@ -196,7 +196,7 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
             text += nearest(error["input"], re.findall(r"'([^']+)'", context["expected"]))
         elif kind == "string_pattern_mismatch":
             text = "characters that are not allowed"
-        if kind != "literal_error" and (about := _about(key)):
+        if kind not in ("literal_error", "positions") and (about := _about(key)):
             text += f" ({about})"
     valueless = kind in {"missing", "choice"} or (
         isinstance(error["input"], dict | list) and "type" not in kind
@@ -256,5 +256,8 @@ def _about(key: KeyPath) -> str:
 def _table(key: KeyPath) -> str:
     """How the section of a key is written in the file."""
     name = str(next(step for step in key if isinstance(step, str)))
+    inner = [step for step in key if isinstance(step, str)][-1]
+    if inner != name:  # a table inside of a section
+        return f"{inner} = {{ ... }}"
     listed = get_origin(Case.model_fields[name].annotation) is list
     return f"[[{name}]]" if listed else f"[{name}]"

@@ -137,15 +137,21 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     new = verbs.add_parser(
         "new",
         help="write a commented case file to start from",
-        description="Write a commented case file to start from: cooling, driven or mixture.",
+        description="Write a commented case file to start from: a template with every key there is, or a "
+        "shipped case (cases/NAME.toml, see `ifrdem cases`).",
         allow_abbrev=False,
     )
     new.add_argument(
-        "kind", metavar="KIND", help="cooling (one kind of coins), driven (random kicks) or mixture (two)"
+        "kind",
+        metavar="KIND",
+        help="cooling (one kind of coins), driven (random kicks), mixture (two), or cases/NAME.toml",
     )
     new.add_argument("-o", "--output", metavar="FILE", help="file to write (default: KIND.toml; - prints it)")
     new.add_argument("--force", action="store_true", help="replace a file that exists")
     new.set_defaults(act=_new)
+
+    cases = verbs.add_parser("cases", help="list the shipped cases", allow_abbrev=False)
+    cases.set_defaults(act=_cases)
 
     backends = verbs.add_parser("backends", help="list the devices that can compute", allow_abbrev=False)
     backends.set_defaults(act=_backends)
@@ -167,7 +173,11 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
 
 
 def _add_case(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("case", metavar="CASE", help="a case file (TOML); `ifrdem new cooling` writes one")
+    parser.add_argument(
+        "case",
+        metavar="CASE",
+        help="a case file (TOML), or a shipped case (`ifrdem cases`); `ifrdem new cooling` writes one",
+    )
     _add_set(parser)
 
 
@@ -231,10 +241,10 @@ def _overrides(options: argparse.Namespace) -> list[str]:
 def _run(options: argparse.Namespace) -> int:
     overrides = _overrides(options)
     # Which files there will be is known only from the case, so a wrong case comes first.
-    from . import case_file
+    from . import case_file, shipped
     from .outputs import Outputs
 
-    file = case_file.read(options.case, overrides)
+    file = case_file.read(shipped.find(options.case), overrides)
     picture = file.case.output.picture and not options.no_picture
     outputs = Outputs.plan(file.case.run.name, options.output, picture=picture)
     outputs.check(force=options.force)  # before the imports below, which take a second
@@ -251,11 +261,11 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from . import case_file, check
+    from . import case_file, check, shipped
     from .estimate import Estimate
     from .gas import Gas
 
-    file = case_file.read(options.case, options.overrides)
+    file = case_file.read(shipped.find(options.case), options.overrides)
     gas = Gas.from_case(file.case, file.folder)
     _say(check.report(file.case, gas, Estimate.of(gas, file.case)))
     return 0
@@ -266,13 +276,13 @@ def _bench(options: argparse.Namespace) -> int:
 
     overrides = _overrides(options) if options.case is not None else []
     chosen = BenchOptions.parse(options, overrides)
-    from . import bench, bench_table, case_file, equilibrium
+    from . import bench, bench_table, case_file, equilibrium, shipped
 
     if chosen.table:
         bench_table.measure(chosen, say=_say, note=_complain)
         return 0
     if chosen.case is not None:
-        file = case_file.read(chosen.case, overrides)
+        file = case_file.read(shipped.find(chosen.case), overrides)
         found = bench.measure(
             file.case, file.folder, timing=chosen.timing, after=chosen.after, note=_complain
         )
@@ -314,13 +324,13 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _new(options: argparse.Namespace) -> int:
-    from . import template
+    from . import shipped
 
-    text = template.write(options.kind)
+    text = shipped.new(options.kind)
     if options.output == "-":
         print(text, end="")
         return 0
-    path = Path(options.output or f"{options.kind}.toml")
+    path = Path(options.output or f"{Path(options.kind).stem}.toml")
     try:
         with path.open("w" if options.force else "x", encoding="utf-8") as file:
             file.write(text)
@@ -329,6 +339,13 @@ def _new(options: argparse.Namespace) -> int:
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
     _say(f"wrote {path}: look at it with `ifrdem check {path}`, run it with `ifrdem run {path}`")
+    return 0
+
+
+def _cases(options: argparse.Namespace) -> int:
+    from . import shipped
+
+    _say(shipped.listing())
     return 0
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from . import radii, seeds
 from .box import Box
 from .case import (
     BoxSection,
@@ -23,6 +24,7 @@ from .case import (
     StartSection,
 )
 from .coins import coins
+from .errors import InputError
 
 S = TypeVar("S", bound=Section)
 
@@ -40,9 +42,13 @@ class Problem:
         return f"{place}: {self.text}"
 
 
-@dataclass(frozen=True)
+CLASSES = 16
+"""Groups of like radii that stand for a species with many, where a sum over all pairs would be long."""
+
+
+@dataclass(frozen=True, eq=False)
 class Species:
-    """Equal disks of the gas.
+    """Disks of one kind.
 
     Attributes
     ----------
@@ -50,8 +56,10 @@ class Species:
         What they are called, and what they are made of.
     number : int
         How many there are.
-    mass, radius, k : float
-        Mass [mass], radius [length], shape number of one disk.
+    mass, radius : array (number,)
+        Masses [mass] and radii [length]; a single number is taken for all of them.
+    k : float
+        Shape number.
     speed_rms, spin_rms : float
         Root mean square speed [length/time] and spin [rad/time] at the start.
     """
@@ -59,11 +67,43 @@ class Species:
     name: str
     material: str
     number: int
-    mass: float
-    radius: float
+    mass: NDArray[np.float64]
+    radius: NDArray[np.float64]
     k: float
     speed_rms: float
     spin_rms: float
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "radius"):
+            value = np.asarray(getattr(self, name), dtype=np.float64)
+            object.__setattr__(self, name, np.broadcast_to(value, (self.number,)))
+
+    @property
+    def equal(self) -> bool:
+        """Whether all of them have one mass and radius."""
+        return all(column.strides == (0,) or np.ptp(column) == 0.0 for column in (self.mass, self.radius))
+
+    def classes(self) -> list[Species]:
+        """Species of equal disks that stand for these: one for each radius, or `CLASSES` groups of like radii.
+
+        Speeds are those of a Maxwellian of the whole: components have a variance that goes as 1/m.
+        """
+        if self.equal:
+            return [self]
+        values, group = np.unique(self.radius, return_inverse=True)
+        if len(values) > CLASSES:
+            order = np.argsort(self.radius, kind="stable")
+            group = np.empty(self.number, dtype=np.intp)
+            group[order] = np.arange(self.number) * CLASSES // self.number
+        per_mass = 1.0 / self.mass
+        found = []
+        for one in range(min(len(values), CLASSES)):
+            own = group == one
+            speed = self.speed_rms * np.sqrt(per_mass[own].mean() / per_mass.mean())
+            size = int(np.count_nonzero(own))
+            mass, radius = (np.array(column[own].mean()) for column in (self.mass, self.radius))
+            found.append(replace(self, number=size, mass=mass, radius=radius, speed_rms=float(speed)))
+        return found
 
 
 @dataclass(frozen=True)
@@ -132,23 +172,43 @@ class Draft:
         )
 
     def known_species(self) -> list[Species]:
-        """The species that are in order."""
+        """The species that are in order, with the radii that the run's seed gives them."""
+        seed = self.run.seed if self.run is not None else 0
         found = []
-        for each in self.species:
+        for i, each in enumerate(self.species):
             if each is None or (each.coin is not None and each.coin not in coins):
                 continue
             if each.coin is not None:
                 coin = coins[each.coin]
-                mass, radius, k = coin.mass, coin.radius, coin.k
+                mass, radius, k = np.array(coin.mass), np.array(coin.radius), coin.k
             else:
-                assert each.mass is not None  # the section's alternatives see to it
-                radius = each.radius if each.radius is not None else 0.5 * (each.diameter or 0.0)
-                mass, k = each.mass, each.k
+                try:
+                    radius = _radius(each, seeds.of_species(seed, i))
+                except InputError:
+                    continue
+                k = each.k
+                # Exactly one of the two is given: the section's alternatives see to it.
+                mass = (
+                    np.array(each.mass)
+                    if each.mass is not None
+                    else _area(radius) * (each.areal_density or 0.0)
+                )
             material = each.material if each.material is not None else (each.coin or "")
             found.append(
                 Species(each.name, material, each.number, mass, radius, k, each.speed_rms, each.spin_rms)
             )
         return found
+
+
+def _radius(section: SpeciesSection, seed: int) -> NDArray[np.float64]:
+    """The radii of a species [length], shape (number,), or () if they are equal."""
+    if section.radii is not None:
+        return radii.sample(section.radii.distribution, section.number, seed=seed, **section.radii.parameters)
+    return np.array(section.radius if section.radius is not None else 0.5 * (section.diameter or 0.0))
+
+
+def _area(radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.pi * np.square(radius)
 
 
 def box_around(section: BoxSection, radius: NDArray[np.float64]) -> Box:

@@ -70,21 +70,16 @@ class Estimate:
     def of(cls, gas: Gas, case: Case) -> Estimate:
         """The estimate for a gas and the case that it comes from."""
         n, phi = gas.disks.n, gas.box.packing_fraction(gas.disks.radius)
-        rates = collision_rates(gas.species, gas.box.area)
-        paths = [
-            math.sqrt(math.pi / 4.0) * each.speed_rms / rate if rate > 0.0 else math.nan
-            for each, rate in zip(gas.species, rates, strict=True)
-        ]
+        rates, speeds = _rates_and_speeds(gas)
+        paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
         drive, steady = None, None
-        if case.force and len(gas.species) == 1:
+        if case.force and len(gas.species) == 1 and gas.species[0].equal:
             (each,) = gas.species
-            inertia = each.mass * each.radius**2 / each.k
-            drive = Drive.of([force.model_dump() for force in case.force], each.mass, inertia)
+            mass, radius = float(each.mass[0]), float(each.radius[0])
+            drive = Drive.of([force.model_dump() for force in case.force], mass, mass * radius**2 / each.k)
             if drive is not None and gas.laws[0][0].rho == 0.0:
-                steady = driven_theory.steady_state(
-                    gas.laws[0][0], each.mass, each.radius, each.k, phi, drive
-                )
+                steady = driven_theory.steady_state(gas.laws[0][0], mass, radius, each.k, phi, drive)
         end, per_disk = (
             case.run.t_end if case.run.t_end is not None else math.nan,
             case.run.collisions_per_disk if case.run.collisions_per_disk is not None else math.nan,
@@ -99,8 +94,8 @@ class Estimate:
         return cls(
             packing_fraction=phi,
             number_density=n / gas.box.area,
-            collision_rate=tuple(float(rate) for rate in rates),
-            free_path=tuple(float(path) for path in paths),
+            collision_rate=tuple(rates),
+            free_path=tuple(paths),
             end_time=end,
             collisions=0.5 * n * per_disk,
             collisions_at_most=at_most,
@@ -111,6 +106,19 @@ class Estimate:
         )
 
 
+def _rates_and_speeds(gas: Gas) -> tuple[list[float], list[float]]:
+    """Collision rate [1/time] and mean speed [length/time] of a disk of each species, means over its radii."""
+    classes = [each.classes() for each in gas.species]
+    found = iter(collision_rates([one for group in classes for one in group], gas.box.area))
+    rates, speeds = [], []
+    for group in classes:
+        number = np.array([one.number for one in group])
+        rates.append(float(np.average([next(found) for _ in group], weights=number)))
+        rms = np.average([one.speed_rms for one in group], weights=number)
+        speeds.append(math.sqrt(math.pi / 4.0) * float(rms))  # of a Maxwellian in two dimensions
+    return rates, speeds
+
+
 def disk_bytes(fields: Sequence[str], precision: str) -> int:
     """Bytes per disk and frame of these fields in a trajectory file without compression."""
     size = np.dtype(h5md.PRECISIONS[precision]).itemsize
@@ -119,7 +127,7 @@ def disk_bytes(fields: Sequence[str], precision: str) -> int:
 
 
 def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float64]:
-    """Collisions per disk and time [1/time] of each species in a mixed gas with Maxwellian velocities.
+    """Collisions per disk and time [1/time] of each species of equal disks in a gas with Maxwellian velocities.
 
     Enskog's rate: disks of species j, with number density n_j, meet one of species i at
     sqrt(2 pi) n_j sigma_ij g_ij sqrt(u_i^2 + u_j^2), where sigma_ij = R_i + R_j, u^2 is the variance of a
@@ -140,7 +148,7 @@ def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float
         Area of the box [length^2].
     """
     number = np.array([each.number for each in species], dtype=np.float64)
-    diameter = np.array([2.0 * each.radius for each in species])
+    diameter = np.array([2.0 * each.radius.mean() for each in species])
     variance = np.array([0.5 * each.speed_rms**2 for each in species])
     phi = float(np.sum(number * math.pi * diameter**2 / 4.0)) / area
     sigma = 0.5 * (diameter[:, None] + diameter[None, :])
@@ -167,18 +175,19 @@ def _expected(
     """
     unknown = t_end, collisions_per_disk
     law = gas.laws[0][0]
-    if len(gas.species) > 1 or law.rho > 0.0:
+    if len(gas.species) > 1 or not gas.species[0].equal or law.rho > 0.0:
         return unknown
     (each,) = gas.species
+    mass, radius = float(each.mass[0]), float(each.radius[0])
     if steady is not None:
-        rate = max(rate, theory.collision_rate(phi, steady[0], each.mass, each.radius))
+        rate = max(rate, theory.collision_rate(phi, steady[0], mass, radius))
     if rate == 0.0:
         return unknown
-    T = 0.5 * each.mass * each.speed_rms**2
-    T_rot = each.mass * each.radius**2 / each.k * each.spin_rms**2
+    T = 0.5 * mass * each.speed_rms**2
+    T_rot = mass * radius**2 / each.k * each.spin_rms**2
 
     def per_disk(time: float) -> float:
-        one = (law, each.mass, each.radius, each.k, phi)
+        one = (law, mass, radius, each.k, phi)
         if drive is None:
             return float(theory.cooling(*one, T, T_rot, [time])[2][0])
         return float(driven_theory.driven(*one, drive, T, T_rot, [time])[2][0])

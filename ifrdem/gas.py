@@ -11,16 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import placement, start_file
+from . import growth, placement, seeds, start_file, start_frame
 from .box import Box
-from .case import Case
+from .case import Case, is_trajectory
 from .draft import Draft, Problem, Species, box_around
 from .errors import InputError
 from .law import EnergyWarning, IFRLaw
 from .pairing import PairVerdict, verdicts
 from .problems import problems
 from .simulation import Simulation
-from .start_file import StartFile
+from .stage import Stage
+from .start_file import Given
 from .state import Disks, State
 
 if TYPE_CHECKING:
@@ -45,8 +46,8 @@ class Gas:
         The disks, species by species.
     box : Box
         The box.
-    given : StartFile or None
-        The start, if the case names a file with it.
+    given : Given or None
+        The start, if the case names a file or a trajectory with it.
     """
 
     species: tuple[Species, ...]
@@ -55,7 +56,7 @@ class Gas:
     verdicts: tuple[PairVerdict, ...]
     disks: Disks
     box: Box
-    given: StartFile | None = None
+    given: Given | None = None
 
     @classmethod
     def from_case(cls, case: Case, folder: Path | str = ".") -> Gas:
@@ -79,6 +80,10 @@ class Gas:
         given = None
         if case.start.file is not None:
             given = start_file.read(Path(folder) / case.start.file, disks.n, box)
+        elif is_trajectory(case.start.positions):
+            path = Path(folder) / case.start.positions
+            given = start_frame.read(path, case.start.frame, disks.radius, box, motion=case.start.motion)
+        if given is not None:
             species = _as_moving(species, given)
         return cls(species, materials, laws, judged, disks, box, given)
 
@@ -105,10 +110,8 @@ class Gas:
             position = self._placed(case.start.positions, seed)
         velocity, spin = [], []
         for i, each in enumerate(self.species):
-            # With one seed for all, disk j of every species would start with the same random numbers.
-            own = int(np.random.SeedSequence([seed, i]).generate_state(1, np.uint64)[0]) if i else seed
-            mass = np.full(each.number, each.mass)
-            velocity.append(placement.maxwellian(mass, speed_rms=each.speed_rms, seed=own))
+            own = seeds.of_species(seed, i)
+            velocity.append(placement.maxwellian(each.mass, speed_rms=each.speed_rms, seed=own))
             spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
         return State(position=position, velocity=np.concatenate(velocity), spin=np.concatenate(spin))
 
@@ -130,8 +133,11 @@ class Gas:
     def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
         try:
             if way == "hexagonal":
-                dealt = seed if len(self.species) > 1 else None  # else the species would lie in layers
+                # Several species would lie in layers else.
+                dealt = seed if len(self.species) > 1 or not self.species[0].equal else None
                 return placement.hexagonal_positions(self.box, self.disks.radius, seed=dealt)
+            if way == "growth":
+                return growth.grow(self.box, self.disks.radius, seed=seed, progress=Stage("growth"))
             return placement.random_positions(self.box, self.disks.radius, seed=seed)
         except InputError as error:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
@@ -151,7 +157,7 @@ def forces_of(case: Case) -> list[Force]:
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
 
 
-def _as_moving(species: tuple[Species, ...], given: StartFile) -> tuple[Species, ...]:
+def _as_moving(species: tuple[Species, ...], given: Given) -> tuple[Species, ...]:
     """The species with the speeds and spins of a start file, if it has them."""
     if given.velocity is None or given.spin is None:
         return species
@@ -171,8 +177,8 @@ def _disks(species: tuple[Species, ...], materials: tuple[str, ...]) -> Disks:
 
     return Disks(
         n=sum(each.number for each in species),
-        mass=column([each.mass for each in species]),
-        radius=column([each.radius for each in species]),
+        mass=np.concatenate([each.mass for each in species]),
+        radius=np.concatenate([each.radius for each in species]),
         k=column([each.k for each in species]),
         material=column([materials.index(each.material) for each in species]).astype(np.int32),
     )

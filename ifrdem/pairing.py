@@ -90,20 +90,37 @@ def _coin_of(draft: Draft, material: str) -> str | None:
 
 def verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
     """Whether collisions can add energy, for every pair of species whose coefficients are known."""
+    order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
-        made_of = _coefficients(draft, one.material, other.material)
+        # In one order, so that a pair that is missing is named once.
+        made_of = _coefficients(draft, *sorted((one.material, other.material), key=order.index))
         if isinstance(made_of, Problem):
             yield PairVerdict(one.name, other.name, made_of.key, False, False, made_of.text, None)
         elif made_of is not None:
-            k_mean = (one.k * other.mass + other.k * one.mass) / (one.mass + other.mass)
-            key, coefficients = made_of.key, made_of._asdict()
-            del coefficients["key"]
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", EnergyWarning)  # the verdict says the same
-                    law = IFRLaw(**coefficients, k=k_mean)
-                verdict = law.admissibility(one.k, other.k, one.mass, other.mass)
-            except InputError as error:
-                yield PairVerdict(one.name, other.name, key, False, False, str(error), None)
-            else:
-                yield PairVerdict(one.name, other.name, key, *verdict, law)
+            yield _judged(made_of, one, other)
+
+
+def _judged(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
+    """The worst verdict for any two disks of the species.
+
+    Masses enter by the mean k = (k_1 m_2 + k_2 m_1)/(m_1 + m_2) alone, which is monotone in m_1/m_2, and the mean k
+    that are admissible form an interval: each condition of `IFRLaw.admissibility` asks a convex function of it to be
+    no more than a linear one, or bounds it from above. So the ends of the mass ratio decide.
+    """
+    key, coefficients = made_of.key, made_of._asdict()
+    del coefficients["key"]
+    found: list[PairVerdict] = []
+    for m_1, m_2 in {
+        (float(one.mass.min()), float(other.mass.max())),
+        (float(one.mass.max()), float(other.mass.min())),
+    }:
+        k_mean = (one.k * m_2 + other.k * m_1) / (m_1 + m_2)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", EnergyWarning)  # the verdict says the same
+                law = IFRLaw(**coefficients, k=k_mean)
+            verdict = law.admissibility(one.k, other.k, m_1, m_2)
+        except InputError as error:
+            return PairVerdict(one.name, other.name, key, False, False, str(error), None)
+        found.append(PairVerdict(one.name, other.name, key, *verdict, law))
+    return min(found, key=lambda each: (each.admissible, each.strict, -each.law.k if each.law else 0.0))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from . import seeds
 from .box import Box
 from .errors import InputError
 
@@ -29,17 +30,9 @@ the engine found is left with a few of those.
 ATTEMPTS_PER_DISK = 400
 """How often random sequential addition tries each disk on average before it gives up."""
 
-_POSITIONS, _SITES, _VELOCITIES, _SPINS = range(4)
 
-
-def _stream(seed: int, purpose: int) -> np.random.Generator:
-    """The random numbers of a seed for one purpose, independent of those for another."""
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
-        raise InputError(f"seed = {seed}: a whole number, 0 or more, is needed")
-    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose,)))
-
-
-def _radii(radius: ArrayLike) -> NDArray[np.float64]:
+def checked_radii(radius: ArrayLike) -> NDArray[np.float64]:
+    """The radii [length] as an array of shape (n,); InputError if one is not positive and finite."""
     column = np.asarray(radius, dtype=np.float64)
     if column.ndim != 1:
         raise InputError(f"radius has shape {column.shape}: one radius per disk, shape (n,), is needed")
@@ -50,7 +43,7 @@ def _radii(radius: ArrayLike) -> NDArray[np.float64]:
     return column
 
 
-def _refuse_wider_than_box(box: Box, radius: NDArray[np.float64]) -> None:
+def refuse_wider_than_box(box: Box, radius: NDArray[np.float64]) -> None:
     """A disk wider than the box overlaps its own periodic image."""
     i = int(np.argmax(radius))
     if 2.0 * radius[i] > min(box.lengths) * (1.0 + TOLERANCE):
@@ -75,8 +68,10 @@ def _size_classes(radius: NDArray[np.float64], ratio: float) -> Iterator[NDArray
         begin = end
 
 
-def _close_pairs(box: Box, radius: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Every pair (i, j), i != j, that may be closer than its contact distance; shape (pairs, 2).
+def close_pairs(
+    box: Box, radius: NDArray[np.float64], position: NDArray[np.float64], margin: float = 0.0
+) -> NDArray[np.intp]:
+    """Every pair (i, j), i != j, that may be closer than contact + `margin` [length]; shape (pairs, 2).
 
     The trees find a superset; by size class, so that small disks need not look as far as the largest reach.
     """
@@ -85,10 +80,10 @@ def _close_pairs(box: Box, radius: NDArray[np.float64], position: NDArray[np.flo
     trees = [cKDTree(position[members], boxsize=box.periods) for members in classes]
     found = [np.empty((0, 2), dtype=np.intp)]
     for a, members in enumerate(classes):
-        reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE)
+        reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE) + margin
         found.append(members[trees[a].query_pairs(reach, output_type="ndarray")])
         for b in range(a):
-            reach = (radius[members[0]] + radius[classes[b][0]]) * (1.0 + TOLERANCE)
+            reach = (radius[members[0]] + radius[classes[b][0]]) * (1.0 + TOLERANCE) + margin
             close = trees[a].sparse_distance_matrix(trees[b], reach, output_type="ndarray")
             found.append(np.column_stack((members[close["i"]], classes[b][close["j"]])))
     return np.concatenate(found)
@@ -116,7 +111,7 @@ def check_no_overlap(
         Names the pair that overlaps most, by how much, and how many pairs overlap; or the disk that is wider
         than the box, or whose position is not finite.
     """
-    radii = _radii(radius)
+    radii = checked_radii(radius)
     centres = np.asarray(position, dtype=np.float64)
     if centres.shape != (len(radii), 2):
         raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
@@ -126,8 +121,8 @@ def check_no_overlap(
     if not finite.all():
         i = int(np.argmin(finite))
         raise InputError(f"position[{i}] = {centres[i]}: every value must be finite")
-    _refuse_wider_than_box(box, radii)
-    i, j = _close_pairs(box, radii, box.wrap(centres)).T
+    refuse_wider_than_box(box, radii)
+    i, j = close_pairs(box, radii, box.wrap(centres)).T
     distance = np.linalg.norm(box.minimum_image(centres[j] - centres[i]), axis=-1)
     contact = radii[i] + radii[j]
     overlap = contact - distance
@@ -154,15 +149,19 @@ def _clear_of(
     placed_radius: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Which candidates, of these radii, overlap none of the placed disks; shape (candidates,)."""
-    tree = cKDTree(placed, boxsize=box.periods)
     if np.ptp(placed_radius) == 0.0:
-        near, _ = tree.query(candidate)  # of equal disks the nearest decides
+        near, _ = cKDTree(placed, boxsize=box.periods).query(candidate)  # of equal disks the nearest decides
         return near > (radius + placed_radius[0]) * (1.0 + TOLERANCE)
-    reach = float(radius.max() + placed_radius.max()) * (1.0 + 2.0 * TOLERANCE)
-    close = cKDTree(candidate, boxsize=box.periods).sparse_distance_matrix(tree, reach, output_type="ndarray")
-    blocked = close["v"] <= (radius[close["i"]] + placed_radius[close["j"]]) * (1.0 + TOLERANCE)
     clear = np.ones(len(candidate), dtype=bool)
-    clear[close["i"][blocked]] = False
+    # By size class, as in `close_pairs`: candidates need not look for small disks as far as for large ones.
+    for members in _size_classes(placed_radius, 2.0):
+        reach = float(radius.max() + placed_radius[members[0]]) * (1.0 + 2.0 * TOLERANCE)
+        left = np.flatnonzero(clear)
+        tree = cKDTree(candidate[left], boxsize=box.periods)
+        others = cKDTree(placed[members], boxsize=box.periods)
+        close = tree.sparse_distance_matrix(others, reach, output_type="ndarray")
+        contact = radius[left[close["i"]]] + placed_radius[members[close["j"]]]
+        clear[left[close["i"][close["v"] <= contact * (1.0 + TOLERANCE)]]] = False
     return clear
 
 
@@ -215,15 +214,17 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int) -> NDArray[np.fl
         If the disks do not fit: equal disks above packing fraction 0.547, or any disks when the attempts are
         used up (400 per disk; equal disks reach about 0.53). The message says how far it came.
     """
-    radii = _radii(radius)
+    radii = checked_radii(radius)
     n = len(radii)
     position = np.empty((n, 2))
     if n == 0:
         return position
-    _refuse_wider_than_box(box, radii)
-    rng = _stream(seed, _POSITIONS)
+    refuse_wider_than_box(box, radii)
+    rng = seeds.stream(seed, seeds.POSITIONS)
     wanted = box.packing_fraction(radii)
-    instead = 'use fewer disks, a larger box or, for disks of about one size, positions = "hexagonal"'
+    instead = (
+        'use fewer disks, a larger box, positions = "growth" or, for disks of about one size, "hexagonal"'
+    )
     # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
     if wanted > SATURATION + 0.5 / math.sqrt(n) and np.ptp(radii) == 0.0:
         raise InputError(
@@ -305,11 +306,11 @@ def hexagonal_positions(box: Box, radius: ArrayLike, *, seed: int | None = None)
     InputError
         If the lattice does not fit; the message says how many disks of that size would.
     """
-    radii = _radii(radius)
+    radii = checked_radii(radius)
     n = len(radii)
     if n == 0:
         return np.empty((0, 2))
-    _refuse_wider_than_box(box, radii)
+    refuse_wider_than_box(box, radii)
     diameter = 2.0 * float(radii.max())
     best = (0.0, 1, 1, False)  # distance of nearest sites, columns, rows, rows along y?
     for upright in (False, True):
@@ -338,7 +339,7 @@ def hexagonal_positions(box: Box, radius: ArrayLike, *, seed: int | None = None)
     y = (row + 0.5) * (lengths[1] / m_rows)
     position = np.column_stack((y, x) if upright else (x, y))
     if seed is not None:
-        position = position[_stream(seed, _SITES).permutation(n)]
+        position = position[seeds.stream(seed, seeds.SITES).permutation(n)]
     check_no_overlap(box, radii, position)
     return position
 
@@ -392,7 +393,7 @@ def maxwellian(
     else:
         raise InputError("exactly one of speed_rms and temperature is needed")
     n = len(masses)
-    velocity = _stream(seed, _VELOCITIES).standard_normal((n, 2)) / np.sqrt(masses)[:, None]
+    velocity = seeds.stream(seed, seeds.VELOCITIES).standard_normal((n, 2)) / np.sqrt(masses)[:, None]
     if n > 1:
         velocity -= np.sum(masses[:, None] * velocity, axis=0) / np.sum(masses)
     if n > 0:
@@ -409,5 +410,5 @@ def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> NDArray[np.float64]
         If `spin_rms` is negative or not finite.
     """
     wanted = _size_of("spin_rms", spin_rms)
-    spin = _stream(seed, _SPINS).standard_normal(n)
+    spin = seeds.stream(seed, seeds.SPINS).standard_normal(n)
     return spin * (wanted / math.sqrt(np.mean(spin**2))) if n else spin

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import pairing, placement, start_file
+from . import pairing, placement, radii, start_file, start_frame
 from .box import Box
+from .case import is_trajectory
 from .coins import coins
 from .draft import Draft, Problem, Species, box_around
+from .engine_limits import CROWD
 from .errors import InputError, nearest
 
 LARGEST_DISK = (
     1.0 / 3.0
 )  # of the shorter side: the engine's limit, which keeps a disk from meeting its own image
+
+WIDEST_RATIO = math.sqrt(CROWD) - 1.25
+"""Of the largest to the smallest radius, at most: more of the smallest disks than CROWD could stand around the largest,
+with a quarter of their diameter to spare, which is the least that the engine lists beyond contact."""
 
 
 def problems(draft: Draft, folder: Path) -> list[Problem]:
@@ -24,7 +31,7 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
 
     A start file's path begins at `folder`.
     """
-    found = list(_wrong_names(draft))
+    found = [*_wrong_names(draft), *_wrong_radii(draft)]
     species = draft.known_species()
     found += [
         Problem(each.key, None, each.message)
@@ -32,7 +39,7 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
         if not each.admissible
     ]
     if len(species) == len(draft.species) and species:  # all of them are needed to know the disks
-        radius = np.concatenate([np.full(each.number, each.radius) for each in species])
+        radius = np.concatenate([each.radius for each in species])
         found += _wrong_motion(draft, species)
         found += _wrong_forces(draft, species)
         box = None
@@ -100,6 +107,15 @@ def _wrong_names(draft: Draft) -> Iterator[Problem]:
             )
 
 
+def _wrong_radii(draft: Draft) -> Iterator[Problem]:
+    for i, section in enumerate(draft.species):
+        if section is not None and section.radii is not None:
+            try:
+                radii.check(section.radii.distribution, **section.radii.parameters)
+            except InputError as error:
+                yield Problem(f"species[{i}].radii", None, str(error))
+
+
 def _listed(names: list[str]) -> str:
     return ", ".join(names) or "none"
 
@@ -120,6 +136,7 @@ def _wrong_motion(draft: Draft, species: list[Species]) -> Iterator[Problem]:
         and not draft.sets_in_motion
         and draft.start is not None
         and draft.start.file is None
+        and not is_trajectory(draft.start.positions)
     ):
         text = "nothing moves at the start, so nothing ever collides: a species' speed_rms above 0 is needed"
         yield Problem("run.collisions_per_disk", value, text)
@@ -146,14 +163,23 @@ def _wrong_room(
     shortest = min(box.lengths)
     fits = True
     for each in species:
-        if 2.0 * each.radius > LARGEST_DISK * shortest:
+        largest = 2.0 * float(each.radius.max())
+        if largest > LARGEST_DISK * shortest:
             fits = False
             yield Problem(
                 "box",
                 f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}",
-                f"a disk of species '{each.name}' has diameter {2.0 * each.radius:.6g}, more than a third of "
+                f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of "
                 "the shorter side: a larger box is needed, or more disks at this packing fraction",
             )
+    ratio = float(radius.max() / radius.min())
+    if ratio >= WIDEST_RATIO:
+        yield Problem(
+            "species",
+            f"radii from {radius.min():.6g} to {radius.max():.6g}",
+            f"the largest disk is {ratio:.4g} times as wide as the smallest: less than {WIDEST_RATIO:.0f} times is "
+            "needed, or a distribution that is cut off (low, high)",
+        )
     if draft.start is None or not fits:
         return
     covered = box.packing_fraction(radius)
@@ -165,7 +191,7 @@ def _wrong_room(
             placement.hexagonal_positions(box, radius)
         except InputError as error:
             yield Problem("start.positions", '"hexagonal"', str(error))
-    elif draft.start.file is None:
+    elif draft.start.file is None and draft.start.positions == "random":
         # Few disks can be denser: the limit holds for many (see placement.random_positions).
         limit = placement.SATURATION + 0.5 / np.sqrt(len(radius))
         if np.ptp(radius) == 0.0 and covered > limit:
@@ -173,37 +199,52 @@ def _wrong_room(
                 dense,
                 f"{covered:.4g}",
                 f"too dense for a random start, which ends at {placement.SATURATION}: "
-                'a lower one is needed, or start.positions = "hexagonal"',
+                'a lower one is needed, or start.positions = "growth" or "hexagonal"',
             )
 
 
 def _wrong_start(
     draft: Draft, species: list[Species], radius: NDArray[np.float64], box: Box | None, folder: Path
 ) -> Iterator[Problem]:
-    if draft.start is None or draft.start.file is None:
+    start = draft.start
+    if start is None:
         return
-    value = f'"{draft.start.file}"'
+    frame = start.file is None and is_trajectory(start.positions)
+    if start.file is None and not frame:
+        return
+    name = start.positions if frame else start.file
+    key = "start.positions" if frame else "start.file"
+    value = f'"{name}"'
+    assert name is not None
     try:
-        file = start_file.read(folder / draft.start.file, len(radius), box)
-        if box is not None:
-            placement.check_no_overlap(box, radius, file.position)
+        if frame:
+            given = start_frame.read(folder / name, start.frame, radius, box, motion=start.motion)
+        else:
+            given = start_file.read(folder / name, len(radius), box)
+            if box is not None:
+                placement.check_no_overlap(box, radius, given.position)
     except InputError as error:
-        yield from (Problem("start.file", value, line) for line in str(error).splitlines())
+        yield from (Problem(key, value, line) for line in str(error).splitlines())
         return
     by_collisions = draft.run is not None and draft.run.collisions_per_disk is not None
     if draft.run is not None and by_collisions and len(radius) > 1 and not draft.sets_in_motion:
         rest = None
-        if file.velocity is None and not any(each.speed_rms > 0.0 for each in species):
-            rest = "has no velocities: the columns vx, vy, spin or a species' speed_rms above 0 are needed"
-        elif file.velocity is not None and not np.any(file.velocity):
+        if given.velocity is None and not any(each.speed_rms > 0.0 for each in species):
+            more = "start.motion = true" if frame else "the columns vx, vy, spin"
+            rest = f"has no velocities: {more} or a species' speed_rms above 0 are needed"
+        elif given.velocity is not None and not np.any(given.velocity):
             rest = "has only velocities vx = vy = 0: others are needed"
         if rest is not None:
-            text = f"nothing moves at the start, so nothing ever collides; start.file = {value} {rest}"
+            text = f"nothing moves at the start, so nothing ever collides; {key} = {value} {rest}"
             yield Problem("run.collisions_per_disk", f"{draft.run.collisions_per_disk:g}", text)
-    if file.velocity is None:
+    if given.velocity is None:
         return
     for i, each in enumerate(draft.species):
-        for key in ("speed_rms", "spin_rms"):
-            if each is not None and key in each.model_fields_set:
-                text = f"cannot stand beside velocities in the start file '{draft.start.file}'"
-                yield Problem(f"species[{i}].{key}", f"{getattr(each, key):g}", text)
+        for speed in ("speed_rms", "spin_rms"):
+            if each is not None and speed in each.model_fields_set:
+                where = (
+                    f"start.motion = true ({value})" if frame else f"velocities in the start file '{name}'"
+                )
+                yield Problem(
+                    f"species[{i}].{speed}", f"{getattr(each, speed):g}", f"cannot stand beside {where}"
+                )

@@ -274,18 +274,22 @@ def _law_table(
 
 
 def _check_energy(laws: list[list[IFRLaw]], disks: Disks, walls: Sequence[Wall]) -> None:
-    """Refuse a law that could add energy for a pair that is there; the worst cases are pairs of kinds."""
-    kinds: NDArray[np.float64] = np.unique(np.stack([disks.material, disks.k, disks.mass], axis=1), axis=0)
-    if (
-        len(kinds) > 200
-    ):  # a continuous distribution of masses: kbar lies between the k's, whatever the masses
-        kinds = np.unique(np.stack([disks.material, disks.k, np.ones(disks.n)], axis=1), axis=0)
-    for one, (a, k_a, m_a) in enumerate(kinds):
-        for b, k_b, m_b in kinds[one:]:
-            if math.isinf(m_a) and math.isinf(m_b):
-                continue  # neither moves: they never meet
-            laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)
+    """Refuse a law that could add energy for a pair that is there.
+
+    Of disks with one k and material, the lightest and the heaviest decide: see `pairing`.
+    """
+    kinds, which = np.unique(np.stack([disks.material, disks.k], axis=1), axis=0, return_inverse=True)
+    lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
+    np.minimum.at(lightest, which.ravel(), disks.mass)
+    np.maximum.at(heaviest, which.ravel(), disks.mass)
+    for one, (a, k_a) in enumerate(kinds):
+        for other in range(one, len(kinds)):
+            b, k_b = kinds[other]
+            for m_a, m_b in {(lightest[one], heaviest[other]), (heaviest[one], lightest[other])}:
+                if math.isinf(m_a) and math.isinf(m_b):
+                    continue  # neither moves: they never meet
+                laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)
     for material in {wall.material for wall in walls}:
-        for a, k_a, m_a in kinds:
+        for a, k_a in kinds:
             # Beside a wall's infinite mass, the pair's mean k is the disk's own.
-            laws[int(a)][material].check(k_a, k_a, m_a, m_a)
+            laws[int(a)][material].check(k_a, k_a)

@@ -19,28 +19,25 @@ MOST_REPORTED = 5  # wrong lines that are listed one by one
 
 
 @dataclass(frozen=True, eq=False)
-class StartFile:
-    """What a start file says.
+class Given:
+    """A start that a file gives.
 
     Attributes
     ----------
     position : array (n, 2)
         Centres [length], inside the box.
     velocity : array (n, 2) or None
-        Velocities [length/time], if the file has them.
+        Velocities [length/time], if they are given.
     spin : array (n,) or None
-        Spins, counter-clockwise [rad/time], if the file has them.
-    line : array (n,) of int
-        The line of the file that each disk comes from, counted from 1.
+        Spins, counter-clockwise [rad/time], if they are given.
     """
 
     position: NDArray[np.float64]
     velocity: NDArray[np.float64] | None
     spin: NDArray[np.float64] | None
-    line: NDArray[np.int64]
 
 
-def read(path: Path, n: int, box: Box | None = None) -> StartFile:
+def read(path: Path, n: int, box: Box | None = None) -> Given:
     """Read a start file.
 
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and
@@ -100,11 +97,10 @@ def read(path: Path, n: int, box: Box | None = None) -> StartFile:
     if found:
         raise InputError("\n".join(found))
     moving = set(MOTION) <= set(names)
-    return StartFile(
+    return Given(
         position=position,
         velocity=np.column_stack([values[:, names.index(key)] for key in MOTION[:2]]) if moving else None,
         spin=values[:, names.index(MOTION[2])] if moving else None,
-        line=np.array(lines[1:], dtype=np.int64),
     )
 
 

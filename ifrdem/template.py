@@ -144,4 +144,6 @@ def _behind_hash(text: str) -> str:
 
 def _toml(value: Any) -> str:
     """A value as TOML: JSON writes texts, lists, numbers, true and false the same way."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_toml(each)}" for key, each in value.items()) + " }"
     return json.dumps(value, ensure_ascii=False)

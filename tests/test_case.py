@@ -191,7 +191,11 @@ def test_good_case_has_no_mistakes() -> None:
         ("species[0].number=0", "species[0].number = 0", "greater than or equal to 1"),
         ("species[0].number=1e3", "species[0].number = 1000.0", "must be a whole number"),
         ("species[0].mass=0.0", "species[0].mass = 0.0", "greater than 0"),
-        ("species[0].diameter=0.1", "species[0]", r"of: mass \+ radius, or mass \+ diameter, or coin"),
+        (
+            "species[0].diameter=0.1",
+            "species[0]",
+            r"of: mass \+ radius, or mass \+ diameter, or coin, or mass \+ radii",
+        ),
         ("species[0].material=aluminum", 'species[0].material = "aluminum"', "did you mean 'aluminium'"),
         ("species[0].material=", "species[0].material", "missing: the name of a material.*aluminium"),
         ("species[0].speed_rms=0", "run.collisions_per_disk = 5", "nothing moves"),

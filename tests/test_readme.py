@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import runpy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from ifrdem import Trajectory, cli
+from ifrdem import Trajectory, check, cli
 
 ROOT = Path(__file__).parents[1]
 
@@ -83,3 +84,17 @@ def test_every_verb_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[s
     shown = capsys.readouterr().out
     for verb in listed:
         assert re.search(rf"^    {verb} ", shown, flags=re.MULTILINE)
+
+
+def test_mixture_example_runs() -> None:
+    found: dict[str, Any] = {}
+    exec(compile(block("mixture"), "README.md", "exec"), found)
+    found["gas"].run(collisions_per_disk=0.1)
+    assert found["gas"].collisions == 100
+    assert found["box"].packing_fraction(found["radius"]) == pytest.approx(0.8, rel=1e-13)
+
+
+def test_costs_of_a_size_ratio_are_those_that_check_prints() -> None:
+    row = re.search(r"^\| N = 1e4, relative \|(.*)\|$", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
+    assert row is not None
+    assert [float(cell) for cell in row[1].split("|")] == list(check.COST_OF_RATIO.values())

@@ -1,0 +1,194 @@
+"""Radii of disks that are not all equal: samples of a distribution, reproducible by a seed.
+
+Every function returns an array of shape (n,) [length]. Masses that follow the radii are `density * pi * radius**2`
+with the mass per area of the disks, `density` [mass/length^2].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import seeds
+from .errors import InputError, nearest
+
+TRUNCATION = 3.0
+"""Standard deviations from the mean at which a Gaussian is cut off where the case does not say."""
+
+LEAST_SHARE = 1e-3
+"""Part of a distribution that must be left between `low` and `high`."""
+
+PARAMETERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "uniform": (("low", "high"), ()),
+    "gaussian": (("mean", "deviation"), ("low", "high")),
+    "lognormal": (("mean", "deviation"), ("low", "high")),
+    "bidisperse": (("low", "high", "large_fraction"), ()),
+}
+"""Of each distribution, the parameters that it needs and those that it may have."""
+
+
+def uniform(n: int, *, low: float, high: float, seed: int) -> NDArray[np.float64]:
+    """Radii that are equally frequent between `low` and `high` [length].
+
+    Raises
+    ------
+    InputError
+        If not 0 < low < high, or a number is not finite.
+    """
+    return sample("uniform", n, seed=seed, low=low, high=high)
+
+
+def gaussian(
+    n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int
+) -> NDArray[np.float64]:
+    """Radii from a normal distribution, cut off at `low` and `high` [length].
+
+    Without these it is cut off three standard deviations from the mean, where 0.27 % of it lie outside; the
+    standard deviation of what is left is 1.3 % smaller than `deviation`.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive and finite, the lower end is not positive (a deviation above a third of the
+        mean needs a `low`), or hardly anything of the distribution lies between the ends.
+    """
+    return sample("gaussian", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
+
+
+def lognormal(
+    n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int
+) -> NDArray[np.float64]:
+    """Radii whose logarithm is normal; `mean` and `deviation` [length] are those of the radius itself.
+
+    The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off
+    only where `low` or `high` [length] say so.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive and finite, or hardly anything of the distribution lies between the ends.
+    """
+    return sample("lognormal", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
+
+
+def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: int) -> NDArray[np.float64]:
+    """Radii of two sizes [length], of which the part `large_fraction` of all disks has `high`, in random order.
+
+    Their number is the whole number nearest to `large_fraction * n`, not a random one.
+
+    Raises
+    ------
+    InputError
+        If not 0 < low < high, or the fraction is not between 0 and 1.
+    """
+    return sample("bidisperse", n, seed=seed, low=low, high=high, large_fraction=large_fraction)
+
+
+def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) -> NDArray[np.float64]:
+    """Radii [length], shape (n,), of a distribution by its name (`PARAMETERS`); see the functions of these names.
+
+    Raises
+    ------
+    InputError
+        As `check`.
+    """
+    check(distribution, **parameters)
+    given = {name: float(value) for name, value in parameters.items() if value is not None}
+    random = seeds.stream(seed, seeds.RADII)
+    if distribution == "uniform":
+        return given["low"] + (given["high"] - given["low"]) * random.random(n)
+    if distribution == "bidisperse":
+        radius = np.full(n, given["low"])
+        radius[: round(given["large_fraction"] * n)] = given["high"]
+        return random.permutation(radius)
+    from scipy.special import ndtri
+
+    centre, width, begin, end = _normal(distribution, given)
+    # By the inverse of the normal distribution; 0 itself would give minus infinity.
+    share = np.maximum(random.random(n), 2.0**-54)
+    radius = centre + width * ndtri(begin + (end - begin) * share)
+    radius = np.exp(radius) if distribution == "lognormal" else radius
+    low, high = _ends(distribution, given)
+    return np.clip(radius, low, high)  # against rounding at the ends
+
+
+def check(distribution: str, **parameters: float | None) -> None:
+    """Refuse parameters that describe no radii.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, a parameter is missing or foreign to it, not positive and finite, or the ends
+        contradict each other or the rest.
+    """
+    if distribution not in PARAMETERS:
+        known = ", ".join(PARAMETERS)
+        raise InputError(
+            f"distribution = '{distribution}': unknown{nearest(distribution, PARAMETERS)}; known are {known}"
+        )
+    given = {name: value for name, value in parameters.items() if value is not None}
+    wrong = wrong_parameters(distribution, given)
+    if wrong is not None:
+        raise InputError(wrong)
+    for name, value in given.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{name} = {value}: a positive finite number is needed")
+    if given.get("large_fraction", 0.5) >= 1.0:
+        raise InputError(f"large_fraction = {given['large_fraction']:g}: must lie between 0 and 1")
+    low, high = _ends(distribution, given)
+    if low <= 0.0 and distribution == "gaussian":
+        raise InputError(
+            f"deviation = {given['deviation']:g}: above a third of mean = {given['mean']:g}, radii would not all "
+            "be positive: a smaller one is needed, or the radius low at which the distribution is cut off"
+        )
+    if not low < high:
+        raise InputError(f"low = {low:g}: must lie below high = {high:g}")
+    if "mean" in given:
+        _, _, begin, end = _normal(distribution, given)
+        if end - begin < LEAST_SHARE:
+            raise InputError(
+                f"low = {low:g}, high = {high:g}: only {end - begin:.2g} of the distribution lies between them, "
+                f"{LEAST_SHARE:g} is needed"
+            )
+
+
+def wrong_parameters(distribution: str, given: Mapping[str, object]) -> str | None:
+    """What is missing of the parameters of a known distribution, or foreign to it; None if nothing is."""
+    needed, also = PARAMETERS[distribution]
+    missing = [name for name in needed if name not in given]
+    foreign = [name for name in given if name not in needed + also]
+    if not missing and not foreign:
+        return None
+    text = f'"{distribution}" needs {", ".join(needed)}' + (
+        f" and may have {', '.join(also)}" if also else ""
+    )
+    text += f"; missing: {', '.join(missing)}" if missing else ""
+    return text + (f"; not for it: {', '.join(foreign)}" if foreign else "")
+
+
+def _ends(distribution: str, given: Mapping[str, float]) -> tuple[float, float]:
+    """The smallest and the largest radius that the distribution may give [length]."""
+    low, high = given.get("low"), given.get("high")
+    if distribution == "gaussian":
+        reach = TRUNCATION * given["deviation"]
+        low = given["mean"] - reach if low is None else low
+        high = given["mean"] + reach if high is None else high
+    return (0.0 if low is None else low), (math.inf if high is None else high)
+
+
+def _normal(distribution: str, given: Mapping[str, float]) -> tuple[float, float, float, float]:
+    """Mean and deviation of the normal variable behind it, and the parts of it below either end."""
+    from scipy.special import ndtr
+
+    low, high = _ends(distribution, given)
+    centre, width = given["mean"], given["deviation"]
+    if distribution == "lognormal":
+        variance = math.log1p((width / centre) ** 2)
+        centre, width = math.log(centre) - 0.5 * variance, math.sqrt(variance)
+        low = math.log(low) if low > 0.0 else -math.inf
+        high = math.log(high)
+    begin, end = ndtr((np.array([low, high]) - centre) / width)
+    return centre, width, float(begin), float(end)

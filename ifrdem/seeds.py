@@ -1,0 +1,31 @@
+"""Random numbers: one seed for a run, and a stream of its own for every purpose and species.
+
+The same seed for positions and velocities must not tie the two together, nor that of one species to another.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .errors import InputError
+
+POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION = range(6)
+"""What random numbers are drawn for."""
+
+
+def stream(seed: int, purpose: int) -> np.random.Generator:
+    """The random numbers of a seed for one purpose, independent of those for another.
+
+    Raises
+    ------
+    InputError
+        If the seed is not a whole number of 0 or more.
+    """
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed = {seed}: a whole number, 0 or more, is needed")
+    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=(purpose,)))
+
+
+def of_species(seed: int, i: int) -> int:
+    """The seed of species i, counted from 0: with one seed for all, disk j of each would draw the same numbers."""
+    return int(np.random.SeedSequence([seed, i]).generate_state(1, np.uint64)[0]) if i else seed

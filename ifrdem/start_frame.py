@@ -1,0 +1,97 @@
+"""Starts from a frame of a trajectory: positions, and velocities and spins if wished."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import growth
+from .box import Box
+from .errors import InputError, nearest
+from .placement import check_no_overlap
+from .start_file import Given
+from .trajectory import Trajectory
+
+ROUNDING = 2.0**-22
+"""Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
+
+
+def read(
+    path: Path,
+    frame: int | None,
+    radius: NDArray[np.float64],
+    box: Box | None = None,
+    *,
+    motion: bool = False,
+) -> Given:
+    """Read a start from a trajectory.
+
+    Parameters
+    ----------
+    path : Path
+        The trajectory.
+    frame : int or None
+        Which frame: from 0, or from -1 backwards. None is the last one.
+    radius : array (n,)
+        Radii [length] of the disks that start there. They need not be those of the trajectory, but must fit.
+    box : Box, optional
+        The box, which must be that of the trajectory.
+    motion : bool
+        Take velocities and spins too.
+
+    Returns
+    -------
+    Given
+        Positions inside the box without overlaps. Disks that touch in a file in single precision overlap by its
+        rounding, some 1e-7 of the box: these are moved apart by as much (`growth.separate`).
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or holds no such frame or field, another number of disks or another box; or if
+        the disks overlap. The message says what is there.
+    """
+    if not path.exists():
+        names = [each.name for each in path.parent.glob("*.h5")] if path.parent.is_dir() else []
+        raise InputError(f"there is no such file{nearest(path.name, names)}")
+    with Trajectory(path) as trajectory:
+        n, sides = trajectory.disks.n, trajectory.box.lengths
+        if n != len(radius):
+            raise InputError(f"has {n} disks: {len(radius)} are needed, the sum of the species' numbers")
+        if box is not None and not np.allclose(sides, box.lengths, rtol=1e-12, atol=0.0):
+            raise InputError(
+                f"its box is {sides[0]:.9g} x {sides[1]:.9g}, that of the case {box.lengths[0]:.9g} x "
+                f"{box.lengths[1]:.9g}: with box.lengths = [{sides[0]!r}, {sides[1]!r}] they agree"
+            )
+        at = trajectory[-1 if frame is None else frame]
+        position = trajectory.box.wrap(at.position)
+        velocity, spin = (at.velocity, at.spin) if motion else (None, None)
+        single = trajectory.dataset("position").dtype == np.float32
+        if box is None:
+            return Given(position, velocity, spin)
+        tolerance = ROUNDING * max(sides) / (2.0 * float(radius.min())) if single else None
+        try:
+            if tolerance is None:
+                check_no_overlap(box, radius, position)
+            else:
+                check_no_overlap(box, radius, position, tolerance=tolerance)
+                position = growth.separate(box, radius, position)
+        except InputError as error:
+            raise InputError(
+                f"frame {at.index} of {len(trajectory)}: {error}{_why(trajectory, radius, single)}"
+            ) from None
+    return Given(position, velocity, spin)
+
+
+def _why(trajectory: Trajectory, radius: NDArray[np.float64], single: bool) -> str:
+    """What may explain an overlap."""
+    other = np.abs(trajectory.disks.radius - radius) > 1e-6 * radius  # more than rounding
+    if other.any():
+        i = int(np.argmax(other))
+        return (
+            f". The trajectory's disks have other radii: disk {i} has {trajectory.disks.radius[i]:.6g} there, "
+            f"{radius[i]:.6g} in this case"
+        )
+    return '. Positions in single precision are rounded: output.precision = "f8" keeps them' if single else ""

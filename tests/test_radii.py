@@ -1,0 +1,240 @@
+"""Radii by distribution: the samples have the moments that theory gives, and cases say what they mean."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem import case_file, check, radii
+from ifrdem.case import Case, RadiiSection
+from ifrdem.errors import InputError
+from ifrdem.estimate import Estimate
+from ifrdem.gas import Gas
+
+N = 40_000
+SAMPLING = 5.0 / math.sqrt(N)  # five standard errors of a mean, in standard deviations
+
+CASE = """
+run.collisions_per_disk = 5.0
+run.seed = 3
+box.packing_fraction = 0.3
+[[material]]
+name = "bronze"
+e_n = 0.9
+e_t = -0.9
+mu = 0.15
+[[species]]
+name = "coins"
+number = 1000
+material = "bronze"
+areal_density = 3.5
+speed_rms = 1.0
+"""
+LOGNORMAL = 'radii = { distribution = "lognormal", mean = 0.01, deviation = 0.002 }\n'
+
+
+def mistakes(radii_text: str, text: str = CASE) -> list[str]:
+    raw = tomllib.loads(text + radii_text)
+    return [str(problem) for problem in case_file.mistakes(raw, Path())]
+
+
+# --- the samples ------------------------------------------------------------------------------------------
+
+
+def test_uniform_radii_have_the_moments_of_a_uniform_distribution() -> None:
+    radius = radii.uniform(N, low=1.0, high=3.0, seed=1)
+    width = 2.0 / math.sqrt(12.0)
+    assert np.mean(radius) == pytest.approx(2.0, abs=SAMPLING * width)
+    # <(x - 2)^2> = (high - low)^2 / 12, and its standard error is sqrt(4/5) of that over sqrt(N).
+    assert np.var(radius) == pytest.approx(width**2, rel=SAMPLING)
+    assert radius.min() >= 1.0
+    assert radius.max() <= 3.0
+
+
+def test_gaussian_radii_are_cut_off_at_three_deviations() -> None:
+    radius = radii.gaussian(N, mean=2.0, deviation=0.5, seed=1)
+    assert np.mean(radius) == pytest.approx(2.0, abs=SAMPLING * 0.5)
+    # Cut off at +-a deviations: variance 1 - 2 a pdf(a) / (cdf(a) - cdf(-a)), a = 3: 1 - 6 * 0.0044318 / 0.9973.
+    assert np.var(radius) == pytest.approx(0.25 * (1.0 - 6.0 * 0.0044318 / 0.9973), rel=2.0 * SAMPLING)
+    assert 0.5 <= radius.min() < 0.7
+    assert 3.3 < radius.max() <= 3.5
+
+
+def test_gaussian_radii_cut_off_at_the_mean_are_half_normal() -> None:
+    radius = radii.gaussian(N, mean=2.0, deviation=0.5, low=2.0, high=100.0, seed=1)
+    assert radius.min() >= 2.0
+    assert np.mean(radius) == pytest.approx(2.0 + 0.5 * math.sqrt(2.0 / math.pi), abs=SAMPLING * 0.5)
+
+
+def test_lognormal_mean_and_deviation_are_those_of_the_radius() -> None:
+    radius = radii.lognormal(N, mean=2.0, deviation=0.6, seed=1)
+    s = math.sqrt(math.log(1.0 + 0.09))
+    assert np.mean(radius) == pytest.approx(2.0, abs=SAMPLING * 0.6)
+    assert np.std(radius) == pytest.approx(0.6, rel=3.0 * SAMPLING)  # its kurtosis is above a Gaussian's
+    assert np.std(np.log(radius)) == pytest.approx(s, rel=SAMPLING)
+    assert np.mean(np.log(radius)) == pytest.approx(math.log(2.0) - s**2 / 2.0, abs=SAMPLING * s)
+
+
+def test_bidisperse_has_exactly_the_fraction_in_random_order() -> None:
+    radius = radii.bidisperse(1001, low=1.0, high=1.4, large_fraction=0.25, seed=1)
+    assert np.count_nonzero(radius == 1.4) == 250  # 250.25 rounded
+    assert np.count_nonzero(radius == 1.0) == 751
+    assert 80 < np.count_nonzero(radius[:500] == 1.4) < 170  # 125 +- 10
+
+
+@pytest.mark.parametrize("name", radii.PARAMETERS)
+def test_a_seed_decides_the_radii(name: str) -> None:
+    numbers = {"mean": 2.0, "deviation": 0.5, "low": 1.0, "high": 3.0, "large_fraction": 0.3}
+    parameters = {key: numbers[key] for key in radii.PARAMETERS[name][0]}
+    one, again, other = (radii.sample(name, 500, seed=seed, **parameters) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, again)
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "says"),
+    [
+        ("exponential", {}, "unknown; known are uniform, gaussian"),
+        ("gausian", {}, "did you mean 'gaussian'"),
+        ("uniform", {"low": 1.0}, '"uniform" needs low, high; missing: high'),
+        ("uniform", {"low": 1.0, "high": 2.0, "mean": 1.5}, "not for it: mean"),
+        ("uniform", {"low": 2.0, "high": 2.0}, "low = 2: must lie below high = 2"),
+        ("uniform", {"low": -1.0, "high": 2.0}, "low = -1.0: a positive finite number"),
+        ("gaussian", {"mean": 1.0, "deviation": 0.4}, "deviation = 0.4: above a third of mean = 1"),
+        ("gaussian", {"mean": 1.0, "deviation": 0.1, "low": 1.5}, "low = 1.5: must lie below high = 1.3"),
+        (
+            "lognormal",
+            {"mean": 1.0, "deviation": 0.1, "low": 2.0},
+            "only .* of the distribution lies between",
+        ),
+        ("lognormal", {"mean": math.inf, "deviation": 0.1}, "mean = inf"),
+        (
+            "bidisperse",
+            {"low": 1.0, "high": 2.0, "large_fraction": 1.5},
+            "large_fraction = 1.5: must lie between",
+        ),
+    ],
+)
+def test_parameters_that_describe_no_radii_are_refused(name: str, parameters: dict, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        radii.sample(name, 10, seed=1, **parameters)
+
+
+# --- in a case --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("key", RadiiSection.model_fields)
+def test_every_key_has_a_description_and_an_example(key: str) -> None:
+    about, example = RadiiSection.about(key)
+    assert re.search(r"\[.+\]", about) or about.count('"') >= 4
+    assert example is not None
+
+
+def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
+    case = Case.model_validate(tomllib.loads(CASE + LOGNORMAL))
+    gas = Gas.from_case(case)
+    assert gas.disks.n == len(np.unique(gas.disks.radius)) == 1000
+    covered = math.pi * math.fsum(gas.disks.radius**2) / (gas.box.lengths[0] * gas.box.lengths[1])
+    assert covered == pytest.approx(0.3, rel=1e-14)  # sums of 1000 numbers
+    np.testing.assert_allclose(gas.disks.mass, 3.5 * math.pi * gas.disks.radius**2, rtol=1e-15)
+    np.testing.assert_array_equal(gas.disks.radius, Gas.from_case(case).disks.radius)
+    state = gas.start(case)
+    # Maxwellian with one temperature for all: m v^2 does not depend on the mass. 333 disks each: 5 % errors.
+    energy = gas.disks.mass * np.sum(state.velocity**2, axis=1)
+    order = np.argsort(gas.disks.mass)
+    assert np.mean(energy[order[:333]]) == pytest.approx(np.mean(energy[order[-333:]]), rel=0.3)
+
+
+def test_species_with_one_distribution_draw_apart_and_another_seed_others() -> None:
+    two = CASE + LOGNORMAL + CASE[CASE.index("[[species]]") :].replace("coins", "more") + LOGNORMAL
+    raw = tomllib.loads(two)
+    radius = Gas.from_case(Case.model_validate(raw)).disks.radius
+    assert not np.array_equal(radius[:1000], radius[1000:])
+    raw["run"]["seed"] = 4
+    assert not np.intersect1d(radius, Gas.from_case(Case.model_validate(raw)).disks.radius).size
+
+
+def test_a_coefficient_pair_is_judged_for_the_extreme_masses_of_both_species() -> None:
+    # e_n = 1, e_t = -0.25, percussion centre: admissible up to e_s = e_t + (1 + k)/2 = 1, so for a mean k <= 1.5
+    # (k alone enters at e_n = 1). Hoops (k = 1) with disks (k = 2): k = (m_1 2 + m_2 1)/(m_1 + m_2) of hoops m_1 and
+    # disks m_2, which is 1.5 for equal masses and more where the hoop is the heavier one.
+    text = (
+        CASE.replace("areal_density = 3.5", "mass = 1.0\nradius = 0.01")
+        + 'k = 1.0\n[[species]]\nname = "disks"\n'
+    )
+    text += 'number = 100\nmaterial = "steel"\nmass = 1.0\nk = 2.0\nradius = 0.01\nspeed_rms = 1.0\n'
+    text += '[[material]]\nname = "steel"\ne_n = 0.9\ne_t = -0.9\nmu = 0.1\n'
+    text += '[[pair]]\nmaterials = ["bronze", "steel"]\ne_n = 1.0\ne_t = -0.25\nmu = 0.2\n'
+    assert mistakes("", text) == []
+    spread = text.replace(
+        "mass = 1.0\nradius = 0.01",
+        'areal_density = 3183.0\nradii = { distribution = "uniform", low = 0.009, high = 0.011 }',
+        1,
+    )  # masses around 1: some hoops are heavier than the disks
+    (found,) = mistakes("", spread)
+    assert found.startswith("pair[0]: ")
+    assert "would add energy" in found
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "says"),
+    [
+        ('radii = { distribution = "lognorml" }', "species[0].radii.distribution", "did you mean 'lognormal'"),
+        ('radii = { distribution = "lognormal", mena = 0.01, deviation = 0.1 }', "species[0].radii", "missing: mean"),
+        ('radii = { distribution = "uniform", low = 0.02, high = 0.01 }', "species[0].radii", "low = 0.02: must"),
+        ('radii = { distribution = "uniform", low = -1.0, high = 0.01 }', "species[0].radii.low = -1.0", "greater"),
+        ("radii = 0.01", "species[0].radii = 0.01", r"a table is needed \(radii = "),
+        (LOGNORMAL + "radius = 0.01", "species[0]", "mass \\+ radii, or areal_density"),
+        (LOGNORMAL.replace("0.002 }", "0.02, high = 0.5 }"), "species = radii from", "times as wide"),
+    ],
+)  # fmt: skip
+def test_wrong_radii_are_named_with_what_is_allowed(text: str, key: str, says: str) -> None:
+    found = mistakes(text)
+    assert any(line.startswith(key) and re.search(says, line) for line in found), found
+
+
+def test_a_misspelt_parameter_gets_the_nearest() -> None:
+    found = mistakes('radii = { distribution = "lognormal", mean = 0.01, deviation = 0.1, hihg = 1.0 }')
+    assert any("radii.hihg" in line and "did you mean 'high'" in line for line in found)
+
+
+def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
+    case = Case.model_validate(
+        tomllib.loads(
+            CASE + 'radii = { distribution = "bidisperse", low = 0.01, high = 0.05, large_fraction = 0.1 }'
+        )
+    )
+    gas = Gas.from_case(case)
+    text = check.report(case, gas, Estimate.of(gas, case))
+    assert "radii                  0.01 to 0.05 (mean 0.014) m, largest/smallest 5" in text
+    assert "2.1 times as long as among equal disks" in text  # measured at 5
+    assert "packing fraction       0.3\n" in text
+    # Areal density 3.5: masses 3.5 pi R^2.
+    assert "mass 0.0010996 to 0.027489 (mean 0.0037385) kg" in text
+
+
+def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
+    one = Case.model_validate(
+        tomllib.loads(
+            CASE + 'radii = { distribution = "bidisperse", low = 0.01, high = 0.02, large_fraction = 0.5 }'
+        )
+    )
+    gas = Gas.from_case(one)
+    rate = Estimate.of(gas, one).collision_rate[0]
+    # At one temperature: speeds as R^-1, and 1/m averages to (1 + 1/4)/2 of the small disks'.
+    speed = [math.sqrt(1.0 / 0.625), math.sqrt(0.25 / 0.625)]
+    half = CASE.replace("number = 1000", "number = 500")
+    text = half.replace("speed_rms = 1.0", f"radius = 0.01\nspeed_rms = {speed[0]}")
+    text += (
+        half[half.index("[[species]]") :]
+        .replace("coins", "large")
+        .replace("speed_rms = 1.0", f"radius = 0.02\nspeed_rms = {speed[1]}")
+    )
+    two = Case.model_validate(tomllib.loads(text))
+    rates = Estimate.of(Gas.from_case(two), two).collision_rate
+    assert rate == pytest.approx(np.mean(rates), rel=1e-12)
