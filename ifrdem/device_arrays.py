@@ -32,6 +32,7 @@ from .engine_limits import (
 from .errors import EngineError
 from .kernels.layout import (
     CELL_X,
+    CUTOFF,
     GX,
     HEAD,
     HIGHEST_LEVEL,
@@ -99,6 +100,8 @@ class DeviceArrays:
         The fastest that a wall moves [length/time].
     gravity : two floats
         Acceleration of all disks [length/time^2].
+    velocity_cutoff : float
+        Normal speed of approach below which collisions are elastic [length/time].
     """
 
     def __init__(
@@ -114,6 +117,7 @@ class DeviceArrays:
         walls: NDArray[np.float64] | None = None,
         wall_speed: float = 0.0,
         gravity: tuple[float, float] = (0.0, 0.0),
+        velocity_cutoff: float = 0.0,
     ) -> None:
         n = self.n = disks.n
         self._real = np.float32 if precision == "f32" else np.float64
@@ -139,13 +143,13 @@ class DeviceArrays:
         self.neighbour = ti.ndarray(ti.i32, (room * ROW,))
         self.law = ti.ndarray(self._type, law_table.shape)
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
-        self.counter = np.zeros(16, dtype=np.int32)
+        self.counter = np.zeros(17, dtype=np.int32)
         self.limit = np.zeros(5, dtype=self._real)
         n_walls = 0 if walls is None else len(walls)
         self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls], dtype=np.int32)
-        self.scale = np.zeros(14, dtype=self._real)
+        self.scale = np.zeros(15, dtype=self._real)
         self.clock = np.zeros(3)
-        self.total = np.zeros(4, dtype=np.int64)
+        self.total = np.zeros(5, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
         cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]
         self.scale[CELL_X : CELL_X + 4] = (*cell_sides, *tile_sides)
@@ -154,6 +158,7 @@ class DeviceArrays:
         self.scale[WIDEST] = diameter
         self.scale[GX : GX + 2] = gravity
         self.scale[WALL_SPEED] = wall_speed
+        self.scale[CUTOFF] = velocity_cutoff
         # Two disks of the highest level must still find each other in tiles side by side, and through one image only.
         room_for = min(*tile_sides, min(box.lengths) / 2.0) - diameter
         self.grid[MOST_LEVEL] = min(max(int((room_for / skin - 1.0) * LEVELS), 0), HIGHEST_LEVEL)

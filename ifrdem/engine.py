@@ -121,6 +121,8 @@ class Engine:
         Beside the straight ones of material 0 at sides of the box that are not periodic, which come after them.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
+    velocity_cutoff : float
+        Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction.
     forces : sequence of Force
         What acts between collisions (`splitting.py` says when).
     seed : int
@@ -149,6 +151,7 @@ class Engine:
         windows: int | None = None,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
+        velocity_cutoff: float = 0.0,
         forces: Sequence[Force] = (),
         seed: int = 0,
     ) -> None:
@@ -178,6 +181,8 @@ class Engine:
                 f"disk {i} has diameter {diameter:.6g}, more than a third of the box side {shortest:.6g}: "
                 "it could meet its own periodic image; use a larger box"
             )
+        if not (math.isfinite(velocity_cutoff) and velocity_cutoff >= 0.0):
+            raise InputError(f"velocity_cutoff = {velocity_cutoff}: a finite number not below 0 is needed")
         self.gravity = (float(gravity[0]), float(gravity[1]))
         for axis, pull in enumerate(self.gravity):
             if not math.isfinite(pull):
@@ -243,6 +248,7 @@ class Engine:
             skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
             walls=np.array([wall.row(self._offset) for wall in self.walls]) if self.walls else None,
             wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
+            velocity_cutoff=velocity_cutoff,
         )  # fmt: skip
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)

@@ -30,6 +30,8 @@ from .kernels.layout import (
     LOG_FULL,
     MEAN_SQUARE,
     MOST_NEIGHBOURS,
+    N_ELASTIC,
+    N_ELASTIC_TOTAL,
     N_EPOCHS,
     N_ROUNDS,
     N_STANDING,
@@ -136,12 +138,8 @@ class Epochs:
         """Some epochs (`single`: one) in one launch, to `t_end` or `wanted` more collisions at the latest."""
         a = self.arrays
         a.clock[[NOW, TIME_END, PLANNED]] = now, t_end, 0.0
-        a.total[[COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL]] = (
-            (2**62 if wanted is None else wanted),
-            0,
-            0,
-            0,
-        )
+        a.total[:] = 0
+        a.total[COLLISIONS_LEFT] = 2**62 if wanted is None else wanted
         began = time.perf_counter()
         while True:
             a.launch(epochs_by_one_thread, 1 if single else self._burst)
@@ -165,6 +163,7 @@ class Epochs:
             elif end < planned and not (wanted is not None and done >= wanted):
                 self.statistics.cut_for_speed += 1
         hits = int(a.total[N_WALLS_TOTAL])
+        self.statistics.elastic += int(a.total[N_ELASTIC_TOTAL])
         return Outcome(float(a.clock[NOW]), end, planned, done, fastest, hits, still)
 
     # ------------------------------------------------------------------ in tiles or rounds
@@ -212,6 +211,7 @@ class Epochs:
         self.statistics.epochs += 1
         reached = end == horizon and horizon == left
         time_at_end = t_end if reached else now + end
+        self.statistics.elastic += int(a.counter[N_ELASTIC])
         return Outcome(time_at_end, end, horizon, self.standing(), fastest, int(a.counter[N_WALL_HITS]))
 
     def _pull(self) -> float:
@@ -225,7 +225,7 @@ class Epochs:
         if self.arrays.counter[RESTING]:
             raise EngineError(
                 f"t = {now:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic collapse); "
-                "there is no next collision to go on to. Use a larger e_n with the wall, or end the run earlier"
+                "there is no next collision. With a velocity_cutoff, slow collisions are elastic and the run goes on"
             )
 
     def after_epoch(self, now: float) -> None:

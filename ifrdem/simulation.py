@@ -53,6 +53,9 @@ class Simulation:
         first.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
+    velocity_cutoff : float
+        Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction: a
+        remedy for inelastic collapse. `statistics.elastic` counts them.
     forces : sequence of forces.Force
         Drives and drag that act between collisions, each at the middle of its own steps; at a time at which several do,
         in this order and in the reverse order by turns (`ifrdem.forces`).
@@ -85,6 +88,7 @@ class Simulation:
         precision: str = "f64",
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
+        velocity_cutoff: float = 0.0,
         forces: Sequence[Force] = (),
         seed: int = 0,
     ) -> None:
@@ -97,7 +101,7 @@ class Simulation:
         table = np.array([[one.table_row() for one in row] for row in self._laws])
         self._engine = Engine(
             disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
-            walls=walls, gravity=gravity, forces=forces, seed=seed,
+            walls=walls, gravity=gravity, velocity_cutoff=velocity_cutoff, forces=forces, seed=seed,
         )  # fmt: skip
 
     @property

@@ -16,3 +16,4 @@ class Statistics:
     cut_for_speed: int = 0
     cut_for_log: int = 0
     cut_for_rounds: int = 0
+    elastic: int = 0

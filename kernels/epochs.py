@@ -22,6 +22,8 @@ from .layout import (
     MEAN_SQUARE,
     MOST_LEVEL,
     MOST_NEIGHBOURS,
+    N_ELASTIC,
+    N_ELASTIC_TOTAL,
     N_EPOCHS,
     N_STANDING,
     N_TOTAL,
@@ -148,6 +150,7 @@ def epochs_by_one_thread(
                     total[N_EPOCHS] += 1
                     total[N_TOTAL] += gas.counter[N_STANDING]
                     total[N_WALLS_TOTAL] += gas.counter[N_WALL_HITS]
+                    total[N_ELASTIC_TOTAL] += gas.counter[N_ELASTIC]
                     total[COLLISIONS_LEFT] -= gas.counter[N_STANDING]
                     most_epochs_left = most_epochs - ti.cast(total[N_EPOCHS], ti.i32)
                     if gas.limit[END] < gas.scale[HORIZON] or gas.counter[RESTING] > 0:

@@ -5,6 +5,7 @@ The order of these steps and what they guarantee is told in `rounds.py`.
 
 import taichi as ti
 
+from .contact import SLOW, coefficients
 from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
 from .history import flight_between, previous, record, side_of
 from .law import collide_pair
@@ -25,6 +26,7 @@ from .layout import (
     LATCHED,
     LENGTH,
     MATERIAL,
+    N_ELASTIC,
     N_LOG,
     N_STANDING,
     N_UNDONE,
@@ -82,9 +84,11 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     kind_b = gas.meta[b][KIND]
     p = ti.cast(gas.kinds[kind_a][MATERIAL], ti.i32)
     q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
+    nx, ny = rx / r, ry / r
+    g_n = (gas.flight[a][VX] - gas.flight[b][VX]) * nx + (gas.flight[a][VY] - gas.flight[b][VY]) * ny
+    e_n, e_t, mu, contact_point, rho, slow = coefficients(p, q, g_n, gas)
     vx_a, vy_a, w_a, vx_b, vy_b, w_b, _, _, sticking, rolling = collide_pair(
-        gas.law[p, q, 0], gas.law[p, q, 1], gas.law[p, q, 2], gas.law[p, q, 3], gas.law[p, q, 4],
-        rx / r, ry / r,
+        e_n, e_t, mu, contact_point, rho, nx, ny,
         gas.kinds[kind_a][INVERSE_MASS], gas.flight[a][RADIUS], gas.kinds[kind_a][K],
         gas.flight[a][VX], gas.flight[a][VY], gas.flight[a][SPIN],
         gas.kinds[kind_b][INVERSE_MASS], gas.flight[b][RADIUS], gas.kinds[kind_b][K],
@@ -102,7 +106,9 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[b][VY] = vy_b
     gas.flight[b][TAU] = t
     gas.flight[b][SPIN] = w_b
-    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32)
+    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + slow
+    if slow > 0:
+        ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
     limit_if_too_fast(a, t, gas)
     limit_if_too_fast(b, t, gas)
@@ -280,6 +286,8 @@ def restore(i, gas: ti.template()):
         side = side_of(entry, i, gas)
         gas.log_int[entry][STANDS] = 0
         before = gas.log_int[entry][PREVIOUS + side]
+        if side == 0 and gas.log_int[entry][REGIME] >= SLOW:
+            ti.atomic_sub(gas.counter[N_ELASTIC], 1)
         if gas.log_int[entry][SLOT + 1] < 0:
             ti.atomic_sub(gas.counter[N_WALL_HITS], 1)
         elif side == 0:

@@ -18,12 +18,12 @@ neighbour    (n, K) int    slots of neighbours in the same frame from the front;
 log_real     (c, 11) real  one collision: its time, and both disks' states before it
 log_int      (c, 8) int    its slots, links and flags
 lists        (5, n) int    work lists of the rounds
-counter      (16,) int     their lengths, and totals
+counter      (17,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
 grid         (10,) int     numbers of disks, tiles, cells and walls
-scale        (14,) real    lengths and times of the grid and the epoch, gravity
+scale        (15,) real    lengths and times of the grid and the epoch, gravity
 clock        (3,) double   times in epochs run by one thread
-total        (4,) int64    collisions and epochs of one launch
+total        (5,) int64    collisions and epochs of one launch
 walls        (W, 17) real  geometry, motion and material of each wall (`walls.py`)
 near_walls   (n,) int      bits of the walls that a disk can touch in this epoch
 wall_hits    (n,) int      collisions with walls, by id
@@ -73,6 +73,7 @@ LOG_FULL = 11  # 1: the log may have no room for another round; 2: it had too li
 N_UNDONE = 12  # collisions undone
 TOP_LEVEL = 13  # highest level of any disk in this epoch
 N_WALL_HITS = 14  # collisions with walls that stand
+N_ELASTIC = 16  # collisions that stand and were elastic because they were slow
 RESTING = 15  # 1: a disk came to rest on a wall, or its next meeting with it cannot be found
 # limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event, mean
 # square of the speeds
@@ -82,14 +83,13 @@ END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
 N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL, ROLL_BACK, WALLS = range(10)
 # scale: sides of a cell and of a tile, listing distance beyond contact, end of predictions, beginning and end of the
 # window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter,
-# gravity, a speed that walls may give to disks
-CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW, REACH, DURATION, WIDEST, GX, GY, WALL_SPEED = (
-    range(14)
-)
+# gravity, a speed that walls may give to disks, approach below which collisions are elastic
+CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
+REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF = range(8, 15)
 # clock, in double precision: present time, where to stop, planned length of the latest epoch
 NOW, TIME_END, PLANNED = range(3)
-# total, 64-bit: collisions still wanted; epochs, collisions and collisions with walls of this launch
-COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL = range(4)
+# total, 64-bit: collisions still wanted; epochs, collisions, collisions with walls and elastic ones of this launch
+COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL, N_ELASTIC_TOTAL = range(5)
 
 SPEED_MARGIN = 1.15  # how much faster than the fastest disk a disk may become before the epoch is cut short
 # Taichi hands a thread at least so many items of a loop. Loops over few, long items run over SPREAD times as many,

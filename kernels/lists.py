@@ -12,6 +12,7 @@ from .layout import (
     LENGTH,
     LOG_FULL,
     MOST_NEIGHBOURS,
+    N_ELASTIC,
     N_LOG,
     N_ROUNDS,
     N_STANDING,
@@ -55,6 +56,7 @@ def open_epoch(gas: ti.template()):
             N_UNDONE,
             TOP_LEVEL,
             N_WALL_HITS,
+            N_ELASTIC,
             RESTING,
         )
     ):

@@ -33,6 +33,7 @@ NOW_0           what MOTION needs to know of the beginning of the epoch: displac
 
 import taichi as ti
 
+from .contact import coefficients
 from .flights import rounding
 from .history import flight_between, previous, record
 from .law import collide_pair
@@ -50,6 +51,7 @@ from .layout import (
     INVERSE_MASS,
     KIND,
     MATERIAL,
+    N_ELASTIC,
     N_WALL_HITS,
     NOW,
     NUMBER,
@@ -352,14 +354,14 @@ def hit_wall(entry, t, i, gas: ti.template()):
     p = ti.cast(gas.kinds[kind][MATERIAL], ti.i32)
     q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
     radius = gas.flight[i][RADIUS]
+    vx, vy = gas.flight[i][VX] + gx * t, gas.flight[i][VY] + gy * t
+    ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
+    uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
+    e_n, e_t, mu, contact_point, rho, slow = coefficients(p, q, (ux - vx) * nx + (uy - vy) * ny, gas)
     vx, vy, spin, _, _, _, _, _, sticking, rolling = collide_pair(
-        gas.law[p, q, 0], gas.law[p, q, 1], gas.law[p, q, 2], gas.law[p, q, 3], gas.law[p, q, 4],
-        -nx, -ny,
-        gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K],
-        gas.flight[i][VX] + gx * t, gas.flight[i][VY] + gy * t, gas.flight[i][SPIN],
-        0.0, radius, 1.0,
-        gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE], gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE],
-        0.0,
+        e_n, e_t, mu, contact_point, rho, -nx, -ny,
+        gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, gas.flight[i][SPIN],
+        0.0, radius, 1.0, ux, uy, 0.0,
     )  # fmt: skip
     gas.flight[i][X] = x
     gas.flight[i][Y] = y
@@ -367,7 +369,9 @@ def hit_wall(entry, t, i, gas: ti.template()):
     gas.flight[i][VY] = vy - gy * t
     gas.flight[i][TAU] = t
     gas.flight[i][SPIN] = spin
-    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32)
+    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + slow
+    if slow > 0:
+        ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
     ti.atomic_add(gas.counter[N_WALL_HITS], 1)
     limit_if_too_fast(i, t, gas)

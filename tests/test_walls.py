@@ -257,6 +257,40 @@ def test_a_ball_that_comes_to_rest_on_a_wall_stops_the_run_with_a_reason() -> No
         run_to(engine, 100.0)
 
 
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_cut_off_keeps_a_ball_bouncing_with_a_speed_just_below_it(order: str) -> None:
+    """Each bounce faster than the cut-off halves the speed, the others keep it: it ends between half of it and it."""
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
+    law = np.array([[(0.5, *ELASTIC[1:])]])
+    engine = Engine(
+        disks,
+        Box((10.0, 10.0), (True, False)),
+        start,
+        law,
+        gravity=(0.0, -1.0),
+        velocity_cutoff=0.3,
+        order=order,
+    )
+    state = run_to(engine, 60.0)
+    speed = math.sqrt(state.velocity[0, 1] ** 2 + 2.0 * (state.position[0, 1] - 0.5))  # at the floor
+    fallen = math.sqrt(2.0 * 2.5)
+    slowing = math.ceil(math.log2(fallen / 0.3))
+    assert speed == pytest.approx(fallen / 2.0**slowing, rel=1e-9)
+    assert engine.statistics.elastic == engine.wall_hits - slowing > 50
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_cut_off_takes_no_energy_from_slow_collisions(order: str) -> None:
+    box = Box((12.0, 12.0), (False, True))
+    disks, state = gas_in(box, 60)
+    engine = Engine(disks, box, state, np.array([[COIN]]), velocity_cutoff=100.0, order=order, tile_disks=20)
+    end = run_to(engine, 10.0)
+    assert engine.statistics.elastic == engine.collisions + engine.wall_hits > 100
+    assert np.sum(end.velocity**2) == pytest.approx(np.sum(state.velocity**2), rel=1e-12)
+    np.testing.assert_array_equal(end.spin, state.spin)
+
+
 @pytest.mark.parametrize(
     ("wall", "message"),
     [
