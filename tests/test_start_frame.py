@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gases import touching
 
 from ifrdem import case_file, cli, growth, radii
 from ifrdem.box import Box
@@ -51,8 +52,7 @@ def trajectory(folder: Path, precision: str = "f8", fields: list[str] | None = N
     random = np.random.default_rng(1)
     states = []
     for seed in range(3):
-        # Made a little too small first, and then moved apart: many touch to 1e-9.
-        position = growth.separate(box, radius, growth.grow(box, 0.95 * radius, seed=seed))
+        position = touching(box, radius, growth.grow(box, radius, seed=seed))
         states.append(State(position, random.normal(size=(N, 2)), random.normal(size=N), time=seed))
     fields = ["position", "velocity", "angular_velocity"] if fields is None else fields
     disks = Disks(N, mass=np.pi * radius**2, radius=radius)
