@@ -249,7 +249,7 @@ def measure(
     """
     run = case.run
     backend.check(run.arch, run.threads, run.precision)
-    check.refuse_beyond_memory(sum(each.number for each in case.species), run.arch)
+    check.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
     gas = Gas.from_case(case, folder)
     phi = gas.box.packing_fraction(gas.disks.radius)
     compiling = None

@@ -18,15 +18,22 @@ from .gas import Gas
 HOST_BYTES_PER_DISK = 300
 """What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
 
+GROWTH_BYTES_PER_DISK = 1000
+"""The same for a start by growth: 940 bytes a disk were seen."""
+
 COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
 
 Measured 2026-11-21: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (README, Mixtures)."""
 
 
-def refuse_beyond_memory(n: int, arch: str) -> None:
-    """Raise InputError if n disks need more memory than is free. Of a GPU's own memory it knows nothing."""
-    needed = n * (HOST_BYTES_PER_DISK + (BYTES_PER_DISK if arch == "cpu" else 0))
+def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
+    """Raise InputError if n disks need more memory than is free. Of a GPU's own memory it knows nothing.
+
+    `positions` is start.positions: growth needs more.
+    """
+    host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
+    needed = n * (host + (BYTES_PER_DISK if arch == "cpu" else 0))
     free = backend.memory_available()
     if free is not None and needed > free:
         most = n * free // needed

@@ -209,11 +209,11 @@ class _SoftDisks:
             if self.worst(overlap) < enough:
                 return True
             if done % PLATEAU == 0:
-                energy = float(overlap @ overlap)
+                energy = float(np.sum(overlap * overlap))
                 if energy > JAMMED_BELOW * plateau:
                     return False
                 plateau = energy
-            if np.vdot(force, velocity) > 0.0:
+            if _product(force, velocity) > 0.0:
                 downhill += 1
                 if downhill > 5:
                     step, mixing = min(1.1 * step, 0.6), 0.99 * mixing
@@ -221,7 +221,7 @@ class _SoftDisks:
                 velocity[:] = 0.0
                 step, mixing, downhill = max(0.5 * step, 0.02), 0.1, 0
             velocity += step * self.per_mass * force
-            along = float(np.linalg.norm(velocity)) / max(float(np.linalg.norm(force)), 1e-300)
+            along = math.sqrt(_product(velocity, velocity) / max(_product(force, force), 1e-300))
             velocity = (1.0 - mixing) * velocity + mixing * along * force
             self.x = self.x + step * velocity
         return False
@@ -241,6 +241,11 @@ class _SoftDisks:
                     temperature / (0.5 * float(np.mean(np.sum(velocity**2 / self.per_mass, axis=1))))
                 )
                 progress(done / steps)
+
+
+def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Sum of a_ik b_ik, in one order whatever number of threads a library for linear algebra has."""
+    return float(np.sum(a * b))
 
 
 def _squared(vectors: NDArray[np.float64]) -> NDArray[np.float64]:

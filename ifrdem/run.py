@@ -95,7 +95,7 @@ def run(
     case = file.case
     outputs.check(force=force)
     backend.check(case.run.arch, case.run.threads, case.run.precision)
-    check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
+    check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, case.start.positions)
     began = time.perf_counter()
     gas = Gas.from_case(case, file.folder)
     device = next(each for each in backend.available() if each.arch == case.run.arch)

@@ -258,6 +258,9 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     with pytest.raises(InputError, match="100000 disks need some 30 MB"):
         check.refuse_beyond_memory(100_000, "cuda")  # the GPU's own memory holds the rest
     check.refuse_beyond_memory(1000, "cpu")
+    check.refuse_beyond_memory(20_000, "cuda", "random")
+    with pytest.raises(InputError, match="20000 disks need some 20 MB"):
+        check.refuse_beyond_memory(20_000, "cuda", "growth")
 
 
 def test_interruption_ends_with_a_message_and_its_status() -> None:

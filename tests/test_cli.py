@@ -131,7 +131,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["run"], "CASE"),
         (["run", "tiny.toml", "--sed", "3"], "unrecognized arguments: --sed"),
         (["run", "tiny.toml", "more"], "unrecognized arguments: more"),
-        (["new", "coolin"], r"no template is called 'coolin' \(did you mean 'cooling'\?\)"),
+        (["new", "coolin"], r"no template or shipped case is called 'coolin' \(did you mean 'cooling'\?\)"),
         (["new", "cooling", "-o", "nowhere/a.toml"], "cannot be written: No such file or directory"),
         (["new", "cooling", "-o", "tiny.toml"], "exists already"),
         (["info", "no.h5"], "no such file"),
