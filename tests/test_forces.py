@@ -62,6 +62,12 @@ class Noise(Force):
         return 2.0 * a[0] - 1.0, 2.0 * a[1] - 1.0, 2.0 * b[0] - 1.0
 
 
+class Summing(Push):
+    """Says that it needs a total, and not of what."""
+
+    totals = 1
+
+
 def one_disk(forces: Sequence[Force], t_end: float, *, time: float = 0.0) -> State:
     """A free disk from (20, 20) with velocity (1, 0.5) and spin 2, in a box that it does not leave."""
     disks = Disks(1, mass=2.0, radius=0.5)
@@ -351,6 +357,33 @@ def test_driven_coins_stay_at_the_temperatures_of_kinetic_theory() -> None:
     assert mean[1] == pytest.approx(T_rot, rel=0.08)
 
 
+def test_collisions_are_recorded_across_forces() -> None:
+    disks = equal_disks(500)
+    box, state = start(disks, 0.3)
+    simulation = Simulation(disks, box, SMOOTH, state, forces=[RandomKicks(0.07, power=1.0)])
+    found = simulation.collide_until(1.0)
+    assert len(found.time) == simulation.collisions > 100
+    assert (np.diff(found.time) >= 0.0).all()
+    np.testing.assert_array_equal(np.bincount(found.pair.ravel(), minlength=500), simulation.state.collisions)
+
+
+def test_forces_work_in_single_precision() -> None:
+    """The ledger counts what was stored: elastic disks differ from it by the rounding of collisions only."""
+    disks = mixture(500)
+    box, state = start(disks, 0.3)
+    forces = [
+        RandomKicks(0.2, power=1.0),
+        Langevin(0.2, temperature=1.0, rate=0.5, spin_rate=0.1),
+        Rescale(0.3, energy=2.0),
+    ]
+    simulation = Simulation(disks, box, SMOOTH, state, forces=forces, precision="f32")
+    simulation.run(t_end=3.15)  # right after the rescaling
+    energy = measure(disks, simulation.state).energy
+    assert energy == pytest.approx(2.0 * disks.n, rel=1e-6)
+    expected = measure(disks, state).energy + simulation.energy_input
+    assert energy == pytest.approx(expected, abs=1e-6 * float(np.abs(simulation.energy_inputs).sum()))
+
+
 @pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
 def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
     """Also where one thread does all collisions: the forces are computed by all."""
@@ -426,9 +459,12 @@ def test_a_force_that_cannot_act_is_refused() -> None:
         (RandomKicks(0.1, power=1.0), "2 disks at least"),
         (Force(0.1), "with a method act"),
         ("drag", "with a method act"),
+        (Summing(0.1), "needs a method measure"),
     ):
         with pytest.raises(InputError, match=text):
             Simulation(disks, box, SMOOTH, state, forces=[force])  # type: ignore[list-item]
+    with pytest.raises(InputError, match="a list of forces is needed"):
+        Simulation(disks, box, SMOOTH, state, forces=Drag(0.1, rate=1.0))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="seed = -1"):
         Simulation(disks, box, SMOOTH, state, forces=[Drag(0.1, rate=1.0)], seed=-1)
 
