@@ -14,15 +14,15 @@ from .box import Box
 from .case import (
     BoxSection,
     Case,
-    ForceSection,
     MaterialSection,
     PairSection,
     RunSection,
-    Section,
     SpeciesSection,
     StartSection,
 )
+from .case_forces import ForceSection
 from .coins import coins
+from .section import Section
 
 S = TypeVar("S", bound=Section)
 

@@ -172,9 +172,9 @@ def _expected(
     (each,) = gas.species
     if steady is not None:
         rate = max(rate, theory.collision_rate(phi, steady[0], each.mass, each.radius))
-    if rate == 0.0:
-        return unknown
     T = 0.5 * each.mass * each.speed_rms**2
+    if rate == 0.0 or (T == 0.0 and (drive is None or drive.power == 0.0)):
+        return unknown
     T_rot = each.mass * each.radius**2 / each.k * each.spin_rms**2
 
     def per_disk(time: float) -> float:
