@@ -7,16 +7,16 @@ is the task of `ifrdem.gas`. `ifrdem.case_file` reads a file and reports all err
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, model_validator
-from pydantic.fields import FieldInfo
-from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
 
 from . import radii
+from .case_forces import ForceSection
 from .engine_limits import MOST_DISKS
 from .errors import nearest
+from .section import Choice, Section
 
 UNITS: Mapping[str, Mapping[str, str]] = {
     "SI": {"length": "m", "mass": "kg", "time": "s", "energy": "J", "momentum": "kg m s-1", "angle": "rad"},
@@ -27,74 +27,6 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 WAYS_TO_PLACE = ("random", "growth", "hexagonal")
 
 Name = Annotated[str, Field(min_length=1, max_length=100)]
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Keys that belong together: all of `needed`, and any of `also` beside them."""
-
-    needed: tuple[str, ...]
-    also: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        return " + ".join(self.needed)
-
-
-class Section(BaseModel):
-    """Common behaviour of all sections: no unknown keys, no conversion of types, no NaN or infinity.
-
-    `choices` lists alternatives of which exactly one is to be given (at most one if `choice_optional`).
-    """
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
-    choices: ClassVar[tuple[Choice, ...]] = ()
-    choice_optional: ClassVar[bool] = False
-
-    @model_validator(mode="wrap")
-    @classmethod
-    def _all_errors_at_once(cls, data: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
-        # An "after" validator would stay silent as long as any single key is wrong.
-        wrong = cls.wrong_choice(data) if isinstance(data, dict) else None
-        if wrong is None:
-            return handler(data)
-        errors = [InitErrorDetails(type=PydanticCustomError("choice", "{text}", {"text": wrong}), input=data)]
-        try:
-            handler(data)
-        except ValidationError as error:
-            errors += [
-                InitErrorDetails(
-                    type=each["type"], loc=each["loc"], input=each["input"], ctx=each.get("ctx", {})
-                )
-                for each in error.errors(include_url=False)
-            ]
-        raise ValidationError.from_exception_data(cls.__name__, errors)
-
-    @classmethod
-    def about(cls, key: str) -> tuple[str, Any]:
-        """Description (with its unit) and an example value of a key."""
-        found = cls.model_fields[key]
-        if found.description is None:  # `Annotated[float, Field(...)] | None` keeps them one level down
-            inner = (get_args(found.annotation) or (found.annotation,))[0]
-            found = next(each for each in get_args(inner) if isinstance(each, FieldInfo))
-        examples = found.examples or []
-        return found.description or "", examples[0] if examples else None
-
-    @classmethod
-    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
-        """What is wrong with the combination of keys, or None."""
-        if not cls.choices:
-            return None
-        choosable = list(dict.fromkeys(key for choice in cls.choices for key in choice.needed))
-        given = [key for key in choosable if key in data]
-        if cls.choice_optional and not given:
-            return None
-        for choice in cls.choices:
-            if set(given) == set(choice.needed):
-                foreign = {key for other in cls.choices for key in other.also} - set(choice.also)
-                misplaced = sorted(foreign & set(data))
-                return f"{', '.join(misplaced)} cannot stand beside {choice}" if misplaced else None
-        allowed = ", or ".join(str(choice) for choice in cls.choices)
-        return f"exactly one is needed of: {allowed}; given: {', '.join(given) or 'none'}"
 
 
 class RunSection(Section):
@@ -341,110 +273,6 @@ class SpeciesSection(Section):
         description="root mean square spin at the start [rad/s], Gaussian",
         examples=[0.0],
     )
-
-
-@dataclass(frozen=True)
-class ForceKeys:
-    """Keys of one kind of force beside kind and step: `needed` ones, exactly or at least one of some, others."""
-
-    needed: tuple[str, ...] = ()
-    exactly_one: tuple[str, ...] = ()
-    at_least_one: tuple[str, ...] = ()
-    also: tuple[str, ...] = ()
-
-    @property
-    def all(self) -> tuple[str, ...]:
-        """Every key of the kind."""
-        return self.needed + self.exactly_one + self.at_least_one + self.also
-
-
-FORCES: Mapping[str, ForceKeys] = {
-    "kicks": ForceKeys(exactly_one=("power", "diffusion")),
-    "spin_kicks": ForceKeys(exactly_one=("power", "diffusion")),
-    "langevin": ForceKeys(("temperature",), at_least_one=("rate", "spin_rate"), also=("spin_temperature",)),
-    "drag": ForceKeys(at_least_one=("rate", "quadratic", "spin_rate")),
-    "rescale": ForceKeys(exactly_one=("temperature", "energy")),
-}
-"""Keys of each kind of force; `ifrdem.forces` says what they do."""
-
-
-class ForceSection(Section):
-    """What acts on all disks between collisions, at the middle of each of its steps: a drive, or drag."""
-
-    kind: Literal["kicks", "spin_kicks", "langevin", "drag", "rescale"] = Field(
-        description='"kicks" (random, without total momentum; power or diffusion), "spin_kicks" (likewise of spins), '
-        '"langevin" (a heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, '
-        'spin_rate) or "rescale" (a thermostat; temperature or energy)',
-        examples=["kicks"],
-    )
-    step: float = Field(
-        gt=0.0,
-        description="time between two applications [s]; a part of the mean free time. Errors go with its square",
-        examples=[2e-3],
-    )
-    power: float | None = Field(
-        default=None, gt=0.0, description="energy that each disk gets per time [W]", examples=[1e-3]
-    )
-    diffusion: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]",
-        examples=[0.5],
-    )
-    temperature: float | None = Field(
-        default=None,
-        ge=0.0,
-        description="of the heat bath, or to rescale to: mean of m v^2 / 2 [J]",
-        examples=[5e-4],
-    )
-    spin_temperature: float | None = Field(
-        default=None,
-        ge=0.0,
-        description="of the heat bath for spins, mean of I omega^2 [J]; temperature without it",
-        examples=[5e-4],
-    )
-    energy: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="to rescale to: kinetic energy of a disk, spins included, mean over all [J]",
-        examples=[1e-3],
-    )
-    rate: float | None = Field(
-        default=None, ge=0.0, description="friction rate of velocities [1/s]", examples=[0.5]
-    )
-    spin_rate: float | None = Field(
-        default=None, ge=0.0, description="friction rate of spins [1/s]", examples=[0.5]
-    )
-    quadratic: float | None = Field(
-        default=None,
-        ge=0.0,
-        description="quadratic drag over mass, c in dv/dt = -c |v| v [1/m]",
-        examples=[0.1],
-    )
-
-    @classmethod
-    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
-        """What is wrong with the keys for this kind of force, or None."""
-        kind = data.get("kind")
-        if not isinstance(kind, str) or kind not in FORCES:
-            return None  # said of the kind itself
-        keys = FORCES[kind]
-        wrong = []
-        foreign = [key for key in data if key in cls.model_fields and key not in ("kind", "step", *keys.all)]
-        if foreign:
-            wrong.append(f"{', '.join(foreign)} cannot stand here; known for it: {', '.join(keys.all)}")
-        missing = [key for key in keys.needed if key not in data]
-        if missing:
-            wrong.append(f"{', '.join(missing)} missing")
-        given = [key for key in keys.exactly_one if key in data]
-        if keys.exactly_one and len(given) != 1:
-            one_of = " or ".join(keys.exactly_one)
-            wrong.append(f"exactly one of {one_of} is needed; given: {', '.join(given) or 'none'}")
-        if keys.at_least_one and not any(data.get(key) for key in keys.at_least_one):
-            wrong.append(f"at least one of {', '.join(keys.at_least_one)} above 0 is needed")
-        if kind == "rescale" and data.get("temperature") == 0.0:
-            wrong.append("temperature = 0: a number above 0 is needed")
-        return f'kind = "{kind}": {"; ".join(wrong)}' if wrong else None
 
 
 def is_trajectory(positions: str) -> bool:

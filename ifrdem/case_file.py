@@ -13,10 +13,11 @@ from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from .case import Case, Section
+from .case import Case
 from .draft import Draft, Problem
 from .errors import InputError, nearest
 from .problems import problems
+from .section import Section
 
 KeyPath = tuple[str | int, ...]
 

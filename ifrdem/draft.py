@@ -15,16 +15,16 @@ from .box import Box
 from .case import (
     BoxSection,
     Case,
-    ForceSection,
     MaterialSection,
     PairSection,
     RunSection,
-    Section,
     SpeciesSection,
     StartSection,
 )
+from .case_forces import ForceSection
 from .coins import coins
 from .errors import InputError
+from .section import Section
 
 S = TypeVar("S", bound=Section)
 

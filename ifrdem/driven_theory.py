@@ -45,7 +45,7 @@ class Drive:
 
     @classmethod
     def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Drive | None:
-        """The drive of the forces of a case (`case.ForceSection`) on equal disks; None where a force is not linear.
+        """The drive of the forces of a case (`case_forces.py`) on equal disks; None where a force is not linear.
 
         Parameters
         ----------
@@ -196,7 +196,8 @@ def driven(
     Raises
     ------
     InputError
-        As `theory.cooling_rates`, if the times decrease or are negative, or nothing moves and nothing drives.
+        As `theory.cooling_rates`, if the times decrease or are negative, or nothing moves (T0 = 0) and only spins, if
+        any, are driven: without motion there are no collisions.
     """
     when = np.asarray(times, dtype=np.float64)
     if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
@@ -206,9 +207,9 @@ def driven(
     balance = _Balance(law, mass, radius, k, packing_fraction, drive)
     if len(when) == 0:
         return np.empty(0), np.empty(0), np.empty(0)
-    scale = max(T0, (drive.power + drive.spin_power) * float(when[-1]))
-    if scale == 0.0:
+    if T0 == 0.0 and drive.power == 0.0:
         raise InputError("T0 = 0 and no power: nothing moves")
+    scale = max(T0, (drive.power + drive.spin_power) * float(when[-1])) or 1.0
 
     def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float]:
         # From rest, a gas passes temperatures at which nothing collides yet.

@@ -29,7 +29,7 @@ An epoch ends early, and everything at or after its new end is undone, when
 - a collision makes a disk so fast that even the longest list would not be complete to the planned end;
 - the log could overflow, or a dense cluster takes too many rounds: it then ends at the earliest unprocessed event,
   before which everything is final;
-- the caller wants to stop at a number of collisions.
+- the caller wants to stop at a number of collisions, or a force is to act (`splitting.py`).
 
 It is done again from its beginning, with more room, when the tiles' collisions do not fit into the log, or the list
 of a disk that became fast does not fit into its row.

@@ -181,9 +181,9 @@ def _expected(
     mass, radius = float(each.mass[0]), float(each.radius[0])
     if steady is not None:
         rate = max(rate, theory.collision_rate(phi, steady[0], mass, radius))
-    if rate == 0.0:
-        return unknown
     T = 0.5 * mass * each.speed_rms**2
+    if rate == 0.0 or (T == 0.0 and (drive is None or drive.power == 0.0)):
+        return unknown
     T_rot = mass * radius**2 / each.k * each.spin_rms**2
 
     def per_disk(time: float) -> float:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import driven_theory, theory
+from . import curves
 from .box import Box
-from .driven_theory import Drive
 from .errors import InputError
-from .law import IFRLaw
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -107,10 +103,10 @@ def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
     times = trajectory.times
     later = times > 0.0  # time 0 has no place on a logarithmic axis
     T = _points(upper, lower, trajectory, later)
-    curves, note = _theory(trajectory)
-    if curves is not None:
-        _curves(upper, lower, *curves)
-    upper.plot([], [], color="black", ls="--" if curves is not None else "none", lw=1.5, label=note)
+    drawn, note = curves.cooling(trajectory)
+    if drawn is not None:
+        _curves(upper, lower, *drawn)
+    upper.plot([], [], color="black", ls="--" if drawn is not None else "none", lw=1.5, label=note)
     upper.legend(loc="best", frameon=False)
     if np.count_nonzero(later) and np.any(T[later] > 0.0):
         upper.set_xscale("log")
@@ -124,10 +120,10 @@ def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
 def _driven_temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
     """Both temperatures, and below them their ratio theta, against time, on plain axes that begin at 0."""
     _points(upper, lower, trajectory, np.ones(len(trajectory), dtype=bool))
-    curves, steady, note = _driven_theory(trajectory)
-    if curves is not None:
-        _curves(upper, lower, *curves)
-    upper.plot([], [], color="black", ls="--" if curves is not None else "none", lw=1.5, label=note)
+    drawn, steady, note = curves.driven(trajectory)
+    if drawn is not None:
+        _curves(upper, lower, *drawn)
+    upper.plot([], [], color="black", ls="--" if drawn is not None else "none", lw=1.5, label=note)
     if steady is not None:
         T, T_rot = steady
         for axes, value, colour in (
@@ -220,82 +216,6 @@ def _short(value: float) -> str:
         return f"{value:.6g}"
     factor, exponent = f"{value:.5e}".split("e")
     return rf"${float(factor):g} \times 10^{{{int(exponent)}}}$"
-
-
-@dataclass(frozen=True)
-class _Equal:
-    """What kinetic theory needs to know of a trajectory of equal disks."""
-
-    law: IFRLaw
-    mass: float
-    radius: float
-    k: float
-    phi: float
-    T0: float
-    T_rot0: float
-
-
-def _equal_disks(trajectory: Trajectory) -> _Equal | str:
-    """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
-    disks = trajectory.disks
-    columns = (disks.mass, disks.radius, disks.k, disks.material)
-    if any(np.ptp(column) != 0 for column in columns):
-        return "several kinds of disks: no kinetic theory here"
-    if "laws" not in trajectory.parameters:
-        return "no law in the file: no kinetic theory here"
-    material = int(disks.material[0])
-    row: dict[str, Any] = json.loads(str(trajectory.parameters["laws"]))[material][material]
-    mass, radius, k = (float(column[0]) for column in (disks.mass, disks.radius, disks.k))
-    T0 = float(trajectory.observables["temperature"][0])
-    T_rot0 = float(trajectory.observables["rotational_temperature"][0])
-    law = IFRLaw(**row, k=k)
-    if law.rho > 0.0:
-        return "rolling friction: no kinetic theory here"
-    return _Equal(law, mass, radius, k, trajectory.box.packing_fraction(disks.radius), T0, T_rot0)
-
-
-def _theory(
-    trajectory: Trajectory,
-) -> tuple[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None, str]:
-    """Times, T and T_rot by kinetic theory, and what to say of it; None where it does not hold."""
-    gas, times = _equal_disks(trajectory), trajectory.times
-    if isinstance(gas, str):
-        return None, gas
-    if gas.T0 == 0.0 or times[-1] <= times[0]:
-        return None, "nothing moves: no kinetic theory here"
-    elapsed = times[times > times[0]] - times[0]
-    # Of a single frame, a decade before it shows where it comes from.
-    when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
-    T, T_rot, _ = theory.cooling(gas.law, gas.mass, gas.radius, gas.k, gas.phi, gas.T0, gas.T_rot0, when)
-    return (when + times[0], T, T_rot), "kinetic theory (homogeneous gas)"
-
-
-def _driven_theory(
-    trajectory: Trajectory,
-) -> tuple[
-    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None,
-    tuple[float, float] | None,
-    str,
-]:
-    """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold."""
-    gas, times = _equal_disks(trajectory), trajectory.times
-    if isinstance(gas, str):
-        return None, None, gas
-    forces = json.loads(str(trajectory.parameters.get("forces", "[]")))
-    drive = Drive.of(forces, gas.mass, gas.mass * gas.radius**2 / gas.k)
-    if drive is None:
-        return None, None, "a force that is not linear: no kinetic theory here"
-    if (gas.T0 == 0.0 and drive == Drive()) or times[-1] <= times[0]:
-        return None, None, "nothing moves: no kinetic theory here"
-    one = (gas.law, gas.mass, gas.radius, gas.k, gas.phi, drive)
-    when = np.linspace(0.0, times[-1] - times[0], 400)
-    T, T_rot, _ = driven_theory.driven(*one, gas.T0, gas.T_rot0, when)
-    T = np.where(T > 0.0, T, np.nan)
-    return (
-        (when + times[0], T, T_rot),
-        driven_theory.steady_state(*one),
-        "kinetic theory (homogeneous gas)",
-    )
 
 
 def _last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:

@@ -146,12 +146,12 @@ class Simulation:
 
     @property
     def energy_inputs(self) -> NDArray[np.float64]:
-        """Energy that each force has put in since the start, less what it took out [energy], shape (forces,)."""
+        """Energy that each force has put in since this simulation was made [energy], shape (forces,)."""
         return self._engine.splitting.energy_inputs.copy()
 
     @property
     def energy_input(self) -> float:
-        """Energy that all forces together have put in since the start, less what they took out [energy]."""
+        """Energy that all forces have put in since this simulation was made, less what they took out [energy]."""
         return math.fsum(self._engine.splitting.energy_inputs)
 
     @property

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -53,6 +54,8 @@ class Splitting:
     def __init__(
         self, forces: Sequence[Force], arrays: DeviceArrays, disks: Disks, seed: int, time: float
     ) -> None:
+        if isinstance(forces, Force):
+            raise InputError(f"forces = {forces!r}: a list of forces is needed, [force] for one")
         self.forces = tuple(forces)
         for i, force in enumerate(self.forces):
             if not isinstance(force, Force) or type(force).act is Force.act:
@@ -60,11 +63,15 @@ class Splitting:
                     f"forces[{i}] = {force!r}: an object of a class derived from ifrdem.forces.Force, with a method "
                     "act, is needed"
                 )
+            if force.totals and type(force).measure is Force.measure:
+                raise InputError(
+                    f"forces[{i}] = {force!r}: totals = {force.totals} needs a method measure too"
+                )
             force.check(disks)
-        if not (isinstance(seed, int) and 0 <= seed < 2**64):
+        if not (hasattr(seed, "__index__") and 0 <= seed < 2**64):
             raise InputError(f"seed = {seed}: a whole number from 0 to 2^64 - 1 is needed")
         self._arrays = arrays
-        self._seed = seed
+        self._seed = operator.index(seed)
         self._steps = [force.step for force in self.forces]
         self._next = [_first_after(time, step) for step in self._steps]
         self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))

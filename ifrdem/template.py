@@ -8,8 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
-from .case import Case, Section
+from .case import Case
 from .errors import InputError, nearest
+from .section import Section
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from ifrdem import case_file, forces, plot
-from ifrdem.case import FORCES, Case, ForceSection
+from ifrdem.case import Case
+from ifrdem.case_forces import FORCES, ForceSection
 from ifrdem.cli import main
 from ifrdem.driven_theory import Drive, steady_state
 from ifrdem.estimate import Estimate

@@ -99,7 +99,7 @@ def test_forces_add_up_to_one_drive() -> None:
 
 def test_impossible_input_is_refused() -> None:
     with pytest.raises(InputError, match="nothing moves"):
-        driven(COIN, *GAS, Drive(), 0.0, 0.0, [1.0])
+        driven(COIN, *GAS, Drive(spin_power=1.0), 0.0, 0.0, [1.0])
     with pytest.raises(InputError, match="times"):
         driven(COIN, *GAS, Drive(), 1.0, 0.0, [2.0, 1.0])
     with pytest.raises(InputError, match="T0 = -1"):

@@ -1,0 +1,80 @@
+"""Forces of one's own, and small systems to try forces on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import taichi as ti
+from numpy.typing import NDArray
+
+from ifrdem.box import Box
+from ifrdem.forces import Force, uniforms
+from ifrdem.law import IFRLaw
+from ifrdem.simulation import Simulation
+from ifrdem.state import Disks, State
+
+SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+
+
+class Push(Force):
+    """A constant acceleration along x."""
+
+    @staticmethod
+    def act(disk, step, parameters):  # type: ignore[no-untyped-def]
+        return disk.vx + parameters[0] * step.dt, disk.vy, disk.spin
+
+
+class Magnus(Force):
+    """A side force on what spins and moves, dv/dt = c w (-v_y, v_x): the velocity turns at the rate c w."""
+
+    @staticmethod
+    @ti.func
+    def act(disk, step, parameters):  # type: ignore[no-untyped-def]
+        c, s = ti.cos(parameters[0] * disk.spin * step.dt), ti.sin(parameters[0] * disk.spin * step.dt)
+        return c * disk.vx - s * disk.vy, s * disk.vx + c * disk.vy, disk.spin
+
+
+class Trap(Force):
+    """Springs to the middle of a box: an acceleration that depends on the place and, through a factor, on time."""
+
+    @staticmethod
+    def act(disk, step, parameters):  # type: ignore[no-untyped-def]
+        pull = parameters[0] * ti.cos(parameters[3] * step.time) * step.dt
+        return disk.vx - pull * (disk.x - parameters[1]), disk.vy - pull * (disk.y - parameters[2]), disk.spin
+
+
+class Noise(Force):
+    """Uniform random velocities and spins between -1 and 1, from two draws."""
+
+    @staticmethod
+    def act(disk, step, parameters):  # type: ignore[no-untyped-def]
+        a, b = uniforms(step.random, 0), uniforms(step.random, 1)
+        return 2.0 * a[0] - 1.0, 2.0 * a[1] - 1.0, 2.0 * b[0] - 1.0
+
+
+class Summing(Push):
+    """Says that it needs a total, and not of what."""
+
+    totals = 1
+
+
+def one_disk(forces: Sequence[Force], t_end: float, *, time: float = 0.0) -> State:
+    """A free disk from (20, 20) with velocity (1, 0.5) and spin 2, in a box that it does not leave."""
+    disks = Disks(1, mass=2.0, radius=0.5)
+    state = State(np.array([[20.0, 20.0]]), np.array([[1.0, 0.5]]), np.array([2.0]), time=time)
+    simulation = Simulation(disks, Box((40.0, 40.0)), SMOOTH, state, forces=forces)
+    simulation.run(t_end=t_end)
+    return simulation.state
+
+
+def still(n: int, *, mass: float | NDArray[np.float64] = 1.0, speed: float = 0.0) -> tuple[Disks, Box, State]:
+    """A dilute lattice of disks, all with the same velocity along x: they do not meet while they keep it."""
+    disks = Disks(n, mass=mass, radius=1e-3)
+    box = Box((float(n), float(n)))
+    side = math.ceil(math.sqrt(n))
+    place = (np.arange(n)[:, None] // [1, side] % side + 0.5) * n / side
+    velocity = np.zeros((n, 2))
+    velocity[:, 0] = speed
+    return disks, box, State(place, velocity, np.zeros(n))
