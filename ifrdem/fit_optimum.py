@@ -18,7 +18,6 @@ from .fit_model import LARGEST
 MU_LARGEST = 10.0
 """Up to here mu is searched; a real one is well below."""
 
-SHAPE, WIDTH = (("e_n", "e_t", "psi_transit", "rho"), ("e_n", "e_t", "mu", "rho"))
 _MOST_STEPS = 60
 _LITTLE = 1e-11  # what chi2 can still fall by when a descent ends, over max(1, chi2): round-off of a sum
 _SAME = 1e-9  # difference of chi2 between descents to the same depth

@@ -239,7 +239,13 @@ def _progress(options: FitOptions) -> AbstractContextManager[Any]:
         return nullcontext()
     from tqdm import tqdm
 
-    return tqdm(total=options.bootstrap * len(options.sticking), desc="bootstrap", unit="fit", leave=False)
+    return tqdm(
+        total=options.bootstrap * len(options.sticking),
+        desc="bootstrap",
+        unit="fit",
+        leave=False,
+        disable=None,
+    )
 
 
 def _number(name: str, text: str, wrong: list[str]) -> float:

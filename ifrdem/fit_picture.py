@@ -60,7 +60,8 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
     figure.legend(handles=_legend(fit), loc="outside lower center", frameon=False)
     last = max(np.max(fit.data.psi + fit.data.errors["psi"]), 1.0)
     grid[0, 0].set_xlim(0.0, min(1.05 * last, 90.0))
-    figure.suptitle(f"{Path(fit.data.source).name}: {len(fit.data)} impacts, M = {fit.pair.M:.4g}")
+    title = f"{Path(fit.data.source).name}: {len(fit.data)} impacts, M = {fit.pair.M:.4g}"
+    figure.suptitle(title, parse_math=False)
     for path in paths:
         try:
             figure.savefig(path)

@@ -349,4 +349,5 @@ def test_table_names_both_kinds_with_their_figures() -> None:
     value = found.closures["percussion_center"].estimates["e_n"].value
     assert f"e_n                   {value:.4f}" in shown
     assert "correlation: e_n e_t" in shown
-    assert "37 degrees of freedom" in shown
+    chi2 = found.closures["percussion_center"].chi2
+    assert f"chi2 = {chi2:.4g} for 37 degrees of freedom" in shown

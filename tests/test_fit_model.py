@@ -176,3 +176,28 @@ def test_derivatives_of_chi2_are_those_of_its_differences(sticking: str, names: 
         got = 2.0 * likelihood.at(free).gradient
         # One-sided steps of 1e-6 in the code; a point that changes sides within 1e-5 would show as 1e-5 of chi2''.
         np.testing.assert_allclose(got, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
+
+
+def test_information_is_half_the_curvature_of_chi2_where_the_fit_is_exact() -> None:
+    """Without residuals chi2'' = 2 J^T J, with the true angles following: what standard errors are made of."""
+    model = Model(Pair(M=1.3), "contact_point")
+    psi = np.linspace(4.0, 75.0, 20)
+    exact = model.predict(COEFFICIENTS, np.radians(psi), NAMES)
+    data = Data(
+        psi=psi,
+        measured=dict(zip(NAMES, exact.T, strict=True)),
+        errors={"psi": 1.0, "delta_1": 0.5, "delta_2": 0.7},
+    )
+    likelihood, best, h = Likelihood(data, model), COEFFICIENTS[:3], 1e-4
+    pairs = [(i, j) for i in range(3) for j in range(3)]
+    e = h * np.eye(3)
+    corners = np.array(
+        [best + a * e[i] + b * e[j] for i, j in pairs for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+    )
+    chi2 = likelihood.at(corners).chi2.reshape(3, 3, 4)
+    curvature = (chi2[..., 0] - chi2[..., 1] - chi2[..., 2] + chi2[..., 3]) / (4.0 * h**2)
+    information = likelihood.at(best).information
+    scale = np.sqrt(np.outer(np.diag(information), np.diag(information)))
+    np.testing.assert_allclose(
+        0.5 * curvature / scale, information / scale, atol=2e-3
+    )  # h over the widths, 1e-2
