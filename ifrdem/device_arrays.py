@@ -40,6 +40,7 @@ from .kernels.layout import (
     LOG_CAPACITY,
     MOST_LEVEL,
     N_LOG,
+    ORIGIN_X,
     REACH,
     ROLL_BACK,
     SKIN,
@@ -102,6 +103,8 @@ class DeviceArrays:
         Acceleration of all disks [length/time^2].
     velocity_cutoff : float
         Normal speed of approach below which collisions are elastic [length/time].
+    origin : two floats
+        Lower left corner of the user's box in this one [length]; only forces are told places in that.
     """
 
     def __init__(
@@ -118,6 +121,7 @@ class DeviceArrays:
         wall_speed: float = 0.0,
         gravity: tuple[float, float] = (0.0, 0.0),
         velocity_cutoff: float = 0.0,
+        origin: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         n = self.n = disks.n
         self._real = np.float32 if precision == "f32" else np.float64
@@ -147,7 +151,7 @@ class DeviceArrays:
         self.limit = np.zeros(5, dtype=self._real)
         n_walls = 0 if walls is None else len(walls)
         self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls], dtype=np.int32)
-        self.scale = np.zeros(15, dtype=self._real)
+        self.scale = np.zeros(17, dtype=self._real)
         self.clock = np.zeros(3)
         self.total = np.zeros(5, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
@@ -159,6 +163,7 @@ class DeviceArrays:
         self.scale[GX : GX + 2] = gravity
         self.scale[WALL_SPEED] = wall_speed
         self.scale[CUTOFF] = velocity_cutoff
+        self.scale[ORIGIN_X : ORIGIN_X + 2] = origin
         # Two disks of the highest level must still find each other in tiles side by side, and through one image only.
         room_for = min(*tile_sides, min(box.lengths) / 2.0) - diameter
         self.grid[MOST_LEVEL] = min(max(int((room_for / skin - 1.0) * LEVELS), 0), HIGHEST_LEVEL)

@@ -192,6 +192,10 @@ class Engine:
                     f"gravity = {gravity}: disks would fall for ever in the periodic direction {'xy'[axis]}; make it "
                     "not periodic, with a floor"
                 )
+        if forces and n and not np.all(np.isfinite(disks.mass)):
+            raise InputError(
+                "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
+            )
         self.walls = (*walls, *sides(box))
         check_walls(self.walls, box, state.position, disks.radius, len(law_table))
         # Behind a side that is a wall the box goes on for a diameter: pairs never meet through it. No wall moves
@@ -249,6 +253,7 @@ class Engine:
             walls=np.array([wall.row(self._offset) for wall in self.walls]) if self.walls else None,
             wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
             velocity_cutoff=velocity_cutoff,
+            origin=(float(self._offset[0]), float(self._offset[1])),
         )  # fmt: skip
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
@@ -340,7 +345,11 @@ class Engine:
             )
 
     def _apply_forces(self) -> None:
-        for index in self.splitting.due(self.time):
+        due = self.splitting.due(self.time)
+        if due and self.walls:
+            # Forces see the lab, not the frame that falls; and what walls did is told by velocities as they left them.
+            self.epochs.settle(self.time)
+        for index in due:
             self.splitting.apply(index, self.time)
 
     def _fly_freely(self, stop: float, t_end: float) -> None:

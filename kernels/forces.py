@@ -9,6 +9,8 @@ from .layout import (
     ID,
     INVERSE_MASS,
     KIND,
+    ORIGIN_X,
+    ORIGIN_Y,
     RADIUS,
     SPIN,
     SPREAD,
@@ -51,8 +53,8 @@ def arrived(s, gas: ti.template()):
     mass = 1.0 / gas.kinds[kind][INVERSE_MASS]
     radius = gas.flight[s][RADIUS]
     return ti.Struct(
-        x=x - length_x * ti.floor(x / length_x),
-        y=y - length_y * ti.floor(y / length_y),
+        x=x - length_x * ti.floor(x / length_x) - gas.scale[ORIGIN_X],
+        y=y - length_y * ti.floor(y / length_y) - gas.scale[ORIGIN_Y],
         vx=gas.flight[s][VX],
         vy=gas.flight[s][VY],
         spin=gas.flight[s][SPIN],

@@ -21,7 +21,7 @@ lists        (5, n) int    work lists of the rounds
 counter      (17,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
 grid         (10,) int     numbers of disks, tiles, cells and walls
-scale        (15,) real    lengths and times of the grid and the epoch, gravity
+scale        (17,) real    lengths and times of the grid and the epoch, gravity
 clock        (3,) double   times in epochs run by one thread
 total        (5,) int64    collisions and epochs of one launch
 walls        (W, 17) real  geometry, motion and material of each wall (`walls.py`)
@@ -83,9 +83,10 @@ END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
 N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL, ROLL_BACK, WALLS = range(10)
 # scale: sides of a cell and of a tile, listing distance beyond contact, end of predictions, beginning and end of the
 # window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter,
-# gravity, a speed that walls may give to disks, approach below which collisions are elastic
+# gravity, a speed that walls may give to disks, approach below which collisions are elastic,
+# where the box begins in the coordinates of the tiles
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
-REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF = range(8, 15)
+REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y = range(8, 17)
 # clock, in double precision: present time, where to stop, planned length of the latest epoch
 NOW, TIME_END, PLANNED = range(3)
 # total, 64-bit: collisions still wanted; epochs, collisions, collisions with walls and elastic ones of this launch

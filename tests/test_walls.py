@@ -10,6 +10,7 @@ from gases import COIN, ELASTIC
 from scipy.optimize import brentq
 from serial_reference import simulate
 
+from ifrdem import forces
 from ifrdem.box import Box
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
@@ -307,3 +308,23 @@ def test_impossible_walls_are_refused(wall: object, message: str) -> None:
     start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
     with pytest.raises(InputError, match=message):
         Engine(disks, Box((10.0, 10.0), (True, False)), start, LAW, walls=[wall()])  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_drag_and_gravity_together_reach_the_terminal_velocity(order: str) -> None:
+    """dv/dt = g - gamma v ends at g / gamma; midpoint steps of dt leave a relative error of (gamma dt)^2 / 24.
+
+    A step: v gains g dt / 2, is multiplied by exp(-gamma dt), and gains g dt / 2. Its fixed point just before a half
+    step ends is g dt (1 + exp(-gamma dt)) / (2 (1 - exp(-gamma dt))) = (g / gamma) (1 + (gamma dt)^2 / 12 + ...).
+    """
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State(np.array([[5.0, 380.0]]), np.zeros((1, 2)), np.zeros(1))
+    dt, gamma = 0.1, 0.5
+    engine = Engine(
+        disks, Box((40.0, 400.0), (True, False)), start, LAW, gravity=(0.0, -2.0), order=order,
+        forces=[forces.Drag(step=dt, rate=gamma)],
+    )  # fmt: skip
+    state = run_to(engine, 60.0)
+    decay = math.exp(-gamma * dt)
+    assert state.velocity[0, 1] == pytest.approx(-2.0 * dt * (1.0 + decay) / (2.0 * (1.0 - decay)), rel=1e-9)
+    assert engine.wall_hits == 0
