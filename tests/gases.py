@@ -41,3 +41,14 @@ def equilibrated(disks: Disks, packing_fraction: float, seed: int = 1) -> tuple[
         engine.advance(collisions=10 * disks.n)
     mixed = engine.state()
     return box, State(mixed.position, mixed.velocity, mixed.spin)
+
+
+def touching(box: Box, radius: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Every disk moved to touch the nearest one: by less than any other is away, so that none overlaps."""
+    for i in range(len(radius)):
+        apart = box.minimum_image(position - position[i])
+        distance = np.hypot(*apart.T)
+        gap = np.where(distance > 0.0, distance - radius - radius[i], np.inf)
+        j = int(np.argmin(gap))
+        position[i] += apart[j] / distance[j] * gap[j] * (1.0 - 1e-9)
+    return box.wrap(position)

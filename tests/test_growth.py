@@ -8,6 +8,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from gases import touching
 from numpy.typing import NDArray
 
 from ifrdem import growth, radii
@@ -102,9 +103,8 @@ def test_no_disk_one_disk_and_too_large_ones() -> None:
 def test_rounded_positions_are_moved_apart_by_no_more_than_rounding() -> None:
     radius = bidisperse(400)
     box = Box.from_packing_fraction(radius, 0.75)
-    exact = growth.grow(box, radius * (1.0 + 1e-9), seed=1)
-    # Disks that all but touch, and one in a row against the other as after a collision.
-    rounded = exact.astype(np.float32).astype(np.float64)
+    rounded = touching(box, radius, growth.grow(box, radius, seed=1)).astype(np.float32).astype(np.float64)
+    assert least_gap(box, radius, rounded) < -1e-7
     moved = growth.separate(box, radius, rounded)
     assert least_gap(box, radius, moved) >= 0.0
     # Rounding of single precision: 2^-24 of a box of some 25 in each coordinate, pushed on by a few neighbours.

@@ -8,13 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gases import touching
 
 from ifrdem import case_file, cli, growth, radii
 from ifrdem.box import Box
 from ifrdem.case import Case
+from ifrdem.errors import InputError
 from ifrdem.gas import Gas
 from ifrdem.placement import check_no_overlap
 from ifrdem.state import Disks, State
+from ifrdem.trajectory import Trajectory
 from ifrdem.trajectory_writer import TrajectoryWriter
 
 N = 60
@@ -46,12 +49,11 @@ def trajectory(folder: Path, precision: str = "f8", fields: list[str] | None = N
     radius = radii.uniform(N, low=0.5, high=1.0, seed=5)  # the first species draws by the run's seed itself
     box = Box.from_packing_fraction(radius, 0.6)
     random = np.random.default_rng(1)
-    states = [
-        State(
-            growth.grow(box, radius, seed=seed), random.normal(size=(N, 2)), random.normal(size=N), time=seed
-        )
-        for seed in range(3)
-    ]
+    random = np.random.default_rng(1)
+    states = []
+    for seed in range(3):
+        position = touching(box, radius, growth.grow(box, radius, seed=seed))
+        states.append(State(position, random.normal(size=(N, 2)), random.normal(size=N), time=seed))
     fields = ["position", "velocity", "angular_velocity"] if fields is None else fields
     disks = Disks(N, mass=np.pi * radius**2, radius=radius)
     with TrajectoryWriter(folder / "old.h5", disks, box, fields=fields, precision=precision) as file:
@@ -99,6 +101,8 @@ def test_motion_takes_velocities_and_spins_too(tmp_path: Path) -> None:
 def test_rounding_of_single_precision_is_undone(tmp_path: Path) -> None:
     states = trajectory(tmp_path, precision="f4")
     gas, state = start(tmp_path)
+    with pytest.raises(InputError, match="overlap"), Trajectory(tmp_path / "old.h5") as file:
+        check_no_overlap(gas.box, gas.disks.radius, file[-1].position)
     check_no_overlap(gas.box, gas.disks.radius, state.position, tolerance=0.0)
     # 2^-24 of a box of 13 in each coordinate, and what neighbours push on.
     apart = gas.box.minimum_image(state.position - states[2].position)
