@@ -312,7 +312,8 @@ class SpeciesSection(Section):
     diameter: float | None = Field(default=None, gt=0.0, description="diameter [m]", examples=[21.0e-3])
     radii: RadiiSection | None = Field(
         default=None,
-        description="distribution of the radii instead of one radius [table; m]",
+        description='distribution of the radii instead of one radius [table; m]: "uniform" (low, high), "gaussian" or '
+        '"lognormal" (mean, deviation; cut off at low, high), "bidisperse" (low, high, large_fraction by number)',
         examples=[{"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}],
     )
     areal_density: float | None = Field(
