@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import io
 import os
+import shutil
 import tempfile
 import weakref
 from dataclasses import dataclass, replace
@@ -103,8 +105,10 @@ def check(arch: str, threads: int | None = None, precision: str = "f64") -> None
             f"arch = '{arch}': no such device on this machine; present: {', '.join(present)} (see `ifrdem backends`)"
         )
     # More threads than cores wait for each other at the end of every parallel loop.
-    if threads is not None and not 1 <= threads <= cores():
-        raise InputError(f"threads = {threads}: must lie between 1 and the {cores()} cores that are here")
+    if threads is not None and not (hasattr(threads, "__index__") and 1 <= threads <= cores()):
+        raise InputError(
+            f"threads = {threads}: must lie between 1 and the {cores()} cores that are here, a whole number"
+        )
 
 
 def _kernel_cache() -> str:
@@ -118,7 +122,9 @@ def _kernel_cache() -> str:
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:
-        return tempfile.mkdtemp(prefix="ifrdem-kernels-")
+        passing = tempfile.mkdtemp(prefix="ifrdem-kernels-")
+        atexit.register(shutil.rmtree, passing, ignore_errors=True)
+        return passing
 
 
 class User(Protocol):

@@ -15,6 +15,7 @@ from .errors import InputError
 T = TypeVar("T")
 
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
+THINNEST = 1e-5  # thinner gases hardly ever collide
 RUNS, SECONDS = 5, 0.5
 
 
@@ -114,14 +115,22 @@ class BenchOptions:
         phi = read(
             "phi",
             float,
-            lambda value: 0.0 < value <= DENSEST,
-            f"a packing fraction above 0, up to {DENSEST},",
+            lambda value: THINNEST <= value <= DENSEST,
+            f"a packing fraction from {THINNEST} to {DENSEST}",
             cls.phi,
         )
         timing = Timing(
             runs=count("runs", 1, 10_000, RUNS),
             seconds=positive("seconds", "a positive number of seconds", SECONDS),
-            skin=None if given.skin is None else positive("skin", "a positive length in diameters", 1.0),
+            skin=None
+            if given.skin is None
+            else read(
+                "skin",
+                float,
+                lambda value: 1e-3 <= value <= 1e3,
+                "a length from 0.001 to 1000 diameters",
+                1.0,
+            ),
             profile=given.profile,
             compiling=not given.no_compile,
         )

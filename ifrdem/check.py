@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +27,16 @@ COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
 
 Measured 2026-11-21: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (README, Mixtures)."""
+
+
+def refuse_beyond_disk(needed: int, folder: Path) -> None:
+    """Raise InputError if a trajectory of `needed` bytes does not fit on the disk of its folder."""
+    free = shutil.disk_usage(folder).free
+    if needed > free:
+        raise InputError(
+            f"output: the trajectory needs some {size(needed)}, and {size(free)} are free in {folder.resolve()}: fewer "
+            "output.frames or output.fields, or another place (-o)"
+        )
 
 
 def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:

@@ -60,7 +60,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend
+from . import backend, magnitudes
 from .box import Box
 from .engine_limits import ALONE, CROWD, MOST_DISKS, TILE_DISKS
 from .errors import EngineError, InputError
@@ -183,6 +183,7 @@ class Engine:
             )
         if not (math.isfinite(velocity_cutoff) and velocity_cutoff >= 0.0):
             raise InputError(f"velocity_cutoff = {velocity_cutoff}: a finite number not below 0 is needed")
+        magnitudes.check(disks, box, state, precision)
         self.gravity = (float(gravity[0]), float(gravity[1]))
         for axis, pull in enumerate(self.gravity):
             if not math.isfinite(pull):

@@ -30,7 +30,22 @@ class Outputs:
             A folder that exists, or a text that ends in a separator: the files get the run's name there.
             Anything else is the files' path without its ending (".h5" or ".png" at its end is taken off).
             Without it, the present folder.
+
+        Raises
+        ------
+        InputError
+            If the place is an empty text, or a device or pipe.
         """
+        if place is not None and not place.strip():
+            raise InputError(
+                "-o: an empty text is no place; give a folder, or the files' path without its ending"
+            )
+        if (
+            place is not None
+            and os.path.exists(place)
+            and not (os.path.isdir(place) or os.path.isfile(place))
+        ):
+            raise InputError(f"-o {place}: is neither a folder nor a file; files cannot stand beside it")
         if place is None:
             prefix = Path(name)
         elif os.path.isdir(place) or place.endswith(("/", os.sep)):

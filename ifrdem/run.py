@@ -103,7 +103,9 @@ def run(
     how = f", {used} used" if case.run.arch == "cpu" else ""
     if case.run.precision != "f64":
         how += f", computing in {case.run.precision}"
-    say(check.summary(case, gas, Estimate.of(gas, case), f"{device.arch}: {device.description}{how}"))
+    estimate = Estimate.of(gas, case)
+    check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
+    say(check.summary(case, gas, estimate, f"{device.arch}: {device.description}{how}"))
     for text in gas.warnings:
         warn(text)
 

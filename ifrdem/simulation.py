@@ -202,14 +202,31 @@ class Simulation:
             self._observe(observers)
 
     def collide_until(self, t_end: float) -> Collisions:
-        """Run to `t_end` [time] and return every collision on the way, in order."""
+        """Run to `t_end` [time] and return every collision on the way, in order.
+
+        Raises
+        ------
+        InputError
+            If it is not a finite time, or lies in the past.
+        """
+        if not (math.isfinite(t_end) and t_end >= self.time):
+            raise InputError(
+                f"t_end = {t_end}: a finite time not before the present one, {self.time}, is needed"
+            )
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
     def collide(self, count: int) -> Collisions:
         """Run for `count` collisions and return them, in order.
 
         More come back only where several happen at one and the same time, as at the end of an inelastic collapse.
+
+        Raises
+        ------
+        InputError
+            If `count` is not a whole number, 0 or more.
         """
+        if not hasattr(count, "__index__") or count < 0:
+            raise InputError(f"count = {count}: a whole number, 0 or more, is needed")
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
@@ -232,8 +249,8 @@ class Simulation:
     ) -> list[tuple[float, int | None]]:
         if (t_end is None) == (collisions_per_disk is None):
             raise InputError("exactly one of t_end and collisions_per_disk is needed")
-        if frames < 1:
-            raise InputError(f"frames = {frames}: 1 or more is needed")
+        if not hasattr(frames, "__index__") or frames < 1:
+            raise InputError(f"frames = {frames}: a whole number, 1 or more, is needed")
         if t_end is not None:
             if not (math.isfinite(t_end) and t_end >= self.time):
                 raise InputError(

@@ -129,8 +129,8 @@ def collide_pair(
     T_slip = r * m_t * slip  # Eq. 32
     T = ti.min(T_roll, T_slip)
     rolling = approaching * (T_roll <= T_slip)
-    brake_i = ti.min(T * (turn_i / R_i), ti.abs(w_i_free))
-    brake_j = ti.min(T * (turn_j / R_j), ti.abs(w_j_free))
+    brake_i = ti.min((T * turn_i) / R_i, ti.abs(w_i_free))
+    brake_j = ti.min((T * turn_j) / R_j, ti.abs(w_j_free))
     w_i_new = w_i_free - brake_i * (1.0 * (w_i_free > 0.0) - 1.0 * (w_i_free < 0.0))
     w_j_new = w_j_free - brake_j * (1.0 * (w_j_free > 0.0) - 1.0 * (w_j_free < 0.0))
 

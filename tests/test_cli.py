@@ -513,3 +513,18 @@ def test_version_is_that_of_the_package() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert ifrdem.__version__ == project["version"]
     assert command.__version__ == project["version"]
+
+
+def test_a_place_that_is_no_place_and_a_file_larger_than_the_disk_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    case = str(Path(__file__).parents[1] / "cases" / "cooling.toml")
+    for arguments, message in (
+        (["-o", ""], "-o: an empty text is no place"),
+        (["-o", os.devnull], "is neither a folder nor a file"),
+        (["--set", "output.frames=10000000"], "output: the trajectory needs some"),
+    ):
+        assert main(["run", case, *arguments]) == 2
+        assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

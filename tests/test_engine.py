@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from gases import COIN, ELASTIC, equal_disks, equilibrated, mixture, start
+from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
 
 import ifrdem.engine
 import ifrdem.epochs
@@ -290,3 +290,42 @@ def test_memory_is_what_the_estimate_says() -> None:
     engine = Engine(disks, box, state, np.array([[ELASTIC]]))
     # Cells come on top, about one for two disks; the log has 1024 records more.
     assert engine.bytes_allocated == pytest.approx(disks.n * BYTES_PER_DISK, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("length", "speed", "mass", "precision", "named"),
+    [
+        (3.4e-10, 300.0, 6.6e-26, "f32", "k / (m R)"),  # argon: its inverse inertia leaves single precision
+        (1.0, 1e155, 1.0, "f64", "v^2"),
+        (1.0, 1e-150, 1.0, "f64", "v^2|to cross the box"),
+        (1.0, 1e-30, 1.0, "f64", "to cross the box"),
+    ],
+)
+def test_units_that_numbers_cannot_hold_are_refused(
+    length: float, speed: float, mass: float, precision: str, named: str
+) -> None:
+    disks = Disks(2, mass=mass, radius=0.5 * length)
+    position = np.array([[2.0, 5.0], [5.0, 5.0]]) * length
+    state = State(position, np.array([[speed, 0.0], [0.0, 0.0]]), np.zeros(2))
+    box = Box((10.0 * length, 10.0 * length))
+    with pytest.raises(InputError, match=named.replace("^", r"\^").replace("(", r"\(").replace(")", r"\)")):
+        Engine(disks, box, state, np.array([[ELASTIC]]), precision=precision)
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
+    """Powers of two in length, speed and mass only shift exponents."""
+    ends = []
+    for length, speed, mass in ((1.0, 1.0, 1.0), (2.0**-10, 2.0**7, 2.0**-20)):
+        disks = Disks(200, mass=mass, radius=0.5 * length)
+        box, state = start(equal_disks(200), 0.4)
+        scaled = State(state.position * length, state.velocity * speed, state.spin * (speed / length))
+        law = np.array([[(*ROLLING[:4], ROLLING[4] * length)]])
+        larger = Box((box.lengths[0] * length, box.lengths[1] * length))
+        engine = Engine(disks, larger, scaled, law, precision=precision)
+        while engine.collisions < 2000:
+            engine.advance(collisions=2000)
+        end = engine.state()
+        ends.append((end.position / length, end.velocity / speed, end.spin / (speed / length)))
+    for one, other in zip(*ends, strict=True):
+        np.testing.assert_array_equal(one, other)

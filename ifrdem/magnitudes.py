@@ -1,0 +1,48 @@
+"""Whether the numbers of a gas can be computed with at all."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .box import Box
+from .errors import InputError
+from .state import Disks, State
+
+
+def check(disks: Disks, box: Box, state: State, precision: str) -> None:
+    """Refuse units in which numbers that the kernels form would leave the range of their type, silently.
+
+    Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`).
+
+    Raises
+    ------
+    InputError
+        Names the number, its value and the range.
+    """
+    with np.errstate(over="ignore", under="ignore"):
+        _check(disks, box, state, precision)
+
+
+def _check(disks: Disks, box: Box, state: State, precision: str) -> None:
+    low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
+    finite = np.isfinite(disks.mass)
+    if not disks.n or not finite.any():
+        return
+    m, R, k = disks.mass[finite], disks.radius[finite], disks.k[finite]
+    v = float(max(np.abs(state.velocity).max(), (np.abs(state.spin) * disks.radius).max()))
+    formed = {"m": m, "1 / m": 1.0 / m, "R^2": R * R, "k / (m R)": k / m / R, "k / (m R^2)": k / m / R / R}
+    if v > 0.0:
+        formed |= {"v^2": np.array([v * v]), "(R v)^2": (R * v) ** 2, "m v": m * v}
+    for name, values in formed.items():
+        if values.min() < low or values.max() > high:
+            worst = values.min() if values.min() < low else values.max()
+            raise InputError(
+                f"units: {name} = {worst:.3g} (v: the largest speed) lies outside of {low:g} to {high:g}, what "
+                f"{precision} can compute with; choose units in which masses, radii and speeds are nearer to 1"
+                + ("" if precision == "f64" else ', or precision "f64"')
+            )
+    if v > 0.0 and max(box.lengths) / v > 1e27:
+        raise InputError(
+            f"units: a speed of {v:.3g} takes {max(box.lengths) / v:.3g} to cross the box: more than 1e27, the longest "
+            "time of the engine; choose a larger unit of time"
+        )
