@@ -170,6 +170,7 @@ class DeviceArrays:
         self.walls = self._vectors(WALL, self._type, max(n_walls, 1))
         if walls is not None and n_walls:
             self.walls.from_numpy(walls.astype(self._real))
+        self.walled = n_walls > 0
         beside_walls = room if n_walls else 1
         self.near_walls = ti.ndarray(ti.i32, (beside_walls,))
         self.wall_hits = ti.ndarray(ti.i32, (beside_walls,))

@@ -54,7 +54,6 @@ from .layout import (
     UNDO_ROW,
     VX,
     VY,
-    WALLS,
     K,
     X,
     Y,
@@ -144,10 +143,11 @@ def collide(i, everybody, gas: ti.template()):
             row = CHANGED_ROW + round_ % 2
             push(row, a, gas)
             push(row, b, gas)
-    elif code <= FIRST_WALL and t < gas.limit[LATCHED]:
-        hit_wall(ti.atomic_add(gas.counter[N_LOG], 1), t, i, gas)
-        gas.link[i][DIRTY] = gas.counter[ROUND]
-        push(CHANGED_ROW + gas.counter[ROUND] % 2, i, gas)
+    if ti.static(gas.walled):
+        if code <= FIRST_WALL and t < gas.limit[LATCHED]:
+            hit_wall(ti.atomic_add(gas.counter[N_LOG], 1), t, i, gas)
+            gas.link[i][DIRTY] = gas.counter[ROUND]
+            push(CHANGED_ROW + gas.counter[ROUND] % 2, i, gas)
 
 
 @ti.func
@@ -239,7 +239,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
         if sooner(t, j, earliest, partner, horizon, gas):
             earliest = t
             partner = code
-    if gas.grid[WALLS] > 0:
+    if ti.static(gas.walled):
         t, code = first_wall(i, gas)
         if t < earliest:
             earliest = t

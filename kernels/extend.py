@@ -31,7 +31,6 @@ from .layout import (
     ROW,
     SAME_FRAME,
     TOP_LEVEL,
-    WALLS,
     WIDEST,
     level_of,
     n_others,
@@ -99,7 +98,7 @@ def extend(i, when: ti.template(), gas: ti.template()):
     x, y = start_position(i, gas)
     radius = gas.flight[i][RADIUS]
     own_reach = reach_of(level_of(gas.link[i][LENGTH]), gas)
-    if gas.grid[WALLS] > 0:
+    if ti.static(gas.walled):
         note_walls(i, x, y, own_reach, gas)
     furthest = gas.scale[WIDEST] + own_reach + reach_of(gas.counter[TOP_LEVEL], gas)
     tile, in_x, in_y = place_of(gas.cell[i], gas)

@@ -166,3 +166,4 @@ class GasArrays(NamedTuple):
     near_walls: Any = None
     wall_hits: Any = None
     wall_work: Any = None
+    walled: bool = False  # whether there are walls: code for them is compiled only then

@@ -28,7 +28,6 @@ from .layout import (
     SKIN,
     TE,
     TOP_LEVEL,
-    WALLS,
     X,
     Y,
     n_others,
@@ -62,7 +61,8 @@ def open_epoch(gas: ti.template()):
     ):
         gas.counter[item] = 0
     gas.limit[END] = gas.scale[HORIZON]
-    wall_phases(gas)
+    if ti.static(gas.walled):
+        wall_phases(gas)
 
 
 @ti.func
@@ -148,7 +148,7 @@ def list_tile(tile, gas: ti.template()):
                 most = ti.max(most, n_own(lengths) + n_others(lengths))
     # A row that later disks made too long shows when it is looked at again.
     for i in range(gas.start[first], gas.start[first + cells_x * cells_y]):
-        if gas.grid[WALLS] > 0:
+        if ti.static(gas.walled):
             note_walls(i, gas.flight[i][X], gas.flight[i][Y], gas.scale[REACH], gas)
         most = ti.max(most, n_own(gas.link[i][LENGTH]) + n_others(gas.link[i][LENGTH]))
     # In a row that is just full, a candidate may have been written over the last neighbour.

@@ -38,7 +38,6 @@ from .layout import (
     UNDO,
     VX,
     VY,
-    WALLS,
     GasArrays,
     N,
     Rows,
@@ -77,14 +76,14 @@ def fly(i, gas: ti.template()):
     dt = gas.scale[DURATION] - gas.flight[i][TAU]
     x = gas.flight[i][X] + gas.flight[i][VX] * dt
     y = gas.flight[i][Y] + gas.flight[i][VY] * dt
-    if gas.grid[WALLS] > 0:
+    if ti.static(gas.walled):
         tally_walls(i, gas)
-    # From the frame that fell since the beginning of the epoch back to the lab.
-    fall = gas.scale[DURATION]
-    x += 0.5 * gas.scale[GX] * fall * fall
-    y += 0.5 * gas.scale[GY] * fall * fall
-    gas.flight[i][VX] += gas.scale[GX] * fall
-    gas.flight[i][VY] += gas.scale[GY] * fall
+        # From the frame that fell since the beginning of the epoch back to the lab.
+        fall = gas.scale[DURATION]
+        x += 0.5 * gas.scale[GX] * fall * fall
+        y += 0.5 * gas.scale[GY] * fall * fall
+        gas.flight[i][VX] += gas.scale[GX] * fall
+        gas.flight[i][VY] += gas.scale[GY] * fall
     in_x = ti.floor(x / gas.scale[CELL_X], ti.i32)
     in_y = ti.floor(y / gas.scale[CELL_Y], ti.i32)
     cells = gas.grid[CELLS_X] * gas.grid[CELLS_Y]
@@ -206,9 +205,9 @@ def clear(s, gas: ti.template()):
 
 @ti.kernel
 def settle(
-    grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows,
-    log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows, order: Rows, squares: Rows,
-    limit: Rows, walls: Rows, wall_hits: Rows, wall_work: Rows,
+    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
+    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows,
+    order: Rows, squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows, wall_work: Rows,
 ):  # fmt: skip
     """Fly every disk on by `gas.scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
@@ -220,7 +219,7 @@ def settle(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order,
-        squares=squares, limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work,
+        squares=squares, limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work, walled=walled,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0
