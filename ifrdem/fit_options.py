@@ -35,7 +35,7 @@ counted from the line of centres. Lines that begin with # are comments.
 psi and at least one other are needed; psi_error, delta_2_error and so on hold standard errors where they differ
 from impact to impact. For instance:
 
-  # 1 pta on 1 pta, v_o = 1.0 m/s
+  # numbers made up
   psi,delta_1,delta_2,delta_2_error
   15.0,75.1,12.0,0.5
   50.0,83.9,13.1,0.8
@@ -129,7 +129,7 @@ class FitOptions:
             wrong.append("--material-name: only beside --write-material")
         data = Path(given.data or "data.csv")
         name = data.stem if given.material_name is None else given.material_name
-        if not 1 <= len(name) <= 100:
+        if given.write_material is not None and not 1 <= len(name) <= 100:
             wrong.append(f"--material-name {name!r}: 1 to 100 characters are needed")
         picture = None if given.picture is None else given.picture.removesuffix(".png").removesuffix(".pdf")
         options = cls(

@@ -108,7 +108,7 @@ def test_every_bad_row_is_named_by_its_line_at_once(tmp_path: Path) -> None:
         ["line 4", "psi = -1"],
         ["line 5", "psi = 90"],
         ["line 6", "psi = nan"],
-        ["line 7", "2 values"],
+        ["line 7", "2 values, and 3 are needed (psi, delta_2, delta_2_error)"],
         ["line 8", "delta_2 = four"],
         ["line 9", "delta_2 = nothing"],
         ["line 10", "delta_2 = 95"],
