@@ -164,7 +164,8 @@ def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
     for i, (row, line) in enumerate(zip(body, at, strict=True)):
         if len(row) != len(columns):
             wrong.append(
-                f"{path}: line {line}: {len(row)} value{'s' * (len(row) != 1)}, and {len(columns)} are needed ({', '.join(columns)})"
+                f"{path}: line {line}: {len(row)} value{'s' * (len(row) != 1)}, and {len(columns)} are needed "
+                f"({', '.join(columns)})"
             )
             continue
         texts = dict(zip(columns, row, strict=True))
