@@ -95,7 +95,7 @@ class DeviceArrays:
         Disks that a tile should hold; None makes the whole box one tile.
     precision : {"f64", "f32"}
         Type of real numbers.
-    walls : array (W, 17), optional
+    walls : array (W, 16), optional
         Rows as `kernels/walls.py` describes them.
     wall_speed : float
         The fastest that a wall moves [length/time].

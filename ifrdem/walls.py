@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +126,14 @@ class Motion:
         return 0.0
 
 
+class Options(TypedDict, total=False):
+    """What any wall may have; see `Wall`."""
+
+    material: int
+    motion: Motion
+    surface_speed: float
+
+
 @dataclass(frozen=True)
 class Wall:
     """A wall. Make one by `line`, `segment`, `container` or `post`.
@@ -174,57 +182,25 @@ class Wall:
         _number(f"{self.shape} wall, surface speed", self.surface_speed)
 
     @classmethod
-    def line(
-        cls,
-        point: Point,
-        normal: Point,
-        *,
-        material: int = 0,
-        motion: Motion = Motion(),
-        surface_speed: float = 0.0,
-    ) -> Wall:
+    def line(cls, point: Point, normal: Point, **options: Unpack[Options]) -> Wall:
         """An endless straight wall through `point`; disks are on the side to which `normal` points."""
-        return cls("line", point, normal, 0.0, material, motion, surface_speed)
+        return cls("line", point, normal, **options)
 
     @classmethod
-    def segment(
-        cls,
-        start: Point,
-        end: Point,
-        *,
-        material: int = 0,
-        motion: Motion = Motion(),
-        surface_speed: float = 0.0,
-    ) -> Wall:
+    def segment(cls, start: Point, end: Point, **options: Unpack[Options]) -> Wall:
         """A straight wall from `start` to `end`, without thickness; disks collide with both sides and the ends."""
         (x, y), (x_1, y_1) = _point("segment wall, start", start), _point("segment wall, end", end)
-        return cls("segment", (x, y), (x_1 - x, y_1 - y), 0.0, material, motion, surface_speed)
+        return cls("segment", (x, y), (x_1 - x, y_1 - y), **options)
 
     @classmethod
-    def container(
-        cls,
-        center: Point,
-        radius: float,
-        *,
-        material: int = 0,
-        motion: Motion = Motion(),
-        surface_speed: float = 0.0,
-    ) -> Wall:
+    def container(cls, center: Point, radius: float, **options: Unpack[Options]) -> Wall:
         """A circular wall around the disks."""
-        return cls("container", center, (0.0, 0.0), radius, material, motion, surface_speed)
+        return cls("container", center, radius=radius, **options)
 
     @classmethod
-    def post(
-        cls,
-        center: Point,
-        radius: float,
-        *,
-        material: int = 0,
-        motion: Motion = Motion(),
-        surface_speed: float = 0.0,
-    ) -> Wall:
+    def post(cls, center: Point, radius: float, **options: Unpack[Options]) -> Wall:
         """A round wall among the disks; radius 0 is a point."""
-        return cls("post", center, (0.0, 0.0), radius, material, motion, surface_speed)
+        return cls("post", center, radius=radius, **options)
 
     def row(self, offset: NDArray[np.float64]) -> NDArray[np.float64]:
         """The wall as a row of `kernels/walls.py`, every position moved by `offset` [length], shape (2,)."""
@@ -237,7 +213,7 @@ class Wall:
             [
                 SHAPES.index(self.shape), *(np.array(self.place) + offset), *self.towards, self.radius,
                 MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,
-                self.surface_speed, self.material, -1.0, 0.0,
+                self.surface_speed, self.material, 0.0,
             ],
             dtype=np.float64,
         )  # fmt: skip

@@ -24,7 +24,7 @@ grid         (10,) int     numbers of disks, tiles, cells and walls
 scale        (17,) real    lengths and times of the grid and the epoch, gravity
 clock        (3,) double   times in epochs run by one thread
 total        (5,) int64    collisions and epochs of one launch
-walls        (W, 17) real  geometry, motion and material of each wall (`walls.py`)
+walls        (W, 16) real  geometry, motion and material of each wall (`walls.py`)
 near_walls   (n,) int      bits of the walls that a disk can touch in this epoch
 wall_hits    (n,) int      collisions with walls, by id
 wall_work    (n,) real     energy that walls gave, by id

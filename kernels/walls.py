@@ -26,7 +26,6 @@ PHASE           at t = 0 of the run, in radians (SINE) or periods (SAWTOOTH)
 RISE            part of its period in which SAWTOOTH rises, from -AMPLITUDE to AMPLITUDE
 SURFACE         speed of the wall's surface along its tangent, (-n_y, n_x) of the normal towards the disk
 WALL_MATERIAL   row of the law's table
-TEMPERATURE     of a thermal wall; negative: none, the wall collides by the law
 NOW_0           what MOTION needs to know of the beginning of the epoch: displacement (STEADY), phase
 ==============  ==========================================================================================
 """
@@ -78,25 +77,8 @@ from .layout import (
 )
 from .levels import limit_if_too_fast
 
-(
-    TYPE,
-    PX,
-    PY,
-    QX,
-    QY,
-    CIRCLE,
-    MOTION,
-    UX,
-    UY,
-    AMPLITUDE,
-    RATE,
-    PHASE,
-    RISE,
-    SURFACE,
-    WALL_MATERIAL,
-    TEMPERATURE,
-    NOW_0,
-) = range(17)
+TYPE, PX, PY, QX, QY, CIRCLE, MOTION, UX, UY = range(9)
+AMPLITUDE, RATE, PHASE, RISE, SURFACE, WALL_MATERIAL, NOW_0 = range(9, 16)
 LINE, SEGMENT, CONTAINER, POST = range(4)
 STILL, STEADY, SINE, SAWTOOTH = range(4)
 MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls take tens
@@ -381,7 +363,7 @@ def hit_wall(entry, t, i, gas: ti.template()):
 def tally_walls(i, gas: ti.template()):
     """At the end of an epoch: add up disk i's collisions with walls and the energy that they gave, in their order.
 
-    A wall works on what it pushes: the impulse times its own velocity; a thermal wall gives what the disk gains.
+    A wall works on what it pushes: the impulse times its own velocity.
     """
     hits = 0
     work = 0.0 * gas.scale[HORIZON]
