@@ -61,7 +61,7 @@ _SCAN_BLOCK = 1024
 def _free(array: Any) -> None:
     """Give a Taichi array's memory back: arrays of vectors do not do so by themselves."""
     runtime = ti.lang.impl.get_runtime()
-    if runtime.prog is not None and not hasattr(array, "__del__"):
+    if runtime.prog is not None and array.arr is not None and not hasattr(array, "__del__"):
         runtime.prog.delete_ndarray(array.arr)
         array.arr = None
 
@@ -309,7 +309,7 @@ class DeviceArrays:
         return int(self.grid[MOST_LEVEL])
 
     def _on_device(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if hasattr(value, "element_shape")}
+        return {name: value for name, value in vars(self).items() if isinstance(value, ti.Ndarray)}
 
     @property
     def bytes_allocated(self) -> int:

@@ -163,9 +163,9 @@ def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
     values: dict[str, Array] = {name: np.full(len(body), math.nan) for name in columns}
     for i, (row, line) in enumerate(zip(body, at, strict=True)):
         if len(row) != len(columns):
+            count = f"{len(row)} value{'s' * (len(row) != 1)}"
             wrong.append(
-                f"{path}: line {line}: {len(row)} value{'s' * (len(row) != 1)}, and {len(columns)} are needed "
-                f"({', '.join(columns)})"
+                f"{path}: line {line}: {count}, and {len(columns)} are needed ({', '.join(columns)})"
             )
             continue
         texts = dict(zip(columns, row, strict=True))
