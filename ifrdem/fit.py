@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import cast
 
 import numpy as np
@@ -27,7 +28,7 @@ from .errors import InputError, nearest
 from .fit_data import Data, example, read
 from .fit_doubts import admissibility, doubts, doubts_of_both
 from .fit_interval import covariance_of, intervals
-from .fit_likelihood import Array, Likelihood
+from .fit_likelihood import Array, Likelihood, Points
 from .fit_model import Model, Pair, Sticking
 from .fit_optimum import Optimum, Search
 from .fit_report import as_json, material, table
@@ -203,13 +204,16 @@ def _polished(search: Search, optimum: Optimum) -> Optimum:
     from scipy.optimize import least_squares
 
     by_mu = np.zeros(1, dtype=bool)
-    p = search.p
+
+    @lru_cache(maxsize=2)  # SciPy asks for residuals and derivatives at the same place one after the other
+    def points(at: bytes) -> Points:
+        return search.points(np.frombuffer(at)[None], by_mu, search.likelihood)
 
     def residual(at: Array) -> Array:
-        return search.points(at[None], by_mu, search.likelihood).residual.ravel()
+        return points(at.tobytes()).residual.ravel()
 
     def jacobian(at: Array) -> Array:
-        return search.points(at[None], by_mu, search.likelihood).jacobian.reshape(-1, p)
+        return points(at.tobytes()).jacobian.reshape(-1, search.p)
 
     found = least_squares(
         residual, optimum.at[0], jacobian, bounds=(search.low, search.high), method="dogbox", x_scale="jac",

@@ -18,7 +18,7 @@ from .fit_optimum import Optimum, Search
 _MOST_TRIES = 40
 _PRECISE = 1e-4  # of the root of the rise in chi2, and so of the distance of an end from the best value
 _BETTER = 1e-6  # a minimum that is lower by this in chi2 is another one
-_CHECKS, _CHECKS_OF_ONE = 3, 9  # transitions with which each end is looked at again: of many sets, of one
+_CHECKS, _CHECKS_OF_ONE = 3, 6  # transitions with which each end is looked at again: of many sets, of one
 
 
 @dataclass(frozen=True)

@@ -177,15 +177,15 @@ def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
     data = impacts(noise=6)
     counted: list[int] = []
     one, two = (
-        fit.fit(data, M=1.0, sticking=["percussion_center"], bootstrap=150, seed=3, progress=counted.append)
+        fit.fit(data, M=1.0, sticking=["percussion_center"], bootstrap=100, seed=3, progress=counted.append)
         for _ in range(2)
     )
-    assert sum(counted) == 300
+    assert sum(counted) == 200
     for name, each in one.closures["percussion_center"].estimates.items():
         assert each.bootstrap == two.closures["percussion_center"].estimates[name].bootstrap
         assert each.bootstrap is not None
         width = each.interval.high - each.interval.low
-        # An end at 2.5 % of 150 has a standard error of some 0.06 widths; the two kinds differ by bias, too.
+        # An end at 2.5 % of 100 has a standard error of some 0.07 widths; the two kinds differ by bias, too.
         assert each.bootstrap.low == pytest.approx(each.interval.low, abs=0.25 * width)
         assert each.bootstrap.high == pytest.approx(each.interval.high, abs=0.25 * width)
 
@@ -283,10 +283,10 @@ def test_value_beyond_a_limit_ends_there_with_an_open_interval() -> None:
     """Data of e_t = -1 with noise prefer less in half of all cases."""
     fits = [
         fit.fit(impacts((0.87, -1.0, 0.21), noise=seed), M=1.0, sticking=["percussion_center"])
-        for seed in range(4)
+        for seed in range(3)
     ]
     at_limit = [each for each in fits if each.closures["percussion_center"].estimates["e_t"].value == -1.0]
-    assert 1 <= len(at_limit) <= 3
+    assert 1 <= len(at_limit) <= 2
     for each in at_limit:
         assert warned(each, "e_t lies at its limit, -1")
         assert each.closures["percussion_center"].estimates["e_t"].interval.low_open
@@ -328,7 +328,7 @@ def test_too_few_values_are_refused() -> None:
 
 
 def test_json_holds_every_figure_and_no_infinity() -> None:
-    found = fit.fit(impacts(psi=(3.0, 32.0)), M=1.0)
+    found = fit.fit(impacts(psi=(3.0, 32.0)), M=1.0, sticking=["percussion_center"])
     read = json.loads(fit.as_json(found))
     closure = read["closures"]["percussion_center"]
     mine = found.closures["percussion_center"]

@@ -60,7 +60,23 @@ def test_fit_writes_what_was_asked_for(folder: Path, capsys: pytest.CaptureFixtu
 
 
 def test_material_fits_into_a_case_that_check_likes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["fit", "data.csv", "--M", "1", "--error", "0.7", "--write-material", "coins.toml"]) == 0
+    assert (
+        main(
+            [
+                "fit",
+                "data.csv",
+                "--M",
+                "1",
+                "--error",
+                "0.7",
+                "--sticking",
+                "percussion_center",
+                "--write-material",
+                "coins.toml",
+            ]
+        )
+        == 0
+    )
     case = (ROOT / "cases" / "cooling.toml").read_text(encoding="utf-8")
     begin, end = case.index("[[material]]"), case.index("# The coin of 1 pta")
     case = case[:begin] + (folder / "coins.toml").read_text(encoding="utf-8") + case[end:]
