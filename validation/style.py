@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+# Where Matplotlib's own STIX fonts are missing, DejaVu takes their place: not worth a line for each text.
+logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
 
 # Okabe and Ito's colours: told apart with every kind of colour blindness.
 BLUE, VERMILION, GREEN, SKY, ORANGE, PURPLE, BLACK = (
@@ -18,7 +22,7 @@ GREY = "#777777"
 RC: Any = {
     "font.size": 9.0,
     "mathtext.fontset": "stix",
-    "font.family": "STIXGeneral",
+    "font.family": ["STIXGeneral", "DejaVu Serif"],
     "axes.grid": False,
     "axes.linewidth": 0.7,
     "xtick.direction": "in",
