@@ -31,6 +31,7 @@ from .layout import (
     ROW,
     SAME_FRAME,
     TOP_LEVEL,
+    WALLS,
     WIDEST,
     level_of,
     n_others,
@@ -38,7 +39,6 @@ from .layout import (
     push,
 )
 from .levels import reach_of
-from .walls import note_walls
 
 LATER, AT_START_ALONE, AT_START = range(3)
 EXTENDS = -3  # as a partner: this disk's list is being extended
@@ -99,7 +99,8 @@ def extend(i, when: ti.template(), gas: ti.template()):
     radius = gas.flight[i][RADIUS]
     own_reach = reach_of(level_of(gas.link[i][LENGTH]), gas)
     if ti.static(gas.walled):
-        note_walls(i, x, y, own_reach, gas)
+        # Rare enough to test all walls: bits of those that are out of reach cost time, never a collision.
+        gas.near_walls[i] = (1 << gas.grid[WALLS]) - 1
     furthest = gas.scale[WIDEST] + own_reach + reach_of(gas.counter[TOP_LEVEL], gas)
     tile, in_x, in_y = place_of(gas.cell[i], gas)
     most_x = ti.min(ti.ceil(furthest / gas.scale[CELL_X], ti.i32), gas.grid[CELLS_X])
