@@ -77,12 +77,12 @@ class Force:
         parameters : vector
             The force's parameters.
         """
-        raise NotImplementedError
+        raise NotImplementedError  # never reached: `Splitting` refuses a force without it
 
     @staticmethod
     def measure(disk, step, parameters):
         """What one disk adds to the `totals`, a vector of so many entries; called before `act`, with its arguments."""
-        raise NotImplementedError
+        raise NotImplementedError  # never reached: `Splitting` refuses a force without it
 
 
 class RandomKicks(Force):
