@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import gc
 import io
 import os
 import shutil
 import tempfile
 import weakref
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 from .errors import InputError, nearest
 
@@ -138,17 +139,37 @@ _users: weakref.WeakSet[User] = weakref.WeakSet()
 
 
 def register(user: User) -> None:
-    """Have `user.release()` called before Taichi ends or starts anew.
-
-    An array given back later would be taken for one of the new Taichi's, which may lie at the same address.
-    """
+    """Have `user.release()` called before Taichi ends or starts anew."""
     _users.add(user)
 
 
-def _release_users() -> None:
+def free_array(array: Any) -> None:
+    """Give the memory of a Taichi array back, whoever still refers to it; the array cannot be used any more.
+
+    Taichi frees arrays of numbers when Python forgets them, and arrays of vectors only when it ends.
+    """
+    import taichi as ti
+
+    runtime = ti.lang.impl.get_runtime()
+    if runtime.prog is not None and array.arr is not None:
+        runtime.prog.delete_ndarray(array.arr)
+        array.arr = None
+
+
+def _release_all() -> None:
+    """Free every array of this Taichi, which is about to end.
+
+    One that Python forgot only later (a traceback can hold it for long) would take an array of the next Taichi with
+    it: Taichi knows arrays by their addresses, and a new array may have the address of an old one.
+    """
+    import taichi as ti
+
     for user in list(_users):
         user.release()
     _users.clear()
+    for thing in gc.get_objects():
+        if issubclass(type(thing), ti.Ndarray):  # isinstance would ask every proxy what it stands for
+            free_array(thing)
 
 
 def start(
@@ -184,7 +205,7 @@ def start(
     good_enough = (wanted, replace(wanted, profile=True))
     if _running is not None and _running in good_enough and ti.lang.impl.get_runtime().prog is not None:
         return _running
-    _release_users()
+    _release_all()
     with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
         ti.init(
             arch=getattr(ti, arch),
@@ -208,6 +229,6 @@ def stop() -> None:
     if _running is not None:
         import taichi as ti
 
-        _release_users()
+        _release_all()
         ti.reset()
         _running = None

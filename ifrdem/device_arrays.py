@@ -15,6 +15,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
+from . import backend
 from .box import Box
 from .engine_limits import (
     ADDRESSABLE,
@@ -56,14 +57,6 @@ from .kernels.layout import ROW as ROW_LENGTH
 from .state import Disks, State
 
 _SCAN_BLOCK = 1024
-
-
-def _free(array: Any) -> None:
-    """Give a Taichi array's memory back: arrays of vectors do not do so by themselves."""
-    runtime = ti.lang.impl.get_runtime()
-    if runtime.prog is not None and array.arr is not None and not hasattr(array, "__del__"):
-        runtime.prog.delete_ndarray(array.arr)
-        array.arr = None
 
 
 def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -263,7 +256,7 @@ class DeviceArrays:
                 "use a smaller skin"
             )
         self.grid[ROW_LENGTH] = row
-        _free(self.neighbour)
+        backend.free_array(self.neighbour)
         self.neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * row,))
 
     @property
@@ -275,7 +268,7 @@ class DeviceArrays:
         """Make room for so many collisions an epoch; the epoch at hand loses its log. Half the disks at least."""
         for old in (self.log_real, self.log_int):
             if old is not None:
-                _free(old)
+                backend.free_array(old)
         # Sorting needs half the disks; every tile takes records by the chunk.
         tiles = int(self.grid[TILES_X] * self.grid[TILES_Y])
         records = max(records, (self.n + 1) // 2, 64 * (tiles + 1))
@@ -322,5 +315,5 @@ class DeviceArrays:
     def release(self) -> None:
         """Give all device memory back."""
         for name, array in self._on_device().items():
-            _free(array)
+            backend.free_array(array)
             setattr(self, name, None)

@@ -243,7 +243,6 @@ class Engine:
         from .epochs import Epochs
         from .splitting import Splitting
 
-        backend.register(self)
         moved = State(
             position=state.position + self._offset, velocity=state.velocity, spin=state.spin, time=state.time,
             collisions=state.collisions, image=state.image,
@@ -256,6 +255,7 @@ class Engine:
             velocity_cutoff=velocity_cutoff,
             origin=(float(self._offset[0]), float(self._offset[1])),
         )  # fmt: skip
+        backend.register(self)
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
         self._resting = 0

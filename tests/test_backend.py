@@ -86,3 +86,21 @@ def test_starting_says_nothing_on_stdout() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     )
     assert done.stdout == ""
+
+
+def test_arrays_of_a_taichi_that_ended_take_none_of_the_next_with_them() -> None:
+    # Taichi knows an array by its address: without `free_array` some of the new arrays here are freed with the old.
+    import taichi as ti
+
+    backend.start("cpu")
+    for _ in range(10):
+        old = [ti.ndarray(ti.i32, (100,)) for _ in range(200)]
+        backend.stop()
+        assert all(array.arr is None for array in old)
+        backend.start("cpu")
+        new = [ti.Vector.ndarray(3, ti.f32, (100,)) for _ in range(200)]
+        del old
+        others = [ti.ndarray(ti.i32, (7,)) for _ in range(200)]
+        assert all(list(array.arr.shape) == [100] for array in new)
+        assert len(others) == 200
+    backend.stop()
