@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
 
 from ifrdem import backend
+
+# A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 CUDA = any(device.arch == "cuda" for device in backend.available())
 

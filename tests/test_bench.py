@@ -270,7 +270,10 @@ def test_interruption_ends_with_a_message_and_its_status() -> None:
         line = process.stderr.readline()  # the end of the equilibration: the timed runs have begun
         time.sleep(0.5)
         os.kill(process.pid, signal.SIGINT)
-        out, err = process.communicate(timeout=60)
+        try:
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
     assert "ETA" in line
     assert process.returncode == cli.INTERRUPTED
     assert out == ""
