@@ -75,26 +75,30 @@ def _figure_5(result: Result) -> Picture:
     )
 
 
-def _figure_6(result: Result) -> Picture:
+def _angle_of_disk_1(
+    result: Result, number: int, name: str, label: str, angle: Callable[[After], Any], about: str
+) -> Picture:
+    """An angle of disk 1 against psi for bronze-aluminium coins of three mass ratios."""
     figure, (ax,) = style.panels()
     for M, text, colour, marker in BY_MASS:
         line, got = _curve_and_points({"M": M}, BRONZE)
-        _check(result, "Fig. 6", f"delta_1 [rad], M = {text}", got, lambda pair: pair.delta_1)
-        ax.plot(np.degrees(line.impact.psi), np.degrees(line.delta_1), color=colour)
-        style.points(ax, np.degrees(got.impact.psi), np.degrees(got.delta_1), colour, f"M = {text}", marker)
-    ax.set(
-        xlabel=r"$\psi$ (deg)",
-        ylabel=r"$\delta_1$ (deg)",
-        xlim=(0, 90),
-        ylim=(0, 185),
-        yticks=range(0, 181, 30),
-    )
+        _check(result, f"Fig. {number}", f"{name} [rad], M = {text}", got, angle)
+        ax.plot(np.degrees(line.impact.psi), np.degrees(angle(line)), color=colour)
+        style.points(ax, np.degrees(got.impact.psi), np.degrees(angle(got)), colour, f"M = {text}", marker)
+    ax.set(xlabel=r"$\psi$ (deg)", ylabel=label, xlim=(0, 90), ylim=(0, 185), yticks=range(0, 181, 30))
     ax.legend(loc="upper right")
-    return Picture(
-        "figure-06",
-        "Figure 6. Angle of disk 1 after the impact of bronze-aluminium coins. Lines: Eqs. 18 and 22; markers: "
+    return Picture(f"figure-{number:02d}", f"Figure {number}. {about}", figure)
+
+
+def _figure_6(result: Result) -> Picture:
+    return _angle_of_disk_1(
+        result,
+        6,
+        "delta_1",
+        r"$\delta_1$ (deg)",
+        lambda pair: pair.delta_1,
+        "Angle of disk 1 after the impact of bronze-aluminium coins. Lines: Eqs. 18 and 22; markers: "
         "simulated. For M = 0.769 < e_n = 0.9 disk 1 recoils: delta_1 starts at 180 degrees.",
-        figure,
     )
 
 
@@ -138,23 +142,12 @@ def _figure_8(result: Result) -> Picture:
 
 
 def _figure_9(result: Result) -> Picture:
-    figure, (ax,) = style.panels()
-    for M, text, colour, marker in BY_MASS:
-        line, got = _curve_and_points({"M": M}, BRONZE)
-        _check(result, "Fig. 9", f"alpha_1 [rad], M = {text}", got, lambda pair: pair.alpha_1)
-        ax.plot(np.degrees(line.impact.psi), np.degrees(line.alpha_1), color=colour)
-        style.points(ax, np.degrees(got.impact.psi), np.degrees(got.alpha_1), colour, f"M = {text}", marker)
-    ax.set(
-        xlabel=r"$\psi$ (deg)",
-        ylabel=r"$\alpha_1$ (deg)",
-        xlim=(0, 90),
-        ylim=(0, 185),
-        yticks=range(0, 181, 30),
-    )
-    ax.legend(loc="upper right")
-    return Picture(
-        "figure-09",
-        "Figure 9. Deflection of disk 1 for bronze-aluminium coins of three mass ratios (the print has 1.28 and "
+    return _angle_of_disk_1(
+        result,
+        9,
+        "alpha_1",
+        r"$\alpha_1$ (deg)",
+        lambda pair: pair.alpha_1,
+        "Deflection of disk 1 for bronze-aluminium coins of three mass ratios (the print has 1.28 and "
         "0.78; the masses of Sec. III give 1.300 and 0.769). Lines: Eqs. 18 and 22; markers: simulated.",
-        figure,
     )
