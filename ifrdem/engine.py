@@ -7,7 +7,8 @@ of three ways (`ORDERS`):
 - *alone*: one thread, in their order, whole epochs in one launch (`kernels/epochs.py`): gases of up to ALONE disks;
 - *tiles*: each tile by one thread, in order, as far as disks of other tiles do not matter (`kernels/tiles.py`);
   what remains between the tiles in rounds. Tiles run ahead of each other by one *window*, a part of the epoch that
-  gets shorter where much must be undone: in clusters;
+  gets shorter where much must be undone: in clusters. Where that does not help (a cluster that collapses across a
+  tile's border), one thread does the next epochs in the order of all collisions;
 - *rounds*: all disks at once, optimistically; what came too early is undone (`kernels/rounds.py`): for GPUs.
 
 Guarantee. Invariants at the end of a window:
@@ -46,6 +47,8 @@ longer lists for fast disks only       epochs 1.7 times as long for 10 ns a disk
 loops over few items spread out        Taichi ran them on one thread: twice as fast 2 threads: list 112 to 70
 parallel rounds for 500 active disks   launches cost less than work                 wrong: 1 ms a round; 4096 stays
 sorting by way of the log              64 bytes a disk less, same time              so seen
+one thread where windows get short     a collapsing cluster costs no more than a    3e3 to 4e5 collisions/s
+                                       serial code                                  (clustered coins, N = 2e5)
 =====================================  ===========================================  =========================
 """
 

@@ -54,12 +54,14 @@ from .kernels.levels import epoch_length, speed_cap
 from .kernels.opening import clear_all, extend_fast, list_disks, list_tiles
 from .kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
 from .kernels.sort import settle
-from .kernels.tiles import run_tiles
+from .kernels.tiles import run_in_order, run_tiles
 from .statistics import Statistics
 
 LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see to progress and interrupts
 # Of the collisions in a window, how many undone ones make windows shorter or longer, and how short they get at most.
 MOST_UNDONE, LEAST_UNDONE, SHORTEST_WINDOW = 0.04, 0.01, 1.0 / 1024.0
+# Windows this short cost tiles more than they gain by running at once: so many epochs are then left to one thread.
+NARROW_WINDOW, EPOCHS_IN_ORDER = 1.0 / 8.0, 16
 FEW = 4096  # up to so many active disks, one thread is faster than several
 MOST_ROUNDS = 2000  # rounds of a window after which the epoch is cut at its earliest unprocessed event
 MOST_LOG = 4  # records for each disk up to which the log grows; beyond, epochs get shorter
@@ -109,6 +111,7 @@ class Epochs:
         # Tiles run ahead of each other by one window, this part of an epoch; in clusters a small one.
         self._window = 1.0 / (windows or 1)
         self._adapt = windows is None
+        self._in_order = 0  # so many epochs more are left to one thread
         self._burst = 1  # epochs of the next launch, where one thread runs them
         self.log_growth = 2  # a log that was too short gets longer by this factor
         self._log_growths = 0
@@ -180,15 +183,15 @@ class Epochs:
         horizon = min(
             epoch_length(float(a.scale[REACH]), cap, float(a.scale[WALL_SPEED]), self._pull()), left
         )
-        planned, by_tiles = horizon, self.order == "tiles"
         while True:
+            in_order = self._in_order > 0
             self._list(horizon)
-            end = self._windows(horizon, by_tiles)
+            end = self._one_by_one(horizon, wanted) if in_order else self._windows(horizon)
             needed = int(a.counter[MOST_NEIGHBOURS])
-            if a.counter[LOG_FULL] != 2 and not needed:
+            if not needed and (a.counter[LOG_FULL] != 2 or in_order):
                 break
             # A fast disk's list became too long for its row, or the tiles had no room to log their collisions: again,
-            # with longer rows, a longer log or a shorter epoch.
+            # with longer rows or a longer log.
             self.cut(0.0)
             a.launch(clear_all)
             if needed:
@@ -197,18 +200,19 @@ class Epochs:
             self.statistics.cut_for_log += 1
             self._log_growths += 1
             if not self._lengthen_log():
-                horizon /= 2.0
-                if horizon < planned / 256.0:
-                    # A collapse, which has no end within a tile. Rounds can stop at any time.
-                    horizon, by_tiles = planned, False
-        if end < horizon:
-            self.cut(end)
-        if wanted is not None and self.standing() >= wanted:
-            end = self._end_after(wanted)
-            self.cut(end)
+                self._in_order = (
+                    EPOCHS_IN_ORDER  # a collapse has no end within a tile; one thread can stop at any time
+                )
+        if not in_order:  # one thread has stopped where it should
+            if end < horizon:
+                self.cut(end)
+            if wanted is not None and self.standing() >= wanted:
+                end = self._end_after(wanted)
+                self.cut(end)
         self._check_rest(now)
         self.fly(end)
         self.statistics.epochs += 1
+        self._in_order -= in_order
         reached = end == horizon and horizon == left
         time_at_end = t_end if reached else now + end
         self.statistics.elastic += int(a.counter[N_ELASTIC])
@@ -257,7 +261,20 @@ class Epochs:
         a.make_log(self.log_growth * a.records)
         return True
 
-    def _windows(self, horizon: float, by_tiles: bool) -> float:
+    def _one_by_one(self, horizon: float, wanted: int | None) -> float:
+        """The epoch by one thread, to its end, to `wanted` collisions or to the end of the log; returns the end."""
+        a, most = self.arrays, 1 << 30 if wanted is None else min(wanted, 1 << 30)
+        a.scale[BEGIN], a.scale[WINDOW] = 0.0, horizon
+        a.launch(run_in_order, most)
+        end = float(a.limit[END])
+        self.statistics.in_order += 1
+        if a.counter[LOG_FULL]:
+            self.statistics.cut_for_log += 1
+        elif end < horizon and self.standing() < most:
+            self.statistics.cut_for_speed += 1
+        return end
+
+    def _windows(self, horizon: float) -> float:
         """Windows of tiles and rounds until no event before the end is left; returns the end."""
         a, counter = self.arrays, self.arrays.counter
         begin, active = 0.0, 0
@@ -269,7 +286,7 @@ class Epochs:
             done, undone = int(counter[N_STANDING]), int(counter[N_UNDONE])
             most_rounds = int(counter[N_ROUNDS]) + MOST_ROUNDS
             everybody = active = a.n
-            if by_tiles:
+            if self.order == "tiles":
                 a.launch(run_tiles)
                 if counter[LOG_FULL]:
                     return horizon  # to be done again
@@ -309,6 +326,8 @@ class Epochs:
         """Bound the optimism: shorter windows where much had to be undone, longer ones where little."""
         if undone > MOST_UNDONE * done:
             self._window = max(self._window / 2.0, SHORTEST_WINDOW)
+            if self.order == "tiles" and self._window < NARROW_WINDOW:
+                self._window, self._in_order = NARROW_WINDOW, EPOCHS_IN_ORDER
         elif undone < LEAST_UNDONE * done:
             self._window = min(self._window * 2.0, 1.0)
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 @dataclass
 class Statistics:
-    """What the engine has done since it was made."""
+    """What the engine has done since it was made; `in_order` are the epochs of tiles that were left to one thread."""
 
     epochs: int = 0
+    in_order: int = 0
     rounds: int = 0
     undone: int = 0
     violations: int = 0

@@ -271,6 +271,20 @@ def test_a_collapse_without_end_stops_with_a_message(monkeypatch: pytest.MonkeyP
         run()
 
 
+def test_tiles_leave_a_collapse_to_one_thread_and_count_as_asked() -> None:
+    """Its collisions fill any log. One thread stops where the log is full, and at the collision that was asked for."""
+    disks = equal_disks(2000)
+    box, state = start(disks, 0.75)
+    law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])
+    engine = Engine(disks, box, state, law, order="tiles", tile_disks=500)
+    wanted = 100 * disks.n
+    while engine.collisions < wanted:
+        engine.advance(collisions=wanted)
+    assert engine.statistics.in_order > 0
+    assert engine.collisions == wanted
+    placement.check_no_overlap(box, disks.radius, engine.state().position, tolerance=1e-12)
+
+
 def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
     state = State(np.array([[0.5, 0.5]]), np.zeros((1, 2)), np.zeros(1))
     with pytest.raises(InputError, match="more than a third of the box side"):

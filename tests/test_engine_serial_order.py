@@ -157,6 +157,16 @@ def test_collisions_do_not_depend_on_the_windows(windows: int) -> None:
     assert_same_as_serial(disks, box, state, COIN, engine)
 
 
+def test_epochs_left_to_one_thread_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ifrdem.epochs, "MOST_UNDONE", -1.0)  # however little is undone, it is too much
+    monkeypatch.setattr(ifrdem.epochs, "EPOCHS_IN_ORDER", 2)
+    disks = equal_disks(500)
+    box, state = equilibrated(disks, 0.6)
+    engine = Engine(disks, box, state, np.array([[COIN]]), order="tiles", tile_disks=60)
+    assert_same_as_serial(disks, box, state, COIN, engine)
+    assert 0 < engine.statistics.in_order < engine.statistics.epochs
+
+
 def small_box() -> tuple[Disks, Box, State]:
     """Nine disks in a box of four diameters: two cells a side, most pairs meet through both."""
     disks = equal_disks(9)

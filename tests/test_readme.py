@@ -72,7 +72,9 @@ def test_force_example_turns_velocities_and_puts_in_no_energy(
 def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:
     assert block("run").endswith("&& .venv/bin/pip install . && .venv/bin/ifrdem run cases/cooling.toml\n")
     assert (ROOT / "cases" / "cooling.toml").is_file()
-    assert block("test").endswith("&& .venv/bin/pip install -e '.[test]' && .venv/bin/python -m pytest -n auto\n")
+    assert block("test").endswith(
+        "&& .venv/bin/pip install -e '.[test]' && .venv/bin/python -m pytest -n auto\n"
+    )
 
 
 def test_every_verb_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[str]) -> None:
