@@ -22,7 +22,10 @@ OBSERVABLES = {
     "temperature": 1,
     "rotational_temperature": 1,
     "momentum": 2,
+    "potential_energy": 1,
     "energy_input": 1,
+    "wall_work": 1,
+    "wall_heat": 1,
     "dissipated_energy": 1,
     "collisions": 1,
 }

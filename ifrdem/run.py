@@ -40,7 +40,7 @@ class Ledger:
     def dissipated(self, measure: Measure) -> float:
         """Energy that collisions have taken since the first frame [energy]."""
         assert self.first is not None
-        return self.first.energy - self.first.energy_input + measure.energy_input - measure.energy
+        return self.first.unspent - measure.unspent
 
     def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
         """What is written of the whole gas at a frame; see `estimate.OBSERVABLES`."""
@@ -53,8 +53,11 @@ class Ledger:
             "temperature": measure.temperature,
             "rotational_temperature": measure.rotational_temperature,
             "momentum": measure.momentum,
+            "potential_energy": measure.potential_energy,
             "energy_input": measure.energy_input,
-            # What is missing of what was there and what forces put in was dissipated.
+            "wall_work": measure.wall_work,
+            "wall_heat": measure.wall_heat,
+            # What is missing of what was there and what forces and walls put in was dissipated.
             "dissipated_energy": self.dissipated(measure),
             "collisions": measure.collisions,
         }
@@ -149,6 +152,8 @@ def run(
     except KeyboardInterrupt:
         raise Interrupted(_remains(outputs.trajectory, ledger)) from None
     say(_closing(case, gas, ledger, ran, time.perf_counter() - began, progress.collisions_per_second))
+    if simulation.statistics.elastic:
+        say(f"  {simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
     for path, size in outputs.sizes().items():
         say(f"  {path} ({check.size(size)})")
 
