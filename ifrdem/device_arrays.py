@@ -55,6 +55,7 @@ from .kernels.layout import (
     WALL_SPEED,
     WALLS,
     WIDEST,
+    Uses,
 )
 from .kernels.layout import ROW as ROW_LENGTH
 from .kernels.walls import HEAT, TEMPERATURE
@@ -181,21 +182,19 @@ class DeviceArrays:
             rows[:, HEAT] = -1.0
             rows[self._thermal, HEAT] = np.arange(len(self._thermal))
             self.walls.from_numpy(rows)
-        self.walled = n_walls > 0
-        self.thermal = len(self._thermal) > 0
-        self.remembers = contact_time > 0.0
+        self.uses = Uses(walled=n_walls > 0, thermal=len(self._thermal) > 0, remembers=contact_time > 0.0)
         self._history_before = state.wall_hits.astype(np.int32), state.latest_collision.copy()
         beside_walls = room if n_walls else 1
         self.near_walls = ti.ndarray(ti.i32, (beside_walls,))
         self.wall_hits = ti.ndarray(ti.i32, (beside_walls,))
         self.wall_work = ti.ndarray(self._type, (beside_walls,))
-        self.wall_heat = ti.ndarray(ti.f64, (room, len(self._thermal)) if self.thermal else (1, 1))
-        self.latest = ti.ndarray(ti.f64, (n + 1,) if self.remembers else (1,))
+        self.wall_heat = ti.ndarray(ti.f64, (room, len(self._thermal)) if self.uses.thermal else (1, 1))
+        self.latest = ti.ndarray(ti.f64, (n + 1,) if self.uses.remembers else (1,))
         for tally in (self.wall_hits, self.wall_work, self.wall_heat, self.latest):
             tally.fill(0)
-        if self.walled and n:
+        if self.uses.walled and n:
             self.wall_hits.from_numpy(state.wall_hits)
-        if self.remembers:
+        if self.uses.remembers:
             self.latest.from_numpy(np.append(state.latest_collision, state.time))
         self.log_real: Any = None
         self.log_int: Any = None
@@ -317,18 +316,18 @@ class DeviceArrays:
         """
         hits, latest = self._history_before
         return (
-            self.wall_hits.to_numpy()[: self.n] if self.walled else hits.copy(),
-            self.latest.to_numpy()[: self.n] if self.remembers else latest.copy(),
+            self.wall_hits.to_numpy()[: self.n] if self.uses.walled else hits.copy(),
+            self.latest.to_numpy()[: self.n] if self.uses.remembers else latest.copy(),
         )
 
     def work_of_walls(self) -> float:
         """Energy that moving walls gave [energy], up to the latest settling."""
-        return float(self.wall_work.to_numpy().astype(np.float64).sum()) if self.walled else 0.0
+        return float(self.wall_work.to_numpy().astype(np.float64).sum()) if self.uses.walled else 0.0
 
     def heat_of_walls(self) -> NDArray[np.float64]:
         """Heat that each wall gave [energy], shape (walls,), up to the latest settling; 0 where it is not thermal."""
         heat = np.zeros(int(self.grid[WALLS]))
-        if self.thermal:
+        if self.uses.thermal:
             # Disk by disk along each column: one order for any number of threads.
             heat[self._thermal] = np.ascontiguousarray(self.wall_heat.to_numpy().T).sum(axis=1)
         return heat

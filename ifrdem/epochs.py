@@ -235,7 +235,7 @@ class Epochs:
     def after_epoch(self, now: float) -> None:
         """Make the log longer if it was too short: only when nobody wants to read it any more."""
         if self.statistics.cut_for_log > self._log_growths:
-            if self.arrays.walled or self.arrays.remembers:
+            if self.arrays.uses.walled or self.arrays.uses.remembers:
                 self.settle(now)  # what walls did, and when disks collided, is read from the log
             self._log_growths = self.statistics.cut_for_log
             self._lengthen_log()

@@ -36,7 +36,7 @@ def coefficients(p, q, g_n, lasting, gas: ti.template()):
     e_n, e_t, mu = gas.law[p, q, 0], gas.law[p, q, 1], gas.law[p, q, 2]
     contact_point, rho = gas.law[p, q, 3], gas.law[p, q, 4]
     elastic = g_n < gas.scale[CUTOFF]
-    if ti.static(gas.remembers):
+    if ti.static(gas.uses.remembers):
         elastic = elastic or lasting > 0
     remedy = 0
     if elastic:

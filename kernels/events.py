@@ -69,7 +69,7 @@ from .walls import first_wall, hit_wall
 def collide_at(entry, t, a, b, shift, gas: ti.template()):
     """Collide slots a < b at time t, b lying one `shift` from a, and log it as record `entry`."""
     lasting = 0
-    if ti.static(gas.remembers):
+    if ti.static(gas.uses.remembers):
         lasting = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
     gas.log_real[entry][TIME] = t
     record(entry, 0, a, gas)
@@ -146,7 +146,7 @@ def collide(i, everybody, gas: ti.template()):
             row = CHANGED_ROW + round_ % 2
             push(row, a, gas)
             push(row, b, gas)
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         if code <= FIRST_WALL and t < gas.limit[LATCHED]:
             hit_wall(ti.atomic_add(gas.counter[N_LOG], 1), t, i, gas)
             gas.link[i][DIRTY] = gas.counter[ROUND]
@@ -242,7 +242,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
         if sooner(t, j, earliest, partner, horizon, gas):
             earliest = t
             partner = code
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         t, code = first_wall(i, gas)
         if t < earliest:
             earliest = t

@@ -142,6 +142,14 @@ def push(row, item, gas: ti.template()):
 Rows, Table, Cube = (ti.types.ndarray(ndim=dimensions) for dimensions in (1, 2, 3))
 
 
+class Uses(NamedTuple):
+    """What a gas has: code for the rest is not compiled. One template argument, `uses`, of every kernel that asks."""
+
+    walled: bool = False
+    thermal: bool = False  # some walls are
+    remembers: bool = False  # a contact time: disks know when their latest collision was
+
+
 class GasArrays(NamedTuple):
     """The arrays that a kernel was given, under their names in the table above; bundled while it is compiled."""
 
@@ -172,7 +180,4 @@ class GasArrays(NamedTuple):
     wall_work: Any = None
     wall_heat: Any = None
     latest: Any = None
-    # Whether there are walls, thermal ones, and a contact time: code for them is compiled only then.
-    walled: bool = False
-    thermal: bool = False
-    remembers: bool = False
+    uses: Uses = Uses()

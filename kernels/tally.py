@@ -79,7 +79,7 @@ def tally_walls(i, gas: ti.template()):
             uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
             inverse_mass = gas.kinds[gas.meta[i][KIND]][INVERSE_MASS]
             work += ((vx - vx_0) * ux + (vy - vy_0) * uy) / inverse_mass
-            if ti.static(gas.thermal):
+            if ti.static(gas.uses.thermal):
                 column = ti.cast(gas.walls[w][HEAT], ti.i32)
                 if column >= 0:
                     heat = heat_given(

@@ -321,7 +321,7 @@ def hit_wall(entry, t, i, gas: ti.template()):
     """Collide disk i with the wall that it names, at time t; log it as record `entry`, the second disk being -1 - w."""
     w = FIRST_WALL - gas.link[i][PARTNER]
     lasting = 0
-    if ti.static(gas.remembers):
+    if ti.static(gas.uses.remembers):
         lasting = just_collided(i, t, gas)
     gas.log_real[entry][TIME] = t
     record(entry, 0, i, gas)
@@ -351,7 +351,7 @@ def hit_wall(entry, t, i, gas: ti.template()):
         0.0, radius, 1.0, ux, uy, 0.0,
     )  # fmt: skip
     regime = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + remedy
-    if ti.static(gas.thermal):
+    if ti.static(gas.uses.thermal):
         if gas.walls[w][TEMPERATURE] > 0.0:
             vx, vy, spin = thermal_velocity(
                 i, gas.log_int[entry][NUMBER], gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas
