@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import pairing, placement, radii, start_file, start_frame
-from .box import Box
 from .case import is_trajectory
 from .coins import coins
-from .draft import Draft, Problem, Species, box_around
+from .draft import Draft, Problem, Species, box_around, walls_of
 from .engine_limits import CROWD
 from .errors import InputError, nearest
+from .problems_walls import missing_features, problems_of_walls
+from .room import Room
+from .walls import check as check_walls
 
 LARGEST_DISK = (
     1.0 / 3.0
@@ -31,13 +33,10 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
 
     A start file's path begins at `folder`.
     """
-    found = [*_wrong_names(draft), *_wrong_radii(draft)]
+    found = [*_wrong_names(draft), *_wrong_radii(draft), *missing_features(draft)]
     species = draft.known_species()
-    found += [
-        Problem(each.key, None, each.message)
-        for each in _once(pairing.verdicts(draft, species))
-        if not each.admissible
-    ]
+    judged = (*pairing.verdicts(draft, species), *pairing.wall_verdicts(draft, species))
+    found += [Problem(each.key, None, each.message) for each in _once(judged) if not each.admissible]
     if len(species) == len(draft.species) and species:  # all of them are needed to know the disks
         radius = np.concatenate([each.radius for each in species])
         found += _wrong_motion(draft, species)
@@ -49,8 +48,11 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
             except InputError as error:
                 found.append(Problem("box", None, str(error)))
         if box is not None:
-            found += _wrong_room(draft, species, radius, box)
-        found += _wrong_start(draft, species, radius, box, folder)
+            wrong_walls = [*problems_of_walls(draft, box, radius)]
+            found += wrong_walls
+            room = Room(box, () if wrong_walls else tuple(walls_of(draft.wall)))
+            found += _wrong_room(draft, species, radius, room)
+        found += _wrong_start(draft, species, radius, None if box is None else room, folder)
     return found
 
 
@@ -93,6 +95,7 @@ def _wrong_names(draft: Draft) -> Iterator[Problem]:
         a, b = pair.materials
         value = f'["{a}", "{b}"]'
         known = names + [each.coin for each in draft.species if each is not None and each.coin is not None]
+        known += draft.materials_of_walls()
         for name in pair.materials:
             if name not in known and all_known:
                 text = f"no material is called '{name}'{nearest(name, known)}; there are {_listed(known)}"
@@ -120,7 +123,7 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names) or "none"
 
 
-def _once(verdicts: Iterator[pairing.PairVerdict]) -> list[pairing.PairVerdict]:
+def _once(verdicts: Iterable[pairing.PairVerdict]) -> list[pairing.PairVerdict]:
     """Without those that say the same of further species."""
     return list({(each.key, each.message): each for each in verdicts}.values())
 
@@ -158,8 +161,9 @@ def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
 
 
 def _wrong_room(
-    draft: Draft, species: list[Species], radius: NDArray[np.float64], box: Box
+    draft: Draft, species: list[Species], radius: NDArray[np.float64], room: Room
 ) -> Iterator[Problem]:
+    box = room.box
     shortest = min(box.lengths)
     fits = True
     for each in species:
@@ -182,13 +186,15 @@ def _wrong_room(
         )
     if draft.start is None or not fits:
         return
-    covered = box.packing_fraction(radius)
+    covered = room.packing_fraction(radius)
     dense = "box.packing_fraction" if draft.box is not None and draft.box.lengths is None else "box.lengths"
     if covered >= 1.0:
-        yield Problem(dense, f"{covered:.4g} of the area", "the disks cover more than the box has")
+        place = "room between walls" if room.all_walls else "box"
+        text = f"the disks cover more than the {place} has" + _attainable(species, radius, room)
+        yield Problem(dense, f"{covered:.4g} of the area", text)
     elif draft.start.file is None and draft.start.positions == "hexagonal":
         try:
-            placement.hexagonal_positions(box, radius)
+            placement.hexagonal_positions(box, radius, walls=room.walls)
         except InputError as error:
             yield Problem("start.positions", '"hexagonal"', str(error))
     elif draft.start.file is None and draft.start.positions == "random":
@@ -203,12 +209,21 @@ def _wrong_room(
             )
 
 
+def _attainable(species: list[Species], radius: NDArray[np.float64], room: Room) -> str:
+    """How many of one kind of disks would find room, by area."""
+    if len(species) > 1 or np.ptp(radius) > 0.0:
+        return ""
+    most = int(placement.SATURATION * len(radius) / room.packing_fraction(radius))
+    return f": some {most} of them find room at random"
+
+
 def _wrong_start(
-    draft: Draft, species: list[Species], radius: NDArray[np.float64], box: Box | None, folder: Path
+    draft: Draft, species: list[Species], radius: NDArray[np.float64], room: Room | None, folder: Path
 ) -> Iterator[Problem]:
     start = draft.start
     if start is None:
         return
+    box, walls = (None, ()) if room is None else (room.box, room.walls)
     frame = start.file is None and is_trajectory(start.positions)
     if start.file is None and not frame:
         return
@@ -218,11 +233,14 @@ def _wrong_start(
     assert name is not None
     try:
         if frame:
-            given = start_frame.read(folder / name, start.frame, radius, box, motion=start.motion)
+            given = start_frame.read(
+                folder / name, start.frame, radius, box, motion=start.motion, walls=walls
+            )
         else:
             given = start_file.read(folder / name, len(radius), box)
-            if box is not None:
-                placement.check_no_overlap(box, radius, given.position)
+            if room is not None:
+                placement.check_no_overlap(room.box, radius, given.position)
+                check_walls(room.all_walls, room.box, given.position, radius)
     except InputError as error:
         yield from (Problem(key, value, line) for line in str(error).splitlines())
         return

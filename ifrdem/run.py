@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from . import backend, check, plot
 from .case import UNITS, Case
 from .case_file import CaseFile
-from .estimate import Estimate
+from .estimate import WALL_OBSERVABLES, Estimate
 from .gas import Gas
 from .observables import Measure
 from .outputs import Outputs
@@ -31,21 +31,23 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass
 class Ledger:
-    """The first and the latest measure in the trajectory of a run, and how many frames it has."""
+    """The first and the latest measure in the trajectory of a run, its number of frames, and whether it has walls."""
 
     first: Measure | None = None
     latest: Measure | None = None
     frames: int = 0
+    walled: bool = False
 
     def dissipated(self, measure: Measure) -> float:
         """Energy that collisions have taken since the first frame [energy]."""
         assert self.first is not None
-        return self.first.energy - self.first.energy_input + measure.energy_input - measure.energy
+        return self.first.unspent - measure.unspent
 
     def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
-        """What is written of the whole gas at a frame; see `estimate.OBSERVABLES`."""
+        """What is written of the whole gas at a frame; see `estimate.observables`."""
         if self.first is None:
             self.first = measure
+        of_walls = {name: getattr(measure, name) for name in WALL_OBSERVABLES} if self.walled else {}
         return {
             "translational_energy": measure.translational_energy,
             "rotational_energy": measure.rotational_energy,
@@ -54,9 +56,10 @@ class Ledger:
             "rotational_temperature": measure.rotational_temperature,
             "momentum": measure.momentum,
             "energy_input": measure.energy_input,
-            # What is missing of what was there and what forces put in was dissipated.
+            # What is missing of what was there and what forces and walls put in was dissipated.
             "dissipated_energy": self.dissipated(measure),
             "collisions": measure.collisions,
+            **of_walls,
         }
 
 
@@ -109,7 +112,7 @@ def run(
     for text in gas.warnings:
         warn(text)
 
-    ledger = Ledger()
+    ledger = Ledger(walled=case.walled)
     try:
         simulation = gas.simulation(case)
         with TrajectoryWriter(
@@ -122,6 +125,7 @@ def run(
             precision=case.output.precision,
             compression=case.output.compression,
             force=force,
+            walls=gas.walls,
         ) as writer:
 
             def keep(state: State, measure: Measure) -> None:
@@ -144,7 +148,7 @@ def run(
                 )
         ran = time.perf_counter() - began
         if outputs.picture is not None:
-            draw = plot.driven if case.force else plot.cooling
+            draw = plot.walled if case.walled else plot.driven if case.force else plot.cooling
             draw(outputs.trajectory, outputs.picture)
     except KeyboardInterrupt:
         raise Interrupted(_remains(outputs.trajectory, ledger)) from None
@@ -180,10 +184,13 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         lines[-1] += f", theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}"
     lost = ledger.dissipated(last)
     energy = case.unit("energy")
-    if case.force:
+    if case.walled:
         lines.append(
-            f"  forces put in {last.energy_input:.6g}{energy}, collisions dissipated {lost:.6g}{energy}"
+            f"  {last.wall_hits} collisions with walls, which gave {last.wall_work:.6g}{energy} as work"
         )
+    if case.force or case.walled:
+        put_in = f"forces put in {last.energy_input:.6g}{energy}, " if case.force else ""
+        lines.append(f"  {put_in}collisions dissipated {lost:.6g}{energy}")
     elif first.energy > 0.0:
         lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
     if first.energy > 0.0:
@@ -191,7 +198,7 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))
         if scale > 0.0:
             drift = float(np.linalg.norm(last.momentum - first.momentum))
-            what = "change" if case.force else "drift"  # heat baths and drag change it
+            what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
             lines.append(
                 f"  momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
                 "of what the disks would carry if all flew one way at the start"
@@ -204,7 +211,7 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
     case = file.case
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
     laws = [
-        [{key: getattr(law, key) for key in ("e_n", "e_t", "mu", "sticking", "rho")} for law in row]
+        [law and {key: getattr(law, key) for key in ("e_n", "e_t", "mu", "sticking", "rho")} for law in row]
         for row in gas.laws
     ]
     return {
@@ -217,6 +224,8 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
         "materials": json.dumps(gas.materials),
         "laws": json.dumps(laws),
         "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
+        "gravity": json.dumps(case.box.gravity),
+        "collapse": case.run.collapse,
         "device": device,
         "threads": case.run.threads or backend.cores(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -273,7 +273,10 @@ class Simulation:
     def _observe(self, observers: list[Observer]) -> None:
         if observers:
             state = self.state
-            measured = measure(self.disks, state, energy_input=self.energy_input)
+            measured = measure(
+                self.disks, state, energy_input=self.energy_input, wall_work=self.wall_work,
+                wall_hits=self.wall_hits, gravity=self._engine.gravity,
+            )  # fmt: skip
             for observer in observers:
                 observer(state, measured)
 
