@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from typing import NoReturn
 
 from .errors import InputError
@@ -13,3 +14,15 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see `{self.prog} --help`)")
+
+
+def whole(option: str, text: str, least: int, most: float = math.inf) -> int:
+    """The value of an option as a whole number from `least` to `most`; InputError names the option."""
+    allowed = f"{least} or more" if math.isinf(most) else f"{least} to {most:.0f}"
+    try:
+        value = int(float(text)) if float(text).is_integer() else None  # 1e5 is a whole number too
+    except (ValueError, OverflowError):
+        value = None
+    if value is None or not least <= value <= most:
+        raise InputError(f"{option} = {text}: a whole number, {allowed}, is needed")
+    return value

@@ -14,7 +14,7 @@ from . import backend
 from .case import Case
 from .engine_limits import BYTES_PER_DISK
 from .errors import InputError
-from .estimate import Estimate, disk_bytes, observables
+from .estimate import OBSERVABLES, Estimate, disk_bytes
 from .gas import Gas
 from .report_walls import lines_of_walls
 from .trajectory import describe_sides
@@ -120,7 +120,7 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
     lines += [_row(*each) for each in lines_of_walls(case, gas, estimate)]
     lines += _forces(case, estimate)
     each_disk = disk_bytes(case.output.fields, case.output.precision)
-    frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(observables(case))} totals)"
+    frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"
     what = f"{case.output.frames + 1} frames x {frame}"
     if case.output.compression != "none":
         what += f", at most: {case.output.compression} makes it smaller"

@@ -33,6 +33,7 @@ from .engine_limits import (
 from .errors import EngineError
 from .kernels.layout import (
     CELL_X,
+    CONTACT_TIME,
     CUTOFF,
     GX,
     HEAD,
@@ -44,6 +45,7 @@ from .kernels.layout import (
     ORIGIN_X,
     REACH,
     ROLL_BACK,
+    SEED_LOW,
     SKIN,
     SLOT,
     STANDS,
@@ -51,9 +53,11 @@ from .kernels.layout import (
     TILES_Y,
     TIME,
     WALL_SPEED,
+    WALLS,
     WIDEST,
 )
 from .kernels.layout import ROW as ROW_LENGTH
+from .kernels.walls import HEAT, TEMPERATURE
 from .state import Disks, State
 
 _SCAN_BLOCK = 1024
@@ -88,7 +92,7 @@ class DeviceArrays:
         Disks that a tile should hold; None makes the whole box one tile.
     precision : {"f64", "f32"}
         Type of real numbers.
-    walls : array (W, 16), optional
+    walls : array (W, 18), optional
         Rows as `kernels/walls.py` describes them.
     wall_speed : float
         The fastest that a wall moves [length/time].
@@ -96,6 +100,10 @@ class DeviceArrays:
         Acceleration of all disks [length/time^2].
     velocity_cutoff : float
         Normal speed of approach below which collisions are elastic [length/time].
+    contact_time : float
+        Time since a partner's latest collision below which collisions are elastic [time].
+    seed : int
+        Of the random numbers of thermal walls, 0 to 2^64 - 1.
     origin : two floats
         Lower left corner of the user's box in this one [length]; only forces are told places in that.
     """
@@ -114,6 +122,8 @@ class DeviceArrays:
         wall_speed: float = 0.0,
         gravity: tuple[float, float] = (0.0, 0.0),
         velocity_cutoff: float = 0.0,
+        contact_time: float = 0.0,
+        seed: int = 0,
         origin: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         n = self.n = disks.n
@@ -143,8 +153,10 @@ class DeviceArrays:
         self.counter = np.zeros(17, dtype=np.int32)
         self.limit = np.zeros(5, dtype=self._real)
         n_walls = 0 if walls is None else len(walls)
-        self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls], dtype=np.int32)
-        self.scale = np.zeros(17, dtype=self._real)
+        self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls, 0, 0], dtype=np.int32)
+        words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
+        self.grid[SEED_LOW : SEED_LOW + 2] = words.view(np.int32)
+        self.scale = np.zeros(18, dtype=self._real)
         self.clock = np.zeros(3)
         self.total = np.zeros(5, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
@@ -156,20 +168,35 @@ class DeviceArrays:
         self.scale[GX : GX + 2] = gravity
         self.scale[WALL_SPEED] = wall_speed
         self.scale[CUTOFF] = velocity_cutoff
+        self.scale[CONTACT_TIME] = contact_time
         self.scale[ORIGIN_X : ORIGIN_X + 2] = origin
         # Two disks of the highest level must still find each other in tiles side by side, and through one image only.
         room_for = min(*tile_sides, min(box.lengths) / 2.0) - diameter
         self.grid[MOST_LEVEL] = min(max(int((room_for / skin - 1.0) * LEVELS), 0), HIGHEST_LEVEL)
         self.walls = self._vectors(WALL, self._type, max(n_walls, 1))
+        self._thermal: NDArray[np.intp] = np.empty(0, dtype=np.intp)
         if walls is not None and n_walls:
-            self.walls.from_numpy(walls.astype(self._real))
+            self._thermal = np.flatnonzero(walls[:, TEMPERATURE] > 0.0)
+            rows = walls.astype(self._real)
+            rows[:, HEAT] = -1.0
+            rows[self._thermal, HEAT] = np.arange(len(self._thermal))
+            self.walls.from_numpy(rows)
         self.walled = n_walls > 0
+        self.thermal = len(self._thermal) > 0
+        self.remembers = contact_time > 0.0
+        self._history_before = state.wall_hits.astype(np.int32), state.latest_collision.copy()
         beside_walls = room if n_walls else 1
         self.near_walls = ti.ndarray(ti.i32, (beside_walls,))
         self.wall_hits = ti.ndarray(ti.i32, (beside_walls,))
         self.wall_work = ti.ndarray(self._type, (beside_walls,))
-        for tally in (self.wall_hits, self.wall_work):
+        self.wall_heat = ti.ndarray(ti.f64, (room, len(self._thermal)) if self.thermal else (1, 1))
+        self.latest = ti.ndarray(ti.f64, (n + 1,) if self.remembers else (1,))
+        for tally in (self.wall_hits, self.wall_work, self.wall_heat, self.latest):
             tally.fill(0)
+        if self.walled and n:
+            self.wall_hits.from_numpy(state.wall_hits)
+        if self.remembers:
+            self.latest.from_numpy(np.append(state.latest_collision, state.time))
         self.log_real: Any = None
         self.log_int: Any = None
         self.make_log(n // 2 + 1024)
@@ -218,7 +245,7 @@ class DeviceArrays:
         meta = np.zeros((room, META), dtype=np.int32)
         meta[:n, 0] = np.arange(n)
         meta[:n, 1] = kind
-        meta[:n, 2] = state.collisions
+        meta[:n, 2] = state.collisions + state.wall_hits
         image = np.zeros((room, IMAGE), dtype=np.int32)
         image[:n] = state.image + np.floor(state.position / box.lengths).astype(np.int32)
         cell = np.zeros(room, dtype=np.int32)
@@ -282,6 +309,29 @@ class DeviceArrays:
         log_int = self.log_int.to_numpy()[:written]
         stands = (log_int[:, STANDS] == 1) & (log_int[:, SLOT + 1] >= 0)
         return self.log_real.to_numpy()[:written][stands, TIME], log_int[stands, SLOT : SLOT + 2]
+
+    def history(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """Each disk's collisions with walls and the time of its latest collision [time], both shape (n,).
+
+        Up to the latest settling; as they were at the start where there are no walls, or no contact time.
+        """
+        hits, latest = self._history_before
+        return (
+            self.wall_hits.to_numpy()[: self.n] if self.walled else hits.copy(),
+            self.latest.to_numpy()[: self.n] if self.remembers else latest.copy(),
+        )
+
+    def work_of_walls(self) -> float:
+        """Energy that moving walls gave [energy], up to the latest settling."""
+        return float(self.wall_work.to_numpy().astype(np.float64).sum()) if self.walled else 0.0
+
+    def heat_of_walls(self) -> NDArray[np.float64]:
+        """Heat that each wall gave [energy], shape (walls,), up to the latest settling; 0 where it is not thermal."""
+        heat = np.zeros(int(self.grid[WALLS]))
+        if self.thermal:
+            # Disk by disk along each column: one order for any number of threads.
+            heat[self._thermal] = np.ascontiguousarray(self.wall_heat.to_numpy().T).sum(axis=1)
+        return heat
 
     def ids(self) -> NDArray[np.int32]:
         """Id of the disk at each slot, shape (N,)."""

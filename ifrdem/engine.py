@@ -60,7 +60,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend, magnitudes
+from . import backend, magnitudes, seeds
 from .box import Box
 from .engine_limits import ALONE, CROWD, MOST_DISKS, TILE_DISKS
 from .errors import EngineError, InputError
@@ -123,10 +123,12 @@ class Engine:
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
     velocity_cutoff : float
         Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction.
+    contact_time : float
+        So are those of a disk whose latest collision was less than this ago [time]; 0 does without.
     forces : sequence of Force
         What acts between collisions (`splitting.py` says when).
     seed : int
-        Of the forces' random numbers, 0 to 2^64 - 1.
+        Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
 
     Raises
     ------
@@ -152,6 +154,7 @@ class Engine:
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
         velocity_cutoff: float = 0.0,
+        contact_time: float = 0.0,
         forces: Sequence[Force] = (),
         seed: int = 0,
     ) -> None:
@@ -181,9 +184,12 @@ class Engine:
                 f"disk {i} has diameter {diameter:.6g}, more than a third of the box side {shortest:.6g}: "
                 "it could meet its own periodic image; use a larger box"
             )
-        if not (math.isfinite(velocity_cutoff) and velocity_cutoff >= 0.0):
-            raise InputError(f"velocity_cutoff = {velocity_cutoff}: a finite number not below 0 is needed")
-        magnitudes.check(disks, box, state, precision)
+        for name, value in (("velocity_cutoff", velocity_cutoff), ("contact_time", contact_time)):
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
+        seed = seeds.of_device(seed)
+        hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
+        magnitudes.check(disks, box, state, precision, hottest)
         self.gravity = (float(gravity[0]), float(gravity[1]))
         for axis, pull in enumerate(self.gravity):
             if not math.isfinite(pull):
@@ -197,7 +203,7 @@ class Engine:
             raise InputError(
                 "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
             )
-        self.walls = (*walls, *sides(box))
+        self.walls, self.given_walls = (*walls, *sides(box)), len(walls)
         check_walls(self.walls, box, state.position, disks.radius, len(law_table), float(state.time))
         # Behind a side that is a wall the box goes on for a diameter: pairs never meet through it. No wall moves
         # further than that; a steady one must not come there (the state is checked).
@@ -232,6 +238,7 @@ class Engine:
         self.skin = skin
         self.time = float(state.time)
         self.collisions = int(state.collisions.sum()) // 2
+        self.wall_hits = int(state.wall_hits.sum())
         self.statistics = Statistics()
         self.last_collisions: Collisions | None = None
         self.keep_collisions = False
@@ -245,21 +252,21 @@ class Engine:
 
         moved = State(
             position=state.position + self._offset, velocity=state.velocity, spin=state.spin, time=state.time,
-            collisions=state.collisions, image=state.image,
+            collisions=state.collisions, image=state.image, wall_hits=state.wall_hits,
+            latest_collision=state.latest_collision,
         )  # fmt: skip
         self.arrays: DeviceArrays = DeviceArrays(
             disks, inner, moved, law_table,
             skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
             walls=np.array([wall.row(self._offset) for wall in self.walls]) if self.walls else None,
             wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
-            velocity_cutoff=velocity_cutoff,
+            velocity_cutoff=velocity_cutoff, contact_time=contact_time, seed=seed,
             origin=(float(self._offset[0]), float(self._offset[1])),
         )  # fmt: skip
         backend.register(self)
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
         self._resting = 0
-        self.wall_hits = 0
 
     def _wall_extent(self) -> float:
         return 2.0 * max((w.motion.extent for w in self.walls if math.isfinite(w.motion.extent)), default=0.0)
@@ -267,7 +274,12 @@ class Engine:
     @property
     def wall_work(self) -> float:
         """Energy that moving walls gave to the disks so far [energy], up to the latest settling (`state` settles)."""
-        return float(self.arrays.wall_work.to_numpy().astype(np.float64).sum()) if self.walls else 0.0
+        return self.arrays.work_of_walls()
+
+    @property
+    def wall_heats(self) -> NDArray[np.float64]:
+        """Heat that each wall, those at sides of the box last, gave so far [energy], up to the latest settling."""
+        return self.arrays.heat_of_walls()
 
     @property
     def most_level(self) -> int:
@@ -388,7 +400,8 @@ class Engine:
         if self._stalled >= STALLED_EPOCHS:
             raise EngineError(
                 f"t = {self.time:.9g}: {STALLED_EPOCHS} epochs in a row gained no time: collisions pile up without "
-                "end (inelastic collapse). Use a larger e_n, a lower packing fraction, or end the run earlier"
+                'end (inelastic collapse). Use collapse = "tc" with a contact_time or "velocity_cutoff" with a '
+                "velocity_cutoff, a larger e_n, or a lower packing fraction, or end the run earlier"
             )
 
     def _free_time(self, speed: float) -> float:
@@ -413,6 +426,7 @@ class Engine:
         escaped = np.flatnonzero(np.any((image != 0) & ~np.array(self.box.periodic), axis=1))
         if len(escaped):
             raise EngineError(f"t = {self.time:.9g}: disk {escaped[0]} left the box where a wall should be")
+        hits, latest = self.arrays.history()
         # Rounding can put a disk onto the far side, which is the next box already.
         inside = np.minimum(position, np.nextafter(self.box.lengths, 0.0))
         return State(
@@ -420,6 +434,8 @@ class Engine:
             velocity=real[:n, 2:4],
             spin=real[:n, 4],
             time=self.time,
-            collisions=integer[:n, 0].copy(),
+            collisions=integer[:n, 0] - hits,
             image=image,
+            wall_hits=hits,
+            latest_collision=np.minimum(latest, self.time),
         )

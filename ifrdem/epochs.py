@@ -47,7 +47,6 @@ from .kernels.layout import (
     ROUND,
     TIME_END,
     WALL_SPEED,
-    WALLS,
     WINDOW,
 )
 from .kernels.levels import epoch_length, speed_cap
@@ -225,14 +224,15 @@ class Epochs:
         if self.arrays.counter[RESTING]:
             raise EngineError(
                 f"t = {now:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic collapse); "
-                "there is no next collision. With a velocity_cutoff, slow collisions are elastic and the run goes on"
+                'there is no next collision. With collapse = "tc" and a contact_time, or collapse = "velocity_cutoff" '
+                "and a velocity_cutoff, such collisions are elastic, and the run goes on"
             )
 
     def after_epoch(self, now: float) -> None:
         """Make the log longer if it was too short: only when nobody wants to read it any more."""
         if self.statistics.cut_for_log > self._log_growths:
-            if self.arrays.grid[WALLS]:
-                self.settle(now)  # what walls did is read from the log
+            if self.arrays.walled or self.arrays.remembers:
+                self.settle(now)  # what walls did, and when disks collided, is read from the log
             self._log_growths = self.statistics.cut_for_log
             self._lengthen_log()
 

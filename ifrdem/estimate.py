@@ -22,19 +22,15 @@ OBSERVABLES = {
     "temperature": 1,
     "rotational_temperature": 1,
     "momentum": 2,
+    "potential_energy": 1,
     "energy_input": 1,
+    "wall_work": 1,
+    "wall_heat": 1,
     "dissipated_energy": 1,
     "collisions": 1,
+    "wall_hits": 1,
 }
 """What a run writes of the whole gas at each frame, with the number of components."""
-
-WALL_OBSERVABLES = {"wall_hits": 1, "wall_work": 1, "potential_energy": 1}
-"""What it writes too where there are walls."""
-
-
-def observables(case: Case) -> dict[str, int]:
-    """What a run of this case writes of the whole gas, with the number of components."""
-    return OBSERVABLES | (WALL_OBSERVABLES if case.walled else {})
 
 
 @dataclass(frozen=True)
@@ -116,7 +112,7 @@ class Estimate:
             steady_state=steady,
             wall_hits=_wall_hits(gas),
             # The constant properties once: radius, mass, k in 8 bytes, the material in 4.
-            file_bytes=frames * (frame_bytes + 8 * sum(observables(case).values())) + 28 * n,
+            file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values())) + 28 * n,
             array_bytes=n * engine_limits.BYTES_PER_DISK,
         )
 

@@ -146,13 +146,15 @@ class Gas:
         options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads, "skin": skin}
         if case.run.precision != "f64":
             options["precision"] = case.run.precision
+        options["seed"] = case.run.seed  # of forces and thermal walls
         if case.force:
-            options |= {"forces": forces_of(case), "seed": case.run.seed}
+            options["forces"] = forces_of(case)
         if self.walls:
             options["walls"] = self.walls
         if any(case.box.gravity):
             options["gravity"] = (case.box.gravity[0], case.box.gravity[1])
-        options |= collapse_of(case)
+        if case.run.collapse != "none":
+            options |= collapse_of(case)
         begin = self.start(case) if state is None else state
         any_law = self.law()  # stands where two walls would meet, which never happens
         laws = [[any_law if one is None else one for one in row] for row in self.laws]
@@ -193,11 +195,8 @@ def forces_of(case: Case) -> list[Force]:
 
 def collapse_of(case: Case) -> dict[str, Any]:
     """What the simulation takes against collisions without end."""
-    if case.run.velocity_cutoff is not None:
-        return {"velocity_cutoff": case.run.velocity_cutoff}
-    if case.run.contact_time is not None:
-        return {"collapse": case.run.collapse, "contact_time": case.run.contact_time}
-    return {}
+    numbers = {"contact_time": case.run.contact_time, "velocity_cutoff": case.run.velocity_cutoff}
+    return {"collapse": case.run.collapse} | {key: each for key, each in numbers.items() if each is not None}
 
 
 def _as_moving(species: tuple[Species, ...], given: Given) -> tuple[Species, ...]:

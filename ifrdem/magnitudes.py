@@ -9,10 +9,11 @@ from .errors import InputError
 from .state import Disks, State
 
 
-def check(disks: Disks, box: Box, state: State, precision: str) -> None:
+def check(disks: Disks, box: Box, state: State, precision: str, hottest: float = 0.0) -> None:
     """Refuse units in which numbers that the kernels form would leave the range of their type, silently.
 
-    Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`).
+    Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`). Walls
+    may be as hot as `hottest` [energy].
 
     Raises
     ------
@@ -20,16 +21,17 @@ def check(disks: Disks, box: Box, state: State, precision: str) -> None:
         Names the number, its value and the range.
     """
     with np.errstate(over="ignore", under="ignore"):
-        _check(disks, box, state, precision)
+        _check(disks, box, state, precision, hottest)
 
 
-def _check(disks: Disks, box: Box, state: State, precision: str) -> None:
+def _check(disks: Disks, box: Box, state: State, precision: str, hottest: float) -> None:
     low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
     finite = np.isfinite(disks.mass)
     if not disks.n or not finite.any():
         return
     m, R, k = disks.mass[finite], disks.radius[finite], disks.k[finite]
     v = float(max(np.abs(state.velocity).max(), (np.abs(state.spin) * disks.radius).max()))
+    v = max(v, float(np.sqrt(hottest / m.min())))  # of disks that come from there, v and R omega alike
     formed = {"m": m, "1 / m": 1.0 / m, "R^2": R * R, "k / (m R)": k / m / R, "k / (m R^2)": k / m / R / R}
     if v > 0.0:
         formed |= {"v^2": np.array([v * v]), "(R v)^2": (R * v) ** 2, "m v": m * v}

@@ -34,8 +34,8 @@ class Measure:
         Sum of m v [mass length/time].
     energy_input : float
         Energy that forces have put in since the start, less what they took out [energy].
-    wall_work : float
-        Energy that moving walls have given as work since the start [energy].
+    wall_work, wall_heat : float
+        Energy that moving walls have given as work since the start, and thermal walls as heat [energy].
     potential_energy : float
         Sum of -m g.x, g the gravity: 0 at the box's lower left corner [energy].
     wall_hits : int
@@ -55,18 +55,19 @@ class Measure:
     momentum: NDArray[np.float64]
     energy_input: float = 0.0
     wall_work: float = 0.0
+    wall_heat: float = 0.0
     potential_energy: float = 0.0
     wall_hits: int = 0
+
+    @property
+    def unspent(self) -> float:
+        """Energy that is there less all that was put in: it falls by what collisions dissipate [energy]."""
+        return self.energy + self.potential_energy - (self.energy_input + self.wall_work + self.wall_heat)
 
     @property
     def energy(self) -> float:
         """Kinetic energy, translational and rotational [energy]."""
         return self.translational_energy + self.rotational_energy
-
-    @property
-    def unspent(self) -> float:
-        """Energy that is there less all that was put in: it falls by what collisions dissipate [energy]."""
-        return self.energy + self.potential_energy - (self.energy_input + self.wall_work)
 
 
 def measure(
@@ -75,10 +76,10 @@ def measure(
     *,
     energy_input: float = 0.0,
     wall_work: float = 0.0,
-    wall_hits: int = 0,
+    wall_heat: float = 0.0,
     gravity: tuple[float, float] = (0.0, 0.0),
 ) -> Measure:
-    """Measure a gas; a state does not tell what was done in its past, nor the gravity [length/time^2].
+    """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
     Raises
     ------
@@ -106,6 +107,7 @@ def measure(
         momentum=np.array([np.sum(mass * v_x), np.sum(mass * v_y)]),
         energy_input=energy_input,
         wall_work=wall_work,
+        wall_heat=wall_heat,
         potential_energy=-float(np.sum(mass * (state.position @ np.array(gravity)))) if any(gravity) else 0.0,
-        wall_hits=wall_hits,
+        wall_hits=int(np.sum(state.wall_hits, dtype=np.int64)),
     )

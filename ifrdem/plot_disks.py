@@ -136,7 +136,7 @@ def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
 
     place = np.array(wall.place) + np.array(wall.motion.direction) * wall.motion.displacement(time)
     towards = np.array(wall.towards)
-    colour = WALL if getattr(wall, "temperature", None) is None else HOT
+    colour = WALL if wall.temperature is None else HOT
     if wall.shape in ("line", "segment"):
         if wall.shape == "line":
             along = 2.0 * size * np.array((towards[1], -towards[0]))

@@ -79,11 +79,10 @@ def _temperatures(axes: Axes, trajectory: Trajectory, profile: Profile, units: d
         _line(axes, profile, values, color=colour, marker=style[0], ls=style[1:], ms=3, lw=1.2, label=label)
     label = "thermal wall"
     for wall in trajectory.walls:
-        temperature = getattr(wall, "temperature", None)
-        if temperature is None or wall.shape != "line" or wall.towards[profile.axis] == 0.0:
+        if wall.temperature is None or wall.shape != "line" or wall.towards[profile.axis] == 0.0:
             continue
         at = wall.place[profile.axis]
-        pair = (temperature, at) if profile.axis == 1 else (at, temperature)
+        pair = (wall.temperature, at) if profile.axis == 1 else (at, wall.temperature)
         axes.plot(*pair, "D", color=HOT, ms=7, clip_on=False, zorder=5, label=label)
         label = "_"  # once in the legend
     _value_axis(axes, profile, with_unit("temperature", units.get("energy")))

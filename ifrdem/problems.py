@@ -15,7 +15,7 @@ from .coins import coins
 from .draft import Draft, Problem, Species, box_around, walls_of
 from .engine_limits import CROWD
 from .errors import InputError, nearest
-from .problems_walls import missing_features, problems_of_walls
+from .problems_walls import problems_of_walls
 from .room import Room
 from .walls import check as check_walls
 
@@ -33,7 +33,7 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
 
     A start file's path begins at `folder`.
     """
-    found = [*_wrong_names(draft), *_wrong_radii(draft), *missing_features(draft)]
+    found = [*_wrong_names(draft), *_wrong_radii(draft)]
     species = draft.known_species()
     judged = (*pairing.verdicts(draft, species), *pairing.wall_verdicts(draft, species))
     found += [Problem(each.key, None, each.message) for each in _once(judged) if not each.admissible]

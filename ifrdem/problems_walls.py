@@ -14,10 +14,6 @@ from .errors import InputError
 from .room import Room
 from .walls import Wall, check_place
 
-MISSING = frozenset({"wall.temperature", "run.contact_time"})
-"""Keys whose features the engine does not have yet. Without its name here, a key is passed on as it is: temperature by
-`draft.wall_of`, collapse and contact_time by `gas.collapse_of`."""
-
 
 def problems_of_walls(draft: Draft, box: Box, radius: NDArray[np.float64]) -> Iterator[Problem]:
     """What is wrong with walls around disks of these radii [length], shape (n,)."""
@@ -67,19 +63,3 @@ def _outside(wall: Wall, box: Box) -> bool:
     ends = np.array((wall.place, np.add(wall.place, wall.towards)))
     beyond = (ends.max(axis=0) + reach <= 0.0) | (ends.min(axis=0) - reach >= box.lengths)
     return bool(np.any(beyond))
-
-
-def missing_features(draft: Draft) -> Iterator[Problem]:
-    """Keys of features that are not there yet."""
-    text = "is not supported yet"
-    for i, section in enumerate(draft.wall):
-        if "wall.temperature" in MISSING and section is not None and section.temperature is not None:
-            yield Problem(
-                f"wall[{i}].temperature",
-                f"{section.temperature:g}",
-                f"a thermal wall {text}; a wall that moves (motion) puts in energy too",
-            )
-    if "run.contact_time" in MISSING and draft.run is not None and draft.run.contact_time is not None:
-        yield Problem(
-            "run.collapse", '"tc"', f'the rule of contact times {text}; collapse = "velocity_cutoff" is there'
-        )

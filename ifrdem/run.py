@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from . import backend, check, plot
 from .case import UNITS, Case
 from .case_file import CaseFile
-from .estimate import WALL_OBSERVABLES, Estimate
+from .estimate import Estimate
 from .gas import Gas
 from .observables import Measure
 from .outputs import Outputs
@@ -31,12 +31,11 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass
 class Ledger:
-    """The first and the latest measure in the trajectory of a run, its number of frames, and whether it has walls."""
+    """The first and the latest measure in the trajectory of a run, and how many frames it has."""
 
     first: Measure | None = None
     latest: Measure | None = None
     frames: int = 0
-    walled: bool = False
 
     def dissipated(self, measure: Measure) -> float:
         """Energy that collisions have taken since the first frame [energy]."""
@@ -44,10 +43,9 @@ class Ledger:
         return self.first.unspent - measure.unspent
 
     def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
-        """What is written of the whole gas at a frame; see `estimate.observables`."""
+        """What is written of the whole gas at a frame; see `estimate.OBSERVABLES`."""
         if self.first is None:
             self.first = measure
-        of_walls = {name: getattr(measure, name) for name in WALL_OBSERVABLES} if self.walled else {}
         return {
             "translational_energy": measure.translational_energy,
             "rotational_energy": measure.rotational_energy,
@@ -55,11 +53,14 @@ class Ledger:
             "temperature": measure.temperature,
             "rotational_temperature": measure.rotational_temperature,
             "momentum": measure.momentum,
+            "potential_energy": measure.potential_energy,
             "energy_input": measure.energy_input,
+            "wall_work": measure.wall_work,
+            "wall_heat": measure.wall_heat,
             # What is missing of what was there and what forces and walls put in was dissipated.
             "dissipated_energy": self.dissipated(measure),
             "collisions": measure.collisions,
-            **of_walls,
+            "wall_hits": measure.wall_hits,
         }
 
 
@@ -112,7 +113,7 @@ def run(
     for text in gas.warnings:
         warn(text)
 
-    ledger = Ledger(walled=case.walled)
+    ledger = Ledger()
     try:
         simulation = gas.simulation(case)
         with TrajectoryWriter(
@@ -153,6 +154,8 @@ def run(
     except KeyboardInterrupt:
         raise Interrupted(_remains(outputs.trajectory, ledger)) from None
     say(_closing(case, gas, ledger, ran, time.perf_counter() - began, progress.collisions_per_second))
+    if simulation.statistics.elastic:
+        say(f"  {simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
     for path, size in outputs.sizes().items():
         say(f"  {path} ({check.size(size)})")
 

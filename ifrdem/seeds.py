@@ -5,6 +5,8 @@ The same seed for positions and velocities must not tie the two together, nor th
 
 from __future__ import annotations
 
+import operator
+
 import numpy as np
 
 from .errors import InputError
@@ -29,3 +31,16 @@ def stream(seed: int, purpose: int) -> np.random.Generator:
 def of_species(seed: int, i: int) -> int:
     """The seed of species i, counted from 0: with one seed for all, disk j of each would draw the same numbers."""
     return int(np.random.SeedSequence([seed, i]).generate_state(1, np.uint64)[0]) if i else seed
+
+
+def of_device(seed: int) -> int:
+    """The seed as the key of random numbers on the device (`kernels/random.py`).
+
+    Raises
+    ------
+    InputError
+        If it is not a whole number from 0 to 2^64 - 1.
+    """
+    if not (hasattr(seed, "__index__") and 0 <= seed < 2**64):
+        raise InputError(f"seed = {seed}: a whole number from 0 to 2^64 - 1 is needed")
+    return operator.index(seed)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .box import Box
+from .collapse import Collapse
 from .engine import Collisions, Engine
 from .errors import InputError
 from .law import IFRLaw
@@ -53,26 +54,30 @@ class Simulation:
         first.
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
-    velocity_cutoff : float
-        Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction: a
-        remedy for inelastic collapse. `statistics.elastic` counts them.
+    collapse : {"none", "tc", "velocity_cutoff"}
+        What is done about inelastic collapse (`ifrdem.collapse.Collapse`): nothing, or some collisions are elastic and
+        without friction, which `statistics.elastic` counts, those with walls included.
+    contact_time : float, optional
+        For "tc" [time]: collisions are elastic if the latest one of either partner was less than this ago.
+    velocity_cutoff : float, optional
+        For "velocity_cutoff" [length/time]: those whose normal speed of approach is below it.
     forces : sequence of forces.Force
         Drives and drag that act between collisions, each at the middle of its own steps; at a time at which several do,
         in this order and in the reverse order by turns (`ifrdem.forces`).
     seed : int
-        Of the random numbers of the forces, 0 to 2^64 - 1.
+        Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
 
     Raises
     ------
     InputError
         If disks overlap at the start, the law could add energy for the disks present, the box is too small,
-        arrays do not fit, a force cannot act, or the device is not there.
+        arrays do not fit, a force cannot act, the remedy for collapse is incomplete, or the device is not there.
 
     Notes
     -----
     Limits: disks of similar size for speed (the largest sets the grid). Inelastic collapse (smooth disks, e_n well
-    below 0.7) takes very many collisions; touching disks that approach more slowly than 1e-14 of their velocities count
-    as at rest, which ends it, and a run that gains no time at all ends with an EngineError.
+    below 0.7) takes very many collisions without a remedy; touching disks that approach more slowly than 1e-14 of their
+    velocities count as at rest, which ends it, and a run that gains no time at all ends with an EngineError.
     """
 
     def __init__(
@@ -88,12 +93,15 @@ class Simulation:
         precision: str = "f64",
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
-        velocity_cutoff: float = 0.0,
+        collapse: str = "none",
+        contact_time: float | None = None,
+        velocity_cutoff: float | None = None,
         forces: Sequence[Force] = (),
         seed: int = 0,
     ) -> None:
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
+        remedy = Collapse(collapse, contact_time, velocity_cutoff)
         materials = max((wall.material for wall in walls), default=0)
         self._laws = _law_table(law, disks, materials)
         _check_energy(self._laws, disks, [*walls, *sides(box)])
@@ -101,7 +109,8 @@ class Simulation:
         table = np.array([[one.table_row() for one in row] for row in self._laws])
         self._engine = Engine(
             disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
-            walls=walls, gravity=gravity, velocity_cutoff=velocity_cutoff, forces=forces, seed=seed,
+            walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
+            contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
         )  # fmt: skip
 
     @property
@@ -133,6 +142,16 @@ class Simulation:
     def wall_work(self) -> float:
         """Energy that moving walls have given to the disks up to the latest `state` [energy]."""
         return self._engine.wall_work
+
+    @property
+    def wall_heats(self) -> NDArray[np.float64]:
+        """Heat that each of the `walls` has given to the disks up to the latest `state` [energy], shape (walls,)."""
+        return self._engine.wall_heats[: self._engine.given_walls]
+
+    @property
+    def wall_heat(self) -> float:
+        """Heat that all thermal walls have given to the disks up to the latest `state` [energy]."""
+        return math.fsum(self._engine.wall_heats)
 
     @property
     def statistics(self) -> Statistics:
@@ -275,7 +294,7 @@ class Simulation:
             state = self.state
             measured = measure(
                 self.disks, state, energy_input=self.energy_input, wall_work=self.wall_work,
-                wall_hits=self.wall_hits, gravity=self._engine.gravity,
+                wall_heat=self.wall_heat, gravity=self._engine.gravity,
             )  # fmt: skip
             for observer in observers:
                 observer(state, measured)

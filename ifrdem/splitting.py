@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import functools
 import math
-import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -48,7 +47,7 @@ class Splitting:
     Raises
     ------
     InputError
-        If a force is none, cannot act on these disks, or the seed is out of range.
+        If a force is none, or cannot act on these disks.
     """
 
     def __init__(
@@ -68,10 +67,8 @@ class Splitting:
                     f"forces[{i}] = {force!r}: totals = {force.totals} needs a method measure too"
                 )
             force.check(disks)
-        if not (hasattr(seed, "__index__") and 0 <= seed < 2**64):
-            raise InputError(f"seed = {seed}: a whole number from 0 to 2^64 - 1 is needed")
         self._arrays = arrays
-        self._seed = operator.index(seed)
+        self._seed = seed
         self._steps = [force.step for force in self.forces]
         self._next = [_first_after(time, step) for step in self._steps]
         self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))

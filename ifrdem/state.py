@@ -97,6 +97,11 @@ class State:
         Collisions that each disk has had.
     image : array (n, 2) of int32
         How often each disk has left the box through each side: position + image * lengths is unwrapped.
+    wall_hits : array (n,) of int32
+        Collisions with walls that each disk has had. Thermal walls count them to draw their random numbers.
+    latest_collision : array (n,)
+        When each disk last collided with a disk or wall [time], -inf if never. Only runs with the tc rule
+        (`Collapse`) keep it up to date.
 
     Raises
     ------
@@ -110,6 +115,8 @@ class State:
     time: float = 0.0
     collisions: NDArray[np.int32] = None  # type: ignore[assignment]
     image: NDArray[np.int32] = None  # type: ignore[assignment]
+    wall_hits: NDArray[np.int32] = None  # type: ignore[assignment]
+    latest_collision: NDArray[np.float64] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         self.position = np.ascontiguousarray(self.position, dtype=np.float64)
@@ -131,6 +138,20 @@ class State:
             self.collisions = np.zeros(n, dtype=np.int32)
         if self.image is None:
             self.image = np.zeros((n, 2), dtype=np.int32)
+        if self.wall_hits is None:
+            self.wall_hits = np.zeros(n, dtype=np.int32)
+        if self.latest_collision is None:
+            self.latest_collision = np.full(n, -np.inf)
+        for name in ("wall_hits", "latest_collision"):
+            if np.shape(getattr(self, name)) != (n,):
+                raise InputError(f"{name} has shape {np.shape(getattr(self, name))}: {(n,)} is needed")
+        late = ~(self.latest_collision <= self.time)
+        if np.any(late):
+            i = int(np.argmax(late))
+            raise InputError(
+                f"latest_collision[{i}] = {self.latest_collision[i]}: a time not after the state's, {self.time}, is "
+                "needed"
+            )
 
     @property
     def n(self) -> int:

@@ -133,6 +133,7 @@ class Options(TypedDict, total=False):
     material: int
     motion: Motion
     surface_speed: float
+    temperature: float | None
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,20 @@ class Wall:
     surface_speed : float
         Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
         that points to the disk, that is clockwise for a container and counter-clockwise for a post.
+    temperature : float or None
+        Of a thermal wall, above 0 [energy]: the mean of m v_x^2 of the disks of a gas behind it, so that T = <m v^2>/2,
+        and of I omega^2. None for a wall that follows the law.
+
+    Notes
+    -----
+    A disk that hits a thermal wall leaves it with a random velocity, whatever it had, in the frame of the wall's
+    surface at that place and time. In a gas of temperature T, disks that cross a line have velocities distributed as
+    v_n exp(-m v^2 / (2 T)), because the faster ones come from further away. So v_n = sqrt(-2 (T/m) ln u), u uniform
+    in (0, 1] (Rayleigh's distribution), v_t is Gaussian with variance T/m, and the spin, whose distribution has no
+    such factor, Gaussian with variance T/I about 0. A gas of elastic disks that has the wall's temperature keeps it;
+    a Gaussian v_n would cool it (Tehver et al. 1998, doi:10.1103/PhysRevE.57.R17). On average disks leave with
+    m <v^2> / 2 = 3 T / 2: they are faster than those inside. Neither material nor remedies for collapse matter at
+    such a wall. Smooth disks get spins from it too.
     """
 
     shape: Literal["line", "segment", "container", "post"]
@@ -163,6 +178,7 @@ class Wall:
     material: int = 0
     motion: Motion = Motion()
     surface_speed: float = 0.0
+    temperature: float | None = None
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
@@ -181,6 +197,8 @@ class Wall:
             object.__setattr__(self, "towards", (self.towards[0] / length, self.towards[1] / length))
         _number(f"{self.shape} wall, radius", self.radius, 0.0, open_=self.shape == "container")
         _number(f"{self.shape} wall, surface speed", self.surface_speed)
+        if self.temperature is not None:
+            _number(f"{self.shape} wall, temperature", self.temperature, 0.0, open_=True)
 
     @classmethod
     def line(cls, point: Point, normal: Point, **options: Unpack[Options]) -> Wall:
@@ -214,7 +232,7 @@ class Wall:
             [
                 SHAPES.index(self.shape), *(np.array(self.place) + offset), *self.towards, self.radius,
                 MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,
-                self.surface_speed, self.material, 0.0,
+                self.surface_speed, self.material, 0.0, self.temperature or 0.0, -1.0,
             ],
             dtype=np.float64,
         )  # fmt: skip

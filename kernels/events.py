@@ -5,7 +5,7 @@ The order of these steps and what they guarantee is told in `rounds.py`.
 
 import taichi as ti
 
-from .contact import SLOW, coefficients
+from .contact import ELASTIC, coefficients, just_collided
 from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
 from .history import flight_between, previous, record, side_of
 from .law import collide_pair
@@ -68,6 +68,9 @@ from .walls import first_wall, hit_wall
 @ti.func
 def collide_at(entry, t, a, b, shift, gas: ti.template()):
     """Collide slots a < b at time t, b lying one `shift` from a, and log it as record `entry`."""
+    lasting = 0
+    if ti.static(gas.remembers):
+        lasting = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
     gas.log_real[entry][TIME] = t
     record(entry, 0, a, gas)
     record(entry, 1, b, gas)
@@ -85,7 +88,7 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
     nx, ny = rx / r, ry / r
     g_n = (gas.flight[a][VX] - gas.flight[b][VX]) * nx + (gas.flight[a][VY] - gas.flight[b][VY]) * ny
-    e_n, e_t, mu, contact_point, rho, slow = coefficients(p, q, g_n, gas)
+    e_n, e_t, mu, contact_point, rho, remedy = coefficients(p, q, g_n, lasting, gas)
     vx_a, vy_a, w_a, vx_b, vy_b, w_b, _, _, sticking, rolling = collide_pair(
         e_n, e_t, mu, contact_point, rho, nx, ny,
         gas.kinds[kind_a][INVERSE_MASS], gas.flight[a][RADIUS], gas.kinds[kind_a][K],
@@ -105,8 +108,8 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[b][VY] = vy_b
     gas.flight[b][TAU] = t
     gas.flight[b][SPIN] = w_b
-    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + slow
-    if slow > 0:
+    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + remedy
+    if remedy > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
     limit_if_too_fast(a, t, gas)
@@ -286,7 +289,7 @@ def restore(i, gas: ti.template()):
         side = side_of(entry, i, gas)
         gas.log_int[entry][STANDS] = 0
         before = gas.log_int[entry][PREVIOUS + side]
-        if side == 0 and gas.log_int[entry][REGIME] >= SLOW:
+        if side == 0 and gas.log_int[entry][REGIME] >= ELASTIC:
             ti.atomic_sub(gas.counter[N_ELASTIC], 1)
         if gas.log_int[entry][SLOT + 1] < 0:
             ti.atomic_sub(gas.counter[N_WALL_HITS], 1)

@@ -10,7 +10,7 @@ array        shape, type   a row holds
 flight       (n, 8) real   what flights and events need (64 bytes in double precision)
 kinds        (m, 4) real   inverse mass, k, radius, material of each kind of disk
 link         (n, 8) int    partner, log chain and stamps of the current epoch
-meta         (n, 3) int    id, kind, collisions
+meta         (n, 3) int    id, kind, collisions with disks and walls
 image        (n, 2) int    box crossings, by id
 cell         (n,) int      cell number, by tile, in a tile by column
 neighbour    (n, K) int    slots of neighbours in the same frame from the front; codes 9 * slot + shift of
@@ -20,14 +20,16 @@ log_int      (c, 8) int    its slots, links and flags
 lists        (5, n) int    work lists of the rounds
 counter      (17,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
-grid         (10,) int     numbers of disks, tiles, cells and walls
-scale        (17,) real    lengths and times of the grid and the epoch, gravity
+grid         (12,) int     numbers of disks, tiles, cells and walls; the seed
+scale        (18,) real    lengths and times of the grid and the epoch, gravity
 clock        (3,) double   times in epochs run by one thread
 total        (5,) int64    collisions and epochs of one launch
-walls        (W, 16) real  geometry, motion and material of each wall (`walls.py`)
+walls        (W, 18) real  geometry, motion, material and temperature of each wall (`walls.py`)
 near_walls   (n,) int      bits of the walls that a disk can touch in this epoch
 wall_hits    (n,) int      collisions with walls, by id
-wall_work    (n,) real     energy that walls gave, by id
+wall_work    (n,) real     energy that moving walls gave, by id
+wall_heat    (n, H) double energy that each thermal wall gave, by id
+latest       (n + 1,)      double: time of each disk's latest collision, by id, and of the epoch's beginning
 law          (M, M, 5)     e_n, e_t, mu, contact_point, rho of each pair of materials
 ===========  ============  ==================================================================================
 
@@ -53,7 +55,7 @@ PARTNER, HEAD, SEQ, ACTIVE, DIRTY, AFFECTED, UNDO, LENGTH = range(8)
 # While a tile runs, its disks with events due stand in bins; these two columns then hold the bin's list.
 NEXT, PREVIOUS_IN_BIN = ACTIVE, DIRTY
 # meta
-ID, KIND, COLLISIONS = range(3)
+ID, KIND, EVENTS = range(3)
 # log_real: time, then x, y, vx, vy, spin of either disk from column BEFORE + 5 * side on
 TIME, BEFORE = 0, 1
 # log_int: slot, previous record and number in its epoch of either disk (column + side), regime flags, standing
@@ -73,20 +75,22 @@ LOG_FULL = 11  # 1: the log may have no room for another round; 2: it had too li
 N_UNDONE = 12  # collisions undone
 TOP_LEVEL = 13  # highest level of any disk in this epoch
 N_WALL_HITS = 14  # collisions with walls that stand
-N_ELASTIC = 16  # collisions that stand and were elastic because they were slow
+N_ELASTIC = 16  # collisions that stand and were elastic for a remedy for collapse (`contact.py`)
 RESTING = 15  # 1: a disk came to rest on a wall, or its next meeting with it cannot be found
 # limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event, mean
 # square of the speeds
 END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
 # grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records;
-# highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back; walls
+# highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back; walls; the seed of
+# random numbers, low and high 32 bits
 N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL, ROLL_BACK, WALLS = range(10)
+SEED_LOW, SEED_HIGH = range(10, 12)
 # scale: sides of a cell and of a tile, listing distance beyond contact, end of predictions, beginning and end of the
 # window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter,
 # gravity, a speed that walls may give to disks, approach below which collisions are elastic,
-# where the box begins in the coordinates of the tiles
+# where the box begins in the coordinates of the tiles, time since the latest collision below which one is elastic
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
-REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y = range(8, 17)
+REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y, CONTACT_TIME = range(8, 18)
 # clock, in double precision: present time, where to stop, planned length of the latest epoch
 NOW, TIME_END, PLANNED = range(3)
 # total, 64-bit: collisions still wanted; epochs, collisions, collisions with walls and elastic ones of this launch
@@ -166,4 +170,9 @@ class GasArrays(NamedTuple):
     near_walls: Any = None
     wall_hits: Any = None
     wall_work: Any = None
-    walled: bool = False  # whether there are walls: code for them is compiled only then
+    wall_heat: Any = None
+    latest: Any = None
+    # Whether there are walls, thermal ones, and a contact time: code for them is compiled only then.
+    walled: bool = False
+    thermal: bool = False
+    remembers: bool = False

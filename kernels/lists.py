@@ -19,6 +19,7 @@ from .layout import (
     N_UNDONE,
     N_VIOLATIONS,
     N_WALL_HITS,
+    NOW,
     OTHER,
     RADIUS,
     REACH,
@@ -28,6 +29,7 @@ from .layout import (
     SKIN,
     TE,
     TOP_LEVEL,
+    N,
     X,
     Y,
     n_others,
@@ -61,6 +63,8 @@ def open_epoch(gas: ti.template()):
     ):
         gas.counter[item] = 0
     gas.limit[END] = gas.scale[HORIZON]
+    if ti.static(gas.remembers):
+        gas.latest[gas.grid[N]] = gas.clock[NOW]
     if ti.static(gas.walled):
         wall_phases(gas)
 

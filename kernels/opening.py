@@ -43,14 +43,15 @@ from .walls import note_walls, offer_wall
 
 @ti.kernel
 def list_tiles(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, start: Rows,
-    neighbour: Rows, counter: Rows, limit: Rows, cell: Rows, clock: Rows, walls: Rows, near_walls: Rows,
+    walled: ti.template(), remembers: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows,
+    start: Rows, neighbour: Rows, counter: Rows, limit: Rows, cell: Rows, clock: Rows, walls: Rows,
+    near_walls: Rows, latest: Rows,
 ):  # fmt: skip
     """Open an epoch: list every pair closer than contact + skin, predict first events. One thread a tile."""
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, start=start, neighbour=neighbour,
         counter=counter, limit=limit, cell=cell, clock=clock, walls=walls, near_walls=near_walls,
-        walled=walled,
+        latest=latest, walled=walled, remembers=remembers,
     ))  # fmt: skip
     for _ in range(1):
         open_epoch(gas)
@@ -61,14 +62,15 @@ def list_tiles(
 
 @ti.kernel
 def list_disks(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows,
-    start: Rows, neighbour: Rows, counter: Rows, limit: Rows, clock: Rows, walls: Rows, near_walls: Rows,
+    walled: ti.template(), remembers: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows,
+    cell: Rows, start: Rows, neighbour: Rows, counter: Rows, limit: Rows, clock: Rows, walls: Rows,
+    near_walls: Rows, latest: Rows,
 ):  # fmt: skip
     """The same as `list_tiles`, one thread a disk: every pair is looked at twice, but thousands of threads help."""
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, counter=counter, limit=limit, clock=clock, walls=walls, near_walls=near_walls,
-        walled=walled,
+        latest=latest, walled=walled, remembers=remembers,
     ))  # fmt: skip
     for _ in range(1):
         open_epoch(gas)

@@ -5,7 +5,8 @@ Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC '11, doi:10.114
 
 A *stream* is a vector of six words: id of the disk, number of the force's step (low and high word), 2^16 times the
 index of the force, and the seed (low and high word). The first four are the counter, the last two the key; draws
-`number` 0 to 65535 of a stream are independent of each other.
+`number` 0 to 65535 of a stream are independent of each other. Thermal walls (`thermal.py`) take the highest index, and
+the number of a disk's collisions in place of the step's.
 """
 
 import taichi as ti
@@ -63,3 +64,10 @@ def normals(stream, number):
     radius = ti.sqrt(-2.0 * ti.log(unit(w[0], w[1])))
     angle = 6.283185307179586 * unit(w[2], w[3])
     return ti.Vector([ti.cast(radius * ti.cos(angle), float), ti.cast(radius * ti.sin(angle), float)])
+
+
+@ti.func
+def rayleigh(stream, number):
+    """A random number, 0 or more, with density x exp(-x^2 / 2): draw `number` of a stream, as used up by `normals`."""
+    w = words(stream, number)
+    return ti.cast(ti.sqrt(-2.0 * ti.log(unit(w[0], w[1]))), float)

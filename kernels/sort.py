@@ -9,10 +9,10 @@ from .layout import (
     CELL_Y,
     CELLS_X,
     CELLS_Y,
-    COLLISIONS,
     DIRTY,
     DURATION,
     EARLIEST,
+    EVENTS,
     FAR,
     FASTEST,
     GX,
@@ -45,7 +45,7 @@ from .layout import (
     X,
     Y,
 )
-from .walls import tally_walls
+from .tally import note_latest, tally_walls
 
 BLOCK = 1024  # items that one thread handles at a time in scans and reductions
 
@@ -76,6 +76,8 @@ def fly(i, gas: ti.template()):
     dt = gas.scale[DURATION] - gas.flight[i][TAU]
     x = gas.flight[i][X] + gas.flight[i][VX] * dt
     y = gas.flight[i][Y] + gas.flight[i][VY] * dt
+    if ti.static(gas.remembers):
+        note_latest(i, gas)
     if ti.static(gas.walled):
         tally_walls(i, gas)
         # From the frame that fell since the beginning of the epoch back to the lab.
@@ -100,7 +102,7 @@ def fly(i, gas: ti.template()):
         gas.image[gas.meta[i][ID]][1] += box_y
     gas.flight[i][X] = x
     gas.flight[i][Y] = y
-    gas.meta[i][COLLISIONS] += gas.link[i][SEQ]
+    gas.meta[i][EVENTS] += gas.link[i][SEQ]
     c = tile * cells + in_x * gas.grid[CELLS_Y] + in_y
     gas.cell[i] = c
     ti.atomic_add(gas.fill[c], 1)
@@ -205,9 +207,10 @@ def clear(s, gas: ti.template()):
 
 @ti.kernel
 def settle(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
-    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows,
-    order: Rows, squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows, wall_work: Rows,
+    walled: ti.template(), thermal: ti.template(), remembers: ti.template(), grid: Rows, scale: Rows,
+    flight: Rows, kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows, log_real: Rows, log_int: Rows,
+    start: Rows, fill: Rows, block: Rows, order: Rows, squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows,
+    wall_work: Rows, wall_heat: Table, latest: Rows,
 ):  # fmt: skip
     """Fly every disk on by `gas.scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
@@ -219,7 +222,8 @@ def settle(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order,
-        squares=squares, limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work, walled=walled,
+        squares=squares, limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work,
+        wall_heat=wall_heat, latest=latest, walled=walled, thermal=thermal, remembers=remembers,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0
@@ -270,7 +274,10 @@ def export(
     grid: Rows, scale: Rows, flight: Rows, meta: Rows, image: Rows, cell: Rows, real_out: Table,
     int_out: Table,
 ):  # fmt: skip
-    """Settled disks in id order: x, y, vx, vy, spin into `real_out` (n, 5); collisions, crossings into `int_out`."""
+    """Settled disks in id order: x, y, vx, vy, spin into `real_out` (n, 5); collisions, crossings into `int_out`.
+
+    These collisions are with disks and walls.
+    """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, meta=meta, image=image, cell=cell,
     ))  # fmt: skip
@@ -282,6 +289,6 @@ def export(
         real_out[i, 2] = gas.flight[s][VX]
         real_out[i, 3] = gas.flight[s][VY]
         real_out[i, 4] = gas.flight[s][SPIN]
-        int_out[i, 0] = gas.meta[s][COLLISIONS]
+        int_out[i, 0] = gas.meta[s][EVENTS]
         int_out[i, 1] = gas.image[i][0]
         int_out[i, 2] = gas.image[i][1]

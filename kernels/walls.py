@@ -27,26 +27,25 @@ RISE            part of its period in which SAWTOOTH rises, from -AMPLITUDE to A
 SURFACE         speed of the wall's surface along its tangent, (-n_y, n_x) of the normal towards the disk
 WALL_MATERIAL   row of the law's table
 NOW_0           what MOTION needs to know of the beginning of the epoch: displacement (STEADY), phase
+TEMPERATURE     of a thermal wall [energy], which does not follow the law (`thermal.py`); else 0
+HEAT            column of `wall_heat` of a thermal wall, else -1
 ==============  ==========================================================================================
 """
 
 import taichi as ti
 
-from .contact import coefficients
+from .contact import ELASTIC, coefficients, just_collided
 from .flights import rounding
-from .history import flight_between, previous, record
+from .history import record
 from .law import collide_pair
 from .layout import (
     CELLS_X,
     CELLS_Y,
-    COLLISIONS,
     FAR,
     FIRST_WALL,
     GX,
     GY,
-    HEAD,
     HORIZON,
-    ID,
     INVERSE_MASS,
     KIND,
     MATERIAL,
@@ -76,9 +75,10 @@ from .layout import (
     Y,
 )
 from .levels import limit_if_too_fast
+from .thermal import thermal_velocity
 
 TYPE, PX, PY, QX, QY, CIRCLE, MOTION, UX, UY = range(9)
-AMPLITUDE, RATE, PHASE, RISE, SURFACE, WALL_MATERIAL, NOW_0 = range(9, 16)
+AMPLITUDE, RATE, PHASE, RISE, SURFACE, WALL_MATERIAL, NOW_0, TEMPERATURE, HEAT = range(9, 18)
 LINE, SEGMENT, CONTAINER, POST = range(4)
 STILL, STEADY, SINE, SAWTOOTH = range(4)
 MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls take tens
@@ -320,6 +320,9 @@ def offer_wall(i, gas: ti.template()):
 def hit_wall(entry, t, i, gas: ti.template()):
     """Collide disk i with the wall that it names, at time t; log it as record `entry`, the second disk being -1 - w."""
     w = FIRST_WALL - gas.link[i][PARTNER]
+    lasting = 0
+    if ti.static(gas.remembers):
+        lasting = just_collided(i, t, gas)
     gas.log_real[entry][TIME] = t
     record(entry, 0, i, gas)
     gas.log_int[entry][SLOT + 1] = -1 - w
@@ -339,60 +342,30 @@ def hit_wall(entry, t, i, gas: ti.template()):
     vx, vy = gas.flight[i][VX] + gx * t, gas.flight[i][VY] + gy * t
     ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
     uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
-    e_n, e_t, mu, contact_point, rho, slow = coefficients(p, q, (ux - vx) * nx + (uy - vy) * ny, gas)
+    e_n, e_t, mu, contact_point, rho, remedy = coefficients(
+        p, q, (ux - vx) * nx + (uy - vy) * ny, lasting, gas
+    )
     vx, vy, spin, _, _, _, _, _, sticking, rolling = collide_pair(
         e_n, e_t, mu, contact_point, rho, -nx, -ny,
         gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, gas.flight[i][SPIN],
         0.0, radius, 1.0, ux, uy, 0.0,
     )  # fmt: skip
+    regime = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + remedy
+    if ti.static(gas.thermal):
+        if gas.walls[w][TEMPERATURE] > 0.0:
+            vx, vy, spin = thermal_velocity(
+                i, gas.log_int[entry][NUMBER], gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas
+            )
+            regime = 0
     gas.flight[i][X] = x
     gas.flight[i][Y] = y
     gas.flight[i][VX] = vx - gx * t
     gas.flight[i][VY] = vy - gy * t
     gas.flight[i][TAU] = t
     gas.flight[i][SPIN] = spin
-    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + slow
-    if slow > 0:
+    gas.log_int[entry][REGIME] = regime
+    if regime >= ELASTIC:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
     ti.atomic_add(gas.counter[N_WALL_HITS], 1)
     limit_if_too_fast(i, t, gas)
-
-
-@ti.func
-def tally_walls(i, gas: ti.template()):
-    """At the end of an epoch: add up disk i's collisions with walls and the energy that they gave, in their order.
-
-    A wall works on what it pushes: the impulse times its own velocity.
-    """
-    hits = 0
-    work = 0.0 * gas.scale[HORIZON]
-    corner_x, corner_y = corner_of(i, gas)
-    vx, vy = gas.flight[i][VX], gas.flight[i][VY]
-    entry = gas.link[i][HEAD]
-    while entry >= 0:
-        before = previous(entry, i, gas)
-        other = gas.log_int[entry][SLOT + 1]
-        x, y, vx_0, vy_0, began, t, _number, _second = flight_between(
-            i, before, entry, gas.scale[HORIZON], gas
-        )
-        if other < 0:
-            hits += 1
-            w = -1 - other
-            s, speed, _bound, _until = wall_motion(w, t, gas)
-            nx, ny, _distance = wall_vector(
-                w,
-                corner_x + x + vx_0 * (t - began) + 0.5 * gas.scale[GX] * t * t,
-                corner_y + y + vy_0 * (t - began) + 0.5 * gas.scale[GY] * t * t,
-                s, gas,
-            )  # fmt: skip
-            ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
-            uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
-            inverse_mass = gas.kinds[gas.meta[i][KIND]][INVERSE_MASS]
-            work += ((vx - vx_0) * ux + (vy - vy_0) * uy) / inverse_mass
-        vx, vy = vx_0, vy_0
-        entry = before
-    if hits > 0:
-        gas.wall_hits[gas.meta[i][ID]] += hits
-        gas.wall_work[gas.meta[i][ID]] += work
-        gas.meta[i][COLLISIONS] -= hits  # those are with disks

@@ -52,7 +52,9 @@ def contact_delay(rx: float, ry: float, vx: float, vy: float, sigma: float) -> f
 class _Gas:
     """The moving disks, their cells, and the heap of what comes next."""
 
-    def __init__(self, disks: Disks, box: Box, laws: np.ndarray, state: State) -> None:
+    def __init__(
+        self, disks: Disks, box: Box, laws: np.ndarray, state: State, contact_time: float = 0.0
+    ) -> None:
         self.mass = disks.mass.tolist()
         self.radius = disks.radius.tolist()
         self.k = disks.k.tolist()
@@ -69,6 +71,8 @@ class _Gas:
         self.spin = state.spin.tolist()
         self.clock = [state.time] * n
         self.count = [0] * n  # collisions since the start
+        self.contact_time = contact_time
+        self.latest = state.latest_collision.tolist()
         # The pair that collided last, as (partner, image): it cannot touch again before either touches
         # something else, since it separates. Says so where rounding does not (b = -1e-17 at contact).
         self.last: list[tuple[int, int, int] | None] = [None] * n
@@ -158,8 +162,13 @@ class _Gas:
             self.clock[d] = now
         rx, ry = self.separation(i, j, sx, sy, now)
         distance = math.hypot(rx, ry)
+        law = self.laws[self.material[i]][self.material[j]]
+        # Luding and McNamara's rule: elastic if either partner's latest collision was less than the contact time ago.
+        if min(now - self.latest[i], now - self.latest[j]) < self.contact_time:
+            law = [1.0, -1.0, 0.0, 0.0, 0.0]
+        self.latest[i] = self.latest[j] = now
         after = collide_pair(
-            *self.laws[self.material[i]][self.material[j]],
+            *law,
             rx / distance,
             ry / distance,
             1.0 / self.mass[i],
@@ -194,6 +203,7 @@ def simulate(
     *,
     t_end: float | None = None,
     max_collisions: int | None = None,
+    contact_time: float = 0.0,
 ) -> tuple[State, list[tuple[float, int, int]]]:
     """Simulate hard disks in a periodic box, event by event.
 
@@ -208,6 +218,8 @@ def simulate(
     max_collisions : int, optional
         Stop right after this many collisions, at the time of the last one.
         Stops at whichever comes first. Without `t_end`, disks that move and never touch run for ever.
+    contact_time : float
+        Of the tc rule [time]; 0 does without.
 
     Returns
     -------
@@ -226,7 +238,7 @@ def simulate(
     stop = math.inf if t_end is None else t_end
 
     collisions: list[tuple[float, int, int]] = []
-    gas = _Gas(disks, box, laws, state)
+    gas = _Gas(disks, box, laws, state, contact_time)
     while gas.heap and len(collisions) < most and gas.heap[0][0] < stop:
         now, i, j, stamp_i, stamp_j, sx, sy = heapq.heappop(gas.heap)
         if i == CROSSING:
@@ -252,6 +264,7 @@ def simulate(
             time=end,
             collisions=state.collisions + np.array(gas.count, dtype=np.int32),
             image=state.image + turns.astype(np.int32),
+            latest_collision=np.array(gas.latest),
         ),
         collisions,
     )

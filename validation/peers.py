@@ -47,7 +47,7 @@ from importlib import metadata
 from typing import Any
 
 from .. import __version__, backend
-from ..arguments import Parser
+from ..arguments import Parser, whole
 from ..errors import EngineError, InputError
 from . import soft_disks
 from .side_by_side import Options, Row, compare
@@ -149,17 +149,6 @@ def _versions() -> dict[str, str]:
 # --- the command line -------------------------------------------------------------------------------------------------
 
 
-def _whole(option: str, text: str, least: int, most: float = math.inf) -> int:
-    allowed = f"{least} or more" if math.isinf(most) else f"{least} to {most:.0f}"
-    try:
-        value = int(float(text)) if float(text).is_integer() else None  # 1e5 is a whole number too
-    except (ValueError, OverflowError):
-        value = None
-    if value is None or not least <= value <= most:
-        raise InputError(f"{option} = {text}: a whole number, {allowed}, is needed")
-    return value
-
-
 def _number(option: str, text: str, least: float, most: float) -> float:
     try:
         value = float(text)
@@ -209,10 +198,10 @@ def parse(arguments: Sequence[str]) -> tuple[Options, bool]:
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     given = parser.parse_args(list(arguments))
 
-    n = _whole("--n", given.n, 100)
+    n = whole("--n", given.n, 100)
     threads = backend.cores()
     if given.threads is not None:
-        threads = _whole("--threads", given.threads, 1, threads)
+        threads = whole("--threads", given.threads, 1, threads)
     length, soft_length = max(10.0, 1e5 / n), min(max(1e4 / n, 0.1), 1.0)
     if given.collisions_per_disk is not None:
         length = _number("--collisions-per-disk", given.collisions_per_disk, 0.1, 1e4)
@@ -223,11 +212,11 @@ def parse(arguments: Sequence[str]) -> tuple[Options, bool]:
         phi=_number("--phi", given.phi, 0.01, 0.72),
         e_n=_number("--e-n", given.e_n, 0.5, 1.0),
         threads=threads,
-        runs=_whole("--runs", given.runs, FEWEST_RUNS),
+        runs=whole("--runs", given.runs, FEWEST_RUNS),
         collisions=length,
         soft_collisions=soft_length,
-        steps_per_contact=_whole("--steps-per-contact", given.steps_per_contact, 10, 1000),
-        seed=_whole("--seed", given.seed, 0),
+        steps_per_contact=whole("--steps-per-contact", given.steps_per_contact, 10, 1000),
+        seed=whole("--seed", given.seed, 0),
     )
     return options, bool(given.json)
 

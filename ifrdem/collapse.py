@@ -1,0 +1,58 @@
+"""Inelastic collapse, and the two remedies for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from .errors import InputError, nearest
+
+COLLAPSE = ("none", "tc", "velocity_cutoff")
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """What is done about inelastic collapse: infinitely many collisions in a finite time.
+
+    Parameters
+    ----------
+    kind : {"none", "tc", "velocity_cutoff"}
+        none: nothing; a collapse without end stops the run with an EngineError.
+        tc: a collision is elastic if the latest collision of either partner, with a disk or a wall, was less than the
+        contact time ago. Luding and McNamara (1998), doi:10.1007/s100350050017.
+        velocity_cutoff: a collision is elastic if its normal speed of approach is below the cut-off.
+    contact_time : float, optional
+        Above 0 [time]; "tc" needs it, and nothing else may have it.
+    velocity_cutoff : float, optional
+        Above 0 [length/time]; "velocity_cutoff" needs it, and nothing else may have it.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown, or a number is missing, not above 0, or of no use.
+
+    Notes
+    -----
+    Elastic means like smooth elastic disks: e_n = 1, without friction or other change of spins, so that it costs no
+    energy. Both bias what they touch: some 1e-2 of the mean free time at the start is a contact time that does so
+    little; a gas that has cooled below the cut-off stops cooling.
+    """
+
+    kind: str = "none"
+    contact_time: float | None = None
+    velocity_cutoff: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.kind not in COLLAPSE:
+            raise InputError(
+                f"collapse = {self.kind!r}: allowed are {', '.join(COLLAPSE)}{nearest(str(self.kind), COLLAPSE)}"
+            )
+        for name, kind in (("contact_time", "tc"), ("velocity_cutoff", "velocity_cutoff")):
+            value = getattr(self, name)
+            if self.kind == kind:
+                if value is None or not (math.isfinite(value) and value > 0.0):
+                    raise InputError(f'{name} = {value}: collapse = "{kind}" needs a finite number above 0')
+            elif value is not None:
+                raise InputError(
+                    f'{name} = {value} is used with collapse = "{kind}" only, not with collapse = "{self.kind}"'
+                )
