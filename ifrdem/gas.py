@@ -17,7 +17,7 @@ from .case import Case, is_trajectory
 from .draft import Draft, Problem, Species, box_around, walls_of
 from .errors import InputError
 from .law import EnergyWarning, IFRLaw
-from .pairing import PairVerdict, verdicts, wall_name, wall_verdicts
+from .pairing import PairVerdict, verdicts, wall_verdicts
 from .problems import problems
 from .room import Room
 from .simulation import Simulation
@@ -82,7 +82,7 @@ class Gas:
             names.insert(0, case.box.material)  # the engine makes the sides of the first one
         materials = tuple(dict.fromkeys([*names, *draft.materials_of_walls()]))
         judged = (*verdicts(draft, list(species)), *wall_verdicts(draft, list(species)))
-        laws = [[_law_between(judged, species, a, b) for b in materials] for a in materials]
+        laws = [[_law_between(judged, a, b) for b in materials] for a in materials]
         disks = _disks(species, materials)
         box = box_around(case.box, disks.radius)
         walls = tuple(walls_of(case.wall, materials))
@@ -226,15 +226,7 @@ def _disks(species: tuple[Species, ...], materials: tuple[str, ...]) -> Disks:
     )
 
 
-def _law_between(
-    judged: tuple[PairVerdict, ...], species: tuple[Species, ...], a: str, b: str
-) -> IFRLaw | None:
-    """The law of two materials, made for the largest mean k of the species that have them; None if none has."""
-    material = {each.name: each.material for each in species}
-    material |= {wall_name(name): name for name in (a, b)}
-    laws = [
-        each.law
-        for each in judged
-        if each.law is not None and {material[each.first], material[each.second]} == {a, b}
-    ]
+def _law_between(judged: tuple[PairVerdict, ...], a: str, b: str) -> IFRLaw | None:
+    """The law of two materials, made for the largest mean k of what meets with them; None if nothing does."""
+    laws = [each.law for each in judged if each.law is not None and each.materials == {a, b}]
     return max(laws, key=lambda law: law.k, default=None)

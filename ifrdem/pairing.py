@@ -23,6 +23,7 @@ class PairVerdict(NamedTuple):
     strict: bool
     message: str
     law: IFRLaw | None
+    materials: frozenset[str] = frozenset()
 
 
 class Coefficients(NamedTuple):
@@ -97,12 +98,13 @@ def verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
         if isinstance(made_of, Problem):
             yield PairVerdict(one.name, other.name, made_of.key, False, False, made_of.text, None)
         elif made_of is not None:
-            yield _judged(made_of, one, other)
+            yield _judged(made_of, one, other)._replace(materials=frozenset((one.material, other.material)))
 
 
 def wall_verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
-    """The same for every species and every material of walls, with `wall_name` of it as the second name."""
+    """The same for every species and every material of walls."""
     for material in draft.materials_of_walls():
+        wall = f"wall ({material})"
         for each in species:
             made_of = _coefficients(draft, each.material, material)
             if isinstance(made_of, Problem):
@@ -111,15 +113,11 @@ def wall_verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]
                     *(name for one in draft.pair if one for name in one.materials),
                 )
                 text = made_of.text + ("" if material in known else nearest(material, known))
-                yield PairVerdict(each.name, wall_name(material), made_of.key, False, False, text, None)
+                yield PairVerdict(each.name, wall, made_of.key, False, False, text, None)
             elif made_of is not None:
                 # Beside an infinite mass, the pair's mean k is the disk's own.
-                yield _judgement(made_of, each.name, wall_name(material), each.k, each.k)
-
-
-def wall_name(material: str) -> str:
-    """How reports call the walls of one material."""
-    return f"wall ({material})"
+                verdict = _judgement(made_of, each.name, wall, each.k, each.k)
+                yield verdict._replace(materials=frozenset((each.material, material)))
 
 
 def _judged(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:

@@ -88,6 +88,7 @@ def _wrong_names(draft: Draft) -> Iterator[Problem]:
         elif section.material is not None and section.material not in names and all_known:
             text = f"no such material{nearest(section.material, names)}; there are {_listed(names)}"
             yield Problem(key, f'"{section.material}"', text)
+    walls_known = draft.box is not None and None not in draft.wall
     pairs: dict[frozenset[str], int] = {}
     for i, pair in enumerate(draft.pair):
         if pair is None:
@@ -95,9 +96,9 @@ def _wrong_names(draft: Draft) -> Iterator[Problem]:
         a, b = pair.materials
         value = f'["{a}", "{b}"]'
         known = names + [each.coin for each in draft.species if each is not None and each.coin is not None]
-        known += draft.materials_of_walls()
+        known = list(dict.fromkeys([*known, *draft.materials_of_walls()]))
         for name in pair.materials:
-            if name not in known and all_known:
+            if name not in known and all_known and walls_known:
                 text = f"no material is called '{name}'{nearest(name, known)}; there are {_listed(known)}"
                 yield Problem(f"pair[{i}].materials", value, text)
         if a == b:

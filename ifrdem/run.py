@@ -188,9 +188,10 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
     lost = ledger.dissipated(last)
     energy = case.unit("energy")
     if case.walled:
-        lines.append(
-            f"  {last.wall_hits} collisions with walls, which gave {last.wall_work:.6g}{energy} as work"
-        )
+        gave = f"{last.wall_work:.6g}{energy} as work"
+        if last.wall_heat != 0.0:
+            gave += f" and {last.wall_heat:.6g}{energy} as heat"
+        lines.append(f"  {last.wall_hits} collisions with walls, which gave {gave}")
     if case.force or case.walled:
         put_in = f"forces put in {last.energy_input:.6g}{energy}, " if case.force else ""
         lines.append(f"  {put_in}collisions dissipated {lost:.6g}{energy}")
