@@ -14,6 +14,8 @@ from pydantic_core import PydanticCustomError
 
 from . import radii
 from .case_forces import ForceSection
+from .case_run import BoxSection, Name, RunSection
+from .case_walls import WallSection
 from .engine_limits import MOST_DISKS
 from .errors import nearest
 from .section import Choice, Section
@@ -25,79 +27,6 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
 WAYS_TO_PLACE = ("random", "growth", "hexagonal")
-
-Name = Annotated[str, Field(min_length=1, max_length=100)]
-
-
-class RunSection(Section):
-    """The run as a whole."""
-
-    choices = (Choice(("t_end",)), Choice(("collisions_per_disk",)))
-
-    name: str = Field(
-        default="run",
-        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$",
-        max_length=100,
-        description="name [text: letters, digits, _ . + -]; the outputs are NAME.h5 and NAME.png",
-        examples=["cooling"],
-    )
-    seed: int = Field(
-        default=0,
-        ge=0,
-        lt=2**63,
-        description="seed of every random number [whole number]; one seed, one result",
-        examples=[1],
-    )
-    t_end: float | None = Field(
-        default=None, gt=0.0, description="simulated time at which the run ends [s]", examples=[2.0]
-    )
-    collisions_per_disk: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="collisions per disk, mean over all disks, at which the run ends [1]",
-        examples=[50.0],
-    )
-    arch: Literal["cpu", "cuda"] = Field(
-        default="cpu", description='what computes: "cpu", or "cuda" (an NVIDIA GPU)', examples=["cpu"]
-    )
-    threads: int | None = Field(
-        default=None,
-        ge=1,
-        description="CPU threads [whole number]; all cores without it. The result does not depend on it",
-        examples=[2],
-    )
-    precision: Literal["f64", "f32"] = Field(
-        default="f64",
-        description='numbers that the run computes with: "f64" (double precision), or "f32" (single: less '
-        "memory, less exact)",
-        examples=["f64"],
-    )
-    units: Literal["SI", "reduced"] = Field(
-        default="SI",
-        description='"SI": numbers are in the units in brackets; "reduced": in any consistent system, '
-        "and the brackets only tell the dimension. Nothing is converted",
-        examples=["SI"],
-    )
-
-
-class BoxSection(Section):
-    """The periodic rectangle that the disks move in."""
-
-    choices = (Choice(("packing_fraction",), also=("aspect",)), Choice(("lengths",)))
-
-    packing_fraction: float | None = Field(
-        default=None,
-        gt=0.0,
-        le=0.9069,
-        description="fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal "
-        "disks; start.positions says how dense a start can be",
-        examples=[0.25],
-    )
-    aspect: float = Field(default=1.0, gt=0.0, description="ratio of the sides Lx/Ly [1]", examples=[1.0])
-    lengths: list[Annotated[float, Field(gt=0.0)]] | None = Field(
-        default=None, min_length=2, max_length=2, description="sides [Lx, Ly] [m]", examples=[[8.0, 8.0]]
-    )
-
 
 # The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
 NormalRestitution = Annotated[
@@ -146,12 +75,12 @@ class MaterialSection(Section):
 
 
 class PairSection(Section):
-    """How disks of two different materials collide. No coefficient is ever guessed from two materials."""
+    """How two different materials collide, those of walls too. No coefficient is ever guessed from two materials."""
 
     materials: list[Name] = Field(
         min_length=2,
         max_length=2,
-        description="names of the two materials [text]",
+        description="names of the two materials [text], of disks or of disks and a wall",
         examples=[["bronze-aluminium", "aluminium"]],
     )
     e_n: NormalRestitution
@@ -367,9 +296,20 @@ class Case(Section):
     material: list[MaterialSection] = Field(default_factory=list)
     pair: list[PairSection] = Field(default_factory=list)
     species: list[SpeciesSection] = Field(min_length=1)
+    wall: list[WallSection] = Field(default_factory=list)
     force: list[ForceSection] = Field(default_factory=list)
     start: StartSection = Field(default_factory=StartSection)
     output: OutputSection = Field(default_factory=OutputSection)
+
+    @property
+    def walled(self) -> bool:
+        """Whether there are walls, at sides of the box or elsewhere."""
+        return bool(self.wall) or not all(self.box.periodic)
+
+    @property
+    def homogeneous(self) -> bool:
+        """Whether kinetic theory of a homogeneous gas may hold: without walls, gravity and elastic exceptions."""
+        return not self.walled and not any(self.box.gravity) and self.run.collapse == "none"
 
     def unit(self, quantity: str) -> str:
         """What to print after a number: " m" for "length" in SI, nothing in reduced units."""

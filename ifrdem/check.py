@@ -16,6 +16,8 @@ from .engine_limits import BYTES_PER_DISK
 from .errors import InputError
 from .estimate import OBSERVABLES, Estimate, disk_bytes
 from .gas import Gas
+from .report_walls import lines_of_walls
+from .trajectory import describe_sides
 
 HOST_BYTES_PER_DISK = 300
 """What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
@@ -76,9 +78,11 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
     """Everything that can be said of a case before it runs."""
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
     speed = f"{length}/{time.strip()}" if length else ""
-    sides = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
+    lengths = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
+    kind = describe_sides(gas.box)
+    box = f"a periodic box of {lengths}" if kind == "periodic" else f"a box of {lengths}, {kind}"
     lines = [
-        f"{case.run.name}: {gas.disks.n} disks in a periodic box of {sides}, {case.run.units} units",
+        f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units",
         _row("packing fraction", f"{estimate.packing_fraction:.5g}"),
         _row("number density", f"{estimate.number_density:.5g}{f' per{length}^2' if length else ''}"),
     ]
@@ -113,6 +117,7 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
         )
         if not verdict.strict:
             lines.append(_row("", verdict.message))
+    lines += [_row(*each) for each in lines_of_walls(case, gas, estimate)]
     lines += _forces(case, estimate)
     each_disk = disk_bytes(case.output.fields, case.output.precision)
     frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"

@@ -33,6 +33,10 @@ class _Equal:
 
 def _equal_disks(trajectory: Trajectory) -> _Equal | str:
     """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
+    if trajectory.room.all_walls:
+        return "walls: no kinetic theory here"
+    if trajectory.parameters.get("collapse", "none") != "none":
+        return "elastic exceptions against collapse: no kinetic theory here"
     disks = trajectory.disks
     columns = (disks.mass, disks.radius, disks.k, disks.material)
     if any(np.ptp(column) != 0 for column in columns):

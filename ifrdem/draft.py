@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -22,9 +22,11 @@ from .case import (
     StartSection,
 )
 from .case_forces import ForceSection
+from .case_walls import WallSection
 from .coins import coins
 from .errors import InputError
 from .section import Section
+from .walls import Motion, Wall
 
 S = TypeVar("S", bound=Section)
 
@@ -118,6 +120,7 @@ class Draft:
     start: StartSection | None
     material_names: tuple[str, ...]  # those of sections with mistakes too
     force: tuple[ForceSection | None, ...] = ()
+    wall: tuple[WallSection | None, ...] = ()
 
     @classmethod
     def from_sections(cls, raw: Mapping[str, Any]) -> Draft:
@@ -146,6 +149,7 @@ class Draft:
                 if isinstance(each, Mapping) and isinstance(each.get("name"), str)
             ),
             force=several(ForceSection, raw.get("force", [])),
+            wall=several(WallSection, raw.get("wall", [])),
         )
 
     @classmethod
@@ -160,16 +164,29 @@ class Draft:
             case.start,
             tuple(each.name for each in case.material),
             tuple(case.force),
+            tuple(case.wall),
         )
 
     @property
     def sets_in_motion(self) -> bool:
-        """Whether a force moves disks that are at rest, or may: one with mistakes counts."""
+        """Whether a force, a wall or gravity moves disks that are at rest, or may: one with mistakes counts."""
         moving = ("kicks", "langevin")
-        return any(
+        forces = any(
             each is None or (each.kind in moving and each.temperature != 0.0 and each.rate != 0.0)
             for each in self.force
         )
+        walls = any(each is None or each.motion is not None for each in self.wall)
+        return forces or walls or (self.box is not None and any(self.box.gravity))
+
+    def materials_of_walls(self) -> dict[str, str]:
+        """The materials of walls, each with the key that names it first; that of the sides of the box comes first."""
+        found: dict[str, str] = {}
+        if self.box is not None and self.box.material is not None:
+            found[self.box.material] = "box.material"
+        for i, each in enumerate(self.wall):
+            if each is not None and each.material is not None:
+                found.setdefault(each.material, f"wall[{i}].material")
+        return found
 
     def known_species(self) -> list[Species]:
         """The species that are in order, with the radii that the run's seed gives them."""
@@ -219,7 +236,43 @@ def box_around(section: BoxSection, radius: NDArray[np.float64]) -> Box:
     InputError
         If they can never cover that fraction of it.
     """
-    if section.lengths is not None:
-        return Box((section.lengths[0], section.lengths[1]))
-    assert section.packing_fraction is not None
-    return Box.from_packing_fraction(radius, section.packing_fraction, section.aspect)
+    lengths = section.lengths
+    if lengths is None:
+        assert section.packing_fraction is not None
+        lengths = list(Box.from_packing_fraction(radius, section.packing_fraction, section.aspect).lengths)
+    return Box((lengths[0], lengths[1]), (section.periodic[0], section.periodic[1]))
+
+
+def walls_of(sections: Sequence[WallSection | None], materials: Sequence[str] | None = None) -> list[Wall]:
+    """The walls that sections describe; those with mistakes are left out.
+
+    `materials` are the names of the rows of the law's table; without them all walls get row 0.
+    """
+    return [
+        wall_of(each, 0 if materials is None or each.material is None else materials.index(each.material))
+        for each in sections
+        if each is not None
+    ]
+
+
+def wall_of(section: WallSection, material: int = 0) -> Wall:
+    """The wall that a section describes, of the material in this row of the law's table."""
+    options: dict[str, Any] = {"material": material, "surface_speed": section.surface_speed}
+    if section.motion is not None:
+        options["motion"] = Motion(**section.motion.model_dump(exclude_none=True))
+    if section.temperature is not None:
+        options["temperature"] = section.temperature
+
+    def point(value: list[float] | None) -> tuple[float, float]:
+        assert value is not None  # the section's own check sees to it
+        return value[0], value[1]
+
+    match section.shape:
+        case "line":
+            return Wall.line(point(section.point), point(section.normal), **options)
+        case "segment":
+            return Wall.segment(point(section.start), point(section.end), **options)
+        case "container":
+            return Wall.container(point(section.center), section.radius or 0.0, **options)
+        case "post":
+            return Wall.post(point(section.center), section.radius or 0.0, **options)

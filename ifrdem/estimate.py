@@ -28,6 +28,7 @@ OBSERVABLES = {
     "wall_heat": 1,
     "dissipated_energy": 1,
     "collisions": 1,
+    "wall_hits": 1,
 }
 """What a run writes of the whole gas at each frame, with the number of components."""
 
@@ -39,7 +40,7 @@ class Estimate:
     Attributes
     ----------
     packing_fraction : float
-        Part of the area that the disks cover.
+        Part of the area that the disks cover; between walls, of the room that these leave (`room.py`).
     number_density : float
         Disks per area [1/length^2].
     collision_rate : tuple of float
@@ -49,11 +50,13 @@ class Estimate:
     end_time : float
         Simulated time at the end [time]; nan where theory does not tell.
     collisions : float
-        Collisions of the whole run, each counted once; nan where theory does not tell.
+        Collisions of two disks in the whole run, each counted once; nan where theory does not tell.
     collisions_at_most : bool
         Whether `collisions` is only an upper bound: the initial rate, which cooling lowers.
     steady_state : tuple of float or None
         T and T_rot [energy] at which a driven gas would stay, by kinetic theory.
+    wall_hits : float
+        Collisions with walls per time [1/time] at the start; 0 without walls.
     file_bytes, array_bytes : int
         Size of the trajectory file, and of the engine's arrays.
     """
@@ -66,43 +69,48 @@ class Estimate:
     collisions: float
     collisions_at_most: bool
     steady_state: tuple[float, float] | None
+    wall_hits: float
     file_bytes: int
     array_bytes: int
 
     @classmethod
     def of(cls, gas: Gas, case: Case) -> Estimate:
         """The estimate for a gas and the case that it comes from."""
-        n, phi = gas.disks.n, gas.box.packing_fraction(gas.disks.radius)
+        n, phi, area = gas.disks.n, gas.room.packing_fraction(gas.disks.radius), gas.room.area()
         rates, speeds = _rates_and_speeds(gas)
         paths = [speed / rate if rate > 0.0 else math.nan for speed, rate in zip(speeds, rates, strict=True)]
         mean_rate = sum(each.number * rate for each, rate in zip(gas.species, rates, strict=True)) / n
         drive, steady = None, None
-        if case.force and len(gas.species) == 1 and gas.species[0].equal:
+        if case.force and case.homogeneous and len(gas.species) == 1 and gas.species[0].equal:
             (each,) = gas.species
             mass, radius = float(each.mass[0]), float(each.radius[0])
             drive = Drive.of([force.model_dump() for force in case.force], mass, mass * radius**2 / each.k)
-            if drive is not None and gas.laws[0][0].rho == 0.0:
-                steady = driven_theory.steady_state(gas.laws[0][0], mass, radius, each.k, phi, drive)
+            if drive is not None and gas.law().rho == 0.0:
+                steady = driven_theory.steady_state(gas.law(), mass, radius, each.k, phi, drive)
         end, per_disk = (
             case.run.t_end if case.run.t_end is not None else math.nan,
             case.run.collisions_per_disk if case.run.collisions_per_disk is not None else math.nan,
         )
-        if not case.force or drive is not None:
+        if case.homogeneous and (not case.force or drive is not None):
             end, per_disk = _expected(gas, phi, mean_rate, drive, steady, end, per_disk)
-        at_most = math.isnan(per_disk) and not case.force  # a drive may raise the rate
+        # A drive, a fall or a wall that moves or is hot may raise the rate.
+        driven = bool(case.force) or any(case.box.gravity)
+        driven |= any(each.motion is not None or each.temperature is not None for each in case.wall)
+        at_most = math.isnan(per_disk) and not driven
         if at_most:
             per_disk = mean_rate * (case.run.t_end or 0.0)
         frames = case.output.frames + 1
         frame_bytes = n * disk_bytes(case.output.fields, case.output.precision)
         return cls(
             packing_fraction=phi,
-            number_density=n / gas.box.area,
+            number_density=n / area,
             collision_rate=tuple(rates),
             free_path=tuple(paths),
             end_time=end,
             collisions=0.5 * n * per_disk,
             collisions_at_most=at_most,
             steady_state=steady,
+            wall_hits=_wall_hits(gas),
             # The constant properties once: radius, mass, k in 8 bytes, the material in 4.
             file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values())) + 28 * n,
             array_bytes=n * engine_limits.BYTES_PER_DISK,
@@ -112,7 +120,7 @@ class Estimate:
 def _rates_and_speeds(gas: Gas) -> tuple[list[float], list[float]]:
     """Collision rate [1/time] and mean speed [length/time] of a disk of each species, means over its radii."""
     classes = [each.classes() for each in gas.species]
-    found = iter(collision_rates([one for group in classes for one in group], gas.box.area))
+    found = iter(collision_rates([one for group in classes for one in group], gas.room.area()))
     rates, speeds = [], []
     for group in classes:
         number = np.array([one.number for one in group])
@@ -120,6 +128,29 @@ def _rates_and_speeds(gas: Gas) -> tuple[list[float], list[float]]:
         rms = np.average([one.speed_rms for one in group], weights=number)
         speeds.append(math.sqrt(math.pi / 4.0) * float(rms))  # of a Maxwellian in two dimensions
     return rates, speeds
+
+
+def _wall_hits(gas: Gas) -> float:
+    """Collisions with walls per time [1/time] of a gas with Maxwellian velocities.
+
+    Disks of one kind cross a line one way at n_w sqrt(T / (2 pi m)) per length, where v_x^2 has the mean T / m. At a
+    wall, in equilibrium, their density n_w is that of the middle times p / (n T) = 1 + 2 phi g, because the pressure is
+    the same; here the mean is taken for the middle, and centres stay a radius off.
+    """
+    room = gas.room
+    if not room.all_walls:
+        return 0.0
+    phi = room.packing_fraction(gas.disks.radius)
+    crowding = 1.0 + 2.0 * phi * theory.contact_value(min(phi, 0.9))
+    rate = 0.0
+    for each in gas.species:
+        inset = float(each.radius.mean())
+        area = room.area(inset)
+        if area > 0.0:
+            along_x = each.speed_rms / math.sqrt(2.0)
+            flux = each.number / area * along_x / math.sqrt(2.0 * math.pi)
+            rate += crowding * flux * room.wall_length(inset)
+    return rate
 
 
 def disk_bytes(fields: Sequence[str], precision: str) -> int:
@@ -177,7 +208,7 @@ def _expected(
     One of the two is given, the other nan; `rate` is that of collisions of a disk at the start [1/time].
     """
     unknown = t_end, collisions_per_disk
-    law = gas.laws[0][0]
+    law = gas.law()
     if len(gas.species) > 1 or not gas.species[0].equal or law.rho > 0.0:
         return unknown
     (each,) = gas.species

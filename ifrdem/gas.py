@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 from . import growth, placement, seeds, start_file, start_frame
 from .box import Box
 from .case import Case, is_trajectory
-from .draft import Draft, Problem, Species, box_around
+from .draft import Draft, Problem, Species, box_around, walls_of
 from .errors import InputError
 from .law import EnergyWarning, IFRLaw
-from .pairing import PairVerdict, verdicts
+from .pairing import PairVerdict, verdicts, wall_verdicts
 from .problems import problems
+from .room import Room
 from .simulation import Simulation
 from .stage import Stage
 from .start_file import Given
 from .state import Disks, State
+from .walls import Wall
 
 if TYPE_CHECKING:
     from .forces import Force
@@ -37,26 +39,29 @@ class Gas:
     species : tuple of Species
         In the order of the disks' ids.
     materials : tuple of str
-        Names of the materials that occur, in the order of `laws`.
-    laws : list of lists of IFRLaw
-        The law of each pair of materials.
+        Names of the materials that occur, in the order of `laws`; that of the sides of the box is the first.
+    laws : list of lists of IFRLaw or None
+        The law of each pair of materials; None for two that only walls are made of, which never meet.
     verdicts : tuple of PairVerdict
-        Admissibility of each pair of species.
+        Admissibility of each pair of species, and of each species and material of walls.
     disks : Disks
         The disks, species by species.
     box : Box
         The box.
     given : Given or None
         The start, if the case names a file or a trajectory with it.
+    walls : tuple of Wall
+        Beside those at the sides of the box.
     """
 
     species: tuple[Species, ...]
     materials: tuple[str, ...]
-    laws: list[list[IFRLaw]]
+    laws: list[list[IFRLaw | None]]
     verdicts: tuple[PairVerdict, ...]
     disks: Disks
     box: Box
     given: Given | None = None
+    walls: tuple[Wall, ...] = ()
 
     @classmethod
     def from_case(cls, case: Case, folder: Path | str = ".") -> Gas:
@@ -72,20 +77,38 @@ class Gas:
         if found:
             raise InputError("\n".join(str(problem) for problem in found))
         species = tuple(draft.known_species())
-        materials = tuple(dict.fromkeys(each.material for each in species))
-        judged = tuple(verdicts(draft, list(species)))
-        laws = [[_law_between(judged, species, a, b) for b in materials] for a in materials]
+        names = [each.material for each in species]
+        if case.box.material is not None:
+            names.insert(0, case.box.material)  # the engine makes the sides of the first one
+        materials = tuple(dict.fromkeys([*names, *draft.materials_of_walls()]))
+        judged = (*verdicts(draft, list(species)), *wall_verdicts(draft, list(species)))
+        laws = [[_law_between(judged, a, b) for b in materials] for a in materials]
         disks = _disks(species, materials)
         box = box_around(case.box, disks.radius)
+        walls = tuple(walls_of(case.wall, materials))
         given = None
         if case.start.file is not None:
             given = start_file.read(Path(folder) / case.start.file, disks.n, box)
         elif is_trajectory(case.start.positions):
             path = Path(folder) / case.start.positions
-            given = start_frame.read(path, case.start.frame, disks.radius, box, motion=case.start.motion)
+            given = start_frame.read(
+                path, case.start.frame, disks.radius, box, motion=case.start.motion, walls=walls
+            )
         if given is not None:
             species = _as_moving(species, given)
-        return cls(species, materials, laws, judged, disks, box, given)
+        return cls(species, materials, laws, judged, disks, box, given, walls)
+
+    @property
+    def room(self) -> Room:
+        """What walls leave to the disks."""
+        return Room(self.box, self.walls)
+
+    def law(self, i: int = 0, j: int = 0) -> IFRLaw:
+        """The law of two species, by their numbers."""
+        a, b = (self.materials.index(self.species[one].material) for one in (i, j))
+        found = self.laws[a][b]
+        assert found is not None  # they have disks
+        return found
 
     @property
     def warnings(self) -> list[str]:
@@ -123,22 +146,35 @@ class Gas:
         options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads, "skin": skin}
         if case.run.precision != "f64":
             options["precision"] = case.run.precision
+        options["seed"] = case.run.seed  # of forces and thermal walls
         if case.force:
-            options |= {"forces": forces_of(case), "seed": case.run.seed}
+            options["forces"] = forces_of(case)
+        if self.walls:
+            options["walls"] = self.walls
+        if any(case.box.gravity):
+            options["gravity"] = (case.box.gravity[0], case.box.gravity[1])
+        if case.run.collapse != "none":
+            options |= collapse_of(case)
         begin = self.start(case) if state is None else state
+        any_law = self.law()  # stands where two walls would meet, which never happens
+        laws = [[any_law if one is None else one for one in row] for row in self.laws]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
-            return Simulation(self.disks, self.box, self.laws, begin, **options)
+            return Simulation(self.disks, self.box, laws, begin, **options)
 
     def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.
                 dealt = seed if len(self.species) > 1 or not self.species[0].equal else None
-                return placement.hexagonal_positions(self.box, self.disks.radius, seed=dealt)
+                return placement.hexagonal_positions(
+                    self.box, self.disks.radius, seed=dealt, walls=self.walls
+                )
             if way == "growth":
-                return growth.grow(self.box, self.disks.radius, seed=seed, progress=Stage("growth"))
-            return placement.random_positions(self.box, self.disks.radius, seed=seed)
+                return growth.grow(
+                    self.box, self.disks.radius, seed=seed, walls=self.walls, progress=Stage("growth")
+                )
+            return placement.random_positions(self.box, self.disks.radius, seed=seed, walls=self.walls)
         except InputError as error:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
@@ -155,6 +191,12 @@ def forces_of(case: Case) -> list[Force]:
         "rescale": Rescale,
     }
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
+
+
+def collapse_of(case: Case) -> dict[str, Any]:
+    """What the simulation takes against collisions without end."""
+    numbers = {"contact_time": case.run.contact_time, "velocity_cutoff": case.run.velocity_cutoff}
+    return {"collapse": case.run.collapse} | {key: each for key, each in numbers.items() if each is not None}
 
 
 def _as_moving(species: tuple[Species, ...], given: Given) -> tuple[Species, ...]:
@@ -184,12 +226,7 @@ def _disks(species: tuple[Species, ...], materials: tuple[str, ...]) -> Disks:
     )
 
 
-def _law_between(judged: tuple[PairVerdict, ...], species: tuple[Species, ...], a: str, b: str) -> IFRLaw:
-    """The law of two materials, made for the largest mean k of the species that have them."""
-    material = {each.name: each.material for each in species}
-    laws = [
-        each.law
-        for each in judged
-        if each.law is not None and {material[each.first], material[each.second]} == {a, b}
-    ]
-    return max(laws, key=lambda law: law.k)
+def _law_between(judged: tuple[PairVerdict, ...], a: str, b: str) -> IFRLaw | None:
+    """The law of two materials, made for the largest mean k of what meets with them; None if nothing does."""
+    laws = [each.law for each in judged if each.law is not None and each.materials == {a, b}]
+    return max(laws, key=lambda law: law.k, default=None)

@@ -15,7 +15,7 @@ steps near it: at 0.84, 20,000 steps left overlaps of 0.3 %. With it, a few doze
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -25,7 +25,15 @@ from scipy.sparse import csr_matrix
 from . import seeds
 from .box import Box
 from .errors import InputError
-from .placement import check_no_overlap, checked_radii, close_pairs, refuse_wider_than_box
+from .overlaps import (
+    check_no_overlap,
+    checked_radii,
+    close_pairs,
+    refuse_no_room,
+    refuse_wider_than_box,
+)
+from .room import Room
+from .walls import Wall
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
@@ -47,9 +55,14 @@ Progress = Callable[[float], None]
 
 
 def grow(
-    box: Box, radius: ArrayLike, *, seed: int, progress: Progress = lambda _: None
+    box: Box,
+    radius: ArrayLike,
+    *,
+    seed: int,
+    walls: Sequence[Wall] = (),
+    progress: Progress = lambda _: None,
 ) -> NDArray[np.float64]:
-    """Place disks at random as densely as random packing: to about 0.84 of the area.
+    """Place disks at random as densely as random packing: to about 0.84 of the area, or a little less between walls.
 
     Bidisperse disks (as many of each, 1 to 1.4) reach 0.842 and a lognormal gas with a deviation of 30 % 0.84. Equal
     disks crystallise on the way, in grains that do not fit together: 0.86 was reached, above it only a lattice helps.
@@ -60,6 +73,9 @@ def grow(
         Radii [length].
     seed : int
         Seed of the random numbers. The result is the same for the same seed on one machine.
+    walls : sequence of Wall
+        What the disks must not overlap, at t = 0, beside the sides of the box that are not periodic. They push disks
+        away as other disks do.
     progress : callable
         Told how much is done, 0 to 1.
 
@@ -79,11 +95,12 @@ def grow(
     if n == 0:
         return np.empty((0, 2))
     refuse_wider_than_box(box, radii)
-    wanted = box.packing_fraction(radii)
+    room = Room(box, tuple(walls))
+    refuse_no_room(room, radii)
+    wanted = room.packing_fraction(radii)
     if wanted >= 1.0:
-        raise InputError(f"packing fraction = {wanted:.4f}: the disks cover more than the box has")
-    random = seeds.stream(seed, seeds.POSITIONS)
-    soft = _SoftDisks(box, radii, random.random((n, 2)) * box.lengths)
+        raise InputError(f"packing fraction = {wanted:.4f}: the disks cover more than there is")
+    soft = _SoftDisks(room, radii, _scattered(room, n, seeds.stream(seed, seeds.POSITIONS)))
     agitation = seeds.stream(seed, seeds.AGITATION)
     easy = soft.minimise(FIRST_STEPS)
     most = 3 + 20_000 // (n + 1000)  # few disks jam earlier or later by chance
@@ -95,7 +112,7 @@ def grow(
         if done or soft.mean_overlap() > NEARLY:
             break
     if not done:
-        attained = _attained(soft, box, radii)
+        attained = _attained(soft, room, radii)
         raise InputError(
             f"packing fraction = {wanted:.4f}: growth ended at {attained:.4f} with these disks; use fewer disks, "
             'a larger box or, for disks of about one size, positions = "hexagonal"'
@@ -106,8 +123,10 @@ def grow(
     return position
 
 
-def separate(box: Box, radius: ArrayLike, position: ArrayLike) -> NDArray[np.float64]:
-    """Positions [length], shape (n, 2), near the given ones and without overlaps.
+def separate(
+    box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = ()
+) -> NDArray[np.float64]:
+    """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at t = 0 neither.
 
     For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then.
     Only disks that overlap, and those that they push, are moved.
@@ -118,24 +137,34 @@ def separate(box: Box, radius: ArrayLike, position: ArrayLike) -> NDArray[np.flo
         If overlaps remain: names the worst of them.
     """
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
-    soft = _SoftDisks(box, radii, centres, margin=1e-9)
+    soft = _SoftDisks(Room(box, tuple(walls)), radii, centres, margin=1e-9)
     soft.minimise(LAST_STEPS)
     found = soft.wrapped()
     check_no_overlap(box, radii, found, tolerance=0.0)
     return found
 
 
+def _scattered(room: Room, n: int, random: np.random.Generator) -> NDArray[np.float64]:
+    """Random points in the room, shape (n, 2)."""
+    position = random.random((n, 2)) * room.box.lengths
+    low, high = room.bounds()
+    while len(wrong := np.flatnonzero(room.gap(position, np.zeros(n)) < 0.0)):
+        position[wrong] = low + random.random((len(wrong), 2)) * (high - low)
+    return position
+
+
 class _SoftDisks:
-    """Disks that repel each other by their overlap, in units of their mean diameter.
+    """Disks that repel each other, and are repelled by walls, by their overlap, in units of their mean diameter.
 
     Disks are numbered along the rows of a grid meanwhile, so that neighbours lie close in memory.
     """
 
     def __init__(
-        self, box: Box, radius: NDArray[np.float64], position: NDArray[np.float64], margin: float = MARGIN
+        self, room: Room, radius: NDArray[np.float64], position: NDArray[np.float64], margin: float = MARGIN
     ) -> None:
         self.unit = 2.0 * float(radius.mean())
-        self.box = Box((box.lengths[0] / self.unit, box.lengths[1] / self.unit))
+        box, self.walls = room.box, room.all_walls
+        self.box = Box((box.lengths[0] / self.unit, box.lengths[1] / self.unit), box.periodic)
         self.margin = margin
         place = self.box.wrap(position / self.unit)
         row = np.floor(place / 2.0)
@@ -152,7 +181,7 @@ class _SoftDisks:
         position = np.empty_like(self.x)
         position[self.order] = self.box.wrap(self.x) * self.unit
         lengths = np.array(self.box.lengths) * self.unit
-        return np.where(position >= lengths, 0.0, position)
+        return np.where((position >= lengths) & self.box.periodic, 0.0, position)
 
     def _list(self) -> None:
         """List the pairs that can touch before some disk has moved half of SKIN, as the differences that they are.
@@ -167,6 +196,7 @@ class _SoftDisks:
         contact = self.radius[pairs[:, 0]] + self.radius[pairs[:, 1]]
         near = _squared(nearest) < (contact + SKIN) ** 2
         pairs, self.contact = pairs[near], contact[near]
+        self.at_contact = np.concatenate((self.contact, np.tile(self.radius, len(self.walls))))
         self.image = (nearest - raw)[near]
         count = len(pairs)
         self.difference = csr_matrix(
@@ -177,7 +207,10 @@ class _SoftDisks:
         self.listed_at = self.x.copy()
 
     def force(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Forces on the disks, shape (n, 2), and the overlaps of the listed pairs, shape (pairs,), 0 where none."""
+        """Forces on the disks, shape (n, 2), and overlaps, 0 where none, in the order of `at_contact`.
+
+        These are of the listed pairs first, and then of all disks with each wall.
+        """
         moved = self.x - self.listed_at
         if _squared(moved).max() > (0.5 * SKIN) ** 2:
             self._list()
@@ -186,17 +219,26 @@ class _SoftDisks:
         overlap = np.maximum(self.contact - distance, 0.0)
         # Two disks at one and the same place push nowhere; others will part them.
         push = apart * (overlap / np.maximum(distance, 1e-300))[:, None]
-        return self.to_disks @ push, overlap
+        force = self.to_disks @ push
+        if not self.walls:
+            return force, overlap
+        overlaps = [overlap]
+        place = self.box.wrap(self.x) * self.unit
+        for wall in self.walls:
+            away, distance = wall.normal(place)
+            overlaps.append(np.maximum(self.radius - distance / self.unit, 0.0))
+            force += away * overlaps[-1][:, None]
+        return force, np.concatenate(overlaps)
 
     def worst(self, overlap: NDArray[np.float64]) -> float:
         """The largest overlap as a part of the contact distance."""
-        return float(np.max(overlap / self.contact, initial=0.0))
+        return float(np.max(overlap / self.at_contact, initial=0.0))
 
     def mean_overlap(self) -> float:
         """The mean overlap of those that overlap, as a part of the contact distance."""
         _, overlap = self.force()
         touching = overlap > 0.0
-        return float(np.mean(overlap[touching] / self.contact[touching])) if touching.any() else 0.0
+        return float(np.mean(overlap[touching] / self.at_contact[touching])) if touching.any() else 0.0
 
     def minimise(self, most: int) -> bool:
         """Move the disks downhill (FIRE) until none overlaps with its true radius; False if they jam before."""
@@ -256,13 +298,13 @@ def _report(progress: Progress, before: float, share: float, part: float) -> Non
     progress(before + share * part)
 
 
-def _attained(soft: _SoftDisks, box: Box, radius: NDArray[np.float64]) -> float:
+def _attained(soft: _SoftDisks, room: Room, radius: NDArray[np.float64]) -> float:
     """The packing fraction that jammed disks reach: that of smaller radii at which they do not overlap any more."""
     shrunk = 1.0
     while True:
         # As much as makes the mean overlap vanish, and something on top, or it would never end.
         shrunk *= 1.0 - soft.mean_overlap() - 5e-4
-        smaller = _SoftDisks(box, radius * shrunk, soft.wrapped())
+        smaller = _SoftDisks(room, radius * shrunk, soft.wrapped())
         if smaller.minimise(LAST_STEPS):
-            return shrunk**2 * box.packing_fraction(radius)
+            return shrunk**2 * room.packing_fraction(radius)
         soft = smaller

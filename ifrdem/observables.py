@@ -38,6 +38,8 @@ class Measure:
         Energy that moving walls have given as work since the start, and thermal walls as heat [energy].
     potential_energy : float
         Sum of -m g.x, g the gravity: 0 at the box's lower left corner [energy].
+    wall_hits : int
+        Collisions with walls so far.
 
     Notes
     -----
@@ -55,6 +57,7 @@ class Measure:
     wall_work: float = 0.0
     wall_heat: float = 0.0
     potential_energy: float = 0.0
+    wall_hits: int = 0
 
     @property
     def unspent(self) -> float:
@@ -106,4 +109,5 @@ def measure(
         wall_work=wall_work,
         wall_heat=wall_heat,
         potential_energy=-float(np.sum(mass * (state.position @ np.array(gravity)))) if any(gravity) else 0.0,
+        wall_hits=int(np.sum(state.wall_hits, dtype=np.int64)),
     )

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 from .coins import coins
 from .draft import Draft, Problem, Species
-from .errors import InputError
+from .errors import InputError, nearest
 from .law import EnergyWarning, IFRLaw
 
 
 class PairVerdict(NamedTuple):
-    """What the law of two species says about energy, or why there is none."""
+    """What the law of two species, or of one and walls of a material, says about energy, or why there is none."""
 
     first: str
     second: str
@@ -23,6 +23,7 @@ class PairVerdict(NamedTuple):
     strict: bool
     message: str
     law: IFRLaw | None
+    materials: frozenset[str] = frozenset()
 
 
 class Coefficients(NamedTuple):
@@ -97,7 +98,26 @@ def verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
         if isinstance(made_of, Problem):
             yield PairVerdict(one.name, other.name, made_of.key, False, False, made_of.text, None)
         elif made_of is not None:
-            yield _judged(made_of, one, other)
+            yield _judged(made_of, one, other)._replace(materials=frozenset((one.material, other.material)))
+
+
+def wall_verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
+    """The same for every species and every material of walls."""
+    for material in draft.materials_of_walls():
+        wall = f"wall ({material})"
+        for each in species:
+            made_of = _coefficients(draft, each.material, material)
+            if isinstance(made_of, Problem):
+                known = (
+                    *draft.material_names,
+                    *(name for one in draft.pair if one for name in one.materials),
+                )
+                text = made_of.text + ("" if material in known else nearest(material, known))
+                yield PairVerdict(each.name, wall, made_of.key, False, False, text, None)
+            elif made_of is not None:
+                # Beside an infinite mass, the pair's mean k is the disk's own.
+                verdict = _judgement(made_of, each.name, wall, each.k, each.k)
+                yield verdict._replace(materials=frozenset((each.material, material)))
 
 
 def _judged(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
@@ -107,20 +127,26 @@ def _judged(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
     that are admissible form an interval: each condition of `IFRLaw.admissibility` asks a convex function of it to be
     no more than a linear one, or bounds it from above. So the ends of the mass ratio decide.
     """
-    key, coefficients = made_of.key, made_of._asdict()
-    del coefficients["key"]
     found: list[PairVerdict] = []
     for m_1, m_2 in {
         (float(one.mass.min()), float(other.mass.max())),
         (float(one.mass.max()), float(other.mass.min())),
     }:
-        k_mean = (one.k * m_2 + other.k * m_1) / (m_1 + m_2)
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", EnergyWarning)  # the verdict says the same
-                law = IFRLaw(**coefficients, k=k_mean)
-            verdict = law.admissibility(one.k, other.k, m_1, m_2)
-        except InputError as error:
-            return PairVerdict(one.name, other.name, key, False, False, str(error), None)
-        found.append(PairVerdict(one.name, other.name, key, *verdict, law))
+        found.append(_judgement(made_of, one.name, other.name, one.k, other.k, m_1, m_2))
     return min(found, key=lambda each: (each.admissible, each.strict, -each.law.k if each.law else 0.0))
+
+
+def _judgement(
+    made_of: Coefficients, first: str, second: str, k_1: float, k_2: float, m_1: float = 1.0, m_2: float = 1.0
+) -> PairVerdict:
+    """The verdict for two disks with these k and masses."""
+    key, coefficients = made_of.key, made_of._asdict()
+    del coefficients["key"]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)  # the verdict says the same
+            law = IFRLaw(**coefficients, k=(k_1 * m_2 + k_2 * m_1) / (m_1 + m_2))
+        verdict = law.admissibility(k_1, k_2, m_1, m_2)
+    except InputError as error:
+        return PairVerdict(first, second, key, False, False, str(error), None)
+    return PairVerdict(first, second, key, *verdict, law)

@@ -7,135 +7,31 @@ velocities does not tie the two together.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from . import seeds
+from . import lattice, seeds
 from .box import Box
 from .errors import InputError
+from .overlaps import (
+    TOLERANCE,
+    check_no_overlap,
+    checked_radii,
+    refuse_no_room,
+    refuse_wider_than_box,
+    size_classes,
+)
+from .room import Room
+from .walls import Wall
 
 SATURATION = 0.547
 """Packing fraction where random sequential addition of equal disks ends (doi:10.1103/PhysRevE.74.061308)."""
 
-TOLERANCE = 1e-9
-"""Overlap, as a part of the contact distance, that counts as rounding.
-
-Positions in a box of side L carry errors of about L eps: 1e-12 of a diameter for 1e8 disks. A contact that
-the engine found is left with a few of those.
-"""
-
 ATTEMPTS_PER_DISK = 400
 """How often random sequential addition tries each disk on average before it gives up."""
-
-
-def checked_radii(radius: ArrayLike) -> NDArray[np.float64]:
-    """The radii [length] as an array of shape (n,); InputError if one is not positive and finite."""
-    column = np.asarray(radius, dtype=np.float64)
-    if column.ndim != 1:
-        raise InputError(f"radius has shape {column.shape}: one radius per disk, shape (n,), is needed")
-    wrong = ~(np.isfinite(column) & (column > 0.0))
-    if wrong.any():
-        i = int(np.argmax(wrong))
-        raise InputError(f"radius[{i}] = {column[i]}: a positive finite number is needed")
-    return column
-
-
-def refuse_wider_than_box(box: Box, radius: NDArray[np.float64]) -> None:
-    """A disk wider than the box overlaps its own periodic image."""
-    i = int(np.argmax(radius))
-    if 2.0 * radius[i] > min(box.lengths) * (1.0 + TOLERANCE):
-        raise InputError(
-            f"disk {i} has diameter {2.0 * radius[i]:.6g}, more than the box side {min(box.lengths):.6g}: "
-            "it overlaps its own periodic image"
-        )
-
-
-# --- overlaps ---------------------------------------------------------------------------------------------
-
-
-def _size_classes(radius: NDArray[np.float64], ratio: float) -> Iterator[NDArray[np.intp]]:
-    """Indices of the disks, largest first, in groups whose radii differ by less than `ratio`."""
-    order = np.argsort(-radius, kind="stable")
-    begin = 0
-    while begin < len(order):
-        smallest = radius[order[begin]] / ratio
-        end = begin + int(np.searchsorted(-radius[order[begin:]], -smallest, side="left"))
-        end = max(end, begin + 1)
-        yield order[begin:end]
-        begin = end
-
-
-def close_pairs(
-    box: Box, radius: NDArray[np.float64], position: NDArray[np.float64], margin: float = 0.0
-) -> NDArray[np.intp]:
-    """Every pair (i, j), i != j, that may be closer than contact + `margin` [length]; shape (pairs, 2).
-
-    The trees find a superset; by size class, so that small disks need not look as far as the largest reach.
-    """
-    # A size class spans a factor 2: with more classes there are more trees, with fewer more pairs.
-    classes = list(_size_classes(radius, 2.0))
-    trees = [cKDTree(position[members], boxsize=box.periods) for members in classes]
-    found = [np.empty((0, 2), dtype=np.intp)]
-    for a, members in enumerate(classes):
-        reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE) + margin
-        found.append(members[trees[a].query_pairs(reach, output_type="ndarray")])
-        for b in range(a):
-            reach = (radius[members[0]] + radius[classes[b][0]]) * (1.0 + TOLERANCE) + margin
-            close = trees[a].sparse_distance_matrix(trees[b], reach, output_type="ndarray")
-            found.append(np.column_stack((members[close["i"]], classes[b][close["j"]])))
-    return np.concatenate(found)
-
-
-def check_no_overlap(
-    box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE
-) -> None:
-    """Refuse positions at which disks overlap, across the periodic sides too.
-
-    Distances are computed pair by pair and exactly; a tree only finds which pairs are near.
-
-    Parameters
-    ----------
-    radius : array_like (n,)
-        Radii [length].
-    position : array_like (n, 2)
-        Centres [length], inside the box or not.
-    tolerance : float
-        Overlap that is taken as rounding, as a part of the contact distance R_i + R_j.
-
-    Raises
-    ------
-    InputError
-        Names the pair that overlaps most, by how much, and how many pairs overlap; or the disk that is wider
-        than the box, or whose position is not finite.
-    """
-    radii = checked_radii(radius)
-    centres = np.asarray(position, dtype=np.float64)
-    if centres.shape != (len(radii), 2):
-        raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
-    if len(radii) == 0:
-        return
-    finite = np.isfinite(centres).all(axis=1)
-    if not finite.all():
-        i = int(np.argmin(finite))
-        raise InputError(f"position[{i}] = {centres[i]}: every value must be finite")
-    refuse_wider_than_box(box, radii)
-    i, j = close_pairs(box, radii, box.wrap(centres)).T
-    distance = np.linalg.norm(box.minimum_image(centres[j] - centres[i]), axis=-1)
-    contact = radii[i] + radii[j]
-    overlap = contact - distance
-    wrong = overlap > tolerance * contact
-    if wrong.any():
-        worst = int(np.argmax(np.where(wrong, overlap, -np.inf)))
-        first, second = sorted((int(i[worst]), int(j[worst])))
-        count = int(np.count_nonzero(wrong))
-        others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
-        raise InputError(
-            f"disks {first} and {second} overlap by {overlap[worst]:.6g} "
-            f"(distance {distance[worst]:.6g}, sum of radii {contact[worst]:.6g}){others}"
-        )
 
 
 # --- positions --------------------------------------------------------------------------------------------
@@ -154,7 +50,7 @@ def _clear_of(
         return near > (radius + placed_radius[0]) * (1.0 + TOLERANCE)
     clear = np.ones(len(candidate), dtype=bool)
     # By size class, as in `close_pairs`: candidates need not look for small disks as far as for large ones.
-    for members in _size_classes(placed_radius, 2.0):
+    for members in size_classes(placed_radius, 2.0):
         reach = float(radius.max() + placed_radius[members[0]]) * (1.0 + 2.0 * TOLERANCE)
         left = np.flatnonzero(clear)
         tree = cKDTree(candidate[left], boxsize=box.periods)
@@ -190,8 +86,10 @@ def _one_by_one(
     return np.flatnonzero(success)
 
 
-def random_positions(box: Box, radius: ArrayLike, *, seed: int) -> NDArray[np.float64]:
-    """Place disks by random sequential addition: uniformly at random, each where it overlaps none before it.
+def random_positions(
+    box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = ()
+) -> NDArray[np.float64]:
+    """Place disks by random sequential addition: uniformly at random, each where it overlaps nothing before it.
 
     Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first
     (in size classes of 25 %), which lets mixtures become denser than the equal-disk limit.
@@ -202,6 +100,8 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int) -> NDArray[np.fl
         Radii [length].
     seed : int
         Seed of the random positions.
+    walls : sequence of Wall
+        What they must not overlap either, at t = 0, beside the sides of the box that are not periodic.
 
     Returns
     -------
@@ -211,8 +111,8 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int) -> NDArray[np.fl
     Raises
     ------
     InputError
-        If the disks do not fit: equal disks above packing fraction 0.547, or any disks when the attempts are
-        used up (400 per disk; equal disks reach about 0.53). The message says how far it came.
+        If the disks do not fit: equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when
+        the attempts are used up (400 per disk; equal disks reach about 0.53). The message says how far it came.
     """
     radii = checked_radii(radius)
     n = len(radii)
@@ -221,7 +121,10 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int) -> NDArray[np.fl
         return position
     refuse_wider_than_box(box, radii)
     rng = seeds.stream(seed, seeds.POSITIONS)
-    wanted = box.packing_fraction(radii)
+    room = Room(box, tuple(walls))
+    refuse_no_room(room, radii)
+    wanted = room.packing_fraction(radii)
+    lowest, highest = room.spans(radii)
     instead = (
         'use fewer disks, a larger box, positions = "growth" or, for disks of about one size, "hexagonal"'
     )
@@ -233,19 +136,25 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int) -> NDArray[np.fl
 
     placed = np.empty(0, dtype=np.intp)
     attempts_left = ATTEMPTS_PER_DISK * n + 100_000  # the second term matters for few disks
-    for members in _size_classes(radii, 1.25):
+    if room.walls:  # some attempts fall beyond a wall
+        attempts_left = int(attempts_left * np.prod(np.subtract(*room.bounds()[::-1])) / room.area())
+    for members in size_classes(radii, 1.25):
         todo = members
         while len(todo):
             if attempts_left <= 0:
                 raise InputError(
                     f"packing fraction = {wanted:.4f}: random positions ended at "
-                    f"{box.packing_fraction(radii[placed]):.4f}, with {len(placed)} of {n} disks placed; "
+                    f"{room.packing_fraction(radii[placed]):.4f}, with {len(placed)} of {n} disks placed; "
                     + instead
                 )
             # When few disks are left space is scarce: try each of them many times in one go.
             owner = np.resize(todo, max(len(todo), min(n, 50_000), 200))
             attempts_left -= len(owner)
-            candidate = box.wrap(rng.random((len(owner), 2)) * box.lengths)
+            low, high = lowest[owner], highest[owner]
+            candidate = box.wrap(low + rng.random((len(owner), 2)) * (high - low))
+            if room.all_walls:
+                clear = room.gap(candidate, radii[owner]) > TOLERANCE * radii[owner]
+                owner, candidate = owner[clear], candidate[clear]
             if len(placed):
                 clear = _clear_of(box, candidate, radii[owner], position[placed], radii[placed])
                 owner, candidate = owner[clear], candidate[clear]
@@ -283,11 +192,14 @@ def _most_sites(lengths: tuple[float, float], diameter: float) -> int:
     return int(np.max(columns * rows))
 
 
-def hexagonal_positions(box: Box, radius: ArrayLike, *, seed: int | None = None) -> NDArray[np.float64]:
+def hexagonal_positions(
+    box: Box, radius: ArrayLike, *, seed: int | None = None, walls: Sequence[Wall] = ()
+) -> NDArray[np.float64]:
     """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
 
     Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest
     apart. Sites that are left over are spread evenly. Disks of different radii need the room of the largest.
+    Between walls it takes those sites where a disk overlaps none (`lattice.py`).
 
     Parameters
     ----------
@@ -295,6 +207,8 @@ def hexagonal_positions(box: Box, radius: ArrayLike, *, seed: int | None = None)
         Radii [length].
     seed : int, optional
         Deals the disks to the sites in a random order (for mixtures). Without it disk by disk, row by row.
+    walls : sequence of Wall
+        Beside the sides of the box that are not periodic; at t = 0.
 
     Returns
     -------
@@ -312,6 +226,10 @@ def hexagonal_positions(box: Box, radius: ArrayLike, *, seed: int | None = None)
         return np.empty((0, 2))
     refuse_wider_than_box(box, radii)
     diameter = 2.0 * float(radii.max())
+    room = Room(box, tuple(walls))
+    if room.all_walls:
+        refuse_no_room(room, radii)
+        return _dealt(box, radii, lattice.sites(room, n, 0.5 * diameter), seed)
     best = (0.0, 1, 1, False)  # distance of nearest sites, columns, rows, rows along y?
     for upright in (False, True):
         lengths = box.lengths[::-1] if upright else box.lengths
@@ -337,10 +255,15 @@ def hexagonal_positions(box: Box, radius: ArrayLike, *, seed: int | None = None)
     # A quarter column from the side: both kinds of row then have the same margin.
     x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / m_columns)
     y = (row + 0.5) * (lengths[1] / m_rows)
-    position = np.column_stack((y, x) if upright else (x, y))
-    if seed is not None:
-        position = position[seeds.stream(seed, seeds.SITES).permutation(n)]
-    check_no_overlap(box, radii, position)
+    return _dealt(box, radii, np.column_stack((y, x) if upright else (x, y)), seed)
+
+
+def _dealt(
+    box: Box, radius: NDArray[np.float64], sites: NDArray[np.float64], seed: int | None
+) -> NDArray[np.float64]:
+    """The sites of a lattice for the disks, in a random order if there is a seed."""
+    position = sites if seed is None else sites[seeds.stream(seed, seeds.SITES).permutation(len(sites))]
+    check_no_overlap(box, radius, position)
     return position
 
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import pairing, placement, radii, start_file, start_frame
-from .box import Box
 from .case import is_trajectory
 from .coins import coins
-from .draft import Draft, Problem, Species, box_around
+from .draft import Draft, Problem, Species, box_around, walls_of
 from .engine_limits import CROWD
 from .errors import InputError, nearest
+from .problems_walls import problems_of_walls
+from .room import Room
+from .walls import check as check_walls
 
 LARGEST_DISK = (
     1.0 / 3.0
@@ -33,11 +35,8 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
     """
     found = [*_wrong_names(draft), *_wrong_radii(draft)]
     species = draft.known_species()
-    found += [
-        Problem(each.key, None, each.message)
-        for each in _once(pairing.verdicts(draft, species))
-        if not each.admissible
-    ]
+    judged = (*pairing.verdicts(draft, species), *pairing.wall_verdicts(draft, species))
+    found += [Problem(each.key, None, each.message) for each in _once(judged) if not each.admissible]
     if len(species) == len(draft.species) and species:  # all of them are needed to know the disks
         radius = np.concatenate([each.radius for each in species])
         found += _wrong_motion(draft, species)
@@ -49,8 +48,11 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
             except InputError as error:
                 found.append(Problem("box", None, str(error)))
         if box is not None:
-            found += _wrong_room(draft, species, radius, box)
-        found += _wrong_start(draft, species, radius, box, folder)
+            wrong_walls = [*problems_of_walls(draft, box, radius)]
+            found += wrong_walls
+            room = Room(box, () if wrong_walls else tuple(walls_of(draft.wall)))
+            found += _wrong_room(draft, species, radius, room)
+        found += _wrong_start(draft, species, radius, None if box is None else room, folder)
     return found
 
 
@@ -86,6 +88,7 @@ def _wrong_names(draft: Draft) -> Iterator[Problem]:
         elif section.material is not None and section.material not in names and all_known:
             text = f"no such material{nearest(section.material, names)}; there are {_listed(names)}"
             yield Problem(key, f'"{section.material}"', text)
+    walls_known = draft.box is not None and None not in draft.wall
     pairs: dict[frozenset[str], int] = {}
     for i, pair in enumerate(draft.pair):
         if pair is None:
@@ -93,8 +96,9 @@ def _wrong_names(draft: Draft) -> Iterator[Problem]:
         a, b = pair.materials
         value = f'["{a}", "{b}"]'
         known = names + [each.coin for each in draft.species if each is not None and each.coin is not None]
+        known = list(dict.fromkeys([*known, *draft.materials_of_walls()]))
         for name in pair.materials:
-            if name not in known and all_known:
+            if name not in known and all_known and walls_known:
                 text = f"no material is called '{name}'{nearest(name, known)}; there are {_listed(known)}"
                 yield Problem(f"pair[{i}].materials", value, text)
         if a == b:
@@ -120,7 +124,7 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names) or "none"
 
 
-def _once(verdicts: Iterator[pairing.PairVerdict]) -> list[pairing.PairVerdict]:
+def _once(verdicts: Iterable[pairing.PairVerdict]) -> list[pairing.PairVerdict]:
     """Without those that say the same of further species."""
     return list({(each.key, each.message): each for each in verdicts}.values())
 
@@ -158,8 +162,9 @@ def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
 
 
 def _wrong_room(
-    draft: Draft, species: list[Species], radius: NDArray[np.float64], box: Box
+    draft: Draft, species: list[Species], radius: NDArray[np.float64], room: Room
 ) -> Iterator[Problem]:
+    box = room.box
     shortest = min(box.lengths)
     fits = True
     for each in species:
@@ -182,13 +187,15 @@ def _wrong_room(
         )
     if draft.start is None or not fits:
         return
-    covered = box.packing_fraction(radius)
+    covered = room.packing_fraction(radius)
     dense = "box.packing_fraction" if draft.box is not None and draft.box.lengths is None else "box.lengths"
     if covered >= 1.0:
-        yield Problem(dense, f"{covered:.4g} of the area", "the disks cover more than the box has")
+        place = "room between walls" if room.all_walls else "box"
+        text = f"the disks cover more than the {place} has" + _attainable(species, radius, room)
+        yield Problem(dense, f"{covered:.4g} of the area", text)
     elif draft.start.file is None and draft.start.positions == "hexagonal":
         try:
-            placement.hexagonal_positions(box, radius)
+            placement.hexagonal_positions(box, radius, walls=room.walls)
         except InputError as error:
             yield Problem("start.positions", '"hexagonal"', str(error))
     elif draft.start.file is None and draft.start.positions == "random":
@@ -203,12 +210,21 @@ def _wrong_room(
             )
 
 
+def _attainable(species: list[Species], radius: NDArray[np.float64], room: Room) -> str:
+    """How many of one kind of disks would find room, by area."""
+    if len(species) > 1 or np.ptp(radius) > 0.0:
+        return ""
+    most = int(placement.SATURATION * len(radius) / room.packing_fraction(radius))
+    return f": some {most} of them find room at random"
+
+
 def _wrong_start(
-    draft: Draft, species: list[Species], radius: NDArray[np.float64], box: Box | None, folder: Path
+    draft: Draft, species: list[Species], radius: NDArray[np.float64], room: Room | None, folder: Path
 ) -> Iterator[Problem]:
     start = draft.start
     if start is None:
         return
+    box, walls = (None, ()) if room is None else (room.box, room.walls)
     frame = start.file is None and is_trajectory(start.positions)
     if start.file is None and not frame:
         return
@@ -218,11 +234,14 @@ def _wrong_start(
     assert name is not None
     try:
         if frame:
-            given = start_frame.read(folder / name, start.frame, radius, box, motion=start.motion)
+            given = start_frame.read(
+                folder / name, start.frame, radius, box, motion=start.motion, walls=walls
+            )
         else:
             given = start_file.read(folder / name, len(radius), box)
-            if box is not None:
-                placement.check_no_overlap(box, radius, given.position)
+            if room is not None:
+                placement.check_no_overlap(room.box, radius, given.position)
+                check_walls(room.all_walls, room.box, given.position, radius)
     except InputError as error:
         yield from (Problem(key, value, line) for line in str(error).splitlines())
         return

@@ -60,6 +60,7 @@ class Ledger:
             # What is missing of what was there and what forces and walls put in was dissipated.
             "dissipated_energy": self.dissipated(measure),
             "collisions": measure.collisions,
+            "wall_hits": measure.wall_hits,
         }
 
 
@@ -125,6 +126,7 @@ def run(
             precision=case.output.precision,
             compression=case.output.compression,
             force=force,
+            walls=gas.walls,
         ) as writer:
 
             def keep(state: State, measure: Measure) -> None:
@@ -147,7 +149,7 @@ def run(
                 )
         ran = time.perf_counter() - began
         if outputs.picture is not None:
-            draw = plot.driven if case.force else plot.cooling
+            draw = plot.walled if case.walled else plot.driven if case.force else plot.cooling
             draw(outputs.trajectory, outputs.picture)
     except KeyboardInterrupt:
         raise Interrupted(_remains(outputs.trajectory, ledger)) from None
@@ -185,10 +187,14 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         lines[-1] += f", theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}"
     lost = ledger.dissipated(last)
     energy = case.unit("energy")
-    if case.force:
-        lines.append(
-            f"  forces put in {last.energy_input:.6g}{energy}, collisions dissipated {lost:.6g}{energy}"
-        )
+    if case.walled:
+        gave = f"{last.wall_work:.6g}{energy} as work"
+        if last.wall_heat != 0.0:
+            gave += f" and {last.wall_heat:.6g}{energy} as heat"
+        lines.append(f"  {last.wall_hits} collisions with walls, which gave {gave}")
+    if case.force or case.walled:
+        put_in = f"forces put in {last.energy_input:.6g}{energy}, " if case.force else ""
+        lines.append(f"  {put_in}collisions dissipated {lost:.6g}{energy}")
     elif first.energy > 0.0:
         lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
     if first.energy > 0.0:
@@ -196,7 +202,7 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))
         if scale > 0.0:
             drift = float(np.linalg.norm(last.momentum - first.momentum))
-            what = "change" if case.force else "drift"  # heat baths and drag change it
+            what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
             lines.append(
                 f"  momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
                 "of what the disks would carry if all flew one way at the start"
@@ -209,7 +215,7 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
     case = file.case
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
     laws = [
-        [{key: getattr(law, key) for key in ("e_n", "e_t", "mu", "sticking", "rho")} for law in row]
+        [law and {key: getattr(law, key) for key in ("e_n", "e_t", "mu", "sticking", "rho")} for law in row]
         for row in gas.laws
     ]
     return {
@@ -222,6 +228,8 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
         "materials": json.dumps(gas.materials),
         "laws": json.dumps(laws),
         "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
+        "gravity": json.dumps(case.box.gravity),
+        "collapse": case.run.collapse,
         "device": device,
         "threads": case.run.threads or backend.cores(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,11 @@ from . import growth
 from .box import Box
 from .errors import InputError, nearest
 from .placement import check_no_overlap
+from .room import Room
 from .start_file import Given
 from .trajectory import Trajectory
+from .walls import Wall
+from .walls import check as check_walls
 
 ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
@@ -25,6 +29,7 @@ def read(
     box: Box | None = None,
     *,
     motion: bool = False,
+    walls: Sequence[Wall] = (),
 ) -> Given:
     """Read a start from a trajectory.
 
@@ -40,6 +45,8 @@ def read(
         The box, which must be that of the trajectory.
     motion : bool
         Take velocities and spins too.
+    walls : sequence of Wall
+        Where they are at t = 0, beside the sides of the box that are not periodic.
 
     Returns
     -------
@@ -77,7 +84,8 @@ def read(
                 check_no_overlap(box, radius, position)
             else:
                 check_no_overlap(box, radius, position, tolerance=tolerance)
-                position = growth.separate(box, radius, position)
+                position = growth.separate(box, radius, position, walls=walls)
+            check_walls(Room(box, tuple(walls)).all_walls, box, position, radius)
         except InputError as error:
             raise InputError(
                 f"frame {at.index} of {len(trajectory)}: {error}{_why(trajectory, radius, single)}"

@@ -63,6 +63,49 @@ TEMPLATES: Mapping[str, Template] = {
             "output": {"frames": 100},
         },
     ),
+    "walls": Template(
+        "A gas of aluminium coins under gravity between walls, on a floor that shakes: it moves as a sine.",
+        {
+            "run": {
+                "name": "walls",
+                "seed": 1,
+                "t_end": 2.0,
+                "arch": "cpu",
+                "units": "SI",
+                "collapse": "velocity_cutoff",
+                "velocity_cutoff": 1e-3,
+            },
+            "box": {
+                "lengths": [0.8, 1.2],
+                "periodic": [False, False],
+                "material": "steel",
+                "gravity": [0.0, -9.81],
+            },
+            "material": [{"name": "aluminium", "e_n": 0.87, "e_t": -0.88, "mu": 0.21}],
+            "pair": [{"materials": ["aluminium", "steel"], "e_n": 0.9, "e_t": -0.9, "mu": 0.2}],
+            "species": [
+                {
+                    "name": "coins",
+                    "number": 200,
+                    "material": "aluminium",
+                    "mass": 1.19e-3,
+                    "diameter": 21.0e-3,
+                    "speed_rms": 0.5,
+                }
+            ],
+            "wall": [
+                {
+                    "shape": "line",
+                    "material": "steel",
+                    "point": [0.0, 0.01],
+                    "normal": [0.0, 1.0],
+                    "motion": {"kind": "sine", "amplitude": 0.01, "frequency": 20.0},
+                }
+            ],
+            "start": {"positions": "random"},
+            "output": {"frames": 100},
+        },
+    ),
     "mixture": Template(
         "Two kinds of coins in one box, with the paper's coefficients for each of the three kinds of pairs.",
         {

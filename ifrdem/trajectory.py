@@ -13,9 +13,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import h5md
+from . import h5md, walls
 from .box import Box
 from .errors import InputError, nearest
+from .room import Room
 from .state import Disks
 from .trajectory_writer import TrajectoryError, TrajectoryWriter
 
@@ -144,7 +145,9 @@ class Trajectory(Sequence[Frame]):
     disks : Disks
         The constant properties of the n disks.
     box : Box
-        The periodic box.
+        The box.
+    walls : tuple of Wall
+        Walls beside those at its sides; only those that the run stored (`TrajectoryWriter`).
     times : array (frames,)
         Times of the frames [time].
     parameters : dict
@@ -176,6 +179,7 @@ class Trajectory(Sequence[Frame]):
             self.box = Box((float(lengths[0]), float(lengths[1])), periodic)
             self.parameters: dict[str, str | int | float] = {}
             self._file["parameters"].visititems(self._read_parameter)
+            self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
         except BaseException:
             self._file.close()
             raise
@@ -193,6 +197,11 @@ class Trajectory(Sequence[Frame]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    @property
+    def room(self) -> Room:
+        """What walls leave to the disks, at t = 0."""
+        return Room(self.box, self.walls)
 
     def close(self) -> None:
         """Close the file; its frames cannot be read any more."""
@@ -325,8 +334,14 @@ def _describe_gas(trajectory: Trajectory) -> list[str]:
             )
     if disks.n:
         lines.append(f"  materials         {len(np.unique(disks.material))}")
-    lines.append(f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {_sides(box)}")
-    lines.append(f"  packing fraction  {box.packing_fraction(disks.radius):.4f}")
+    lines.append(
+        f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {describe_sides(box)}"
+    )
+    if trajectory.walls:
+        shapes = [wall.shape for wall in trajectory.walls]
+        counts = ", ".join(f"{shapes.count(shape)} {shape}" for shape in dict.fromkeys(shapes))
+        lines.append(f"  walls             {counts}")
+    lines.append(f"  packing fraction  {trajectory.room.packing_fraction(disks.radius):.4f}")
     return lines
 
 
@@ -375,7 +390,8 @@ def _bytes(count: float) -> str:
     return f"{count:.3g} TB"
 
 
-def _sides(box: Box) -> str:
+def describe_sides(box: Box) -> str:
+    """What stands at the sides of a box, in words."""
     if box.periodic[0] == box.periodic[1]:
         return "periodic" if box.periodic[0] else "between walls"
     return (

@@ -22,6 +22,7 @@ from . import h5md
 from .box import Box
 from .errors import InputError, nearest
 from .state import Disks, State
+from .walls import Wall, to_json
 
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
 
@@ -51,7 +52,7 @@ class TrajectoryWriter:
     disks : Disks
         The constant properties of the n disks [mass, length].
     box : Box
-        The periodic box [length].
+        The box [length]; its boundary is "none" where it is not periodic.
     fields : sequence of str
         What is stored per disk and frame: "position" [length], "velocity" [length/time], "angular_velocity"
         [rad/time], "collisions", "image".
@@ -68,6 +69,8 @@ class TrajectoryWriter:
         "none" (default) or "gzip" (shuffle and deflate, level 1).
     force : bool
         Replace a file that exists.
+    walls : sequence of Wall
+        Walls beside those at the sides of the box: the parameter "walls", as JSON.
 
     Raises
     ------
@@ -88,8 +91,11 @@ class TrajectoryWriter:
         precision: str = "f4",
         compression: str = "none",
         force: bool = False,
+        walls: Sequence[Wall] = (),
     ) -> None:
         parameters = {} if parameters is None else parameters
+        if walls:
+            parameters = {**parameters, "walls": to_json(walls)}
         units = {} if units is None else units
         fields = [fields] if isinstance(fields, str) else list(fields)
         _check_choices("field", fields, list(h5md.FIELDS))

@@ -6,9 +6,10 @@ meet it.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal, TypedDict, Unpack
 
 import numpy as np
@@ -246,16 +247,32 @@ class Wall:
         position : array (n, 2)
         radius : array (n,)
         """
+        _, distance = self.normal(position, t)
+        return distance - radius
+
+    def normal(
+        self, position: NDArray[np.float64], t: float = 0.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Unit vectors from the wall to points, towards the disks' side, shape (n, 2), and distances, shape (n,).
+
+        A distance [length] is negative on the wrong side of a line, outside of a container or inside of a post.
+
+        Parameters
+        ----------
+        position : array (n, 2)
+        """
         moved = np.array(self.place) + np.array(self.motion.direction) * self.motion.displacement(t)
         d = position - moved
         towards = np.array(self.towards)
         if self.shape == "line":
-            return d @ towards - radius
+            return np.broadcast_to(towards, d.shape), d @ towards
         if self.shape == "segment":
             along = np.clip(d @ towards / (towards @ towards), 0.0, 1.0)
             d = d - along[:, None] * towards
         r = np.hypot(d[:, 0], d[:, 1])
-        return (self.radius - r if self.shape == "container" else r - self.radius) - radius
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.where(r[:, None] > 0.0, d / r[:, None], (1.0, 0.0))  # in its middle, any direction does
+        return (-away, self.radius - r) if self.shape == "container" else (away, r - self.radius)
 
     @property
     def most_speed(self) -> float:
@@ -275,14 +292,38 @@ def sides(box: Box, material: int = 0) -> list[Wall]:
     return found
 
 
+def check_place(wall: Wall, box: Box) -> None:
+    """Raise InputError if a wall reaches across a periodic side of the box, where it is not repeated."""
+    x, y = wall.place
+    reach = wall.radius + (0.0 if math.isinf(wall.motion.extent) else wall.motion.extent)
+    for axis, side in enumerate(box.lengths):
+        if not box.periodic[axis]:
+            continue
+        if wall.shape == "line":
+            if wall.towards[axis] != 0.0:
+                raise InputError(
+                    f"a line across a periodic direction of the box ({'xy'[axis]}); make that direction not periodic"
+                )
+            continue
+        end = wall.place[axis] + (wall.towards[axis] if wall.shape == "segment" else 0.0)
+        if min(wall.place[axis], end) - reach < 0.0 or max(wall.place[axis], end) + reach > side:
+            raise InputError(
+                f"at ({x:.6g}, {y:.6g}) it reaches beyond a periodic side of the box, where walls are not repeated; "
+                "move it inside, or make that direction not periodic"
+            )
+
+
 def check(
     walls: Sequence[Wall],
     box: Box,
     position: NDArray[np.float64],
     radius: NDArray[np.float64],
-    materials: int,
+    materials: int | None = None,
+    time: float = 0.0,
 ) -> None:
-    """Refuse walls that cannot be simulated, or that disks overlap at the start.
+    """Refuse walls that cannot be simulated, or that disks overlap at the start, which is at `time` [time].
+
+    `materials` is how many the law's table has, if it is known.
 
     Raises
     ------
@@ -295,33 +336,29 @@ def check(
         )
     for w, wall in enumerate(walls):
         name = f"wall {w} ({wall.shape})"
-        if not 0 <= wall.material < materials:
+        if materials is not None and not 0 <= wall.material < materials:
             raise InputError(
                 f"{name}: material index {wall.material}: the law table has {materials} materials"
             )
-        x, y = wall.place
-        reach = wall.radius + (0.0 if math.isinf(wall.motion.extent) else wall.motion.extent)
-        for axis, side in enumerate(box.lengths):
-            if box.periodic[axis] and wall.shape != "line":
-                low, high = (
-                    wall.place[axis],
-                    wall.place[axis] + (wall.towards[axis] if wall.shape == "segment" else 0.0),
-                )
-                if min(low, high) - reach < 0.0 or max(low, high) + reach > side:
-                    raise InputError(
-                        f"{name} at ({x:.6g}, {y:.6g}) reaches beyond a periodic side of the box, where walls are not "
-                        "repeated; move it inside, or make that direction not periodic"
-                    )
-            if box.periodic[axis] and wall.shape == "line" and wall.towards[axis] != 0.0:
-                raise InputError(
-                    f"{name}: a line across a periodic direction of the box ({'xy'[axis]}); make that direction not "
-                    "periodic"
-                )
+        try:
+            check_place(wall, box)
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from None
         if len(position):
-            gap = wall.gap(position, radius)
+            gap = wall.gap(position, radius, time)
             worst = int(np.argmin(gap))
             if gap[worst] < 0.0:
                 raise InputError(
                     f"disk {worst} at ({position[worst, 0]:.6g}, {position[worst, 1]:.6g}) overlaps {name} by "
                     f"{-gap[worst]:.3g}"
                 )
+
+
+def to_json(walls: Sequence[Wall]) -> str:
+    """Walls as text, for the record of a trajectory."""
+    return json.dumps([asdict(wall) for wall in walls])
+
+
+def from_json(text: str) -> tuple[Wall, ...]:
+    """Walls from the text of `to_json`."""
+    return tuple(Wall(**{**one, "motion": Motion(**one["motion"])}) for one in json.loads(text))

@@ -15,7 +15,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from ifrdem import plot, theory
+from ifrdem import plot, plot_disks, plot_style, theory
 from ifrdem.box import Box
 from ifrdem.errors import InputError
 from ifrdem.state import Disks, State
@@ -181,7 +181,7 @@ def test_labels_of_logarithmic_time_are_apart_and_at_least_two(first: float, spa
     axes = Figure(figsize=(6.0, 1.5)).add_axes((0.1, 0.3, 0.8, 0.6))  # narrower than in the picture
     axes.plot([first, first * span], [1.0, 1.0])
     axes.set_xscale("log")
-    plot._few_labels(axes)
+    plot_style.few_labels(axes)
     assert_labels_are_apart(axes)
 
 
@@ -223,7 +223,7 @@ def test_reduced_units_are_called_so(tmp_path: Path, drawn: list[Figure]) -> Non
 def test_very_many_disks_become_a_density_map_with_a_note(
     tmp_path: Path, drawn: list[Figure], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(plot, "MOST_DISKS", 1000)
+    monkeypatch.setattr(plot_disks, "MOST_DISKS", 1000)
     write(tmp_path / "a.h5", n=5000)
     plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert not drawn[0].findobj(EllipseCollection)
@@ -260,7 +260,7 @@ def test_markers_of_a_nearly_constant_theta_are_whole() -> None:
     figure = Figure(figsize=(6.0, 1.5))
     axes = figure.add_subplot()
     axes.plot([1.0, 2.0, 3.0], [0.50, 0.505, 0.51], "o", ms=5)  # the usual margin would be 0.0005 here
-    plot._from_zero(axes)
+    plot_style.from_zero(axes)
     figure.draw_without_rendering()
     top = float(axes.transData.transform((3.0, 0.51))[1])
     assert top + 0.5 * (5.0 + 1.0) * figure.dpi / 72.0 < axes.bbox.y1

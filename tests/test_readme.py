@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import re
 import runpy
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from ifrdem import Trajectory, check, cli
+from ifrdem import Trajectory, check, cli, template
+from ifrdem.case import Case
+from ifrdem.gas import Gas
+from ifrdem.walls import Motion, Wall
 
 ROOT = Path(__file__).parents[1]
 
@@ -54,6 +58,15 @@ def test_walls_example_shakes_coins(capsys: pytest.CaptureFixture[str]) -> None:
     assert int(hits) > 20
     assert int(collisions) > 20
     assert float(work) > 0.0
+
+
+def test_walls_of_the_case_file_are_those_of_the_template() -> None:
+    shown = tomllib.loads(block("walls case"))
+    full = dict(template.TEMPLATES["walls"].values)
+    assert Case.model_validate(full | shown).box == Case.model_validate(full).box
+    gas = Gas.from_case(Case.model_validate(full | shown))
+    motion = Motion("sine", amplitude=0.008, frequency=20.0)
+    assert gas.walls == (Wall.line((0.0, 0.008), (0.0, 1.0), motion=motion),)
 
 
 def test_force_example_turns_velocities_and_puts_in_no_energy(

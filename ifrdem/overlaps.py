@@ -1,0 +1,131 @@
+"""Overlaps of disks: which pairs are close, and whether any overlap."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from .box import Box
+from .errors import InputError
+from .room import Room
+
+TOLERANCE = 1e-9
+"""Overlap, as a part of the contact distance, that counts as rounding.
+
+Positions in a box of side L carry errors of about L eps: 1e-12 of a diameter for 1e8 disks. A contact that
+the engine found is left with a few of those.
+"""
+
+
+def checked_radii(radius: ArrayLike) -> NDArray[np.float64]:
+    """The radii [length] as an array of shape (n,); InputError if one is not positive and finite."""
+    column = np.asarray(radius, dtype=np.float64)
+    if column.ndim != 1:
+        raise InputError(f"radius has shape {column.shape}: one radius per disk, shape (n,), is needed")
+    wrong = ~(np.isfinite(column) & (column > 0.0))
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"radius[{i}] = {column[i]}: a positive finite number is needed")
+    return column
+
+
+def refuse_wider_than_box(box: Box, radius: NDArray[np.float64]) -> None:
+    """A disk wider than the box overlaps its own periodic image."""
+    i = int(np.argmax(radius))
+    if 2.0 * radius[i] > min(box.lengths) * (1.0 + TOLERANCE):
+        raise InputError(
+            f"disk {i} has diameter {2.0 * radius[i]:.6g}, more than the box side {min(box.lengths):.6g}: "
+            "it overlaps its own periodic image"
+        )
+
+
+def refuse_no_room(room: Room, radius: NDArray[np.float64]) -> None:
+    """Raise InputError if walls leave no room for some disk, wherever it stands."""
+    i = int(np.argmax(radius))
+    if room.all_walls and room.area(float(radius[i])) <= 0.0:
+        raise InputError(f"the walls leave no room for disk {i}, of diameter {2.0 * radius[i]:.6g}")
+
+
+def size_classes(radius: NDArray[np.float64], ratio: float) -> Iterator[NDArray[np.intp]]:
+    """Indices of the disks, largest first, in groups whose radii differ by less than `ratio`."""
+    order = np.argsort(-radius, kind="stable")
+    begin = 0
+    while begin < len(order):
+        smallest = radius[order[begin]] / ratio
+        end = begin + int(np.searchsorted(-radius[order[begin:]], -smallest, side="left"))
+        end = max(end, begin + 1)
+        yield order[begin:end]
+        begin = end
+
+
+def close_pairs(
+    box: Box, radius: NDArray[np.float64], position: NDArray[np.float64], margin: float = 0.0
+) -> NDArray[np.intp]:
+    """Every pair (i, j), i != j, that may be closer than contact + `margin` [length]; shape (pairs, 2).
+
+    The trees find a superset; by size class, so that small disks need not look as far as the largest reach.
+    """
+    # A size class spans a factor 2: with more classes there are more trees, with fewer more pairs.
+    classes = list(size_classes(radius, 2.0))
+    trees = [cKDTree(position[members], boxsize=box.periods) for members in classes]
+    found = [np.empty((0, 2), dtype=np.intp)]
+    for a, members in enumerate(classes):
+        reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE) + margin
+        found.append(members[trees[a].query_pairs(reach, output_type="ndarray")])
+        for b in range(a):
+            reach = (radius[members[0]] + radius[classes[b][0]]) * (1.0 + TOLERANCE) + margin
+            close = trees[a].sparse_distance_matrix(trees[b], reach, output_type="ndarray")
+            found.append(np.column_stack((members[close["i"]], classes[b][close["j"]])))
+    return np.concatenate(found)
+
+
+def check_no_overlap(
+    box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE
+) -> None:
+    """Refuse positions at which disks overlap, across the periodic sides too.
+
+    Distances are computed pair by pair and exactly; a tree only finds which pairs are near.
+
+    Parameters
+    ----------
+    radius : array_like (n,)
+        Radii [length].
+    position : array_like (n, 2)
+        Centres [length], inside the box or not.
+    tolerance : float
+        Overlap that is taken as rounding, as a part of the contact distance R_i + R_j.
+
+    Raises
+    ------
+    InputError
+        Names the pair that overlaps most, by how much, and how many pairs overlap; or the disk that is wider
+        than the box, or whose position is not finite.
+    """
+    radii = checked_radii(radius)
+    centres = np.asarray(position, dtype=np.float64)
+    if centres.shape != (len(radii), 2):
+        raise InputError(f"position has shape {centres.shape}: {(len(radii), 2)} is needed")
+    if len(radii) == 0:
+        return
+    finite = np.isfinite(centres).all(axis=1)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise InputError(f"position[{i}] = {centres[i]}: every value must be finite")
+    refuse_wider_than_box(box, radii)
+    i, j = close_pairs(box, radii, box.wrap(centres)).T
+    distance = np.linalg.norm(box.minimum_image(centres[j] - centres[i]), axis=-1)
+    contact = radii[i] + radii[j]
+    overlap = contact - distance
+    wrong = overlap > tolerance * contact
+    if wrong.any():
+        worst = int(np.argmax(np.where(wrong, overlap, -np.inf)))
+        first, second = sorted((int(i[worst]), int(j[worst])))
+        count = int(np.count_nonzero(wrong))
+        others = "" if count == 1 else f"; {count} pairs overlap, this one the most"
+        raise InputError(
+            f"disks {first} and {second} overlap by {overlap[worst]:.6g} "
+            f"(distance {distance[worst]:.6g}, sum of radii {contact[worst]:.6g}){others}"
+        )

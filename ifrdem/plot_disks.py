@@ -1,0 +1,166 @@
+"""The panel of a run's last frame: its disks and walls, or a map of where the disks are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .box import Box
+from .plot_style import with_unit
+from .trajectory import Trajectory
+from .walls import Wall
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Diverging, dark in the middle, so that disks without spin show on white; orange is counter-clockwise.
+SPINS = ("#56B4E9", "#2A6A99", "#333333", "#A84A00", "#FF9A3D")
+WALL, POST, HOT = "#000000", "#999999", "#CC79A7"
+
+MOST_DISKS = 100_000
+"""Above this many disks one by one are smaller than a pixel, and slow: a density map is drawn."""
+
+MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 30 disks each at phi = 0.25
+
+
+def last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
+    """The disks of the last frame, coloured by spin, or a map of where they are if they are too many."""
+    units, lengths = trajectory.units, trajectory.box.lengths
+    frame = trajectory[-1]
+    axes.set_xlim(0.0, lengths[0])
+    axes.set_ylim(0.0, lengths[1])
+    axes.set_aspect("equal")
+    axes.set_xlabel(with_unit("$x$", units.get("length")))
+    axes.set_ylabel(with_unit("$y$", units.get("length")))
+    _walls(axes, trajectory, frame.time)
+    if "position" not in trajectory.fields:
+        axes.set_title("the file holds no positions")
+        return
+    time = f"$t$ = {trajectory.with_unit(f'{frame.time:.4g}', 'time')}"
+    if trajectory.disks.n > MOST_DISKS:
+        cell = _density_map(figure, axes, trajectory, frame.position)
+        size = trajectory.with_unit(f"{cell:.3g}", "length")
+        axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
+    else:
+        spin = frame.spin if "angular_velocity" in trajectory.fields else np.zeros(trajectory.disks.n)
+        _disks(figure, axes, trajectory, frame.position, spin)
+        axes.set_title(f"disks at {time}")
+
+
+def _disks(
+    figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64], spin: NDArray[np.float64]
+) -> None:
+    from matplotlib.collections import EllipseCollection
+    from matplotlib.colors import LinearSegmentedColormap
+
+    radius = trajectory.disks.radius
+    position, owner = _with_images(position, radius, trajectory.box)
+    # A heavy tail of fast spins must not wash out all others: colours are full from the 95th percentile on.
+    limit = float(np.quantile(np.abs(spin), 0.95)) if len(spin) else 0.0
+    limit = limit if limit > 0.0 else 1.0
+    drawn = EllipseCollection(
+        2.0 * radius[owner],
+        2.0 * radius[owner],
+        np.zeros(len(owner)),
+        units="xy",
+        offsets=position,
+        offset_transform=axes.transData,
+        array=spin[owner],
+        cmap=LinearSegmentedColormap.from_list("spins", SPINS),
+        clim=(-limit, limit),
+        linewidths=0.0,
+    )
+    axes.add_collection(drawn)
+    time = trajectory.units.get("time")
+    unit = "reduced units" if time is None else f"rad/{time}"
+    bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.85)
+    bar.set_label(rf"spin $\omega$ ({unit}), counter-clockwise positive")
+
+
+def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64]) -> float:
+    """Draw the local area fraction and return the mean side of its cells [length]."""
+    lengths, radius = trajectory.box.lengths, trajectory.disks.radius
+    cell = MAP_CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
+    counts = [int(np.clip(round(side / cell), 1, 1000)) for side in lengths]
+    covered, _, _ = np.histogram2d(
+        position[:, 0],
+        position[:, 1],
+        bins=counts,
+        range=[(0.0, side) for side in lengths],
+        weights=np.pi * radius**2,
+    )
+    covered *= counts[0] * counts[1] / trajectory.box.area
+    drawn = axes.imshow(
+        covered.T,
+        origin="lower",
+        extent=(0.0, lengths[0], 0.0, lengths[1]),
+        cmap="cividis",
+        vmin=0.0,
+        vmax=float(np.quantile(covered, 0.999)),
+        interpolation="nearest",
+    )
+    figure.colorbar(drawn, ax=axes, extend="max", shrink=0.85).set_label("area fraction")
+    return float(np.sqrt(trajectory.box.area / (counts[0] * counts[1])))
+
+
+def _with_images(
+    position: NDArray[np.float64], radius: NDArray[np.float64], box: Box
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Positions with the periodic images of disks that a side cuts, and which disk each of them is."""
+    owner = np.arange(len(position))
+    for axis, length in enumerate(box.periods):
+        if length == 0.0:
+            continue
+        low = position[:, axis] < radius[owner]
+        high = position[:, axis] > length - radius[owner]
+        shift = np.zeros(2)
+        shift[axis] = length
+        position = np.concatenate([position, position[low] + shift, position[high] - shift])
+        owner = np.concatenate([owner, owner[low], owner[high]])
+    return position, owner
+
+
+def _walls(axes: Axes, trajectory: Trajectory, time: float) -> None:
+    """Draw the walls where they are at this time, with arrows along moving surfaces; thick sides are walls too."""
+    for periodic, sides in zip(trajectory.box.periodic, (("left", "right"), ("bottom", "top")), strict=True):
+        for side in sides:
+            axes.spines[side].set_linewidth(0.8 if periodic else 2.5)
+    for wall in trajectory.walls:
+        _wall(axes, wall, max(trajectory.box.lengths), time)
+
+
+def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
+    from matplotlib.patches import Circle
+
+    place = np.array(wall.place) + np.array(wall.motion.direction) * wall.motion.displacement(time)
+    towards = np.array(wall.towards)
+    colour = WALL if wall.temperature is None else HOT
+    if wall.shape in ("line", "segment"):
+        if wall.shape == "line":
+            along = 2.0 * size * np.array((towards[1], -towards[0]))
+            ends = np.array((place - along, place + along))
+            ends += (
+                np.clip(0.5 * size - place, -size, size) @ along / (along @ along) * along
+            )  # about the box
+        else:
+            ends = np.array((place, place + towards))
+        axes.plot(*ends.T, color=colour, lw=2.5, solid_capstyle="round", scalex=False, scaley=False)
+        return
+    filled = wall.shape == "post"
+    axes.add_patch(
+        Circle((float(place[0]), float(place[1])), wall.radius, fill=filled, fc=POST, ec=colour, lw=2.0)
+    )
+    if wall.surface_speed != 0.0:
+        angle = np.arange(8) * np.pi / 4.0
+        out = np.column_stack((np.cos(angle), np.sin(angle)))
+        turn = np.sign(wall.surface_speed) * (1.0 if filled else -1.0)  # counter-clockwise
+        along = turn * np.column_stack((-out[:, 1], out[:, 0]))
+        for at, step in zip(place + wall.radius * out, 0.06 * wall.radius * along, strict=True):
+            axes.annotate(
+                "",
+                xy=at + step,
+                xytext=at - step,
+                arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.5},
+            )

@@ -1,0 +1,58 @@
+"""What all panels of a picture have in common: colours, units in labels, axes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Okabe and Ito's blue and vermilion: told apart with every kind of colour blindness, and in grey.
+TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#444444"
+ACROSS = "#56B4E9"  # their sky blue: the part of the translation that is across an axis
+
+
+def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """With nan for what a logarithmic axis cannot show, such as the temperature of spins at rest."""
+    return np.where(values > 0.0, values, np.nan)
+
+
+def with_unit(text: str, unit: str | None) -> str:
+    return f"{text} ({'reduced units' if unit is None else unit})"
+
+
+def from_zero(axes: Axes) -> None:
+    """Let the vertical axis begin at 0 and end so far above what is drawn that no marker is cut."""
+    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in axes.lines])
+    highest = np.max(drawn, where=np.isfinite(drawn), initial=0.0)
+    axes.set_ylim(0.0, 1.12 * highest if highest > 0.0 else 1.0)
+
+
+def few_labels(axes: Axes) -> None:
+    """Label a logarithmic time axis so that labels neither collide nor lack, however short it is.
+
+    Matplotlib labels powers of ten and, below a decade or so, some of the ticks between them, without regard
+    to their width. Below two decades the steps here are those of rulers: 1, 2, 5, or finer.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    first, last = axes.get_xlim()
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    if last / first >= 100.0:
+        return
+    # Two labels at least: any factor of 5 holds two of the first, any of 2.1 two of the others, and frames
+    # that begin at 0 and are evenly spaced span a factor of 2, and the margins.
+    steps = (1.0, 2.0, 5.0) if last / first >= 5.0 else (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+    axes.xaxis.set_major_locator(LogLocator(subs=steps))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _short(value)))
+
+
+def _short(value: float) -> str:
+    """0.05 and 2000, but 5 x 10^-6 in full."""
+    if 1e-3 <= value < 1e4:
+        return f"{value:.6g}"
+    factor, exponent = f"{value:.5e}".split("e")
+    return rf"${float(factor):g} \times 10^{{{int(exponent)}}}$"

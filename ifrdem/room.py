@@ -1,0 +1,276 @@
+"""The room that walls leave to disks: its area, its boundary, and how far disks are from it.
+
+The room is the part of the box on the disks' side of every wall: in front of lines, inside of containers, outside of
+posts. Segments take none of it. Moving walls stand where they are at t = 0. A packing fraction between walls is the
+area of the disks over that of the room.
+
+The area is exact, by Green's theorem: half the integral of x dy - y dx along the boundary, whose pieces are those parts
+of lines and circles that are on the right side of all others.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .box import Box
+from .walls import Point, Wall, sides
+
+ROUNDING = 1e-9
+"""Distance of two boundaries, as a part of the box, at which they are one and the same."""
+
+_ALONG = np.array(
+    [0.37, 0.61]
+)  # where a piece is tested; its middle may be where another boundary touches it
+_QUARTER = 0.5 * math.pi
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A straight boundary through `point`; `normal` is its unit normal into the room."""
+
+    point: Point
+    normal: Point
+
+    def inward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distances from points, shape (n, 2), to the boundary, positive inside."""
+        return (points - self.point) @ np.array(self.normal)
+
+    def at(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points at the lengths s from `point`, walking with the room on the left."""
+        direction = np.array((self.normal[1], -self.normal[0]))
+        return np.array(self.point) + s[:, None] * direction
+
+    def ends(self, far: float) -> tuple[float, float]:
+        """What s can be at most."""
+        return -far, far
+
+    def green(self, s: float, s_1: float) -> float:
+        """Half the integral of x dy - y dx from s to s_1."""
+        (x, y), (x_1, y_1) = self.at(np.array((s, s_1)))
+        return 0.5 * float(x * y_1 - x_1 * y)
+
+    def length(self, s: float, s_1: float) -> float:
+        """Length of the piece from s to s_1."""
+        return s_1 - s
+
+    def extremes(self, s: float, s_1: float) -> list[float]:
+        """Where along the piece x or y can be largest or smallest."""
+        return [s, s_1]
+
+
+@dataclass(frozen=True)
+class _Circle:
+    """A round boundary: the room is inside of it (a container), or outside (a post)."""
+
+    center: Point
+    radius: float
+    inside: bool
+
+    def inward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """As for a line."""
+        r = np.hypot(*(points - self.center).T)
+        return self.radius - r if self.inside else r - self.radius
+
+    def at(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points at the angles s."""
+        return np.array(self.center) + self.radius * np.column_stack((np.cos(s), np.sin(s)))
+
+    def ends(self, far: float) -> tuple[float, float]:
+        """What s can be: all angles, from where no other boundary has a special point."""
+        return 0.1, 0.1 + 2.0 * math.pi
+
+    def green(self, s: float, s_1: float) -> float:
+        """As for a line; around a post the room is on the left clockwise."""
+        (x, y), r = self.center, self.radius
+        turn = x * (math.sin(s_1) - math.sin(s)) - y * (math.cos(s_1) - math.cos(s))
+        return (0.5 if self.inside else -0.5) * r * (r * (s_1 - s) + turn)
+
+    def length(self, s: float, s_1: float) -> float:
+        """As for a line."""
+        return self.radius * (s_1 - s)
+
+    def extremes(self, s: float, s_1: float) -> list[float]:
+        """As for a line."""
+        quarters = np.arange(math.ceil(s / _QUARTER), math.floor(s_1 / _QUARTER) + 1) * _QUARTER
+        return [s, s_1, *quarters]
+
+
+_Boundary = _Line | _Circle
+_Piece = tuple[_Boundary, float, float]
+
+
+def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
+    """Where along `one` it meets `other`: its lengths or angles."""
+    if isinstance(one, _Line):
+        x, y = (float(value) for value in np.subtract(one.point, _anchor(other)))
+        ux, uy = one.normal[1], -one.normal[0]
+        if isinstance(other, _Line):
+            across = ux * other.normal[0] + uy * other.normal[1]
+            return [-(x * other.normal[0] + y * other.normal[1]) / across] if abs(across) > 1e-12 else []
+        middle = -(x * ux + y * uy)
+        square = other.radius**2 - (x * one.normal[0] + y * one.normal[1]) ** 2
+        return [middle - math.sqrt(square), middle + math.sqrt(square)] if square > 0.0 else []
+    if isinstance(other, _Line):
+        points = other.at(np.array(_meetings(other, one)))
+    else:
+        dx, dy = (float(value) for value in np.subtract(other.center, one.center))
+        d = math.hypot(dx, dy)
+        if d == 0.0 or not abs(one.radius - other.radius) < d < one.radius + other.radius:
+            return []
+        along = (d * d + one.radius**2 - other.radius**2) / (2.0 * d)
+        across = math.sqrt(max(0.0, one.radius**2 - along**2))
+        foot = np.array(one.center) + along / d * np.array((dx, dy))
+        step = across / d * np.array((-dy, dx))
+        points = np.array((foot - step, foot + step))
+    low, _ = one.ends(0.0)
+    return [
+        float((math.atan2(y - one.center[1], x - one.center[0]) - low) % (2.0 * math.pi) + low)
+        for x, y in points
+    ]
+
+
+def _anchor(boundary: _Boundary) -> Point:
+    return boundary.point if isinstance(boundary, _Line) else boundary.center
+
+
+@dataclass(frozen=True)
+class Room:
+    """Where disks can be in a box between walls, at t = 0.
+
+    Attributes
+    ----------
+    box : Box
+        Those of its sides that are not periodic are walls too.
+    walls : tuple of Wall
+        Others.
+    """
+
+    box: Box
+    walls: tuple[Wall, ...] = ()
+
+    @property
+    def all_walls(self) -> tuple[Wall, ...]:
+        """Every wall, the sides of the box included."""
+        return (*self.walls, *sides(self.box))
+
+    def gap(self, position: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distance of each disk to the nearest wall [length], shape (n,); negative if they overlap, inf without walls.
+
+        Parameters
+        ----------
+        position : array (n, 2)
+        radius : array (n,)
+        """
+        gaps = [wall.gap(position, radius) for wall in self.all_walls]
+        return np.min(gaps, axis=0) if gaps else np.full(len(position), np.inf)
+
+    def area(self, inset: float = 0.0) -> float:
+        """Area of the room [length^2], or of what is at least `inset` [length] from every wall: 0 if nothing is.
+
+        An inset leaves segments aside.
+        """
+        return self._area(self._boundaries(inset))
+
+    def strips(self, axis: int, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Areas of the room [length^2] between lines across `axis` at `edges` [length], shape (edges - 1,)."""
+        across = np.eye(2)[axis]
+        found = []
+        for low, high in itertools.pairwise(edges):
+            cut = [_line(low * across, across), _line(high * across, -across)]
+            found.append(self._area([*self._boundaries(0.0), *cut]))
+        return np.array(found)
+
+    def packing_fraction(self, radius: NDArray[np.float64]) -> float:
+        """Fraction of the room that disks of these radii [length], shape (n,), cover."""
+        if not self.all_walls:
+            return self.box.packing_fraction(radius)
+        area = self.area()
+        return math.pi * float(np.sum(np.square(radius))) / area if area > 0.0 else math.inf
+
+    def wall_length(self, inset: float = 0.0) -> float:
+        """Length of what is `inset` [length] from walls: along it move the centres of disks that touch them.
+
+        Both sides of a segment count, and the half circles around its ends, wherever it stands.
+        """
+        boundaries = self._boundaries(inset)
+        fixed = {self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)}
+        walls = sum(piece.length(s, s_1) for piece, s, s_1 in self._pieces(boundaries) if piece not in fixed)
+        segments = (wall for wall in self.walls if wall.shape == "segment")
+        return walls + sum(2.0 * (math.hypot(*each.towards) + math.pi * inset) for each in segments)
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lower left and upper right corner of a rectangle around the room [length]; the box if there is none."""
+        if not self.walls:
+            return np.zeros(2), np.array(self.box.lengths)
+        points = [
+            piece.at(np.array(piece.extremes(s, s_1)))
+            for piece, s, s_1 in self._pieces(self._boundaries(0.0))
+        ]
+        if not points:
+            return np.zeros(2), np.array(self.box.lengths)
+        lengths = np.array(self.box.lengths)
+        found = np.clip(np.concatenate(points), 0.0, lengths)
+        low, high = found.min(axis=0), found.max(axis=0)
+        # Across a periodic side the room goes on, where it reaches it.
+        open_ = np.array(self.box.periodic) & (
+            (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
+        )
+        return np.where(open_, 0.0, low), np.where(open_, lengths, high)
+
+    def spans(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest x and y [length] that the centre of each disk can have, shape (n, 2)."""
+        low, high = self.bounds()
+        whole = np.array(self.box.periodic) & (low == 0.0) & (high == self.box.lengths)
+        margin = np.where(whole, 0.0, radius[:, None])
+        return low + margin, high - margin
+
+    def _side(self, axis: int, end: int) -> _Line:
+        normal = np.eye(2)[axis] * (1.0 - 2.0 * end)
+        return _line(np.array(self.box.lengths) * end * np.eye(2)[axis], normal)
+
+    def _boundaries(self, inset: float) -> list[_Boundary]:
+        """The boundary of the room is made of parts of these; walls first."""
+        found: list[_Boundary] = []
+        for wall in self.all_walls:
+            place = np.array(wall.place) + np.array(wall.motion.direction) * wall.motion.displacement(0.0)
+            if wall.shape == "line":
+                found.append(_line(place + inset * np.array(wall.towards), np.array(wall.towards)))
+            elif wall.shape != "segment":
+                inside = wall.shape == "container"
+                r = wall.radius - inset if inside else wall.radius + inset
+                found.append(_Circle((float(place[0]), float(place[1])), r, inside))
+        return found + [self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)]
+
+    def _area(self, boundaries: Sequence[_Boundary]) -> float:
+        if any(isinstance(each, _Circle) and each.inside and each.radius <= 0.0 for each in boundaries):
+            return 0.0
+        return max(0.0, sum(piece.green(s, s_1) for piece, s, s_1 in self._pieces(boundaries)))
+
+    def _pieces(self, boundaries: Sequence[_Boundary]) -> Iterator[_Piece]:
+        """Those parts of the boundaries that bound the room, each with where it begins and ends."""
+        size = max(self.box.lengths)
+        same = ROUNDING * size
+        for i, one in enumerate(boundaries):
+            if isinstance(one, _Circle) and one.radius <= 0.0:
+                continue
+            far = 4.0 * size + 2.0 * float(np.max(np.abs(_anchor(one))))
+            low, high = one.ends(far)
+            met = [s for j, other in enumerate(boundaries) if j != i for s in _meetings(one, other)]
+            ends = sorted({low, high, *(s for s in met if low < s < high)})
+            for s, s_1 in itertools.pairwise(ends):
+                tested = one.at(s + _ALONG * (s_1 - s))
+                inward = [(j, other.inward(tested)) for j, other in enumerate(boundaries) if j != i]
+                if all(np.all(d > -same) for _, d in inward) and not any(
+                    j < i and np.all(np.abs(d) <= same) for j, d in inward
+                ):
+                    yield one, s, s_1
+
+
+def _line(point: NDArray[np.float64], normal: NDArray[np.float64]) -> _Line:
+    return _Line((float(point[0]), float(point[1])), (float(normal[0]), float(normal[1])))
