@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from . import backend
 from .box import Box
+from .collision_law import compiled
 from .engine_limits import (
     ADDRESSABLE,
     FLIGHT,
@@ -46,14 +47,19 @@ from .kernels.layout import (
     ROLL_BACK,
     SKIN,
     SLOT,
+    SPIN,
     STANDS,
     TILES_X,
     TILES_Y,
     TIME,
+    VX,
+    VY,
     WALL_SPEED,
     WIDEST,
 )
 from .kernels.layout import ROW as ROW_LENGTH
+from .kernels.levels import reach_at
+from .law import IFRLaw
 from .state import Disks, State
 
 _SCAN_BLOCK = 1024
@@ -98,6 +104,10 @@ class DeviceArrays:
         Normal speed of approach below which collisions are elastic [length/time].
     origin : two floats
         Lower left corner of the user's box in this one [length]; only forces are told places in that.
+    collision_law : kernels.contact.Law
+        What is compiled in of the law (`collision_law.compiled`); the IFR law without it.
+    cells_per_disk : int
+        Cells, at most.
     """
 
     def __init__(
@@ -115,13 +125,16 @@ class DeviceArrays:
         gravity: tuple[float, float] = (0.0, 0.0),
         velocity_cutoff: float = 0.0,
         origin: tuple[float, float] = (0.0, 0.0),
+        collision_law: Any = None,
+        cells_per_disk: int = 1,
     ) -> None:
         n = self.n = disks.n
+        self.collision_law = collision_law if collision_law is not None else compiled(IFRLaw)
         self._real = np.float32 if precision == "f32" else np.float64
         self._type = getattr(ti, precision)
         self._arguments: dict[Callable[..., None], list[str]] = {}
         diameter = 2.0 * float(disks.radius.max()) if n else 0.0
-        tiles, cells = self._divide(box, diameter + skin, tile_disks)
+        tiles, cells = self._divide(box, diameter + skin, tile_disks, cells_per_disk * max(n, 1))
         total = tiles[0] * tiles[1] * cells[0] * cells[1]
         room = max(n, 1)
         kinds, kind = _kinds(disks)
@@ -179,13 +192,15 @@ class DeviceArrays:
     def _vectors(columns: int, of: Any, rows: int) -> Any:
         return ti.Vector.ndarray(columns, of, rows)
 
-    def _divide(self, box: Box, reach: float, tile_disks: int | None) -> tuple[list[int], list[int]]:
+    def _divide(
+        self, box: Box, reach: float, tile_disks: int | None, most_cells: int
+    ) -> tuple[list[int], list[int]]:
         """Tiles along each side of the box, and cells along each side of a tile."""
         # Wider by a trifle: a disk on the border of two cells may count to either.
         least = reach * (1.0 + 100.0 * float(np.finfo(self._real).eps))
         most = [max(1, int(side / least)) for side in box.lengths]
         # More cells than disks would only cost time: a dilute gas gets larger ones.
-        thin = math.sqrt(max(1.0, most[0] * most[1] / max(self.n, 1)))
+        thin = math.sqrt(max(1.0, most[0] * most[1] / most_cells))
         most = [max(1, int(count / thin)) for count in most]
         tiles = [1, 1]
         if tile_disks is not None:
@@ -287,6 +302,15 @@ class DeviceArrays:
         """Id of the disk at each slot, shape (N,)."""
         ids: NDArray[np.int32] = self.meta.to_numpy()[:, 0]
         return ids
+
+    @property
+    def furthest(self) -> float:
+        """How far a disk may move in an epoch at most [length]."""
+        return float(reach_at(float(self.scale[REACH]), self.most_level))
+
+    def at_rest(self) -> bool:
+        """Whether no disk moves or spins, as the latest epoch left them."""
+        return not self.flight.to_numpy()[: self.n, [VX, VY, SPIN]].any()
 
     def zeros(self, columns: int, *, real: bool) -> NDArray[Any]:
         """A host array with a row for each disk, one at least, for kernels to write into."""

@@ -219,7 +219,23 @@ def box_around(section: BoxSection, radius: NDArray[np.float64]) -> Box:
     InputError
         If they can never cover that fraction of it.
     """
+    if section.open:
+        return Box.open()
+    patch = patch_of(section, radius)
+    assert patch is not None  # the section's alternatives see to it
+    return patch
+
+
+def patch_of(section: BoxSection, radius: NDArray[np.float64]) -> Box | None:
+    """The rectangle that a section gives a size: the box, or where disks of an open one start; None if it gives none.
+
+    Raises
+    ------
+    InputError
+        As `box_around`.
+    """
     if section.lengths is not None:
         return Box((section.lengths[0], section.lengths[1]))
-    assert section.packing_fraction is not None
+    if section.packing_fraction is None:
+        return None
     return Box.from_packing_fraction(radius, section.packing_fraction, section.aspect)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import growth, placement, seeds, start_file, start_frame
+from . import growth, impact_scan, placement, seeds, start_file, start_frame
 from .box import Box
-from .case import Case, is_trajectory
-from .draft import Draft, Problem, Species, box_around
+from .case import IMPACT_SCAN, Case, is_trajectory
+from .draft import Draft, Problem, Species, box_around, patch_of
 from .errors import InputError
 from .law import EnergyWarning, IFRLaw
 from .pairing import PairVerdict, verdicts
@@ -48,6 +48,8 @@ class Gas:
         The box.
     given : Given or None
         The start, if the case names a file or a trajectory with it.
+    patch : Box or None
+        The rectangle in which disks are placed at the start: the box, or what an open one says of it.
     """
 
     species: tuple[Species, ...]
@@ -57,6 +59,7 @@ class Gas:
     disks: Disks
     box: Box
     given: Given | None = None
+    patch: Box | None = None
 
     @classmethod
     def from_case(cls, case: Case, folder: Path | str = ".") -> Gas:
@@ -83,9 +86,14 @@ class Gas:
         elif is_trajectory(case.start.positions):
             path = Path(folder) / case.start.positions
             given = start_frame.read(path, case.start.frame, disks.radius, box, motion=case.start.motion)
+        elif case.start.positions == IMPACT_SCAN:
+            given = impact_scan.start(
+                disks, case.start.psi_range, case.start.speed or 0.0, seed=case.run.seed
+            )
         if given is not None:
             species = _as_moving(species, given)
-        return cls(species, materials, laws, judged, disks, box, given)
+        patch = patch_of(case.box, disks.radius)
+        return cls(species, materials, laws, judged, disks, box, given, patch)
 
     @property
     def warnings(self) -> list[str]:
@@ -131,21 +139,22 @@ class Gas:
             return Simulation(self.disks, self.box, self.laws, begin, **options)
 
     def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
+        assert self.patch is not None  # `problems` has seen to it
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.
                 dealt = seed if len(self.species) > 1 or not self.species[0].equal else None
-                return placement.hexagonal_positions(self.box, self.disks.radius, seed=dealt)
+                return placement.hexagonal_positions(self.patch, self.disks.radius, seed=dealt)
             if way == "growth":
-                return growth.grow(self.box, self.disks.radius, seed=seed, progress=Stage("growth"))
-            return placement.random_positions(self.box, self.disks.radius, seed=seed)
+                return growth.grow(self.patch, self.disks.radius, seed=seed, progress=Stage("growth"))
+            return placement.random_positions(self.patch, self.disks.radius, seed=seed)
         except InputError as error:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
 def forces_of(case: Case) -> list[Force]:
     """The forces of a case, in its order. Imports Taichi."""
-    from .forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks
+    from .forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 
     kinds: dict[str, Callable[..., Force]] = {
         "kicks": RandomKicks,
@@ -153,6 +162,7 @@ def forces_of(case: Case) -> list[Force]:
         "langevin": Langevin,
         "drag": Drag,
         "rescale": Rescale,
+        "table_friction": TableFriction,
     }
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from . import pairing, placement, radii, start_file, start_frame
 from .box import Box
-from .case import is_trajectory
+from .case import IMPACT_SCAN, is_trajectory
 from .coins import coins
-from .draft import Draft, Problem, Species, box_around
+from .draft import Draft, Problem, Species, box_around, patch_of
 from .engine_limits import CROWD
 from .errors import InputError, nearest
 
@@ -42,14 +42,16 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
         radius = np.concatenate([each.radius for each in species])
         found += _wrong_motion(draft, species)
         found += _wrong_forces(draft, species)
-        box = None
+        box = patch = None
         if draft.box is not None:
             try:
-                box = box_around(draft.box, radius)
+                box, patch = box_around(draft.box, radius), patch_of(draft.box, radius)
             except InputError as error:
                 found.append(Problem("box", None, str(error)))
         if box is not None:
-            found += _wrong_room(draft, species, radius, box)
+            found += _wrong_room(draft, species, radius, patch)
+            found += _wrong_open(draft, box, patch)
+        found += _wrong_scan(draft, species, box)
         found += _wrong_start(draft, species, radius, box, folder)
     return found
 
@@ -137,6 +139,7 @@ def _wrong_motion(draft: Draft, species: list[Species]) -> Iterator[Problem]:
         and draft.start is not None
         and draft.start.file is None
         and not is_trajectory(draft.start.positions)
+        and draft.start.positions != IMPACT_SCAN
     ):
         text = "nothing moves at the start, so nothing ever collides: a species' speed_rms above 0 is needed"
         yield Problem("run.collisions_per_disk", value, text)
@@ -158,11 +161,13 @@ def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
 
 
 def _wrong_room(
-    draft: Draft, species: list[Species], radius: NDArray[np.float64], box: Box
+    draft: Draft, species: list[Species], radius: NDArray[np.float64], box: Box | None
 ) -> Iterator[Problem]:
-    shortest = min(box.lengths)
+    """`box` is where disks start: the box, or a part of an open one, if any."""
+    assert draft.box is not None
+    shortest = min(box.lengths) if box is not None else math.inf
     fits = True
-    for each in species:
+    for each in species if box is not None and not draft.box.open else ():
         largest = 2.0 * float(each.radius.max())
         if largest > LARGEST_DISK * shortest:
             fits = False
@@ -180,10 +185,10 @@ def _wrong_room(
             f"the largest disk is {ratio:.4g} times as wide as the smallest: less than {WIDEST_RATIO:.0f} times is "
             "needed, or a distribution that is cut off (low, high)",
         )
-    if draft.start is None or not fits:
+    if draft.start is None or not fits or box is None:
         return
     covered = box.packing_fraction(radius)
-    dense = "box.packing_fraction" if draft.box is not None and draft.box.lengths is None else "box.lengths"
+    dense = "box.packing_fraction" if draft.box.lengths is None else "box.lengths"
     if covered >= 1.0:
         yield Problem(dense, f"{covered:.4g} of the area", "the disks cover more than the box has")
     elif draft.start.file is None and draft.start.positions == "hexagonal":
@@ -201,6 +206,50 @@ def _wrong_room(
                 f"too dense for a random start, which ends at {placement.SATURATION}: "
                 'a lower one is needed, or start.positions = "growth" or "hexagonal"',
             )
+
+
+def _wrong_open(draft: Draft, box: Box, patch: Box | None) -> Iterator[Problem]:
+    start = draft.start
+    if not box.is_open or start is None:
+        return
+    placed = start.file is None and not is_trajectory(start.positions) and start.positions != IMPACT_SCAN
+    if placed and patch is None:
+        text = (
+            f'disks that start at "{start.positions}" places need a rectangle to start in: packing_fraction or lengths '
+            "beside it"
+        )
+        yield Problem("box.open", "true", text)
+    if not placed and patch is not None:
+        key = (
+            "box.lengths"
+            if draft.box is not None and draft.box.lengths is not None
+            else "box.packing_fraction"
+        )
+        yield Problem(
+            key, None, "cannot stand beside box.open = true where the start says where the disks are"
+        )
+
+
+def _wrong_scan(draft: Draft, species: list[Species], box: Box | None) -> Iterator[Problem]:
+    start = draft.start
+    if start is None or start.file is not None or start.positions != IMPACT_SCAN:
+        return
+    key, value = "start.positions", f'"{IMPACT_SCAN}"'
+    if box is not None and not box.is_open:
+        yield Problem(key, value, "pairs that fly apart need box.open = true")
+    if len(species) != 2 or species[0].number != species[1].number:
+        found = ", ".join(f"{each.number} of '{each.name}'" for each in species)
+        text = f"two species with equal numbers are needed, those that hit and those that are hit; there are {found}"
+        yield Problem(key, value, text)
+    if draft.force:
+        yield Problem(
+            key, value, "no [[force]] can act in a scan: impacts are told from velocities before and after"
+        )
+    for i, each in enumerate(draft.species):
+        for speed in ("speed_rms", "spin_rms"):
+            if each is not None and speed in each.model_fields_set:
+                text = f"cannot stand beside {key} = {value}: start.speed is the speed of those that hit"
+                yield Problem(f"species[{i}].{speed}", f"{getattr(each, speed):g}", text)
 
 
 def _wrong_start(

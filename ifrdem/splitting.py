@@ -70,7 +70,7 @@ class Splitting:
             force.check(disks)
         if not (hasattr(seed, "__index__") and 0 <= seed < 2**64):
             raise InputError(f"seed = {seed}: a whole number from 0 to 2^64 - 1 is needed")
-        self._arrays = arrays
+        self.arrays = arrays
         self._seed = operator.index(seed)
         self._steps = [force.step for force in self.forces]
         self._next = [_first_after(time, step) for step in self._steps]
@@ -85,6 +85,18 @@ class Splitting:
         return min(
             (_time(k, step) for k, step in zip(self._next, self._steps, strict=True)), default=math.inf
         )
+
+    @property
+    def keeps_rest(self) -> bool:
+        """Whether none of the forces, if there are any, sets in motion what is at rest."""
+        return bool(self.forces) and all(force.keeps_rest for force in self.forces)
+
+    def skip_to(self, time: float) -> None:
+        """Leave out what the forces would do until `time` [time]: nothing."""
+        if math.isfinite(time):
+            self._next = [
+                max(k, _first_after(time, step)) for k, step in zip(self._next, self._steps, strict=True)
+            ]
 
     def due(self, now: float) -> list[int]:
         """Indices of the forces that act at `now` [time], in the order in which they do."""
@@ -113,8 +125,8 @@ class Splitting:
             "gained": gained,
         }
         if sum_totals is not None:
-            self._arrays.launch(sum_totals, **given)
-        self._arrays.launch(apply_force, **given)
+            self.arrays.launch(sum_totals, **given)
+        self.arrays.launch(apply_force, **given)
         self._next[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(

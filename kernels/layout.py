@@ -28,7 +28,7 @@ walls        (W, 16) real  geometry, motion and material of each wall (`walls.py
 near_walls   (n,) int      bits of the walls that a disk can touch in this epoch
 wall_hits    (n,) int      collisions with walls, by id
 wall_work    (n,) real     energy that walls gave, by id
-law          (M, M, 5)     e_n, e_t, mu, contact_point, rho of each pair of materials
+law          (M, M, c)     coefficients of the law for each pair of materials (IFR: e_n, e_t, mu, contact_point, rho)
 ===========  ============  ==================================================================================
 
 Positions are relative to the lower left corner of the disk's tile, so that they lose no precision far from the
@@ -167,3 +167,4 @@ class GasArrays(NamedTuple):
     wall_hits: Any = None
     wall_work: Any = None
     walled: bool = False  # whether there are walls: code for them is compiled only then
+    collision_law: Any = None  # a `contact.Law`

@@ -299,9 +299,10 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
 
 @ti.kernel
 def run_tiles(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows,
-    cell: Rows, start: Rows, fill: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows,
-    log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
+    walled: ti.template(), collision_law: ti.template(), grid: Rows, scale: Rows, flight: Rows,
+    kinds: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows,
+    neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
+    near_walls: Rows,
 ):  # fmt: skip
     """All tiles at once, one thread each, up to the end of the window.
 
@@ -311,6 +312,7 @@ def run_tiles(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit, log_real=log_real,
         log_int=log_int, law=law, walls=walls, near_walls=near_walls, walled=walled,
+        collision_law=collision_law,
     ))  # fmt: skip
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:

@@ -32,10 +32,9 @@ NOW_0           what MOTION needs to know of the beginning of the epoch: displac
 
 import taichi as ti
 
-from .contact import coefficients
+from .contact import collided
 from .flights import rounding
 from .history import flight_between, previous, record
-from .law import collide_pair
 from .layout import (
     CELLS_X,
     CELLS_Y,
@@ -339,11 +338,10 @@ def hit_wall(entry, t, i, gas: ti.template()):
     vx, vy = gas.flight[i][VX] + gx * t, gas.flight[i][VY] + gy * t
     ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
     uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
-    e_n, e_t, mu, contact_point, rho, slow = coefficients(p, q, (ux - vx) * nx + (uy - vy) * ny, gas)
-    vx, vy, spin, _, _, _, _, _, sticking, rolling = collide_pair(
-        e_n, e_t, mu, contact_point, rho, -nx, -ny,
+    vx, vy, spin, _, _, _, slow = collided(
+        p, q, -nx, -ny,
         gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, gas.flight[i][SPIN],
-        0.0, radius, 1.0, ux, uy, 0.0,
+        0.0, radius, 1.0, ux, uy, 0.0, gas,
     )  # fmt: skip
     gas.flight[i][X] = x
     gas.flight[i][Y] = y
@@ -351,7 +349,7 @@ def hit_wall(entry, t, i, gas: ti.template()):
     gas.flight[i][VY] = vy - gy * t
     gas.flight[i][TAU] = t
     gas.flight[i][SPIN] = spin
-    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + slow
+    gas.log_int[entry][REGIME] = slow
     if slow > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
