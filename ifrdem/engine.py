@@ -225,6 +225,7 @@ class Engine:
         backend.start(arch, threads=threads, precision=precision)
         from .device_arrays import DeviceArrays
         from .epochs import Epochs
+        from .forces import TableFriction
         from .splitting import Splitting
 
         kind: Any = law  # mypy does not take a class for hashable
@@ -249,6 +250,11 @@ class Engine:
         backend.register(self)
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
+        if any(self.gravity) and any(isinstance(force, TableFriction) for force in forces):
+            raise InputError(
+                f"gravity = {gravity}: along a table, table friction is not supported (a coin would have to stay where "
+                "friction holds it); leave one of them out"
+            )
         self._resting = 0
         self.wall_hits = 0
         if self._space is not None:

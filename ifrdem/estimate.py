@@ -36,11 +36,11 @@ class Estimate:
     Attributes
     ----------
     packing_fraction : float
-        Part of the area that the disks cover.
+        Part of the area that the disks cover; 0 in an open box.
     number_density : float
-        Disks per area [1/length^2].
+        Disks per area [1/length^2]; 0 in an open box.
     collision_rate : tuple of float
-        Collisions per disk and time [1/time], species by species.
+        Collisions per disk and time [1/time], species by species; 0 in an open box.
     free_path : tuple of float
         Mean free paths [length], species by species: mean speed over collision rate; nan where nothing moves.
     end_time : float
@@ -78,15 +78,16 @@ class Estimate:
             (each,) = gas.species
             mass, radius = float(each.mass[0]), float(each.radius[0])
             drive = Drive.of([force.model_dump() for force in case.force], mass, mass * radius**2 / each.k)
-            if drive is not None and gas.laws[0][0].rho == 0.0:
+            if drive is not None and not gas.box.is_open and gas.laws[0][0].rho == 0.0:
                 steady = driven_theory.steady_state(gas.laws[0][0], mass, radius, each.k, phi, drive)
         end, per_disk = (
             case.run.t_end if case.run.t_end is not None else math.nan,
             case.run.collisions_per_disk if case.run.collisions_per_disk is not None else math.nan,
         )
-        if not case.force or drive is not None:
+        if not gas.box.is_open and (not case.force or drive is not None):
             end, per_disk = _expected(gas, phi, mean_rate, drive, steady, end, per_disk)
-        at_most = math.isnan(per_disk) and not case.force  # a drive may raise the rate
+        # A drive may raise the rate, and in an open box there is none.
+        at_most = math.isnan(per_disk) and not case.force and not gas.box.is_open
         if at_most:
             per_disk = mean_rate * (case.run.t_end or 0.0)
         frames = case.output.frames + 1

@@ -20,7 +20,7 @@ APPROACH = 0.5  # flight before the contact, in contact distances
 
 
 def angles(n: int, psi: tuple[float, float]) -> NDArray[np.float64]:
-    """Angles of impact of n pairs from the line of centres [rad], evenly spaced from the first to the last [degrees]."""
+    """Angles of impact of n pairs from the line of centres [rad], evenly from the first to the last [degrees]."""
     return np.radians(np.linspace(*psi, n))
 
 
@@ -58,8 +58,8 @@ def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) ->
 
 def line_of_centres(
     position: NDArray[np.float64], velocity: NDArray[np.float64], sigma: NDArray[np.float64]
-) -> NDArray:
-    """Unit vectors from the disks that hit to those that are hit, at their contact; from a start, shape (n, 2, 2).
+) -> NDArray[np.float64]:
+    """Unit vectors from the disks that hit to those that are hit, at their contact, shape (n, 2); from a start.
 
     Parameters
     ----------
@@ -72,4 +72,5 @@ def line_of_centres(
     b, c, v2 = np.sum(r * v, axis=1), np.sum(r * r, axis=1) - sigma**2, np.sum(v * v, axis=1)
     time = c / (np.sqrt(b * b - v2 * c) - b)
     touching = r + v * time[:, None]
-    return touching / np.linalg.norm(touching, axis=1)[:, None]
+    found: NDArray[np.float64] = touching / np.linalg.norm(touching, axis=1)[:, None]
+    return found

@@ -65,7 +65,7 @@ class OpenSpace:
         self.parted = parted or nobody_meets(state, self._disks)
 
     def too_small(self, place: NDArray[np.float64]) -> bool:
-        """Whether it is time for a new box, the disks being at these places, shape (n, 2); else says for how long not."""
+        """Whether it is time for a new box, the disks being at these places, shape (n, 2); if not, for how long not."""
         room = self._free(place)
         self.epochs_left = int(room / self._furthest)
         return self.epochs_left < 1 or room < ENOUGH * self._room

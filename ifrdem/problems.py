@@ -152,6 +152,9 @@ def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
         if force.kind == "kicks" and sum(each.number for each in species) < 2:
             text = "random kicks keep the total momentum, so 2 disks at least are needed"
             yield Problem(f"force[{i}].kind", '"kicks"', text)
+        reduced = draft.run is not None and draft.run.units != "SI"
+        if force.kind == "table_friction" and force.gravity is None and reduced:
+            yield Problem(f"force[{i}].gravity", None, "missing: 9.81 m/s^2 is meant in SI units only")
         t_end = draft.run.t_end if draft.run is not None else None
         if t_end is not None and 0.5 * force.step > t_end:
             text = (
@@ -165,15 +168,15 @@ def _wrong_room(
 ) -> Iterator[Problem]:
     """`box` is where disks start: the box, or a part of an open one, if any."""
     assert draft.box is not None
-    shortest = min(box.lengths) if box is not None else math.inf
+    sides = box.lengths if box is not None else (math.inf, math.inf)
     fits = True
-    for each in species if box is not None and not draft.box.open else ():
+    for each in species if not draft.box.open else ():
         largest = 2.0 * float(each.radius.max())
-        if largest > LARGEST_DISK * shortest:
+        if largest > LARGEST_DISK * min(sides):
             fits = False
             yield Problem(
                 "box",
-                f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}",
+                f"{sides[0]:.6g} x {sides[1]:.6g}",
                 f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of "
                 "the shorter side: a larger box is needed, or more disks at this packing fraction",
             )

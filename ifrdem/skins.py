@@ -73,7 +73,7 @@ def choose(given: float | None, inner: Box, box: Box, disks: Disks, state: State
 def _between_neighbours(state: State, disks: Disks) -> float:
     """A good listing distance beyond contact [length], from the usual distance between neighbours.
 
-    For more than NEIGHBOURS disks. The middle of what is left of a gas decides: a few disks that have flown ahead are no reason to list all others.
+    The middle of what is left of a gas decides: a few disks that have flown ahead are no reason to list all others.
     """
     near, _ = cKDTree(state.position).query(state.position, NEIGHBOURS + 1)
     distance = float(np.median(near[:, -1]))

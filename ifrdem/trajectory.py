@@ -81,7 +81,7 @@ class Frame:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """Centres [length], shape (n, 2), inside the box."""
+        """Centres [length], shape (n, 2), inside the box; anywhere in the plane if that is open."""
         return self.field("position")
 
     @property
@@ -325,8 +325,13 @@ def _describe_gas(trajectory: Trajectory) -> list[str]:
             )
     if disks.n:
         lines.append(f"  materials         {len(np.unique(disks.material))}")
-    lines.append(f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {_sides(box)}")
-    lines.append(f"  packing fraction  {box.packing_fraction(disks.radius):.4f}")
+    if box.is_open:
+        lines.append("  box               open: positions are plain, never wrapped")
+    else:
+        lines.append(
+            f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {_sides(box)}"
+        )
+        lines.append(f"  packing fraction  {box.packing_fraction(disks.radius):.4f}")
     return lines
 
 
