@@ -24,7 +24,7 @@ ROOM = 1.0
 """Free space on either side of the disks in a new box, in extents of what they fill."""
 MARGIN = 4.0  # and in diameters beside that
 ENOUGH = 0.25  # of the free space of a new box: with less, it is time for the next one
-CELLS_PER_DISK = 64
+CELLS_PER_DISK = 16
 """Cells of a new box, at most. Most are empty, but the middle of the gas, where it is densest, needs small ones."""
 
 

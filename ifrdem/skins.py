@@ -80,4 +80,4 @@ def _between_neighbours(state: State, disks: Disks) -> float:
     mean_area = math.pi * float(np.mean(disks.radius**2))
     phi = min(NEIGHBOURS * mean_area / (math.pi * distance**2), 0.8)
     usual = default_skin(phi, 2.0 * float(disks.radius.mean()))
-    return max(usual, 1.5 * distance) if phi < THIN else usual
+    return max(usual, REACH * distance) if phi < THIN else usual

@@ -26,7 +26,7 @@ from ifrdem.walls import Wall
 LAW = IFRLaw(e_n=COIN[0], e_t=COIN[1], mu=COIN[2])
 
 
-def blob(n: int, packing_fraction: float = 0.5, at: tuple[float, float] = (-7.0, 3.0)) -> tuple[Disks, State]:
+def blob(n: int, packing_fraction: float = 0.4, at: tuple[float, float] = (-7.0, 3.0)) -> tuple[Disks, State]:
     """Disks of two kinds that fill a square with its corner anywhere."""
     disks = mixture(n)
     _, state = start(disks, packing_fraction)
@@ -71,13 +71,14 @@ def test_a_gas_that_flies_apart_costs_the_logarithm_of_the_time() -> None:
     for t_end in (10.0, 100.0, 1e3, 1e4, 1e5, 1e12):
         run(engine, t_end)
         epochs.append(engine.statistics.epochs)
-    assert epochs[-1] < 2000
-    assert max(np.diff(epochs)) < 600
+    assert epochs[-1] < 500  # 200 were seen
+    assert max(np.diff(epochs)) < 200
     assert engine._space is not None
     assert engine._space.parted
     end = engine.state()
     later = run(engine, 3e12)
-    np.testing.assert_allclose(later.position, end.position + 2e12 * end.velocity, rtol=1e-14)
+    # f64 round-off of places in a box some 1e13 wide.
+    np.testing.assert_allclose(later.position, end.position + 2e12 * end.velocity, atol=0.1)
     np.testing.assert_array_equal(later.velocity, end.velocity)
     with pytest.raises(EngineError, match="flown apart, and none can meet another one any more"):
         engine.advance(collisions=engine.collisions + 1)
@@ -167,7 +168,7 @@ def test_a_trajectory_says_that_there_are_no_boundaries(tmp_path: Path) -> None:
     with Trajectory(path) as trajectory:
         assert trajectory.box == Box.open()
         assert list(trajectory._file["particles/all/box"].attrs["boundary"]) == ["none"] * 3
-        np.testing.assert_array_equal(trajectory[0].position, state.position)
+        np.testing.assert_allclose(trajectory[0].position, state.position, atol=1e-14)  # rounding of its box
         np.testing.assert_array_equal(trajectory[-1].position, gas.state.position)
         assert not trajectory[-1].image.any()
     assert "box               open" in describe(path)

@@ -169,7 +169,7 @@ def test_threads_and_orders_agree(precision: str) -> None:
         )  # fmt: skip
         while engine.time < 0.4:
             engine.advance(t_end=0.4)
-        assert engine.collisions > 50
+        assert engine.collisions > 30
         return engine.state()
 
     one = end("tiles", 1)
