@@ -20,7 +20,7 @@ class Law(NamedTuple):
 @ti.func
 def coefficients(p, q, gas: ti.template()):
     """The law's coefficients for materials p and q."""
-    return ti.Vector([gas.law[p, q, j] for j in ti.static(range(gas.collision_law.n_coefficients))])
+    return ti.Vector([gas.law[p, q, j] for j in ti.static(range(gas.uses.collision_law.n_coefficients))])
 
 
 @ti.func
@@ -37,7 +37,7 @@ def impulses_between(
         inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
         inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
     )  # fmt: skip
-    P_n, P_t, T = gas.collision_law.impulses(pair, coefficients(p, q, gas))
+    P_n, P_t, T = gas.uses.collision_law.impulses(pair, coefficients(p, q, gas))
     return P_n, P_t, T, g_n, m_n
 
 

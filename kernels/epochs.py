@@ -53,10 +53,10 @@ from .walls import offer_wall
 
 @ti.kernel
 def epochs_by_one_thread(
-    most_epochs: ti.i32, walled: ti.template(), collision_law: ti.template(), clock: Rows, total: Rows,
-    grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows,
-    start: Rows, fill: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows,
-    log_int: Rows, law: Cube, walls: Rows, near_walls: Rows, wall_hits: Rows, wall_work: Rows,
+    most_epochs: ti.i32, uses: ti.template(), clock: Rows, total: Rows, grid: Rows, scale: Rows, flight: Rows,
+    kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows,
+    neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
+    near_walls: Rows, wall_hits: Rows, wall_work: Rows,
 ):  # fmt: skip
     """Up to `most_epochs` epochs of a gas of one tile.
 
@@ -67,8 +67,8 @@ def epochs_by_one_thread(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
-        log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls,
-        wall_hits=wall_hits, wall_work=wall_work, clock=clock, walled=walled, collision_law=collision_law,
+        log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls, wall_hits=wall_hits,
+        wall_work=wall_work, clock=clock, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         n = gas.grid[N]
@@ -134,7 +134,7 @@ def epochs_by_one_thread(
                         fast += 1
                 for q in range(fast):
                     extend(gas.order[q], AT_START_ALONE, gas)
-                if ti.static(gas.walled):
+                if ti.static(gas.uses.walled):
                     for i in range(n):
                         offer_wall(i, gas)
                 if gas.counter[MOST_NEIGHBOURS] > 0:

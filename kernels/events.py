@@ -141,7 +141,7 @@ def collide(i, everybody, gas: ti.template()):
             row = CHANGED_ROW + round_ % 2
             push(row, a, gas)
             push(row, b, gas)
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         if code <= FIRST_WALL and t < gas.limit[LATCHED]:
             hit_wall(ti.atomic_add(gas.counter[N_LOG], 1), t, i, gas)
             gas.link[i][DIRTY] = gas.counter[ROUND]
@@ -237,7 +237,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
         if sooner(t, j, earliest, partner, horizon, gas):
             earliest = t
             partner = code
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         t, code = first_wall(i, gas)
         if t < earliest:
             earliest = t

@@ -98,7 +98,7 @@ def extend(i, when: ti.template(), gas: ti.template()):
     x, y = start_position(i, gas)
     radius = gas.flight[i][RADIUS]
     own_reach = reach_of(level_of(gas.link[i][LENGTH]), gas)
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         # Rare enough to test all walls: bits of those that are out of reach cost time, never a collision.
         gas.near_walls[i] = (1 << gas.grid[WALLS]) - 1
     furthest = gas.scale[WIDEST] + own_reach + reach_of(gas.counter[TOP_LEVEL], gas)

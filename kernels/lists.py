@@ -61,7 +61,7 @@ def open_epoch(gas: ti.template()):
     ):
         gas.counter[item] = 0
     gas.limit[END] = gas.scale[HORIZON]
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         wall_phases(gas)
 
 
@@ -148,7 +148,7 @@ def list_tile(tile, gas: ti.template()):
                 most = ti.max(most, n_own(lengths) + n_others(lengths))
     # A row that later disks made too long shows when it is looked at again.
     for i in range(gas.start[first], gas.start[first + cells_x * cells_y]):
-        if ti.static(gas.walled):
+        if ti.static(gas.uses.walled):
             note_walls(i, gas.flight[i][X], gas.flight[i][Y], gas.scale[REACH], gas)
         most = ti.max(most, n_own(gas.link[i][LENGTH]) + n_others(gas.link[i][LENGTH]))
     # In a row that is just full, a candidate may have been written over the last neighbour.

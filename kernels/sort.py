@@ -76,7 +76,7 @@ def fly(i, gas: ti.template()):
     dt = gas.scale[DURATION] - gas.flight[i][TAU]
     x = gas.flight[i][X] + gas.flight[i][VX] * dt
     y = gas.flight[i][Y] + gas.flight[i][VY] * dt
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         tally_walls(i, gas)
         # From the frame that fell since the beginning of the epoch back to the lab.
         fall = gas.scale[DURATION]
@@ -205,9 +205,9 @@ def clear(s, gas: ti.template()):
 
 @ti.kernel
 def settle(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
-    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows,
-    order: Rows, squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows, wall_work: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
+    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows, order: Rows,
+    squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows, wall_work: Rows,
 ):  # fmt: skip
     """Fly every disk on by `gas.scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
@@ -218,8 +218,8 @@ def settle(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
-        log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order,
-        squares=squares, limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work, walled=walled,
+        log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order, squares=squares,
+        limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work, uses=uses,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0
