@@ -15,6 +15,7 @@ __version__ = "0.1.0"
 # Public name -> (module, attribute); without an attribute, the module itself.
 _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Box": ("box", "Box"),
+    "CollisionLaw": ("collision_law", "CollisionLaw"),
     "Disks": ("state", "Disks"),
     "EnergyWarning": ("law", "EnergyWarning"),
     "EngineError": ("errors", "EngineError"),
@@ -40,6 +41,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
 
 __all__ = [
     "Box",
+    "CollisionLaw",
     "Disks",
     "EnergyWarning",
     "EngineError",
@@ -76,6 +78,7 @@ if TYPE_CHECKING:
     from . import theory as theory
     from .box import Box
     from .coins import coins
+    from .collision_law import CollisionLaw
     from .errors import EngineError, InputError
     from .law import EnergyWarning, IFRLaw, Regime, collide
     from .simulation import Simulation

@@ -13,7 +13,7 @@ from .errors import InputError
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangle with its lower left corner at the origin.
+    """A rectangle with its lower left corner at the origin; or the whole plane, `Box.open()`.
 
     Parameters
     ----------
@@ -33,13 +33,32 @@ class Box:
 
     def __post_init__(self) -> None:
         lengths = tuple(float(side) for side in self.lengths)
-        if len(lengths) != 2 or not all(math.isfinite(side) and side > 0 for side in lengths):
-            raise InputError(f"box lengths = {self.lengths}: two positive finite numbers are needed")
-        object.__setattr__(self, "lengths", lengths)
         periodic = tuple(bool(one) for one in self.periodic)
         if len(periodic) != 2:
             raise InputError(f"box periodic = {self.periodic}: one value for x and one for y are needed")
+        whole_plane = lengths == (math.inf, math.inf) and not any(periodic)
+        if len(lengths) != 2 or not (
+            whole_plane or all(math.isfinite(side) and side > 0 for side in lengths)
+        ):
+            raise InputError(
+                f"box lengths = {self.lengths}: two positive finite numbers are needed (Box.open() has no sides)"
+            )
+        object.__setattr__(self, "lengths", lengths)
         object.__setattr__(self, "periodic", periodic)
+
+    @classmethod
+    def open(cls) -> Box:
+        """No box at all: disks anywhere in the plane, which may fly apart for ever.
+
+        Its lengths and its area are infinite, its packing fraction is 0, and positions are plain: never wrapped, with
+        all image counts 0.
+        """
+        return cls((math.inf, math.inf), (False, False))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is the whole plane."""
+        return math.isinf(self.lengths[0])
 
     @property
     def area(self) -> float:
@@ -86,6 +105,8 @@ class Box:
 
     def wrap(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions [length], shape (..., 2), moved by whole box lengths into [0, Lx) x [0, Ly) where periodic."""
+        if self.is_open:
+            return np.array(position, dtype=np.float64)
         lengths = np.asarray(self.lengths)
         wrapped = np.mod(position, lengths)
         # np.mod of a tiny negative number rounds to the length itself.
@@ -94,5 +115,7 @@ class Box:
 
     def minimum_image(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """The shortest periodic equivalent of differences of positions [length], shape (..., 2)."""
+        if self.is_open:
+            return difference
         lengths = np.asarray(self.lengths)
         return difference - np.where(self.periodic, lengths * np.round(difference / lengths), 0.0)

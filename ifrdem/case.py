@@ -26,7 +26,8 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 }
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
-WAYS_TO_PLACE = ("random", "growth", "hexagonal")
+IMPACT_SCAN = "impact_scan"
+WAYS_TO_PLACE = ("random", "growth", "hexagonal", IMPACT_SCAN)
 
 # The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
 NormalRestitution = Annotated[
@@ -219,13 +220,14 @@ def _known_positions(positions: str) -> str:
 class StartSection(Section):
     """Where the disks are at the start."""
 
-    choices = (Choice(("positions",), also=("frame", "motion")), Choice(("file",)))
+    choices = (Choice(("positions",), also=("frame", "motion", "psi", "speed")), Choice(("file",)))
     choice_optional = True
 
     positions: Annotated[str, AfterValidator(_known_positions)] = Field(
         default="random",
         description='"random" (one by one, to 0.5 of the area), "growth" (random too, to 0.84), "hexagonal" (a '
-        'lattice), or the name of a trajectory, such as "run.h5" (path from the case file), whose box must be the same',
+        'lattice), "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, '
+        'such as "run.h5" (path from the case file), whose box must be the same',
         examples=["random"],
     )
     frame: int | None = Field(
@@ -238,6 +240,20 @@ class StartSection(Section):
         description="take velocities and spins from the frame as well [true or false], instead of speed_rms "
         "and spin_rms",
         examples=[True],
+    )
+    psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=2,
+        description="of an impact scan: first and last angle of impact from the line of centres [degrees]; 0 and 89 "
+        "without it",
+        examples=[[0.0, 89.0]],
+    )
+    speed: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="of an impact scan: speed of the disk that hits [m/s]",
+        examples=[1.0],
     )
     file: Name | None = Field(
         default=None,
@@ -253,9 +269,19 @@ class StartSection(Section):
         given = [key for key in ("frame", "motion") if key in data]
         if given and "file" not in data and isinstance(positions, str) and not is_trajectory(positions):
             return f'{", ".join(given)}: only with positions = "NAME.h5", the frame of a trajectory'
+        scan = [key for key in ("psi", "speed") if key in data]
+        if positions == IMPACT_SCAN and "speed" not in data:
+            return f'positions = "{IMPACT_SCAN}": speed is missing, that of the disks that hit'
+        if scan and positions != IMPACT_SCAN:
+            return f'{", ".join(scan)}: only with positions = "{IMPACT_SCAN}"'
         if isinstance(file := data.get("file"), str) and is_trajectory(file):
             return f'file = "{file}": a trajectory is named by positions = "{file}"; file is for CSV'
         return super().wrong_choice(data)
+
+    @property
+    def psi_range(self) -> tuple[float, float]:
+        """First and last angle of an impact scan [degrees]."""
+        return (0.0, 89.0) if self.psi is None else (self.psi[0], self.psi[1])
 
 
 class OutputSection(Section):

@@ -32,6 +32,7 @@ FORCES: Mapping[str, ForceKeys] = {
     "langevin": ForceKeys(("temperature",), at_least_one=("rate", "spin_rate"), also=("spin_temperature",)),
     "drag": ForceKeys(at_least_one=("rate", "quadratic", "spin_rate")),
     "rescale": ForceKeys(exactly_one=("temperature", "energy")),
+    "table_friction": ForceKeys(("mu",), also=("gravity",)),
 }
 """Keys of each kind of force; `ifrdem.forces` says what they do."""
 
@@ -39,10 +40,11 @@ FORCES: Mapping[str, ForceKeys] = {
 class ForceSection(Section):
     """What acts on all disks between collisions, at the middle of each of its steps: a drive, or drag."""
 
-    kind: Literal["kicks", "spin_kicks", "langevin", "drag", "rescale"] = Field(
+    kind: Literal["kicks", "spin_kicks", "langevin", "drag", "rescale", "table_friction"] = Field(
         description='"kicks" (random, without total momentum; power or diffusion), "spin_kicks" (likewise of spins), '
         '"langevin" (a heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, '
-        'spin_rate) or "rescale" (a thermostat; temperature or energy)',
+        'spin_rate), "rescale" (a thermostat; temperature or energy) or "table_friction" (disks that lie on a table; '
+        "mu, gravity)",
         examples=["kicks"],
     )
     step: float = Field(
@@ -88,6 +90,16 @@ class ForceSection(Section):
         ge=0.0,
         description="quadratic drag over mass, c in dv/dt = -c |v| v [1/m]",
         examples=[0.1],
+    )
+
+    mu: float | None = Field(
+        default=None, gt=0.0, description="sliding friction on the table [1]", examples=[0.2]
+    )
+    gravity: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="acceleration that presses disks on the table [m/s^2]; 9.81 without it",
+        examples=[9.81],
     )
 
     @classmethod

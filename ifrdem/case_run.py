@@ -100,7 +100,7 @@ class RunSection(Section):
 
 
 class BoxSection(Section):
-    """The rectangle that the disks move in, from the origin on; its sides are periodic or walls."""
+    """The rectangle that the disks move in, from the origin on, its sides periodic or walls; or none: an open one."""
 
     choices = (Choice(("packing_fraction",), also=("aspect",)), Choice(("lengths",)))
 
@@ -115,6 +115,12 @@ class BoxSection(Section):
     aspect: float = Field(default=1.0, gt=0.0, description="ratio of the sides Lx/Ly [1]", examples=[1.0])
     lengths: list[Annotated[float, Field(gt=0.0)]] | None = Field(
         default=None, min_length=2, max_length=2, description="sides [Lx, Ly] [m]", examples=[[8.0, 8.0]]
+    )
+    open: bool = Field(
+        default=False,
+        description="no box: disks may fly apart for ever [true or false]. packing_fraction or lengths are then those "
+        "of the rectangle in which they start, and not needed with a start file",
+        examples=[True],
     )
     periodic: list[bool] = Field(
         default=[True, True],
@@ -138,7 +144,16 @@ class BoxSection(Section):
 
     @classmethod
     def wrong_choice(cls, data: dict[str, Any]) -> str | None:
-        """Also whether sides that are walls have a material, and gravity has a floor."""
+        """Also whether sides that are walls have a material, and gravity has a floor. An open box needs no size."""
+        if data.get("open") is True:
+            walled = [
+                f"{key}: not in an open box" for key in ("periodic", "material", "gravity") if key in data
+            ]
+            if {"packing_fraction", "lengths"} & set(data):
+                walled += [found] if (found := super().wrong_choice(data)) else []
+            elif "aspect" in data:
+                walled.append("aspect: only with packing_fraction")
+            return "; ".join(walled) or None
         wrong = [found] if (found := super().wrong_choice(data)) else []
         periodic, gravity = data.get("periodic", [True, True]), data.get("gravity", [0.0, 0.0])
         readable = isinstance(periodic, list) and [*map(type, periodic)] == [bool, bool]

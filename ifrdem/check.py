@@ -59,6 +59,14 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
 def summary(case: Case, gas: Gas, estimate: Estimate, device: str) -> str:
     """The lines that stand above a run: what will run, on what, and how many collisions are expected."""
     length, time = case.unit("length"), case.unit("time")
+    if gas.box.is_open:
+        return "\n".join(
+            (
+                f"{case.run.name}: {gas.disks.n} disks in an open box",
+                f"to {_end(case)}: {_collisions(estimate)}",
+                f"on {device}",
+            )
+        )
     paths = [path for path in estimate.free_path if not math.isnan(path)]
     if not paths:
         path = "nothing moves at the start"
@@ -78,14 +86,14 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
     """Everything that can be said of a case before it runs."""
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
     speed = f"{length}/{time.strip()}" if length else ""
-    lengths = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
-    kind = describe_sides(gas.box)
-    box = f"a periodic box of {lengths}" if kind == "periodic" else f"a box of {lengths}, {kind}"
-    lines = [
-        f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units",
-        _row("packing fraction", f"{estimate.packing_fraction:.5g}"),
-        _row("number density", f"{estimate.number_density:.5g}{f' per{length}^2' if length else ''}"),
-    ]
+    if gas.box.is_open:
+        lines = [f"{case.run.name}: {gas.disks.n} disks in an open box, {case.run.units} units"]
+        if gas.patch is not None:
+            start = gas.patch.packing_fraction(gas.disks.radius)
+            sides = f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
+            lines.append(_row("start", f"in {sides}, packing fraction {start:.5g} there"))
+    else:
+        lines = _density(case, gas, estimate)
     radius = gas.disks.radius
     if np.ptp(radius) > 0.0:
         ratio = float(radius.max() / radius.min())
@@ -102,7 +110,7 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
             diameters = path / (2.0 * float(each.radius.mean()))
             text = f"{path:.4g}{length} ({diameters:.3g} diameters), mean free time {1.0 / rate:.4g}{time}"
             lines.append(_row("  mean free path", f"{text}, at the start"))
-        else:
+        elif not gas.box.is_open:
             lines.append(_row("  mean free path", "none: nothing moves at the start"))
     for verdict in gas.verdicts:
         law = verdict.law
@@ -134,6 +142,19 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
         ),
     ]
     return "\n".join(lines)
+
+
+def _density(case: Case, gas: Gas, estimate: Estimate) -> list[str]:
+    """Heading of a report on a gas in a box, and how dense it is."""
+    length = case.unit("length")
+    lengths = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
+    kind = describe_sides(gas.box)
+    box = f"a periodic box of {lengths}" if kind == "periodic" else f"a box of {lengths}, {kind}"
+    return [
+        f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units",
+        _row("packing fraction", f"{estimate.packing_fraction:.5g}"),
+        _row("number density", f"{estimate.number_density:.5g}{f' per{length}^2' if length else ''}"),
+    ]
 
 
 def _forces(case: Case, estimate: Estimate) -> list[str]:

@@ -38,6 +38,8 @@ def _equal_disks(trajectory: Trajectory) -> _Equal | str:
     if trajectory.parameters.get("collapse", "none") != "none":
         return "elastic exceptions against collapse: no kinetic theory here"
     disks = trajectory.disks
+    if trajectory.box.is_open:
+        return "open box: no kinetic theory here"
     columns = (disks.mass, disks.radius, disks.k, disks.material)
     if any(np.ptp(column) != 0 for column in columns):
         return "several kinds of disks: no kinetic theory here"

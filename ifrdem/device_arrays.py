@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from . import backend
 from .box import Box
+from .collision_law import compiled
 from .engine_limits import (
     ADDRESSABLE,
     FLIGHT,
@@ -48,17 +49,22 @@ from .kernels.layout import (
     SEED_LOW,
     SKIN,
     SLOT,
+    SPIN,
     STANDS,
     TILES_X,
     TILES_Y,
     TIME,
+    VX,
+    VY,
     WALL_SPEED,
     WALLS,
     WIDEST,
     Uses,
 )
 from .kernels.layout import ROW as ROW_LENGTH
+from .kernels.levels import reach_at
 from .kernels.walls import HEAT, TEMPERATURE
+from .law import IFRLaw
 from .state import Disks, State
 
 _SCAN_BLOCK = 1024
@@ -107,6 +113,10 @@ class DeviceArrays:
         Of the random numbers of thermal walls, 0 to 2^64 - 1.
     origin : two floats
         Lower left corner of the user's box in this one [length]; only forces are told places in that.
+    collision_law : kernels.layout.Law
+        What is compiled in of the law (`collision_law.compiled`); the IFR law without it.
+    cells_per_disk : int
+        Cells, at most.
     """
 
     def __init__(
@@ -126,13 +136,15 @@ class DeviceArrays:
         contact_time: float = 0.0,
         seed: int = 0,
         origin: tuple[float, float] = (0.0, 0.0),
+        collision_law: Any = None,
+        cells_per_disk: int = 1,
     ) -> None:
         n = self.n = disks.n
         self._real = np.float32 if precision == "f32" else np.float64
         self._type = getattr(ti, precision)
         self._arguments: dict[Callable[..., None], list[str]] = {}
         diameter = 2.0 * float(disks.radius.max()) if n else 0.0
-        tiles, cells = self._divide(box, diameter + skin, tile_disks)
+        tiles, cells = self._divide(box, diameter + skin, tile_disks, cells_per_disk * max(n, 1))
         total = tiles[0] * tiles[1] * cells[0] * cells[1]
         room = max(n, 1)
         kinds, kind = _kinds(disks)
@@ -182,7 +194,12 @@ class DeviceArrays:
             rows[:, HEAT] = -1.0
             rows[self._thermal, HEAT] = np.arange(len(self._thermal))
             self.walls.from_numpy(rows)
-        self.uses = Uses(walled=n_walls > 0, thermal=len(self._thermal) > 0, remembers=contact_time > 0.0)
+        self.uses = Uses(
+            walled=n_walls > 0,
+            thermal=len(self._thermal) > 0,
+            remembers=contact_time > 0.0,
+            collision_law=collision_law if collision_law is not None else compiled(IFRLaw),
+        )
         self._history_before = state.wall_hits.astype(np.int32), state.latest_collision.copy()
         beside_walls = room if n_walls else 1
         self.near_walls = ti.ndarray(ti.i32, (beside_walls,))
@@ -205,13 +222,15 @@ class DeviceArrays:
     def _vectors(columns: int, of: Any, rows: int) -> Any:
         return ti.Vector.ndarray(columns, of, rows)
 
-    def _divide(self, box: Box, reach: float, tile_disks: int | None) -> tuple[list[int], list[int]]:
+    def _divide(
+        self, box: Box, reach: float, tile_disks: int | None, most_cells: int
+    ) -> tuple[list[int], list[int]]:
         """Tiles along each side of the box, and cells along each side of a tile."""
         # Wider by a trifle: a disk on the border of two cells may count to either.
         least = reach * (1.0 + 100.0 * float(np.finfo(self._real).eps))
         most = [max(1, int(side / least)) for side in box.lengths]
         # More cells than disks would only cost time: a dilute gas gets larger ones.
-        thin = math.sqrt(max(1.0, most[0] * most[1] / max(self.n, 1)))
+        thin = math.sqrt(max(1.0, most[0] * most[1] / most_cells))
         most = [max(1, int(count / thin)) for count in most]
         tiles = [1, 1]
         if tile_disks is not None:
@@ -336,6 +355,15 @@ class DeviceArrays:
         """Id of the disk at each slot, shape (N,)."""
         ids: NDArray[np.int32] = self.meta.to_numpy()[:, 0]
         return ids
+
+    @property
+    def furthest(self) -> float:
+        """How far a disk may move in an epoch at most [length]."""
+        return float(reach_at(float(self.scale[REACH]), self.most_level))
+
+    def at_rest(self) -> bool:
+        """Whether no disk moves or spins, as the latest epoch left them."""
+        return not self.flight.to_numpy()[: self.n, [VX, VY, SPIN]].any()
 
     def zeros(self, columns: int, *, real: bool) -> NDArray[Any]:
         """A host array with a row for each disk, one at least, for kernels to write into."""

@@ -236,11 +236,28 @@ def box_around(section: BoxSection, radius: NDArray[np.float64]) -> Box:
     InputError
         If they can never cover that fraction of it.
     """
-    lengths = section.lengths
-    if lengths is None:
-        assert section.packing_fraction is not None
-        lengths = list(Box.from_packing_fraction(radius, section.packing_fraction, section.aspect).lengths)
-    return Box((lengths[0], lengths[1]), (section.periodic[0], section.periodic[1]))
+    if section.open:
+        return Box.open()
+    patch = patch_of(section, radius)
+    assert patch is not None  # the section's alternatives see to it
+    return patch
+
+
+def patch_of(section: BoxSection, radius: NDArray[np.float64]) -> Box | None:
+    """The rectangle that a section gives a size: the box, or where disks of an open one start; None if it gives none.
+
+    Raises
+    ------
+    InputError
+        As `box_around`.
+    """
+    periodic = (section.periodic[0], section.periodic[1])
+    if section.lengths is not None:
+        return Box((section.lengths[0], section.lengths[1]), periodic)
+    if section.packing_fraction is None:
+        return None
+    found = Box.from_packing_fraction(radius, section.packing_fraction, section.aspect)
+    return Box(found.lengths, periodic)
 
 
 def walls_of(sections: Sequence[WallSection | None], materials: Sequence[str] | None = None) -> list[Wall]:

@@ -58,15 +58,18 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend, magnitudes, seeds
+from . import backend, magnitudes, seeds, skins
 from .box import Box
-from .engine_limits import ALONE, CROWD, MOST_DISKS, TILE_DISKS
+from .collision_law import CollisionLaw, compiled
+from .engine_limits import ALONE, MOST_DISKS, TILE_DISKS
 from .errors import EngineError, InputError
+from .law import IFRLaw
+from .open_space import CELLS_PER_DISK, OpenSpace, around
 from .state import Disks, State
 from .statistics import Statistics
 from .walls import Wall, sides
@@ -97,16 +100,6 @@ class Collisions:
     pair: NDArray[np.int32]
 
 
-def default_skin(packing_fraction: float, diameter: float) -> float:
-    """Extra listing distance [length] that costs least time, from the mean free path.
-
-    A fit, 2.26 (l / sigma)^(2/3) sigma, to the flat optima that were measured at phi = 0.1, 0.3 and 0.6.
-    """
-    chi = (1.0 - 7.0 * packing_fraction / 16.0) / (1.0 - packing_fraction) ** 2
-    free_path = math.pi / (8.0 * math.sqrt(2.0) * packing_fraction * chi)  # in diameters
-    return diameter * min(max(2.26 * free_path ** (2.0 / 3.0), 0.2), 8.0)
-
-
 class Engine:
     """Disks in a box, moved from collision to collision.
 
@@ -114,8 +107,8 @@ class Engine:
     ----------
     disks, box, state : Disks, Box, State
         What moves, where, and its start. Positions must not overlap (`placement.check_no_overlap`).
-    law_table : array (M, M, 5)
-        e_n, e_t, mu, contact_point, rho of each pair of materials (`IFRLaw.table_row`).
+    law_table : array (M, M, c)
+        Coefficients of the law for each pair of materials (`table_row`): e_n, e_t, mu, contact_point, rho of `IFRLaw`.
     arch, threads
         See `backend.start`.
     skin : float, optional
@@ -132,6 +125,8 @@ class Engine:
         What acts between collisions (`splitting.py` says when).
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
+    law : class of laws
+        Whose coefficients the table holds.
 
     Raises
     ------
@@ -160,6 +155,7 @@ class Engine:
         contact_time: float = 0.0,
         forces: Sequence[Force] = (),
         seed: int = 0,
+        law: type[CollisionLaw] = IFRLaw,
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
@@ -197,6 +193,11 @@ class Engine:
         for axis, pull in enumerate(self.gravity):
             if not math.isfinite(pull):
                 raise InputError(f"gravity = {gravity}: two finite numbers are needed")
+            if pull != 0.0 and box.is_open:
+                raise InputError(
+                    f"gravity = {gravity}: disks would fall for ever in an open box; use a box that is not periodic, "
+                    "with a floor"
+                )
             if pull != 0.0 and box.periodic[axis]:
                 raise InputError(
                     f"gravity = {gravity}: disks would fall for ever in the periodic direction {'xy'[axis]}; make it "
@@ -210,32 +211,14 @@ class Engine:
         check_walls(self.walls, box, state.position, disks.radius, len(law_table), float(state.time))
         # Behind a side that is a wall the box goes on for a diameter: pairs never meet through it. No wall moves
         # further than that; a steady one must not come there (the state is checked).
-        room = [0.0 if periodic else 2.0 * diameter + self._wall_extent() for periodic in box.periodic]
-        self._offset = np.array(room) / 2.0
-        inner = Box((box.lengths[0] + room[0], box.lengths[1] + room[1]))
-        shortest = min(inner.lengths)
-        # Beyond half a side, a pair could be near through two images at once.
-        widest = shortest / 2.0 - diameter
-        # As many of the smallest disks as can stand around the largest one, within the reach of a fast one's list.
-        smallest = 2.0 * float(disks.radius.min()) if n else 1.0
-        crowded = 0.5 * (math.sqrt(CROWD) * smallest - diameter - smallest) / 2.5
-        if crowded <= 0.05 * smallest:
-            raise InputError(
-                f"the largest disk is {diameter / smallest:.4g} times as wide as the smallest: at most some "
-                f"{math.sqrt(CROWD) - 1.0:.0f} times is supported"
-            )
-        widest = min(widest, crowded)
-        if skin is None:
-            # A handful of disks may as well list everybody, and rarely do so.
-            skin = (
-                min(
-                    default_skin(box.packing_fraction(disks.radius), 2.0 * float(disks.radius.mean())), widest
-                )
-                if n > 16
-                else widest
-            )
-        elif not 0.0 < skin <= widest:
-            raise InputError(f"skin = {skin}: must lie above 0 and not above {widest:.6g} in this box")
+        if box.is_open:
+            inner, self._offset = around(state, disks)
+        else:
+            room = [0.0 if periodic else 2.0 * diameter + self._wall_extent() for periodic in box.periodic]
+            self._offset = np.array(room) / 2.0
+            inner = Box((box.lengths[0] + room[0], box.lengths[1] + room[1]))
+        self._skin_given = skin
+        skin = skins.choose(skin, inner, box, disks, state)
         self._released = False
         self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
         self.skin = skin
@@ -247,29 +230,45 @@ class Engine:
         self.keep_collisions = False
         self._stalled = 0
         self._collided_at = self.time
+        self._space = OpenSpace(disks) if box.is_open else None
         self.order = order or ("rounds" if arch != "cpu" else "alone" if n <= ALONE else "tiles")
         backend.start(arch, threads=threads, precision=precision)
         from .device_arrays import DeviceArrays
         from .epochs import Epochs
+        from .forces import TableFriction
         from .splitting import Splitting
 
-        moved = State(
-            position=state.position + self._offset, velocity=state.velocity, spin=state.spin, time=state.time,
-            collisions=state.collisions, image=state.image, wall_hits=state.wall_hits,
-            latest_collision=state.latest_collision,
-        )  # fmt: skip
-        self.arrays: DeviceArrays = DeviceArrays(
-            disks, inner, moved, law_table,
-            skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
-            walls=np.array([wall.row(self._offset) for wall in self.walls]) if self.walls else None,
-            wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
-            velocity_cutoff=velocity_cutoff, contact_time=contact_time, seed=seed,
-            origin=(float(self._offset[0]), float(self._offset[1])),
-        )  # fmt: skip
+        kind: Any = law  # mypy does not take a class for hashable
+
+        def arrays_for(state: State, inner: Box, skin: float, offset: NDArray[np.float64]) -> DeviceArrays:
+            moved = State(
+                position=state.position + offset, velocity=state.velocity, spin=state.spin, time=state.time,
+                collisions=state.collisions, image=state.image, wall_hits=state.wall_hits,
+                latest_collision=state.latest_collision,
+            )  # fmt: skip
+            return DeviceArrays(
+                disks, inner, moved, law_table,
+                skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
+                walls=np.array([wall.row(offset) for wall in self.walls]) if self.walls else None,
+                wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
+                velocity_cutoff=velocity_cutoff, contact_time=contact_time, seed=seed,
+                origin=(float(offset[0]), float(offset[1])), collision_law=compiled(kind),
+                cells_per_disk=CELLS_PER_DISK if box.is_open else 1,
+            )  # fmt: skip
+
+        self._arrays_for = arrays_for
+        self.arrays: DeviceArrays = arrays_for(state, inner, skin, self._offset)
         backend.register(self)
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
+        if any(self.gravity) and any(isinstance(force, TableFriction) for force in forces):
+            raise InputError(
+                f"gravity = {gravity}: along a table, table friction is not supported (a coin would have to stay where "
+                "friction holds it); leave one of them out"
+            )
         self._resting = 0
+        if self._space is not None:
+            self._space.enter(inner, state, self._offset, self.arrays.furthest)
 
     def _wall_extent(self) -> float:
         return 2.0 * max((w.motion.extent for w in self.walls if math.isfinite(w.motion.extent)), default=0.0)
@@ -312,18 +311,27 @@ class Engine:
             collapse), if a force makes a velocity that is not finite, or if a guarantee of the engine is violated.
         """
         self._check_whole()
+        space = self._space
+        if space is not None and space.epochs_left < 1:
+            self._make_room(space)
         self._whole = False
         self.last_collisions = None
         stop = min(t_end, self.splitting.next_time)
-        if self.n == 0 or (self.n == 1 and not self.walls):
+        if space is not None and space.parted:
+            self._fly_apart(space, stop)
+        elif self.n == 0 or (self.n == 1 and not self.walls):
             self.epochs.settle(self.time)
             self._fly_freely(stop, t_end)
         else:
             wanted = None if collisions is None else collisions - self.collisions
+            before = self.statistics.epochs
             if self.order == "alone":
-                outcome = self.epochs.run_alone(self.time, stop, wanted, single=self.keep_collisions)
+                most = 1 if self.keep_collisions else None if space is None else space.epochs_left
+                outcome = self.epochs.run_alone(self.time, stop, wanted, most=most)
             else:
                 outcome = self.epochs.run(self.time, stop, wanted)
+            if space is not None:
+                space.epochs_left -= self.statistics.epochs - before
             self.collisions += outcome.collisions
             self.wall_hits += outcome.wall_hits
             if outcome.still:
@@ -367,9 +375,50 @@ class Engine:
             self.epochs.settle(self.time)
         for index in due:
             self.splitting.apply(index, self.time)
+        if due and self._space is not None:
+            self._space.parted = self.n < 2
+
+    # ------------------------------------------------------------------ open boundaries
+
+    def _make_room(self, space: OpenSpace) -> None:
+        """Before disks of an open gas can touch each other across the sides of the box that is computed in."""
+        state = self.state()
+        if space.too_small(state.position + self._offset):
+            self._move_to(space, state)
+
+    def _move_to(self, space: OpenSpace, state: State, *, parted: bool = False) -> None:
+        """Go on from a state of an open gas in a box that suits it; `parted`: it is known that nobody meets anybody."""
+        self._whole = False
+        inner, offset = around(state, self.disks)
+        self.skin = skins.choose(self._skin_given, inner, self.box, self.disks, state)
+        old, new = self.arrays, self._arrays_for(state, inner, self.skin, offset)
+        self.arrays = self.epochs.arrays = self.splitting.arrays = new
+        self._offset = offset
+        old.release()
+        space.enter(inner, state, offset, new.furthest, parted=parted)
+        self._whole = True
+
+    def _fly_apart(self, space: OpenSpace, stop: float) -> None:
+        """To `stop` [time] in one flight: no disk can meet another one before a force acts."""
+        if not math.isfinite(stop):
+            raise EngineError(
+                f"t = {self.time:.6g}: the disks have flown apart, and none can meet another one any more, but "
+                "collisions are asked for"
+            )
+        self._whole = True
+        state = self.state()
+        state.position = state.position + state.velocity * (stop - self.time)
+        state.time = stop
+        self._move_to(space, state, parted=True)
+        self.time = stop
+
+    # ------------------------------------------------------------------ rest
 
     def _fly_freely(self, stop: float, t_end: float) -> None:
-        """To `stop` [time], where a force may set disks in motion; to `t_end` without one."""
+        """To `stop` [time], where a force may set disks in motion; to `t_end` if none acts, or none can."""
+        if self.splitting.keeps_rest and self.arrays.at_rest():
+            self.splitting.skip_to(t_end)
+            stop = t_end
         self._resting += 1
         if not math.isfinite(stop) or (not math.isfinite(t_end) and self._resting > PATIENCE):
             raise EngineError(
@@ -428,7 +477,10 @@ class Engine:
         image = integer[:n, 1:3].copy()
         escaped = np.flatnonzero(np.any((image != 0) & ~np.array(self.box.periodic), axis=1))
         if len(escaped):
-            raise EngineError(f"t = {self.time:.9g}: disk {escaped[0]} left the box where a wall should be")
+            where = "through its open sides" if self.box.is_open else "where a wall should be"
+            raise EngineError(
+                f"t = {self.time:.9g}: disk {escaped[0]} left the box {where}; please report this"
+            )
         hits, latest = self.arrays.history()
         # Rounding can put a disk onto the far side, which is the next box already.
         inside = np.minimum(position, np.nextafter(self.box.lengths, 0.0))

@@ -136,15 +136,16 @@ class Epochs:
 
     # ------------------------------------------------------------------ by one thread
 
-    def run_alone(self, now: float, t_end: float, wanted: int | None, *, single: bool) -> Outcome:
-        """Some epochs (`single`: one) in one launch, to `t_end` or `wanted` more collisions at the latest."""
+    def run_alone(self, now: float, t_end: float, wanted: int | None, *, most: int | None = None) -> Outcome:
+        """Some epochs (`most` at most) in one launch, to `t_end` or `wanted` more collisions at the latest."""
         a = self.arrays
         a.clock[[NOW, TIME_END, PLANNED]] = now, t_end, 0.0
         a.total[:] = 0
         a.total[COLLISIONS_LEFT] = 2**62 if wanted is None else wanted
         began = time.perf_counter()
+        burst = self._burst if most is None else min(self._burst, most)
         while True:
-            a.launch(epochs_by_one_thread, 1 if single else self._burst)
+            a.launch(epochs_by_one_thread, burst)
             needed = int(a.counter[MOST_NEIGHBOURS])
             if not needed:
                 break

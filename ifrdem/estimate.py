@@ -40,11 +40,11 @@ class Estimate:
     Attributes
     ----------
     packing_fraction : float
-        Part of the area that the disks cover; between walls, of the room that these leave (`room.py`).
+        Part of the area that the disks cover; between walls, of the room that these leave (`room.py`); 0 if open.
     number_density : float
-        Disks per area [1/length^2].
+        Disks per area [1/length^2]; 0 in an open box.
     collision_rate : tuple of float
-        Collisions per disk and time [1/time], species by species.
+        Collisions per disk and time [1/time], species by species; 0 in an open box.
     free_path : tuple of float
         Mean free paths [length], species by species: mean speed over collision rate; nan where nothing moves.
     end_time : float
@@ -85,18 +85,18 @@ class Estimate:
             (each,) = gas.species
             mass, radius = float(each.mass[0]), float(each.radius[0])
             drive = Drive.of([force.model_dump() for force in case.force], mass, mass * radius**2 / each.k)
-            if drive is not None and gas.law().rho == 0.0:
+            if drive is not None and not gas.box.is_open and gas.law().rho == 0.0:
                 steady = driven_theory.steady_state(gas.law(), mass, radius, each.k, phi, drive)
         end, per_disk = (
             case.run.t_end if case.run.t_end is not None else math.nan,
             case.run.collisions_per_disk if case.run.collisions_per_disk is not None else math.nan,
         )
-        if case.homogeneous and (not case.force or drive is not None):
+        if case.homogeneous and not gas.box.is_open and (not case.force or drive is not None):
             end, per_disk = _expected(gas, phi, mean_rate, drive, steady, end, per_disk)
-        # A drive, a fall or a wall that moves or is hot may raise the rate.
+        # A drive, a fall or a wall that moves or is hot may raise the rate; in an open box there is none.
         driven = bool(case.force) or any(case.box.gravity)
         driven |= any(each.motion is not None or each.temperature is not None for each in case.wall)
-        at_most = math.isnan(per_disk) and not driven
+        at_most = math.isnan(per_disk) and not driven and not gas.box.is_open
         if at_most:
             per_disk = mean_rate * (case.run.t_end or 0.0)
         frames = case.output.frames + 1

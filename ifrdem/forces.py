@@ -16,11 +16,22 @@ from typing import ClassVar
 
 from .errors import InputError
 from .kernels.random import normals, uniforms
+from .kernels.table import advance, step_tolerance
 from .state import Disks
 
 import taichi as ti  # isort: skip  (after the kernels, which keep it from printing its banner)
 
-__all__ = ["Drag", "Force", "Langevin", "RandomKicks", "Rescale", "SpinKicks", "normals", "uniforms"]
+__all__ = [
+    "Drag",
+    "Force",
+    "Langevin",
+    "RandomKicks",
+    "Rescale",
+    "SpinKicks",
+    "TableFriction",
+    "normals",
+    "uniforms",
+]
 
 
 class Force:
@@ -37,6 +48,9 @@ class Force:
     ----------
     totals : int
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
+    keeps_rest : bool
+        Whether a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
+        goes to its end without further steps.
 
     Raises
     ------
@@ -53,6 +67,7 @@ class Force:
     """
 
     totals: ClassVar[int] = 0
+    keeps_rest: ClassVar[bool] = False
 
     def __init__(self, step: float, parameters: Sequence[float] = ()) -> None:
         self.step = number("step", step, positive=True)
@@ -228,6 +243,8 @@ class Drag(Force):
         Of the spins' linear drag [1/time].
     """
 
+    keeps_rest = True
+
     def __init__(
         self, step: float, *, rate: float = 0.0, quadratic: float = 0.0, spin_rate: float = 0.0
     ) -> None:
@@ -245,6 +262,49 @@ class Drag(Force):
         speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
         factor = left / (1.0 + quadratic * speed * tau)
         return factor * disk.vx, factor * disk.vy, disk.spin * ti.exp(-spin_rate * step.dt)
+
+
+class TableFriction(Force):
+    """Disks that lie on a table: Coulomb friction spread evenly over their faces, of velocity and spin together.
+
+    The exact solution over a step of dv/dt = -mu g F(eps), d(R omega)/dt = -k mu g T(eps) with eps = v/(R |omega|)
+    (`kernels/table.py`; Farkas et al. 2003, doi:10.1103/PhysRevLett.90.248302): a disk that spins brakes the less, and
+    both motions stop together, after a finite time. A disk at rest stays there exactly, and when all are, the run goes
+    to its end without further steps.
+
+    Parameters
+    ----------
+    step : float
+        Time between two applications [time]; a small part of the time v / (mu g) to stop.
+    mu : float
+        Coefficient of sliding friction on the table.
+    gravity : float
+        Acceleration g by which disks press on the table [length/time^2]; 9.81 unless told (SI units).
+
+    Notes
+    -----
+    Velocities and spins of disks that do not collide are exact at multiples of the step, distances of second order in
+    it: a stopping distance is off by mu g step^2 / 8 at most. A disk that collides does so with a velocity that is off
+    by up to mu g step / 2, early or late in the step by turns: a single collision errs by the step itself, and the mean
+    over many by its square.
+    """
+
+    keeps_rest = True
+
+    def __init__(self, step: float, *, mu: float, gravity: float = 9.81) -> None:
+        self.mu, self.gravity = number("mu", mu, positive=True), number("gravity", gravity, positive=True)
+        super().__init__(step, [self.mu * self.gravity])
+
+    @staticmethod
+    def act(disk, step, parameters):
+        speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
+        v, u, _x, _t, _eps = advance(
+            speed, disk.radius * disk.spin, disk.k, parameters[0], step.dt, ti.static(step_tolerance())
+        )
+        left = 0.0 * speed
+        if speed > 0.0:
+            left = v / speed
+        return left * disk.vx, left * disk.vy, u / disk.radius
 
 
 class Rescale(Force):
@@ -266,6 +326,7 @@ class Rescale(Force):
     """
 
     totals = 3
+    keeps_rest = True
 
     def __init__(self, step: float, *, temperature: float | None = None, energy: float | None = None) -> None:
         if (temperature is None) == (energy is None):

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import growth, placement, seeds, start_file, start_frame
+from . import growth, impact_scan, placement, seeds, start_file, start_frame
 from .box import Box
-from .case import Case, is_trajectory
-from .draft import Draft, Problem, Species, box_around, walls_of
+from .case import IMPACT_SCAN, Case, is_trajectory
+from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
 from .errors import InputError
 from .law import EnergyWarning, IFRLaw
 from .pairing import PairVerdict, verdicts, wall_verdicts
@@ -52,6 +52,8 @@ class Gas:
         The start, if the case names a file or a trajectory with it.
     walls : tuple of Wall
         Beside those at the sides of the box.
+    patch : Box or None
+        The rectangle in which disks are placed at the start: the box, or what an open one says of it.
     """
 
     species: tuple[Species, ...]
@@ -62,6 +64,7 @@ class Gas:
     box: Box
     given: Given | None = None
     walls: tuple[Wall, ...] = ()
+    patch: Box | None = None
 
     @classmethod
     def from_case(cls, case: Case, folder: Path | str = ".") -> Gas:
@@ -94,9 +97,14 @@ class Gas:
             given = start_frame.read(
                 path, case.start.frame, disks.radius, box, motion=case.start.motion, walls=walls
             )
+        elif case.start.positions == IMPACT_SCAN:
+            given = impact_scan.start(
+                disks, case.start.psi_range, case.start.speed or 0.0, seed=case.run.seed
+            )
         if given is not None:
             species = _as_moving(species, given)
-        return cls(species, materials, laws, judged, disks, box, given, walls)
+        patch = patch_of(case.box, disks.radius)
+        return cls(species, materials, laws, judged, disks, box, given, walls, patch)
 
     @property
     def room(self) -> Room:
@@ -163,25 +171,26 @@ class Gas:
             return Simulation(self.disks, self.box, laws, begin, **options)
 
     def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
+        assert self.patch is not None  # `problems` has seen to it
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.
                 dealt = seed if len(self.species) > 1 or not self.species[0].equal else None
                 return placement.hexagonal_positions(
-                    self.box, self.disks.radius, seed=dealt, walls=self.walls
+                    self.patch, self.disks.radius, seed=dealt, walls=self.walls
                 )
             if way == "growth":
                 return growth.grow(
-                    self.box, self.disks.radius, seed=seed, walls=self.walls, progress=Stage("growth")
+                    self.patch, self.disks.radius, seed=seed, walls=self.walls, progress=Stage("growth")
                 )
-            return placement.random_positions(self.box, self.disks.radius, seed=seed, walls=self.walls)
+            return placement.random_positions(self.patch, self.disks.radius, seed=seed, walls=self.walls)
         except InputError as error:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
 def forces_of(case: Case) -> list[Force]:
     """The forces of a case, in its order. Imports Taichi."""
-    from .forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks
+    from .forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 
     kinds: dict[str, Callable[..., Force]] = {
         "kicks": RandomKicks,
@@ -189,6 +198,7 @@ def forces_of(case: Case) -> list[Force]:
         "langevin": Langevin,
         "drag": Drag,
         "rescale": Rescale,
+        "table_friction": TableFriction,
     }
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
 

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .collision_law import CollisionLaw
 from .errors import InputError, nearest
 
 STICKING = ("percussion_center", "contact_point")
@@ -97,7 +99,7 @@ def _number(name: str, value: object, low: float, high: float, why: str) -> floa
 
 
 @dataclass(frozen=True, kw_only=True)
-class IFRLaw:
+class IFRLaw(CollisionLaw):
     """The independent friction-restitution law of one pair of materials.
 
     Parameters
@@ -152,6 +154,8 @@ class IFRLaw:
     The sets shrink as kbar grows, and kbar lies between k_i and k_j whatever the masses. In a collision with
     a moving wall energy is meant as seen from the wall.
     """
+
+    coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
 
     e_n: float
     e_t: float
@@ -229,6 +233,13 @@ class IFRLaw:
     def table_row(self) -> tuple[float, float, float, float, float]:
         """The numbers that `collide_pair` takes: e_n, e_t, mu, contact_point (1.0 or 0.0), rho [length]."""
         return self.e_n, self.e_t, self.mu, float(self.sticking == "contact_point"), self.rho
+
+    @classmethod
+    def impulses(cls) -> Callable[..., Any]:
+        """The function that the engine compiles: `ifrdem.kernels.law.ifr`."""
+        from .kernels.law import ifr  # imports Taichi, which is slow
+
+        return ifr
 
     def _act_on(self, verdict: Admissibility, stacklevel: int) -> None:
         if not verdict.admissible:
@@ -386,6 +397,10 @@ def collide(
     """
     from .kernels.law import collide_pair  # imports Taichi, which is slow
 
+    if not isinstance(law, IFRLaw):
+        raise InputError(
+            f"law = {law!r}: collide takes an IFRLaw; a law of one's own runs on the device only, in a Simulation"
+        )
     m = _pairs("mass", mass)
     R = _pairs("radius", radius)
     k_ = _pairs("k", k)

@@ -92,8 +92,8 @@ def walled(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) ->
         if found is not None:
             plot_profiles.draw(figure, grid[1, 0], trajectory, found)
         plot_disks.last_frame(figure, figure.add_subplot(grid[:, 1]), trajectory)
-        figure.suptitle(_title(trajectory))
-        _save(figure, Path(path_png))
+        figure.suptitle(title(trajectory))
+        save(figure, Path(path_png))
 
 
 def _draw(
@@ -113,22 +113,26 @@ def _draw(
         lower = figure.add_subplot(grid[1, 0], sharex=upper)
         temperatures(upper, lower, trajectory)
         plot_disks.last_frame(figure, figure.add_subplot(grid[:, 1]), trajectory)
-        figure.suptitle(_title(trajectory))
-        _save(figure, Path(path_png))
+        figure.suptitle(title(trajectory))
+        save(figure, Path(path_png))
 
 
-def _title(trajectory: Trajectory) -> str:
-    disks, phi = trajectory.disks, trajectory.room.packing_fraction(trajectory.disks.radius)
+def title(trajectory: Trajectory) -> str:
+    """What stands above a picture of a run."""
+    disks = trajectory.disks
     name = trajectory.parameters.get("name", trajectory.path.stem)
-    text = f"{name}: {disks.n} disks, packing fraction {phi:.3g}"
+    where = "open box"
+    if not trajectory.box.is_open:
+        where = f"packing fraction {trajectory.room.packing_fraction(disks.radius):.3g}"
+    text = f"{name}: {disks.n} disks, {where}"
     if "collisions" in trajectory.observables and disks.n:
         text += f", {2.0 * float(trajectory.observables['collisions'][-1]) / disks.n:.3g} collisions per disk"
-    if trajectory.walls or not all(trajectory.box.periodic):
+    if trajectory.room.all_walls:
         text = text.replace("packing fraction", "packing fraction between walls")
     return text
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Write beside the target and rename into place."""
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

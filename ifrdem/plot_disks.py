@@ -27,10 +27,12 @@ MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 
 
 def last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
     """The disks of the last frame, coloured by spin, or a map of where they are if they are too many."""
-    units, lengths = trajectory.units, trajectory.box.lengths
+    units = trajectory.units
     frame = trajectory[-1]
-    axes.set_xlim(0.0, lengths[0])
-    axes.set_ylim(0.0, lengths[1])
+    position = frame.position if "position" in trajectory.fields else np.zeros((1, 2))
+    (left, right), (bottom, top) = shown_region(trajectory, position)
+    axes.set_xlim(left, right)
+    axes.set_ylim(bottom, top)
     axes.set_aspect("equal")
     axes.set_xlabel(with_unit("$x$", units.get("length")))
     axes.set_ylabel(with_unit("$y$", units.get("length")))
@@ -40,13 +42,22 @@ def last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
         return
     time = f"$t$ = {trajectory.with_unit(f'{frame.time:.4g}', 'time')}"
     if trajectory.disks.n > MOST_DISKS:
-        cell = _density_map(figure, axes, trajectory, frame.position)
+        cell = _density_map(figure, axes, trajectory, position)
         size = trajectory.with_unit(f"{cell:.3g}", "length")
         axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
     else:
         spin = frame.spin if "angular_velocity" in trajectory.fields else np.zeros(trajectory.disks.n)
-        _disks(figure, axes, trajectory, frame.position, spin)
+        _disks(figure, axes, trajectory, position, spin)
         axes.set_title(f"disks at {time}")
+
+
+def shown_region(trajectory: Trajectory, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Ends of x and of y [length], shape (2, 2), of the box; of an open one, of what holds these positions."""
+    if not trajectory.box.is_open:
+        return np.array([[0.0, side] for side in trajectory.box.lengths])
+    low, high = position.min(axis=0), position.max(axis=0)
+    middle, half = (low + high) / 2.0, float((high - low).max()) * 0.52 + float(trajectory.disks.radius.max())
+    return np.stack([middle - half, middle + half], axis=1)
 
 
 def _disks(
@@ -81,28 +92,30 @@ def _disks(
 
 def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64]) -> float:
     """Draw the local area fraction and return the mean side of its cells [length]."""
-    lengths, radius = trajectory.box.lengths, trajectory.disks.radius
+    radius = trajectory.disks.radius
+    region = shown_region(trajectory, position)
+    lengths = np.ptp(region, axis=1)
     cell = MAP_CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
     counts = [int(np.clip(round(side / cell), 1, 1000)) for side in lengths]
     covered, _, _ = np.histogram2d(
         position[:, 0],
         position[:, 1],
         bins=counts,
-        range=[(0.0, side) for side in lengths],
+        range=[(low, high) for low, high in region],
         weights=np.pi * radius**2,
     )
-    covered *= counts[0] * counts[1] / trajectory.box.area
+    covered *= counts[0] * counts[1] / float(np.prod(lengths))
     drawn = axes.imshow(
         covered.T,
         origin="lower",
-        extent=(0.0, lengths[0], 0.0, lengths[1]),
+        extent=(*region[0], *region[1]),
         cmap="cividis",
         vmin=0.0,
         vmax=float(np.quantile(covered, 0.999)),
         interpolation="nearest",
     )
     figure.colorbar(drawn, ax=axes, extend="max", shrink=0.85).set_label("area fraction")
-    return float(np.sqrt(trajectory.box.area / (counts[0] * counts[1])))
+    return float(np.sqrt(np.prod(lengths) / (counts[0] * counts[1])))
 
 
 def _with_images(

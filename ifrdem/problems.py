@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import pairing, placement, radii, start_file, start_frame
-from .case import is_trajectory
+from .box import Box
+from .case import IMPACT_SCAN, is_trajectory
 from .coins import coins
-from .draft import Draft, Problem, Species, box_around, walls_of
+from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
 from .engine_limits import CROWD
 from .errors import InputError, nearest
 from .problems_walls import problems_of_walls
@@ -41,17 +42,20 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
         radius = np.concatenate([each.radius for each in species])
         found += _wrong_motion(draft, species)
         found += _wrong_forces(draft, species)
-        box = None
+        box = patch = None
         if draft.box is not None:
             try:
-                box = box_around(draft.box, radius)
+                box, patch = box_around(draft.box, radius), patch_of(draft.box, radius)
             except InputError as error:
                 found.append(Problem("box", None, str(error)))
         if box is not None:
             wrong_walls = [*problems_of_walls(draft, box, radius)]
             found += wrong_walls
-            room = Room(box, () if wrong_walls else tuple(walls_of(draft.wall)))
-            found += _wrong_room(draft, species, radius, room)
+            walls = () if wrong_walls else tuple(walls_of(draft.wall))
+            room = Room(box, walls)
+            found += _wrong_room(draft, species, radius, None if patch is None else Room(patch, walls))
+            found += _wrong_open(draft, box, patch)
+        found += _wrong_scan(draft, species, box)
         found += _wrong_start(draft, species, radius, None if box is None else room, folder)
     return found
 
@@ -141,6 +145,7 @@ def _wrong_motion(draft: Draft, species: list[Species]) -> Iterator[Problem]:
         and draft.start is not None
         and draft.start.file is None
         and not is_trajectory(draft.start.positions)
+        and draft.start.positions != IMPACT_SCAN
     ):
         text = "nothing moves at the start, so nothing ever collides: a species' speed_rms above 0 is needed"
         yield Problem("run.collisions_per_disk", value, text)
@@ -153,6 +158,9 @@ def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
         if force.kind == "kicks" and sum(each.number for each in species) < 2:
             text = "random kicks keep the total momentum, so 2 disks at least are needed"
             yield Problem(f"force[{i}].kind", '"kicks"', text)
+        reduced = draft.run is not None and draft.run.units != "SI"
+        if force.kind == "table_friction" and force.gravity is None and reduced:
+            yield Problem(f"force[{i}].gravity", None, "missing: 9.81 m/s^2 is meant in SI units only")
         t_end = draft.run.t_end if draft.run is not None else None
         if t_end is not None and 0.5 * force.step > t_end:
             text = (
@@ -162,18 +170,19 @@ def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
 
 
 def _wrong_room(
-    draft: Draft, species: list[Species], radius: NDArray[np.float64], room: Room
+    draft: Draft, species: list[Species], radius: NDArray[np.float64], room: Room | None
 ) -> Iterator[Problem]:
-    box = room.box
-    shortest = min(box.lengths)
+    """`room` is where disks start: that of the box, or of a part of an open one, if any."""
+    assert draft.box is not None
+    sides = room.box.lengths if room is not None else (math.inf, math.inf)
     fits = True
-    for each in species:
+    for each in species if not draft.box.open else ():
         largest = 2.0 * float(each.radius.max())
-        if largest > LARGEST_DISK * shortest:
+        if largest > LARGEST_DISK * min(sides):
             fits = False
             yield Problem(
                 "box",
-                f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}",
+                f"{sides[0]:.6g} x {sides[1]:.6g}",
                 f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of "
                 "the shorter side: a larger box is needed, or more disks at this packing fraction",
             )
@@ -185,10 +194,10 @@ def _wrong_room(
             f"the largest disk is {ratio:.4g} times as wide as the smallest: less than {WIDEST_RATIO:.0f} times is "
             "needed, or a distribution that is cut off (low, high)",
         )
-    if draft.start is None or not fits:
+    if draft.start is None or not fits or room is None:
         return
-    covered = room.packing_fraction(radius)
-    dense = "box.packing_fraction" if draft.box is not None and draft.box.lengths is None else "box.lengths"
+    box, covered = room.box, room.packing_fraction(radius)
+    dense = "box.packing_fraction" if draft.box.lengths is None else "box.lengths"
     if covered >= 1.0:
         place = "room between walls" if room.all_walls else "box"
         text = f"the disks cover more than the {place} has" + _attainable(species, radius, room)
@@ -216,6 +225,50 @@ def _attainable(species: list[Species], radius: NDArray[np.float64], room: Room)
         return ""
     most = int(placement.SATURATION * len(radius) / room.packing_fraction(radius))
     return f": some {most} of them find room at random"
+
+
+def _wrong_open(draft: Draft, box: Box, patch: Box | None) -> Iterator[Problem]:
+    start = draft.start
+    if not box.is_open or start is None:
+        return
+    placed = start.file is None and not is_trajectory(start.positions) and start.positions != IMPACT_SCAN
+    if placed and patch is None:
+        text = (
+            f'disks that start at "{start.positions}" places need a rectangle to start in: packing_fraction or lengths '
+            "beside it"
+        )
+        yield Problem("box.open", "true", text)
+    if not placed and patch is not None:
+        key = (
+            "box.lengths"
+            if draft.box is not None and draft.box.lengths is not None
+            else "box.packing_fraction"
+        )
+        yield Problem(
+            key, None, "cannot stand beside box.open = true where the start says where the disks are"
+        )
+
+
+def _wrong_scan(draft: Draft, species: list[Species], box: Box | None) -> Iterator[Problem]:
+    start = draft.start
+    if start is None or start.file is not None or start.positions != IMPACT_SCAN:
+        return
+    key, value = "start.positions", f'"{IMPACT_SCAN}"'
+    if box is not None and not box.is_open:
+        yield Problem(key, value, "pairs that fly apart need box.open = true")
+    if len(species) != 2 or species[0].number != species[1].number:
+        found = ", ".join(f"{each.number} of '{each.name}'" for each in species)
+        text = f"two species with equal numbers are needed, those that hit and those that are hit; there are {found}"
+        yield Problem(key, value, text)
+    if draft.force:
+        yield Problem(
+            key, value, "no [[force]] can act in a scan: impacts are told from velocities before and after"
+        )
+    for i, each in enumerate(draft.species):
+        for speed in ("speed_rms", "spin_rms"):
+            if each is not None and speed in each.model_fields_set:
+                text = f"cannot stand beside {key} = {value}: start.speed is the speed of those that hit"
+                yield Problem(f"species[{i}].{speed}", f"{getattr(each, speed):g}", text)
 
 
 def _wrong_start(

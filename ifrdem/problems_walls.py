@@ -17,6 +17,12 @@ from .walls import Wall, check_place
 
 def problems_of_walls(draft: Draft, box: Box, radius: NDArray[np.float64]) -> Iterator[Problem]:
     """What is wrong with walls around disks of these radii [length], shape (n,)."""
+    if box.is_open:
+        if draft.wall:
+            yield Problem(
+                "wall", None, "walls in an open box are not supported: leave out box.open and give lengths"
+            )
+        return
     if draft.box is not None and draft.box.lengths is None and draft.wall:
         text = "walls stand at places in the box: box.lengths is needed instead, and `ifrdem check` says the fraction"
         yield Problem("box.packing_fraction", f"{draft.box.packing_fraction:g}", text)

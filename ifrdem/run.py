@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend, check, plot
-from .case import UNITS, Case
+from . import backend, check, plot, scan_picture, table_picture
+from .case import IMPACT_SCAN, UNITS, Case
 from .case_file import CaseFile
 from .estimate import Estimate
 from .gas import Gas
@@ -149,8 +149,7 @@ def run(
                 )
         ran = time.perf_counter() - began
         if outputs.picture is not None:
-            draw = plot.walled if case.walled else plot.driven if case.force else plot.cooling
-            draw(outputs.trajectory, outputs.picture)
+            _draw(case)(outputs.trajectory, outputs.picture)
     except KeyboardInterrupt:
         raise Interrupted(_remains(outputs.trajectory, ledger)) from None
     say(_closing(case, gas, ledger, ran, time.perf_counter() - began, progress.collisions_per_second))
@@ -158,6 +157,17 @@ def run(
         say(f"  {simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
     for path, size in outputs.sizes().items():
         say(f"  {path} ({check.size(size)})")
+
+
+def _draw(case: Case) -> Callable[[Path, Path], None]:
+    """What draws the picture of a case."""
+    if case.start.file is None and case.start.positions == IMPACT_SCAN:
+        return scan_picture.impact_scan
+    if any(each.kind == "table_friction" for each in case.force):
+        return table_picture.table
+    if case.walled:
+        return plot.walled
+    return plot.driven if case.force else plot.cooling
 
 
 def _remains(trajectory: Path, ledger: Ledger) -> str:

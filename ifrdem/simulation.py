@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 
 from .box import Box
 from .collapse import Collapse
+from .collision_law import CollisionLaw, checked_class
 from .engine import Collisions, Engine
 from .errors import InputError
-from .law import IFRLaw
+from .law import EnergyWarning, IFRLaw
 from .observables import Measure, measure
 from .placement import check_no_overlap
 from .state import Disks, State
@@ -36,9 +38,9 @@ class Simulation:
         Masses [mass], radii [length], k and materials of n disks. A disk of infinite mass is immovable.
     box : Box
         Its shorter side must be at least three times the largest diameter. Straight walls of material 0 stand at
-        sides that are not periodic.
-    law : IFRLaw or sequence of sequences of IFRLaw
-        One law for all pairs, or a symmetric table [material][material].
+        sides that are not periodic. `Box.open()` has no sides: disks that fly apart for ever cost nothing.
+    law : CollisionLaw or sequence of sequences of CollisionLaw
+        One law for all pairs, or a symmetric table [material][material]: an `IFRLaw`, or a law of one's own.
     state : State
         Start: positions [length], velocities [length/time], spins [rad/time].
     arch : {"cpu", "cuda"}
@@ -70,8 +72,14 @@ class Simulation:
     Raises
     ------
     InputError
-        If disks overlap at the start, the law could add energy for the disks present, the box is too small,
-        arrays do not fit, a force cannot act, the remedy for collapse is incomplete, or the device is not there.
+        If disks overlap at the start, the law could add energy for the disks present (a law of one's own: would let
+        them through each other), the box is too small, arrays do not fit, a force cannot act, the remedy for
+        collapse is incomplete, or the device is not there.
+
+    Warns
+    -----
+    EnergyWarning
+        With a law of one's own: it is not known whether it can add energy. `run` warns again if it has.
 
     Notes
     -----
@@ -84,7 +92,7 @@ class Simulation:
         self,
         disks: Disks,
         box: Box,
-        law: IFRLaw | Sequence[Sequence[IFRLaw]],
+        law: CollisionLaw | Sequence[Sequence[CollisionLaw]],
         state: State,
         *,
         arch: str = "cpu",
@@ -104,6 +112,7 @@ class Simulation:
         remedy = Collapse(collapse, contact_time, velocity_cutoff)
         materials = max((wall.material for wall in walls), default=0)
         self._laws = _law_table(law, disks, materials)
+        kind = checked_class(self._laws)
         _check_energy(self._laws, disks, [*walls, *sides(box)])
         check_no_overlap(box, disks.radius, state.position)
         table = np.array([[one.table_row() for one in row] for row in self._laws])
@@ -111,7 +120,18 @@ class Simulation:
             disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
             walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
             contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
+            law=kind,
         )  # fmt: skip
+        self._first = measure(disks, state).energy + self._fall_energy(state)
+        self._judged = kind is IFRLaw  # whether it is known not to add energy
+        if not self._judged:
+            from .law_trial import try_on
+
+            fastest = max(
+                float(np.abs(state.velocity).max(initial=0.0)),
+                float(np.abs(disks.radius * state.spin).max(initial=0.0)),
+            )
+            try_on(kind, table, disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
 
     @property
     def disks(self) -> Disks:
@@ -174,6 +194,24 @@ class Simulation:
         return math.fsum(self._engine.splitting.energy_inputs)
 
     @property
+    def dissipated_energy(self) -> float:
+        """Energy that collisions have taken since this simulation was made [energy].
+
+        It is what is missing of the start and of what forces, moving walls and the fall under gravity have put in.
+        Below 0, beyond rounding, the law adds energy.
+        """
+        state = self.state  # which settles the walls' work
+        present = measure(self.disks, state).energy + self._fall_energy(state)
+        return self._first + self.energy_input + self.wall_work - present
+
+    def _fall_energy(self, state: State) -> float:
+        """Potential energy [energy] in a gravity, which acts along directions that are not periodic only."""
+        movable = self.disks.movable
+        return -float(
+            np.sum(self.disks.mass[movable] * (state.position[movable] @ np.array(self._engine.gravity)))
+        )
+
+    @property
     def state(self) -> State:
         """A copy of the present state, in the order of the disks."""
         return self._engine.state()
@@ -219,6 +257,18 @@ class Simulation:
                 if progress is not None:
                     progress(self.time, self.collisions)
             self._observe(observers)
+        if not self._judged:
+            self._report_gain()
+
+    def _report_gain(self) -> None:
+        """Warn if a law that nobody has judged has added energy."""
+        gained = -self.dissipated_energy
+        if gained > 1e-9 * (self._first + abs(self.energy_input) + abs(self.wall_work)):
+            warnings.warn(
+                f"t = {self.time:.6g}: collisions have added energy, {gained:.6g} in all: the law is not passive",
+                EnergyWarning,
+                stacklevel=3,
+            )
 
     def collide_until(self, t_end: float) -> Collisions:
         """Run to `t_end` [time] and return every collision on the way, in order.
@@ -301,11 +351,13 @@ class Simulation:
 
 
 def _law_table(
-    law: IFRLaw | Sequence[Sequence[IFRLaw]], disks: Disks, most_of_walls: int
-) -> list[list[IFRLaw]]:
+    law: CollisionLaw | Sequence[Sequence[CollisionLaw]], disks: Disks, most_of_walls: int
+) -> list[list[CollisionLaw]]:
     materials = max(int(disks.material.max()) if disks.n else 0, most_of_walls) + 1
-    if isinstance(law, IFRLaw):
+    if isinstance(law, CollisionLaw):
         return [[law] * materials for _ in range(materials)]
+    if not isinstance(law, Sequence):
+        checked_class([[law]])  # refuses it by name
     table = [list(row) for row in law]
     if len(table) < materials or any(len(row) != len(table) for row in table):
         raise InputError(f"law table: a square table of at least {materials} materials is needed")
@@ -316,7 +368,7 @@ def _law_table(
     return table
 
 
-def _check_energy(laws: list[list[IFRLaw]], disks: Disks, walls: Sequence[Wall]) -> None:
+def _check_energy(laws: list[list[CollisionLaw]], disks: Disks, walls: Sequence[Wall]) -> None:
     """Refuse a law that could add energy for a pair that is there.
 
     Of disks with one k and material, the lightest and the heaviest decide: see `pairing`.

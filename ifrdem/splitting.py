@@ -67,7 +67,7 @@ class Splitting:
                     f"forces[{i}] = {force!r}: totals = {force.totals} needs a method measure too"
                 )
             force.check(disks)
-        self._arrays = arrays
+        self.arrays = arrays
         self._seed = seed
         self._steps = [force.step for force in self.forces]
         self._next = [_first_after(time, step) for step in self._steps]
@@ -82,6 +82,18 @@ class Splitting:
         return min(
             (_time(k, step) for k, step in zip(self._next, self._steps, strict=True)), default=math.inf
         )
+
+    @property
+    def keeps_rest(self) -> bool:
+        """Whether none of the forces, if there are any, sets in motion what is at rest."""
+        return bool(self.forces) and all(force.keeps_rest for force in self.forces)
+
+    def skip_to(self, time: float) -> None:
+        """Leave out what the forces would do until `time` [time]: nothing."""
+        if math.isfinite(time):
+            self._next = [
+                max(k, _first_after(time, step)) for k, step in zip(self._next, self._steps, strict=True)
+            ]
 
     def due(self, now: float) -> list[int]:
         """Indices of the forces that act at `now` [time], in the order in which they do."""
@@ -110,8 +122,8 @@ class Splitting:
             "gained": gained,
         }
         if sum_totals is not None:
-            self._arrays.launch(sum_totals, **given)
-        self._arrays.launch(apply_force, **given)
+            self.arrays.launch(sum_totals, **given)
+        self.arrays.launch(apply_force, **given)
         self._next[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(

@@ -83,7 +83,7 @@ def read(path: Path, n: int, box: Box | None = None) -> Given:
             if not math.isfinite(values[i, j]):
                 found.append(f"line {line}: {names[j]} = {text.strip()}: a finite number is needed")
     position = np.column_stack([values[:, names.index(axis)] for axis in POSITION])
-    if box is not None and not found:
+    if box is not None and not box.is_open and not found:
         outside = np.argwhere((position < 0.0) | (position >= np.array(box.lengths)))
         for i, axis in outside:
             found.append(

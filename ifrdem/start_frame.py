@@ -68,6 +68,8 @@ def read(
         if n != len(radius):
             raise InputError(f"has {n} disks: {len(radius)} are needed, the sum of the species' numbers")
         if box is not None and not np.allclose(sides, box.lengths, rtol=1e-12, atol=0.0):
+            if box.is_open or trajectory.box.is_open:
+                raise InputError("either its box or that of the case is open: both must be, or neither")
             raise InputError(
                 f"its box is {sides[0]:.9g} x {sides[1]:.9g}, that of the case {box.lengths[0]:.9g} x "
                 f"{box.lengths[1]:.9g}: with box.lengths = [{sides[0]!r}, {sides[1]!r}] they agree"
@@ -78,7 +80,8 @@ def read(
         single = trajectory.dataset("position").dtype == np.float32
         if box is None:
             return Given(position, velocity, spin)
-        tolerance = ROUNDING * max(sides) / (2.0 * float(radius.min())) if single else None
+        size = float(np.abs(position).max(initial=0.0)) if box.is_open else max(sides)
+        tolerance = ROUNDING * size / (2.0 * float(radius.min())) if single else None
         try:
             if tolerance is None:
                 check_no_overlap(box, radius, position)

@@ -82,7 +82,7 @@ class Frame:
 
     @property
     def position(self) -> NDArray[np.float64]:
-        """Centres [length], shape (n, 2), inside the box."""
+        """Centres [length], shape (n, 2), inside the box; anywhere in the plane if that is open."""
         return self.field("position")
 
     @property
@@ -334,14 +334,18 @@ def _describe_gas(trajectory: Trajectory) -> list[str]:
             )
     if disks.n:
         lines.append(f"  materials         {len(np.unique(disks.material))}")
-    lines.append(
-        f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {describe_sides(box)}"
-    )
+    if box.is_open:
+        lines.append("  box               open: positions are plain, never wrapped")
+    else:
+        lines.append(
+            f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {describe_sides(box)}"
+        )
     if trajectory.walls:
         shapes = [wall.shape for wall in trajectory.walls]
         counts = ", ".join(f"{shapes.count(shape)} {shape}" for shape in dict.fromkeys(shapes))
         lines.append(f"  walls             {counts}")
-    lines.append(f"  packing fraction  {trajectory.room.packing_fraction(disks.radius):.4f}")
+    if not box.is_open:
+        lines.append(f"  packing fraction  {trajectory.room.packing_fraction(disks.radius):.4f}")
     return lines
 
 

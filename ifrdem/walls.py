@@ -281,8 +281,10 @@ class Wall:
 
 
 def sides(box: Box, material: int = 0) -> list[Wall]:
-    """Straight walls at those sides of a box that are not periodic."""
+    """Straight walls at those sides of a box that are not periodic; an open one has no sides."""
     (width, height), found = box.lengths, []
+    if box.is_open:
+        return []
     if not box.periodic[0]:
         found += [Wall.line((0.0, 0.0), (1.0, 0.0), material=material)]
         found += [Wall.line((width, 0.0), (-1.0, 0.0), material=material)]
@@ -330,6 +332,10 @@ def check(
     InputError
         Names wall and disk, and by how much they overlap.
     """
+    if walls and box.is_open:
+        raise InputError(
+            "walls are not supported in an open box: use a box with sides, large enough for the disks not to reach them"
+        )
     if len(walls) > MOST_WALLS:
         raise InputError(
             f"{len(walls)} walls: {MOST_WALLS} at most are supported, the sides of the box included"

@@ -1,4 +1,4 @@
-"""The law at a contact: which coefficients hold there.
+"""A contact: which law acts there, with which coefficients, and what it does to both.
 
 Two remedies for inelastic collapse make collisions elastic:
 
@@ -9,7 +9,8 @@ Two remedies for inelastic collapse make collisions elastic:
 
 import taichi as ti
 
-from .layout import CONTACT_TIME, CUTOFF, HEAD, ID, TIME, N
+from .law import after_impulses, relative_motion
+from .layout import CONTACT_TIME, CUTOFF, HEAD, ID, TIME, Cube, GasArrays, N, Table, Uses
 
 ELASTIC = 4  # in REGIME: the collision was elastic by one of the two
 
@@ -27,22 +28,76 @@ def just_collided(i, t, gas: ti.template()):
 
 
 @ti.func
-def coefficients(p, q, g_n, lasting, gas: ti.template()):
-    """e_n, e_t, mu, contact_point and rho of materials p and q for an approach at g_n; and ELASTIC or 0.
+def coefficients(p, q, gas: ti.template()):
+    """The law's coefficients for materials p and q."""
+    return ti.Vector([gas.law[p, q, j] for j in ti.static(range(gas.uses.collision_law.n_coefficients))])
 
-    With `lasting` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones: a bounce is not
-    followed by ever smaller ones in a finite time.
+
+@ti.func
+def impulses_between(
+    p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas: ti.template()
+):  # fmt: skip
+    """P_n, P_t, T by the law of materials p and q, and g_n, m_n. Arguments as for `law.collide_pair`."""
+    g_n, g_t, m_n, m_t = relative_motion(
+        n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
+    )
+    pair = ti.Struct(
+        # A pair that separates by rounding has no power 1/5 of its approach; its impulses do not count.
+        g_n=ti.max(g_n, 0.0), g_t=g_t, m_n=m_n, m_t=m_t,
+        inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
+        inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
+    )  # fmt: skip
+    P_n, P_t, T = gas.uses.collision_law.impulses(pair, coefficients(p, q, gas))
+    return P_n, P_t, T, g_n, m_n
+
+
+@ti.func
+def collided(
+    p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, lasting,
+    gas: ti.template(),
+):  # fmt: skip
+    """Velocities and spins (vx_i, vy_i, w_i, vx_j, vy_j, w_j) of materials p and q after a collision; and ELASTIC or 0.
+
+    Arguments as for `law.collide_pair`. A pair that separates keeps its own. With `lasting` > 0 (the tc rule), or below
+    the cut-off, disks collide like smooth elastic ones: a bounce is not followed by ever smaller ones in a finite time.
     """
-    e_n, e_t, mu = gas.law[p, q, 0], gas.law[p, q, 1], gas.law[p, q, 2]
-    contact_point, rho = gas.law[p, q, 3], gas.law[p, q, 4]
+    P_n, P_t, T, g_n, m_n = impulses_between(
+        p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas
+    )
     elastic = g_n < gas.scale[CUTOFF]
     if ti.static(gas.uses.remembers):
         elastic = elastic or lasting > 0
     remedy = 0
     if elastic:
-        e_n = 1.0
-        e_t = -1.0
-        mu = 0.0
-        rho = 0.0
+        P_n = 2.0 * m_n * g_n
+        P_t = 0.0
+        T = 0.0
         remedy = ELASTIC
-    return e_n, e_t, mu, contact_point, rho, remedy
+    approaching = 1.0 * (g_n > 0.0)
+    vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new = after_impulses(
+        approaching * P_n, approaching * P_t, approaching * T,
+        n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j,
+    )  # fmt: skip
+    return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new, remedy
+
+
+@ti.kernel
+def try_law(collision_law: ti.template(), law: Cube, pairs: Table, found: Table):
+    """Collide each of c pairs, n along x and disk j at rest.
+
+    `pairs` (c, 12): materials p and q; inverse mass, radius, k of i and of j; velocity of i; spins of i and j. `found`
+    (c, 8) gets P_n, m_n g_n, and both velocities and spins after.
+    """
+    gas = ti.static(GasArrays(law=law, uses=Uses(collision_law=collision_law)))
+    for c in range(pairs.shape[0]):
+        p, q = ti.cast(pairs[c, 0], ti.i32), ti.cast(pairs[c, 1], ti.i32)
+        P_n, P_t, T, g_n, m_n = impulses_between(
+            p, q, 1.0, 0.0, pairs[c, 2], pairs[c, 3], pairs[c, 4], pairs[c, 8], pairs[c, 9], pairs[c, 10],
+            pairs[c, 5], pairs[c, 6], pairs[c, 7], 0.0, 0.0, pairs[c, 11], gas,
+        )  # fmt: skip
+        found[c, 0] = P_n
+        found[c, 1] = m_n * g_n
+        found[c, 2], found[c, 3], found[c, 4], found[c, 5], found[c, 6], found[c, 7] = after_impulses(
+            P_n, P_t, T, 1.0, 0.0, pairs[c, 2], pairs[c, 3], pairs[c, 4], pairs[c, 8], pairs[c, 9],
+            pairs[c, 10], pairs[c, 5], pairs[c, 6], pairs[c, 7], 0.0, 0.0, pairs[c, 11],
+        )  # fmt: skip

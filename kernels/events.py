@@ -5,10 +5,9 @@ The order of these steps and what they guarantee is told in `rounds.py`.
 
 import taichi as ti
 
-from .contact import ELASTIC, coefficients, just_collided
+from .contact import ELASTIC, collided, just_collided
 from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
 from .history import flight_between, previous, record, side_of
-from .law import collide_pair
 from .layout import (
     ACTIVE,
     AFFECTED,
@@ -87,14 +86,13 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     p = ti.cast(gas.kinds[kind_a][MATERIAL], ti.i32)
     q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
     nx, ny = rx / r, ry / r
-    g_n = (gas.flight[a][VX] - gas.flight[b][VX]) * nx + (gas.flight[a][VY] - gas.flight[b][VY]) * ny
-    e_n, e_t, mu, contact_point, rho, remedy = coefficients(p, q, g_n, lasting, gas)
-    vx_a, vy_a, w_a, vx_b, vy_b, w_b, _, _, sticking, rolling = collide_pair(
-        e_n, e_t, mu, contact_point, rho, nx, ny,
+    vx_a, vy_a, w_a, vx_b, vy_b, w_b, remedy = collided(
+        p, q, nx, ny,
         gas.kinds[kind_a][INVERSE_MASS], gas.flight[a][RADIUS], gas.kinds[kind_a][K],
         gas.flight[a][VX], gas.flight[a][VY], gas.flight[a][SPIN],
         gas.kinds[kind_b][INVERSE_MASS], gas.flight[b][RADIUS], gas.kinds[kind_b][K],
         gas.flight[b][VX], gas.flight[b][VY], gas.flight[b][SPIN],
+        lasting, gas,
     )  # fmt: skip
     gas.flight[a][X] = x_a
     gas.flight[a][Y] = y_a
@@ -108,7 +106,7 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[b][VY] = vy_b
     gas.flight[b][TAU] = t
     gas.flight[b][SPIN] = w_b
-    gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + remedy
+    gas.log_int[entry][REGIME] = remedy
     if remedy > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1

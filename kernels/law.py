@@ -1,4 +1,7 @@
-"""The collision law: the one place that holds its formula.
+"""The collision law: the one place that holds its formula, and what every law shares.
+
+A collision has three steps: how the contact moves (`relative_motion`), which impulses act (`ifr_impulses`, or a law of
+one's own), and what they do to both disks (`after_impulses`), which keeps the momentum whatever they are.
 
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions". "Eq. n" below
 is that paper's equation; where a line is more general than the print (two spins, any direction of the line
@@ -9,6 +12,108 @@ inertia is I = m R^2 / k, spins are counter-clockwise, and im = 1/m is 0 for a w
 """
 
 import taichi as ti
+
+
+@ti.pyfunc
+def relative_motion(n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j):
+    """How the contact moves, from the arguments of `collide_pair`: g_n, g_t, m_n, m_t.
+
+    Returns
+    -------
+    g_n, g_t : float
+        Relative velocity at the contact along n and t [length/time]; g_n > 0 approaches.
+    m_n, m_t : float
+        Normal and tangential effective mass [mass].
+    """
+    # Relative velocity at the contact, g = v_i - v_j + (R_i w_i + R_j w_j) t: the paper's V = v + R omega,
+    # with its clockwise omega_2 = -w_j, and without its choice that j is at rest.
+    dvx = vx_i - vx_j
+    dvy = vy_i - vy_j
+    g_n = dvx * n_x + dvy * n_y
+    g_t = dvy * n_x - dvx * n_y + (R_i * w_i + R_j * w_j)
+
+    # Effective masses. An impulse P along n changes g_n by -P/m_n (Eq. 1). An impulse P along t changes g_t
+    # by -P/m_t: it moves each disk by P/m (Eq. 2) and turns it by R dw = -k P/m (Eq. 3 with I = m R^2 / k).
+    m_n = 1.0 / (im_i + im_j)
+    m_t = 1.0 / ((1.0 + k_i) * im_i + (1.0 + k_j) * im_j)
+    return g_n, g_t, m_n, m_t
+
+
+@ti.pyfunc
+def ifr_impulses(e_n, e_t, mu, contact_point, rho, g_n, g_t, m_n, m_t, R_i, R_j):
+    """The impulses of the IFR law for a pair that approaches, g_n > 0.
+
+    Parameters
+    ----------
+    e_n, e_t, mu, contact_point, rho : float
+        As for `collide_pair`.
+    g_n, g_t, m_n, m_t : float
+        As `relative_motion` returns them.
+    R_i, R_j : float
+        Radii [length].
+
+    Returns
+    -------
+    P_n, P_t : float
+        Impulses that i gives to j along n and t [mass length/time].
+    T : float
+        Angular impulse that brakes either spin, at most to rest [mass length^2/time].
+    sticking, rolling : float
+        As `collide_pair` returns them.
+    """
+    slip = ti.abs(g_t)
+    direction = 1.0 * (g_t > 0.0) - 1.0 * (g_t < 0.0)
+
+    P_n = (1.0 + e_n) * m_n * g_n  # Eq. 5
+    P_et = (1.0 + e_t) * m_t * g_t  # Eq. 8: acts in every collision
+
+    # Friction. Stopping the contact points takes m_t |g_t| (Eq. 12). Stopping the percussion centres, R/k
+    # from the centres, takes m_n |g_t| / 2 (Eq. 15), whatever k: P changes v + (R/k) w by P/m twice. The
+    # smaller of this and the sliding friction acts; they are equal at the angles of Eqs. 24 and 25, so the
+    # law is continuous there.
+    P_slide = mu * P_n  # Eq. 9
+    P_stick = (contact_point * m_t + (1.0 - contact_point) * 0.5 * m_n) * slip  # Eq. 12 or Eq. 15
+    P_f = direction * ti.min(P_slide, P_stick)
+    P_t = P_et + P_f
+    sticking = 1.0 * (P_stick <= P_slide)
+
+    # Rolling friction brakes each spin by the smallest of rho P_n (Eq. 31), r m_t |g_t| (Eq. 32, where k = 2)
+    # and what stops it, I |w|: without the last it could reverse a spin and add energy.
+    r = 2.0 * (R_i * R_j) / (R_i + R_j)
+    T_roll = rho * P_n  # Eq. 31
+    T_slip = r * m_t * slip  # Eq. 32
+    T = ti.min(T_roll, T_slip)
+    rolling = 1.0 * (T_roll <= T_slip)
+    return P_n, P_t, T, sticking, rolling
+
+
+@ti.pyfunc
+def after_impulses(
+    P_n, P_t, T, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
+):  # fmt: skip
+    """Velocities and spins (vx_i, vy_i, w_i, vx_j, vy_j, w_j) after i gave j the impulses P_n along n and P_t along t.
+
+    T brakes either spin, at most to rest. The other arguments are those of `collide_pair`.
+    """
+    # Eqs. 1 and 2 as vectors: i loses what j gains.
+    P_x = P_n * n_x - P_t * n_y
+    P_y = P_n * n_y + P_t * n_x
+    vx_i_new = vx_i - im_i * P_x
+    vy_i_new = vy_i - im_i * P_y
+    vx_j_new = vx_j + im_j * P_x
+    vy_j_new = vy_j + im_j * P_y
+
+    # Eq. 3, I dw = -R P_t, in the form k im / R that is 0 for a wall. Impulse and lever arm both change sign
+    # from i to j, so both spins change the same way round.
+    turn_i = k_i * im_i / R_i
+    turn_j = k_j * im_j / R_j
+    w_i_free = w_i - turn_i * P_t
+    w_j_free = w_j - turn_j * P_t
+    brake_i = ti.min((T * turn_i) / R_i, ti.abs(w_i_free))
+    brake_j = ti.min((T * turn_j) / R_j, ti.abs(w_j_free))
+    w_i_new = w_i_free - brake_i * (1.0 * (w_i_free > 0.0) - 1.0 * (w_i_free < 0.0))
+    w_j_new = w_j_free - brake_j * (1.0 * (w_j_free > 0.0) - 1.0 * (w_j_free < 0.0))
+    return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new
 
 
 @ti.pyfunc
@@ -79,59 +184,30 @@ def collide_pair(
     prints it. The slip of the percussion centre itself, v + (R/k) w, would push even where nothing slips, and
     could add energy.
     """
-    # Relative velocity at the contact, g = v_i - v_j + (R_i w_i + R_j w_j) t: the paper's V = v + R omega,
-    # with its clockwise omega_2 = -w_j, and without its choice that j is at rest.
-    dvx = vx_i - vx_j
-    dvy = vy_i - vy_j
-    g_n = dvx * n_x + dvy * n_y
-    g_t = dvy * n_x - dvx * n_y + (R_i * w_i + R_j * w_j)
-    slip = ti.abs(g_t)
-    direction = 1.0 * (g_t > 0.0) - 1.0 * (g_t < 0.0)
+    g_n, g_t, m_n, m_t = relative_motion(
+        n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
+    )
     approaching = 1.0 * (g_n > 0.0)
+    P_n_0, P_t_0, T, sticking, rolling = ifr_impulses(
+        e_n, e_t, mu, contact_point, rho, g_n, g_t, m_n, m_t, R_i, R_j
+    )
+    P_n = approaching * P_n_0
+    P_t = approaching * P_t_0
+    vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new = after_impulses(
+        P_n, P_t, approaching * T,
+        n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j,
+    )  # fmt: skip
+    return (
+        vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new,
+        P_n, P_t, approaching * sticking, approaching * rolling,
+    )  # fmt: skip
 
-    # Effective masses. An impulse P along n changes g_n by -P/m_n (Eq. 1). An impulse P along t changes g_t
-    # by -P/m_t: it moves each disk by P/m (Eq. 2) and turns it by R dw = -k P/m (Eq. 3 with I = m R^2 / k).
-    m_n = 1.0 / (im_i + im_j)
-    m_t = 1.0 / ((1.0 + k_i) * im_i + (1.0 + k_j) * im_j)
 
-    P_n = approaching * (1.0 + e_n) * m_n * g_n  # Eq. 5
-    P_et = approaching * (1.0 + e_t) * m_t * g_t  # Eq. 8: acts in every collision
-
-    # Friction. Stopping the contact points takes m_t |g_t| (Eq. 12). Stopping the percussion centres, R/k
-    # from the centres, takes m_n |g_t| / 2 (Eq. 15), whatever k: P changes v + (R/k) w by P/m twice. The
-    # smaller of this and the sliding friction acts; they are equal at the angles of Eqs. 24 and 25, so the
-    # law is continuous there.
-    P_slide = mu * P_n  # Eq. 9
-    P_stick = (contact_point * m_t + (1.0 - contact_point) * 0.5 * m_n) * slip  # Eq. 12 or Eq. 15
-    P_f = direction * ti.min(P_slide, P_stick)
-    P_t = P_et + P_f
-    sticking = approaching * (P_stick <= P_slide)
-
-    # Eqs. 1 and 2 as vectors: i loses what j gains.
-    P_x = P_n * n_x - P_t * n_y
-    P_y = P_n * n_y + P_t * n_x
-    vx_i_new = vx_i - im_i * P_x
-    vy_i_new = vy_i - im_i * P_y
-    vx_j_new = vx_j + im_j * P_x
-    vy_j_new = vy_j + im_j * P_y
-
-    # Eq. 3, I dw = -R P_t, in the form k im / R that is 0 for a wall. Impulse and lever arm both change sign
-    # from i to j, so both spins change the same way round.
-    turn_i = k_i * im_i / R_i
-    turn_j = k_j * im_j / R_j
-    w_i_free = w_i - turn_i * P_t
-    w_j_free = w_j - turn_j * P_t
-
-    # Rolling friction brakes each spin by the smallest of rho P_n (Eq. 31), r m_t |g_t| (Eq. 32, where k = 2)
-    # and what stops it, I |w|: without the last it could reverse a spin and add energy.
-    r = 2.0 * (R_i * R_j) / (R_i + R_j)
-    T_roll = rho * P_n  # Eq. 31
-    T_slip = r * m_t * slip  # Eq. 32
-    T = ti.min(T_roll, T_slip)
-    rolling = approaching * (T_roll <= T_slip)
-    brake_i = ti.min((T * turn_i) / R_i, ti.abs(w_i_free))
-    brake_j = ti.min((T * turn_j) / R_j, ti.abs(w_j_free))
-    w_i_new = w_i_free - brake_i * (1.0 * (w_i_free > 0.0) - 1.0 * (w_i_free < 0.0))
-    w_j_new = w_j_free - brake_j * (1.0 * (w_j_free > 0.0) - 1.0 * (w_j_free < 0.0))
-
-    return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new, P_n, P_t, sticking, rolling
+@ti.func
+def ifr(pair, coefficients):
+    """The IFR law as the engine calls laws: P_n, P_t, T of a pair, whose `coefficients` are those of `table_row`."""
+    P_n, P_t, T, _, _ = ifr_impulses(
+        coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4],
+        pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
+    )  # fmt: skip
+    return P_n, P_t, T

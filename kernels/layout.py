@@ -30,7 +30,7 @@ wall_hits    (n,) int      collisions with walls, by id
 wall_work    (n,) real     energy that moving walls gave, by id
 wall_heat    (n, H) double energy that each thermal wall gave, by id
 latest       (n + 1,)      double: time of each disk's latest collision, by id, and of the epoch's beginning
-law          (M, M, 5)     e_n, e_t, mu, contact_point, rho of each pair of materials
+law          (M, M, c)     coefficients of the law for each pair of materials (IFR: e_n, e_t, mu, contact_point, rho)
 ===========  ============  ==================================================================================
 
 Positions are relative to the lower left corner of the disk's tile, so that they lose no precision far from the
@@ -142,12 +142,20 @@ def push(row, item, gas: ti.template()):
 Rows, Table, Cube = (ti.types.ndarray(ndim=dimensions) for dimensions in (1, 2, 3))
 
 
+class Law(NamedTuple):
+    """What is compiled in of a law: its function of a pair, and the length of its rows of coefficients, 1 or more."""
+
+    impulses: Any
+    n_coefficients: int
+
+
 class Uses(NamedTuple):
     """What a gas has: code for the rest is not compiled. One template argument, `uses`, of every kernel that asks."""
 
     walled: bool = False
     thermal: bool = False  # some walls are
     remembers: bool = False  # a contact time: disks know when their latest collision was
+    collision_law: Any = None  # a `Law`
 
 
 class GasArrays(NamedTuple):

@@ -28,10 +28,16 @@ def needed_level(vx, vy, gas: ti.template()):
     return level
 
 
+@ti.pyfunc
+def reach_at(reach, level):
+    """How far a disk of that level may move in an epoch [length], `reach` being that of level 0."""
+    return reach * (1.0 + level / LEVELS)
+
+
 @ti.func
 def reach_of(level, gas: ti.template()):
     """How far a disk of that level may move in the epoch."""
-    return gas.scale[REACH] * (1.0 + level / LEVELS)
+    return reach_at(gas.scale[REACH], level)
 
 
 @ti.func

@@ -37,6 +37,11 @@ MOST_STEPS = 20000
 NEVER = 1.0e30  # a time to fly that ends at rest
 
 
+def step_tolerance():
+    """Error of a step that suits the precision that kernels compute in (`advance`)."""
+    return 1.0e-5 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-11
+
+
 @ti.func
 def elliptic(m, m1):
     """K, D = (K - E)/m and C = (2 D - K)/m of parameter m = 1 - m1, 0 <= m <= 1.

@@ -34,10 +34,9 @@ HEAT            column of `wall_heat` of a thermal wall, else -1
 
 import taichi as ti
 
-from .contact import ELASTIC, coefficients, just_collided
+from .contact import collided, just_collided
 from .flights import rounding
 from .history import record
-from .law import collide_pair
 from .layout import (
     CELLS_X,
     CELLS_Y,
@@ -342,29 +341,25 @@ def hit_wall(entry, t, i, gas: ti.template()):
     vx, vy = gas.flight[i][VX] + gx * t, gas.flight[i][VY] + gy * t
     ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
     uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
-    e_n, e_t, mu, contact_point, rho, remedy = coefficients(
-        p, q, (ux - vx) * nx + (uy - vy) * ny, lasting, gas
-    )
-    vx, vy, spin, _, _, _, _, _, sticking, rolling = collide_pair(
-        e_n, e_t, mu, contact_point, rho, -nx, -ny,
+    vx, vy, spin, _, _, _, remedy = collided(
+        p, q, -nx, -ny,
         gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, gas.flight[i][SPIN],
-        0.0, radius, 1.0, ux, uy, 0.0,
+        0.0, radius, 1.0, ux, uy, 0.0, lasting, gas,
     )  # fmt: skip
-    regime = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + remedy
     if ti.static(gas.uses.thermal):
         if gas.walls[w][TEMPERATURE] > 0.0:
             vx, vy, spin = thermal_velocity(
                 i, gas.log_int[entry][NUMBER], gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas
             )
-            regime = 0
+            remedy = 0
     gas.flight[i][X] = x
     gas.flight[i][Y] = y
     gas.flight[i][VX] = vx - gx * t
     gas.flight[i][VY] = vy - gy * t
     gas.flight[i][TAU] = t
     gas.flight[i][SPIN] = spin
-    gas.log_int[entry][REGIME] = regime
-    if regime >= ELASTIC:
+    gas.log_int[entry][REGIME] = remedy
+    if remedy > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
     ti.atomic_add(gas.counter[N_WALL_HITS], 1)
