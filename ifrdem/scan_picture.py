@@ -60,12 +60,11 @@ def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str
         upper.plot(
             tan_psi[chosen], tan_delta[chosen], marker, ms=4, mfc="none", color=colour, label=label, zorder=2
         )
-    change = fine[1:][sticking[1:] != sticking[:-1]]
-    for at in change:
-        upper.axvline(at, ls=":", lw=1.0, color=RATIO)
+    changes = np.flatnonzero(sticking[1:] != sticking[:-1])
+    for at in (_change(law, disks, fine[i], fine[i + 1]) for i in changes):
+        name_of = rf"sticking and sliding meet, $\tan\psi$ = {at:.4g}"
+        upper.axvline(at, ls=":", lw=1.0, color=RATIO, label=name_of)
         lower.axvline(at, ls=":", lw=1.0, color=RATIO)
-    if len(change):
-        upper.plot([], [], ":", color=RATIO, label=rf"sliding begins, $\tan\psi$ = {change[-1]:.3g}")
     off = tan_delta - predicted(law, disks, tan_psi)[0]
     lower.plot(tan_psi, off, ".", ms=4, color=RATIO)
     upper.set_ylabel(r"$\tan\delta_2$ of the disk that was hit")
@@ -125,6 +124,18 @@ def predicted(law: IFRLaw, disks: Disks, tan_psi: Array) -> tuple[Array, NDArray
     )
     sticking = np.isin(after.regime, [Regime.STICKING, Regime.STICKING_ROLLING, Regime.STICKING_NONROLLING])
     return after.velocity[:, 1, 1] / after.velocity[:, 1, 0], sticking
+
+
+def _change(law: IFRLaw, disks: Disks, low: float, high: float) -> float:
+    """Where sticking turns into sliding, or back, between two tangents of psi: by bisection."""
+    at_low = predicted(law, disks, np.array([low]))[1][0]
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        if predicted(law, disks, np.array([middle]))[1][0] == at_low:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
 
 
 def _law(trajectory: Trajectory) -> IFRLaw:

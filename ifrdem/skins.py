@@ -14,9 +14,8 @@ from .state import Disks, State
 
 FEW = 16  # disks that may as well list everybody, and rarely do so
 NEIGHBOURS = 4  # whose distance tells the density of an open gas
-THIN = (
-    0.05  # packing fraction of one below which lists are as long as the distances between neighbours ask for
-)
+REACH = 3.0  # of that distance: how far lists of a thin gas go
+THIN = 0.05  # packing fraction below which an open gas is a thin one
 
 
 def default_skin(packing_fraction: float, diameter: float) -> float:
