@@ -132,6 +132,8 @@ def create(
     frame_box.attrs["dimension"] = 3
     frame_box.attrs["boundary"] = [*("periodic" if one else "none" for one in box.periodic), "none"]
     frame_box.attrs["lengths"] = lengths
+    if box.shear_rate:
+        frame_box.attrs["shear_rate"] = box.shear_rate
     edges = frame_box.create_group("edges")
     edges.create_dataset("step", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.int64)
     edges.create_dataset("time", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.float64)

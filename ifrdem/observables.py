@@ -33,11 +33,14 @@ class Measure:
     momentum : array (2,)
         Sum of m v [mass length/time].
     energy_input : float
-        Energy that forces have put in since the start, less what they took out [energy].
+        Energy that forces and a mean flow have put in since the start, less what they took out [energy].
+    shear_pressure : float
+        Kinetic part of the pressure tensor times the area, sum of m v_x v_y [energy].
 
     Notes
     -----
-    Velocities are those in the box's frame: a gas that drifts as a whole has the drift in its temperature.
+    Velocities are those in the box's frame: a gas that drifts as a whole has the drift in its temperature. In a sheared
+    box they are peculiar ones, relative to the mean flow (`State.flow`).
     """
 
     time: float
@@ -48,6 +51,7 @@ class Measure:
     rotational_temperature: float
     momentum: NDArray[np.float64]
     energy_input: float = 0.0
+    shear_pressure: float = 0.0
 
     @property
     def energy(self) -> float:
@@ -69,7 +73,7 @@ def measure(disks: Disks, state: State, *, energy_input: float = 0.0) -> Measure
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
     # np.sum adds pairwise along a contiguous axis: its rounding grows like log n, not like n.
-    v_x, v_y = np.ascontiguousarray(state.velocity.T)
+    v_x, v_y = np.ascontiguousarray(state.peculiar_velocity.T)
     translational = 0.5 * float(np.sum(mass * (v_x**2 + v_y**2)))
     rotational = 0.5 * float(np.sum(inertia * state.spin**2))
     n = max(int(np.count_nonzero(movable)), 1)
@@ -83,4 +87,5 @@ def measure(disks: Disks, state: State, *, energy_input: float = 0.0) -> Measure
         rotational_temperature=2.0 * rotational / n,
         momentum=np.array([np.sum(mass * v_x), np.sum(mass * v_y)]),
         energy_input=energy_input,
+        shear_pressure=float(np.sum(mass * v_x * v_y)),
     )

@@ -27,7 +27,7 @@ Progress = Callable[[float, int], None]
 
 
 class Simulation:
-    """Rough disks in a box, periodic or between walls, collided exactly by the IFR law.
+    """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
     ----------
@@ -35,11 +35,14 @@ class Simulation:
         Masses [mass], radii [length], k and materials of n disks. A disk of infinite mass is immovable.
     box : Box
         Its shorter side must be at least three times the largest diameter. Straight walls of material 0 stand at
-        sides that are not periodic.
+        sides that are not periodic. In a sheared box there can be no walls and no immovable disks; forces act on
+        peculiar velocities, relative to the flow, and see places in the lab.
     law : IFRLaw or sequence of sequences of IFRLaw
         One law for all pairs, or a symmetric table [material][material].
     state : State
-        Start: positions [length], velocities [length/time], spins [rad/time].
+        Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
+        in the lab, such as `placement.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
+        above and below have moved.
     arch : {"cpu", "cuda"}
         Device; one that is not there is refused.
     threads : int, optional
@@ -97,7 +100,7 @@ class Simulation:
         materials = max((wall.material for wall in walls), default=0)
         self._laws = _law_table(law, disks, materials)
         _check_energy(self._laws, disks, [*walls, *sides(box)])
-        check_no_overlap(box, disks.radius, state.position)
+        check_no_overlap(box, disks.radius, state.position, time=state.time)
         table = np.array([[one.table_row() for one in row] for row in self._laws])
         self._engine = Engine(
             disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
@@ -150,9 +153,20 @@ class Simulation:
         return self._engine.splitting.energy_inputs.copy()
 
     @property
+    def shear_work(self) -> float:
+        """Energy that the flow of a sheared box has given to peculiar motion up to the latest `state` [energy].
+
+        Its mean power is -shear_rate P_xy Lx Ly: it tells the shear stress, collisions included.
+        """
+        return self._engine.flow_work
+
+    @property
     def energy_input(self) -> float:
-        """Energy that all forces have put in since this simulation was made, less what they took out [energy]."""
-        return math.fsum(self._engine.splitting.energy_inputs)
+        """Energy that all forces, and the flow of a sheared box, have put in since this simulation was made [energy].
+
+        Less what they took out; of the flow, up to the latest `state`.
+        """
+        return math.fsum((*self._engine.splitting.energy_inputs, self.shear_work))
 
     @property
     def state(self) -> State:

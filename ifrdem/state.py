@@ -88,7 +88,7 @@ class State:
     position : array (n, 2)
         Centres [length], inside the box.
     velocity : array (n, 2)
-        Velocities of the centres [length/time].
+        Velocities of the centres [length/time], in the lab: in a sheared box too.
     spin : array (n,)
         Angular velocities, counter-clockwise [rad/time].
     time : float
@@ -96,7 +96,10 @@ class State:
     collisions : array (n,) of int32
         Collisions that each disk has had.
     image : array (n, 2) of int32
-        How often each disk has left the box through each side: position + image * lengths is unwrapped.
+        How often each disk has left the box through each side: `Box.unwrap` makes paths without jumps of it.
+    flow : array (n, 2) or None
+        Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
+        sets it, and `observables.measure` needs it; to start one, it is not needed.
 
     Raises
     ------
@@ -110,6 +113,7 @@ class State:
     time: float = 0.0
     collisions: NDArray[np.int32] = None  # type: ignore[assignment]
     image: NDArray[np.int32] = None  # type: ignore[assignment]
+    flow: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         self.position = np.ascontiguousarray(self.position, dtype=np.float64)
@@ -132,7 +136,17 @@ class State:
         if self.image is None:
             self.image = np.zeros((n, 2), dtype=np.int32)
 
+        if self.flow is not None:
+            self.flow = np.ascontiguousarray(self.flow, dtype=np.float64)
+            if self.flow.shape != (n, 2) or not np.isfinite(self.flow).all():
+                raise InputError(f"flow has shape {self.flow.shape}: {(n, 2)} is needed, and finite values")
+
     @property
     def n(self) -> int:
         """Number of disks."""
         return len(self.spin)
+
+    @property
+    def peculiar_velocity(self) -> NDArray[np.float64]:
+        """Velocities relative to the mean flow [length/time], shape (n, 2)."""
+        return self.velocity if self.flow is None else self.velocity - self.flow

@@ -7,6 +7,7 @@ import taichi as ti
 
 from .contact import SLOW, coefficients
 from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
+from .flow import SHIFT_BITS
 from .history import flight_between, previous, record, side_of
 from .law import collide_pair
 from .layout import (
@@ -75,7 +76,12 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     y_a = gas.flight[a][Y] + gas.flight[a][VY] * (t - gas.flight[a][TAU])
     x_b = gas.flight[b][X] + gas.flight[b][VX] * (t - gas.flight[b][TAU])
     y_b = gas.flight[b][Y] + gas.flight[b][VY] * (t - gas.flight[b][TAU])
-    shift_x, shift_y = shift_by(shift, gas)
+    shift_x, shift_y, drift = shift_by(shift, gas)
+    vx_b = gas.flight[b][VX]
+    if ti.static(gas.sheared):
+        # In the frame of a's row, where b is faster.
+        shift_x += drift * t
+        vx_b += drift
     rx = x_b - x_a + shift_x
     ry = y_b - y_a + shift_y
     r = ti.sqrt(rx * rx + ry * ry)
@@ -84,14 +90,14 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     p = ti.cast(gas.kinds[kind_a][MATERIAL], ti.i32)
     q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
     nx, ny = rx / r, ry / r
-    g_n = (gas.flight[a][VX] - gas.flight[b][VX]) * nx + (gas.flight[a][VY] - gas.flight[b][VY]) * ny
+    g_n = (gas.flight[a][VX] - vx_b) * nx + (gas.flight[a][VY] - gas.flight[b][VY]) * ny
     e_n, e_t, mu, contact_point, rho, slow = coefficients(p, q, g_n, gas)
     vx_a, vy_a, w_a, vx_b, vy_b, w_b, _, _, sticking, rolling = collide_pair(
         e_n, e_t, mu, contact_point, rho, nx, ny,
         gas.kinds[kind_a][INVERSE_MASS], gas.flight[a][RADIUS], gas.kinds[kind_a][K],
         gas.flight[a][VX], gas.flight[a][VY], gas.flight[a][SPIN],
         gas.kinds[kind_b][INVERSE_MASS], gas.flight[b][RADIUS], gas.kinds[kind_b][K],
-        gas.flight[b][VX], gas.flight[b][VY], gas.flight[b][SPIN],
+        vx_b, gas.flight[b][VY], gas.flight[b][SPIN],
     )  # fmt: skip
     gas.flight[a][X] = x_a
     gas.flight[a][Y] = y_a
@@ -101,11 +107,15 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[a][SPIN] = w_a
     gas.flight[b][X] = x_b
     gas.flight[b][Y] = y_b
+    if ti.static(gas.sheared):
+        vx_b -= drift
     gas.flight[b][VX] = vx_b
     gas.flight[b][VY] = vy_b
     gas.flight[b][TAU] = t
     gas.flight[b][SPIN] = w_b
     gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + slow
+    if ti.static(gas.sheared):
+        gas.log_int[entry][REGIME] += SHIFT_BITS * shift
     if slow > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
@@ -184,7 +194,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
         code = neighbour_code(i, q, lengths, gas.grid[ROW], gas)
         j = code // 9
         shift = code - 9 * j
-        shift_x, shift_y = shift_by(shift, gas)
+        shift_x, shift_y, drift = shift_by(shift, gas)
         sigma = radius + gas.flight[j][RADIUS]
         head_j = gas.link[j][HEAD]
         t = FAR
@@ -193,7 +203,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
             t = meeting_time(
                 x, y, vx, vy, tau,
                 gas.flight[j][X], gas.flight[j][Y], gas.flight[j][VX], gas.flight[j][VY], gas.flight[j][TAU],
-                shift_x, shift_y, sigma, horizon,
+                shift_x, shift_y, drift, sigma, horizon, gas,
             )  # fmt: skip
         if ti.static(changed):
             # Causality: walk back over the neighbour's flights that ended after this disk's began.
@@ -207,8 +217,9 @@ def predict(i, changed: ti.template(), gas: ti.template()):
                 else:
                     if began < ended and (head < 0 or before != head):
                         crossing = meeting_time(
-                            x, y, vx, vy, tau, xj, yj, vxj, vyj, began, shift_x, shift_y, sigma, ended
-                        )
+                            x, y, vx, vy, tau, xj, yj, vxj, vyj, began,
+                            shift_x, shift_y, drift, sigma, ended, gas,
+                        )  # fmt: skip
                         if crossing <= ended:
                             early = crossing < ended
                             if crossing == ended:
@@ -286,7 +297,10 @@ def restore(i, gas: ti.template()):
         side = side_of(entry, i, gas)
         gas.log_int[entry][STANDS] = 0
         before = gas.log_int[entry][PREVIOUS + side]
-        if side == 0 and gas.log_int[entry][REGIME] >= SLOW:
+        regime = gas.log_int[entry][REGIME]
+        if ti.static(gas.sheared):
+            regime %= SHIFT_BITS
+        if side == 0 and regime >= SLOW:
             ti.atomic_sub(gas.counter[N_ELASTIC], 1)
         if gas.log_int[entry][SLOT + 1] < 0:
             ti.atomic_sub(gas.counter[N_WALL_HITS], 1)

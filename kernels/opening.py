@@ -43,14 +43,15 @@ from .walls import note_walls, offer_wall
 
 @ti.kernel
 def list_tiles(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, start: Rows,
-    neighbour: Rows, counter: Rows, limit: Rows, cell: Rows, clock: Rows, walls: Rows, near_walls: Rows,
+    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows,
+    meta: Rows, start: Rows, neighbour: Rows, counter: Rows, limit: Rows, cell: Rows, clock: Rows,
+    walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """Open an epoch: list every pair closer than contact + skin, predict first events. One thread a tile."""
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, start=start, neighbour=neighbour,
         counter=counter, limit=limit, cell=cell, clock=clock, walls=walls, near_walls=near_walls,
-        walled=walled,
+        walled=walled, sheared=sheared,
     ))  # fmt: skip
     for _ in range(1):
         open_epoch(gas)
@@ -61,14 +62,15 @@ def list_tiles(
 
 @ti.kernel
 def list_disks(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows,
-    start: Rows, neighbour: Rows, counter: Rows, limit: Rows, clock: Rows, walls: Rows, near_walls: Rows,
+    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows,
+    meta: Rows, cell: Rows, start: Rows, neighbour: Rows, counter: Rows, limit: Rows, clock: Rows,
+    walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """The same as `list_tiles`, one thread a disk: every pair is looked at twice, but thousands of threads help."""
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, counter=counter, limit=limit, clock=clock, walls=walls, near_walls=near_walls,
-        walled=walled,
+        walled=walled, sheared=sheared,
     ))  # fmt: skip
     for _ in range(1):
         open_epoch(gas)
@@ -87,7 +89,7 @@ def list_disks(
                     if length < gas.grid[ROW]:
                         gas.neighbour[gas.grid[ROW] * i + length] = j
                     length += 1
-                    t = first_meeting(i, j, rx, ry, gas.scale[HORIZON], gas)
+                    t = first_meeting(i, j, rx, ry, 0.0, gas.scale[HORIZON], gas)
                     offer(i, t, 9 * j + SAME_FRAME, gas.scale[HORIZON], gas)
         gas.link[i][LENGTH] = length
         if ti.static(gas.walled):
@@ -113,15 +115,15 @@ def clear_all(
 
 @ti.kernel
 def extend_fast(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows,
-    start: Rows, neighbour: Rows, lists: Table, counter: Rows, log_real: Rows, log_int: Rows, walls: Rows,
-    near_walls: Rows,
+    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows,
+    meta: Rows, cell: Rows, start: Rows, neighbour: Rows, lists: Table, counter: Rows, log_real: Rows,
+    log_int: Rows, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """Longer lists for the disks that are too fast at the beginning of the epoch; first meetings with walls."""
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, lists=lists, counter=counter, log_real=log_real, log_int=log_int, walls=walls,
-        near_walls=near_walls, walled=walled,
+        near_walls=near_walls, walled=walled, sheared=sheared,
     ))  # fmt: skip
     for i in range(gas.grid[N]):
         level = too_fast(i, gas)

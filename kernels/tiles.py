@@ -134,19 +134,20 @@ def predict_in_order(i, now, low, high, begin, rate, gas: ti.template()):
         shift = SAME_FRAME
         shift_x = 0.0
         shift_y = 0.0
+        drift = 0.0
         if q < own:
             j = gas.neighbour[row * i + q]
         else:
             code = gas.neighbour[row * i + row - 1 - (q - own)]
             j = code // 9
             shift = code - 9 * j
-            shift_x, shift_y = shift_by(shift, gas)
+            shift_x, shift_y, drift = shift_by(shift, gas)
         if j >= low and j < high:
             before = ti.min(horizon, ti.max(earliest, gas.flight[j][TE]))
             t = meeting_time(
                 x, y, vx, vy, tau,
                 gas.flight[j][X], gas.flight[j][Y], gas.flight[j][VX], gas.flight[j][VY], gas.flight[j][TAU],
-                shift_x, shift_y, radius + gas.flight[j][RADIUS], before,
+                shift_x, shift_y, drift, radius + gas.flight[j][RADIUS], before, gas,
             )  # fmt: skip
             if t <= before:
                 # A pair whose latest collision was with each other separates: it cannot meet again.
@@ -299,9 +300,9 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
 
 @ti.kernel
 def run_tiles(
-    walled: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows,
-    cell: Rows, start: Rows, fill: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows,
-    log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
+    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows,
+    link: Rows, meta: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows, neighbour: Rows,
+    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """All tiles at once, one thread each, up to the end of the window.
 
@@ -311,6 +312,7 @@ def run_tiles(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit, log_real=log_real,
         log_int=log_int, law=law, walls=walls, near_walls=near_walls, walled=walled,
+        sheared=sheared,
     ))  # fmt: skip
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:
