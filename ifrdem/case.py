@@ -97,6 +97,11 @@ class BoxSection(Section):
     lengths: list[Annotated[float, Field(gt=0.0)]] | None = Field(
         default=None, min_length=2, max_length=2, description="sides [Lx, Ly] [m]", examples=[[8.0, 8.0]]
     )
+    shear_rate: float = Field(
+        default=0.0,
+        description="rate du_x/dy of a steady shear flow along x [1/s]; starts and temperatures are relative to it",
+        examples=[0.5],
+    )
 
 
 # The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.

@@ -78,7 +78,7 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
     speed = f"{length}/{time.strip()}" if length else ""
     sides = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
     lines = [
-        f"{case.run.name}: {gas.disks.n} disks in a periodic box of {sides}, {case.run.units} units",
+        f"{case.run.name}: {gas.disks.n} disks in a periodic box of {sides}{_shear(gas, case)}, {case.run.units} units",
         _row("packing fraction", f"{estimate.packing_fraction:.5g}"),
         _row("number density", f"{estimate.number_density:.5g}{f' per{length}^2' if length else ''}"),
     ]
@@ -147,6 +147,12 @@ def _forces(case: Case, estimate: Estimate) -> list[str]:
         spins = "" if math.isnan(T_rot) else f", T_rot = {T_rot:.4g}{case.unit('energy')}"
         lines.append(_row("steady state", f"T = {T:.4g}{case.unit('energy')}{spins}, by kinetic theory"))
     return lines
+
+
+def _shear(gas: Gas, case: Case) -> str:
+    """What to say of a sheared box."""
+    per_time = f" 1/{time.strip()}" if (time := case.unit("time")) else ""
+    return f", sheared at the rate {gas.box.shear_rate:g}{per_time}" if gas.box.shear_rate else ""
 
 
 def _span(values: NDArray[np.float64]) -> str:

@@ -164,9 +164,9 @@ class Draft:
 
     @property
     def sets_in_motion(self) -> bool:
-        """Whether a force moves disks that are at rest, or may: one with mistakes counts."""
+        """Whether a flow or a force moves disks that are at rest, or may: a force with mistakes counts."""
         moving = ("kicks", "langevin")
-        return any(
+        return (self.box is not None and self.box.shear_rate != 0.0) or any(
             each is None or (each.kind in moving and each.temperature != 0.0 and each.rate != 0.0)
             for each in self.force
         )
@@ -220,6 +220,8 @@ def box_around(section: BoxSection, radius: NDArray[np.float64]) -> Box:
         If they can never cover that fraction of it.
     """
     if section.lengths is not None:
-        return Box((section.lengths[0], section.lengths[1]))
+        return Box((section.lengths[0], section.lengths[1]), shear_rate=section.shear_rate)
     assert section.packing_fraction is not None
-    return Box.from_packing_fraction(radius, section.packing_fraction, section.aspect)
+    return Box.from_packing_fraction(
+        radius, section.packing_fraction, section.aspect, shear_rate=section.shear_rate
+    )

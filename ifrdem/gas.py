@@ -83,8 +83,10 @@ class Gas:
         elif is_trajectory(case.start.positions):
             path = Path(folder) / case.start.positions
             given = start_frame.read(path, case.start.frame, disks.radius, box, motion=case.start.motion)
+            if given.velocity is not None:  # there was no flow
+                given = replace(given, velocity=given.velocity + box.flow(given.position))
         if given is not None:
-            species = _as_moving(species, given)
+            species = _as_moving(species, given, box)
         return cls(species, materials, laws, judged, disks, box, given)
 
     @property
@@ -113,7 +115,8 @@ class Gas:
             own = seeds.of_species(seed, i)
             velocity.append(placement.maxwellian(each.mass, speed_rms=each.speed_rms, seed=own))
             spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
-        return State(position=position, velocity=np.concatenate(velocity), spin=np.concatenate(spin))
+        flow = self.box.flow(position)
+        return State(position=position, velocity=np.concatenate(velocity) + flow, spin=np.concatenate(spin))
 
     def simulation(self, case: Case, state: State | None = None, *, skin: float | None = None) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
@@ -157,15 +160,16 @@ def forces_of(case: Case) -> list[Force]:
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
 
 
-def _as_moving(species: tuple[Species, ...], given: Given) -> tuple[Species, ...]:
-    """The species with the speeds and spins of a start file, if it has them."""
+def _as_moving(species: tuple[Species, ...], given: Given, box: Box) -> tuple[Species, ...]:
+    """The species with the speeds, relative to the flow, and spins of a start file, if it has them."""
     if given.velocity is None or given.spin is None:
         return species
+    peculiar = given.velocity - box.flow(given.position)
     moving, first = [], 0
     for each in species:
         own = slice(first, first + each.number)
         first += each.number
-        speed_rms = float(np.sqrt(np.mean(np.sum(given.velocity[own] ** 2, axis=1))))
+        speed_rms = float(np.sqrt(np.mean(np.sum(peculiar[own] ** 2, axis=1))))
         spin_rms = float(np.sqrt(np.mean(given.spin[own] ** 2)))
         moving.append(replace(each, speed_rms=speed_rms, spin_rms=spin_rms))
     return tuple(moving)

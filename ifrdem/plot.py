@@ -27,6 +27,8 @@ SPINS = ("#56B4E9", "#2A6A99", "#333333", "#A84A00", "#FF9A3D")
 MOST_DISKS = 100_000
 """Above this many disks one by one are smaller than a pixel, and slow: a density map is drawn."""
 
+SLABS = 20  # in which the mean flow is drawn
+
 MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 30 disks each at phi = 0.25
 
 
@@ -74,23 +76,50 @@ def driven(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) ->
     _draw(path_h5, path_png, _driven_temperatures)
 
 
+def sheared(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+    """Draw a sheared gas: its temperatures against time beside kinetic theory, its flow, and its disks at the end.
+
+    The theory is `shear_theory.sheared` from the first frame on, and `shear_theory.steady_state`. Where they do not
+    hold (several kinds of disks, rolling friction, forces), the picture says so. The flow is the mean velocity along x
+    in slabs, over the second half of the frames.
+
+    Parameters
+    ----------
+    path_h5 : path
+        A trajectory as for `cooling`, of a sheared box.
+    path_png : path
+        The picture to write, as for `cooling`.
+
+    Raises
+    ------
+    InputError
+        As `cooling`.
+    """
+    _draw(path_h5, path_png, _sheared_temperatures, flow=True)
+
+
 def _draw(
     path_h5: str | os.PathLike[str],
     path_png: str | os.PathLike[str],
     temperatures: Callable[[Axes, Axes, Trajectory], None],
+    *,
+    flow: bool = False,
 ) -> None:
-    """A picture of temperatures (left, and their ratio below) and disks (right)."""
+    """A picture of temperatures (left, and their ratio below), the flow if wished, and disks (right)."""
     from matplotlib.figure import Figure
 
     with Trajectory(path_h5) as trajectory:
         if len(trajectory) == 0:
             raise InputError(f"{path_h5}: no frame to draw")
-        figure = Figure(figsize=(13.5, 6.3), dpi=200, layout="constrained")
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15), height_ratios=(3.0, 1.0))
+        figure = Figure(figsize=(16.5 if flow else 13.5, 6.3), dpi=200, layout="constrained")
+        widths = (1.0, 0.4, 1.15) if flow else (1.0, 1.15)
+        grid = figure.add_gridspec(2, len(widths), width_ratios=widths, height_ratios=(3.0, 1.0))
         upper = figure.add_subplot(grid[0, 0])
         lower = figure.add_subplot(grid[1, 0], sharex=upper)
         temperatures(upper, lower, trajectory)
-        _last_frame(figure, figure.add_subplot(grid[:, 1]), trajectory)
+        if flow:
+            _flow(figure.add_subplot(grid[:, 1]), trajectory)
+        _last_frame(figure, figure.add_subplot(grid[:, -1]), trajectory)
         figure.suptitle(_title(trajectory))
         _save(figure, Path(path_png))
 
@@ -120,7 +149,23 @@ def _temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
 def _driven_temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
     """Both temperatures, and below them their ratio theta, against time, on plain axes that begin at 0."""
     _points(upper, lower, trajectory, np.ones(len(trajectory), dtype=bool))
-    drawn, steady, note = curves.driven(trajectory)
+    _with_steady_state(upper, lower, trajectory, curves.driven(trajectory))
+
+
+def _sheared_temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
+    """The same for a sheared gas."""
+    _points(upper, lower, trajectory, np.ones(len(trajectory), dtype=bool))
+    _with_steady_state(upper, lower, trajectory, curves.sheared(trajectory))
+
+
+def _with_steady_state(
+    upper: Axes,
+    lower: Axes,
+    trajectory: Trajectory,
+    theory: tuple[curves.Curves | None, tuple[float, float] | None, str],
+) -> None:
+    """Add curves of kinetic theory and the steady state to temperatures, and finish the axes."""
+    drawn, steady, note = theory
     if drawn is not None:
         _curves(upper, lower, *drawn)
     upper.plot([], [], color="black", ls="--" if drawn is not None else "none", lw=1.5, label=note)
@@ -139,6 +184,31 @@ def _driven_temperatures(upper: Axes, lower: Axes, trajectory: Trajectory) -> No
         _from_zero(axes)
     upper.legend(loc="best", frameon=False)
     upper.tick_params(which="both", labelbottom=False)
+
+
+def _flow(axes: Axes, trajectory: Trajectory) -> None:
+    """Mean velocity along x in slabs, over the second half of the frames, beside the flow that the box imposes."""
+    units, box = trajectory.units, trajectory.box
+    height = box.lengths[1]
+    edges = np.array([0.0, height])
+    imposed = box.flow(np.stack((np.zeros(2), edges), axis=1))[:, 0]
+    speed = units["length"] + "/" + units["time"] if "time" in units else None
+    if {"position", "velocity"} <= set(trajectory.fields):
+        count, sum_ = np.zeros(SLABS), np.zeros(SLABS)
+        for frame in trajectory[len(trajectory) // 2 :]:
+            slab = np.minimum((frame.position[:, 1] / height * SLABS).astype(int), SLABS - 1)
+            count += np.bincount(slab, minlength=SLABS)
+            sum_ += np.bincount(slab, frame.velocity[:, 0], minlength=SLABS)
+        middles = (np.arange(SLABS) + 0.5) * height / SLABS
+        with np.errstate(invalid="ignore"):
+            axes.plot(sum_ / count, middles, "o", ms=5, mfc="none", color=TRANSLATION, label="disks")
+    axes.plot(imposed, edges, "-", lw=1.0, color="black", label=r"$\dot\gamma (y - L_y / 2)$")
+    axes.set_ylim(0.0, height)
+    axes.set_xlabel(_with_unit(r"$\langle v_x \rangle$", speed))
+    axes.set_ylabel(_with_unit("$y$", units.get("length")))
+    axes.set_title("mean flow, second half")
+    axes.grid(True, which="major", lw=0.4, alpha=0.5)
+    axes.legend(loc="upper left", frameon=False)
 
 
 def _points(

@@ -144,7 +144,7 @@ def run(
                 )
         ran = time.perf_counter() - began
         if outputs.picture is not None:
-            draw = plot.driven if case.force else plot.cooling
+            draw = plot.sheared if gas.box.shear_rate else plot.driven if case.force else plot.cooling
             draw(outputs.trajectory, outputs.picture)
     except KeyboardInterrupt:
         raise Interrupted(_remains(outputs.trajectory, ledger)) from None
@@ -180,9 +180,12 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         lines[-1] += f", theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}"
     lost = ledger.dissipated(last)
     energy = case.unit("energy")
-    if case.force:
+    if case.force or gas.box.shear_rate:
+        source = " and ".join(
+            name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there
+        )
         lines.append(
-            f"  forces put in {last.energy_input:.6g}{energy}, collisions dissipated {lost:.6g}{energy}"
+            f"  {source} put in {last.energy_input:.6g}{energy}, collisions dissipated {lost:.6g}{energy}"
         )
     elif first.energy > 0.0:
         lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
