@@ -36,7 +36,7 @@ class Sheared:
     def __init__(self, disks: Disks, box: Box, law: tuple[float, ...], state: State) -> None:
         self.disks, self.box, self.law = disks, box, law
         self.x, self.v, self.w = state.position.copy(), state.velocity.copy(), state.spin.copy()
-        self.now = state.time
+        self.now = self.opened = state.time
         self.clock = np.full(disks.n, state.time)
         self.lost = 0.0
         self.collisions: list[tuple[float, int, int]] = []
@@ -49,7 +49,7 @@ class Sheared:
         while len(self.collisions) < target:
             self._fly(np.arange(self.disks.n), self.now)
             self._wrap()
-            self.last = {}
+            self.last, self.opened = {}, self.now
             self._window(self.now + window, target)
 
     def state(self) -> State:
@@ -88,7 +88,9 @@ class Sheared:
 
     def _offset(self, sx: np.ndarray, sy: np.ndarray, now: float) -> np.ndarray:
         width, height = self.box.lengths
-        return np.stack((sx * width + sy * math.fmod(self.step * now, width), sy * height), axis=-1)
+        # Whole boxes are taken off at the window's beginning only: an image keeps its number through it.
+        offset = math.fmod(self.step * self.opened, width) + self.step * (now - self.opened)
+        return np.stack((sx * width + sy * offset, sy * height), axis=-1)
 
     def _first(self, i: int) -> tuple[float, int, tuple[int, int]]:
         """When disk i first touches the image of another one, of which, and which image; from now on."""
