@@ -21,7 +21,7 @@ def tile_beside(tile, shift, gas: ti.template()):
     ty = tile - tx * gas.grid[TILES_Y]
     tx += shift // 3 - 1
     ty += shift % 3 - 1
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         tx -= (shift % 3 - 1) * gas.grid[TILES_ASIDE]
     if tx < 0:
         tx += gas.grid[TILES_X]

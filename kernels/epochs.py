@@ -54,11 +54,10 @@ from .walls import offer_wall
 
 @ti.kernel
 def epochs_by_one_thread(
-    most_epochs: ti.i32, walled: ti.template(), sheared: ti.template(), clock: Rows, total: Rows,
-    grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows,
-    start: Rows, fill: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows,
-    log_int: Rows, law: Cube, walls: Rows, near_walls: Rows, wall_hits: Rows, wall_work: Rows,
-    flow_work: Rows,
+    most_epochs: ti.i32, uses: ti.template(), clock: Rows, total: Rows, grid: Rows, scale: Rows, flight: Rows,
+    kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows,
+    neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
+    near_walls: Rows, wall_hits: Rows, wall_work: Rows, flow_work: Rows,
 ):  # fmt: skip
     """Up to `most_epochs` epochs of a gas of one tile.
 
@@ -69,9 +68,8 @@ def epochs_by_one_thread(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
-        log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls,
-        wall_hits=wall_hits, wall_work=wall_work, flow_work=flow_work, clock=clock, walled=walled,
-        sheared=sheared,
+        log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls, wall_hits=wall_hits,
+        wall_work=wall_work, flow_work=flow_work, clock=clock, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         n = gas.grid[N]
@@ -112,14 +110,14 @@ def epochs_by_one_thread(
             gas.counter[LOG_FULL] = 0
             pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])
             still = fastest2 + pull + gas.scale[WALL_SPEED] == 0.0
-            if ti.static(gas.sheared):
+            if ti.static(gas.uses.sheared):
                 still = False  # the flow moves
                 displace_rows(gas)
             if still or gas.limit[EARLIEST] < FAR:
                 going = 0
             else:
                 cap = speed_cap(gas.limit[FASTEST], gas.limit[MEAN_SQUARE], gas.grid[MOST_LEVEL])
-                if ti.static(gas.sheared):
+                if ti.static(gas.uses.sheared):
                     cap += rows_apart(gas.scale[SHEAR], gas.scale[CELL_Y])
                 whole = epoch_length(gas.scale[REACH], cap, gas.scale[WALL_SPEED], pull)
                 left = clock[TIME_END] - clock[NOW]
@@ -143,7 +141,7 @@ def epochs_by_one_thread(
                         fast += 1
                 for q in range(fast):
                     extend(gas.order[q], AT_START_ALONE, gas)
-                if ti.static(gas.walled):
+                if ti.static(gas.uses.walled):
                     for i in range(n):
                         offer_wall(i, gas)
                 if gas.counter[MOST_NEIGHBOURS] > 0:

@@ -78,7 +78,7 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     y_b = gas.flight[b][Y] + gas.flight[b][VY] * (t - gas.flight[b][TAU])
     shift_x, shift_y, drift = shift_by(shift, gas)
     vx_b = gas.flight[b][VX]
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         # In the frame of a's row, where b is faster.
         shift_x += drift * t
         vx_b += drift
@@ -107,14 +107,14 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[a][SPIN] = w_a
     gas.flight[b][X] = x_b
     gas.flight[b][Y] = y_b
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         vx_b -= drift
     gas.flight[b][VX] = vx_b
     gas.flight[b][VY] = vy_b
     gas.flight[b][TAU] = t
     gas.flight[b][SPIN] = w_b
     gas.log_int[entry][REGIME] = ti.cast(sticking, ti.i32) + 2 * ti.cast(rolling, ti.i32) + slow
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         gas.log_int[entry][REGIME] += SHIFT_BITS * shift
     if slow > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
@@ -153,7 +153,7 @@ def collide(i, everybody, gas: ti.template()):
             row = CHANGED_ROW + round_ % 2
             push(row, a, gas)
             push(row, b, gas)
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         if code <= FIRST_WALL and t < gas.limit[LATCHED]:
             hit_wall(ti.atomic_add(gas.counter[N_LOG], 1), t, i, gas)
             gas.link[i][DIRTY] = gas.counter[ROUND]
@@ -250,7 +250,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
         if sooner(t, j, earliest, partner, horizon, gas):
             earliest = t
             partner = code
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         t, code = first_wall(i, gas)
         if t < earliest:
             earliest = t
@@ -298,7 +298,7 @@ def restore(i, gas: ti.template()):
         gas.log_int[entry][STANDS] = 0
         before = gas.log_int[entry][PREVIOUS + side]
         regime = gas.log_int[entry][REGIME]
-        if ti.static(gas.sheared):
+        if ti.static(gas.uses.sheared):
             regime %= SHIFT_BITS
         if side == 0 and regime >= SLOW:
             ti.atomic_sub(gas.counter[N_ELASTIC], 1)

@@ -100,23 +100,23 @@ def extend(i, when: ti.template(), gas: ti.template()):
     x, y = start_position(i, gas)
     radius = gas.flight[i][RADIUS]
     own_reach = reach_of(level_of(gas.link[i][LENGTH]), gas)
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         # Rare enough to test all walls: bits of those that are out of reach cost time, never a collision.
         gas.near_walls[i] = (1 << gas.grid[WALLS]) - 1
     furthest = gas.scale[WIDEST] + own_reach + reach_of(gas.counter[TOP_LEVEL], gas)
     tile, in_x, in_y = place_of(gas.cell[i], gas)
     most_y = ti.min(ti.ceil(furthest / gas.scale[CELL_Y], ti.i32), gas.grid[CELLS_Y])
     apart = 0.0 * furthest
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         # Rows further apart than adjacent ones move against each other more than both disks' reaches allow for.
         apart = 2.0 * rows_apart(gas.scale[SHEAR], gas.scale[CELL_Y]) * gas.scale[HORIZON]
         furthest += apart * (most_y - 1)
     most_x = ti.min(ti.ceil(furthest / gas.scale[CELL_X], ti.i32), gas.grid[CELLS_X])
-    for column in range(in_x - most_x, in_x + most_x + ti.static(1 + gas.sheared)):
+    for column in range(in_x - most_x, in_x + most_x + ti.static(1 + gas.uses.sheared)):
         for at_y in range(in_y - most_y, in_y + most_y + 1):
             at_x = column
             there = 1
-            if ti.static(gas.sheared):
+            if ti.static(gas.uses.sheared):
                 at_x += columns_aside(at_y, gas)
                 if not has_column(at_x, gas):
                     there = 0
@@ -124,7 +124,7 @@ def extend(i, when: ti.template(), gas: ti.template()):
             c, shift = cell_beside(tile, at_x, at_y, gas)
             shift_x, shift_y, drift = shift_by(shift, gas)
             end = gas.start[c + 1]
-            if ti.static(gas.sheared):
+            if ti.static(gas.uses.sheared):
                 if there == 0:
                     end = gas.start[c]
             for j in range(gas.start[c], end):
@@ -141,7 +141,7 @@ def extend(i, when: ti.template(), gas: ti.template()):
                         + own_reach
                         + reach_of(level_of(gas.link[j][LENGTH]), gas)
                     )
-                    if ti.static(gas.sheared):
+                    if ti.static(gas.uses.sheared):
                         near += apart * ti.max(ti.abs(at_y - in_y) - 1, 0)
                     if rx * rx + ry * ry < near * near:
                         if listed(i, j, shift, gas) == 0:

@@ -50,7 +50,7 @@ def contact_delay(rx, ry, vxi, vyi, vxj, vyj, drift, sigma, within, gas: ti.temp
     """
     delay = FAR
     vx = vxj - vxi
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         vx += drift  # last: seen from j, every term only changes its sign
     vy = vyj - vyi
     b = rx * vx + ry * vy
@@ -75,7 +75,7 @@ def meeting_time(
 ):  # fmt: skip
     """Time of contact of two flights, each known from its own clock tau on; FAR if they do not touch `before`."""
     start = ti.max(tau_i, tau_j)
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         shift_x += drift * start
     rx = (xj + vxj * (start - tau_j)) - (xi + vxi * (start - tau_i)) + shift_x
     ry = (yj + vyj * (start - tau_j)) - (yi + vyi * (start - tau_i)) + shift_y
@@ -125,7 +125,7 @@ def shift_by(shift, gas: ti.template()):
     """How far a tile one `shift` away lies when the epoch begins, along x and y; and how fast it drifts along x."""
     x = (shift // 3 - 1) * gas.scale[TILE_X]
     drift = 0.0 * x
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         dy = shift % 3 - 1
         x += dy * gas.scale[ASIDE]
         drift = dy * gas.scale[DRIFT]

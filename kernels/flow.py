@@ -91,7 +91,7 @@ def flow_at(y, gas: ti.template()):
 def speed2_in_flow(i, gas: ti.template()):
     """Square of disk i's speed: in the flow at the middle of its row of cells, if there is one."""
     vx, vy = gas.flight[i][VX], gas.flight[i][VY]
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         _tile, _column, row = place_of(gas.cell[i], gas)
         vx -= flow_at((row + 0.5) * gas.scale[CELL_Y], gas)
     return vx * vx + vy * vy
@@ -107,7 +107,7 @@ def rows_apart(shear, cell_y):
 def way_speed2(i, gas: ti.template()):
     """Square of the speed at which disk i uses up its reach."""
     speed2 = speed2_in_flow(i, gas)
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         speed = ti.sqrt(speed2) + rows_apart(gas.scale[SHEAR], gas.scale[CELL_Y])
         speed2 = speed * speed
     return speed2

@@ -55,7 +55,7 @@ def arrived(s, time, gas: ti.template()):
     y = (tile % gas.grid[TILES_Y]) * gas.scale[TILE_Y] + gas.flight[s][Y]
     length_x, length_y = gas.grid[TILES_X] * gas.scale[TILE_X], gas.grid[TILES_Y] * gas.scale[TILE_Y]
     vx = gas.flight[s][VX]
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         row = tile % gas.grid[TILES_Y]
         corner = (tile // gas.grid[TILES_Y]) * gas.clock[TILE_SIDE]
         lab, _boxes = lab_x(corner, gas.flight[s][X], row, time, gas)
@@ -163,7 +163,7 @@ def kernels_of(force, n_parameters):
                     before = energy(disk.mass, disk.inertia, disk.vx, disk.vy, disk.spin)
                     vx, vy, spin = act(disk, step, vector(parameters, n_parameters))
                     flow = 0.0 * vx
-                    if ti.static(gas.sheared):
+                    if ti.static(gas.uses.sheared):
                         flow = flow_at(gas.flight[s][Y], gas)
                         vx += flow
                     gas.flight[s][VX] = vx
@@ -171,7 +171,7 @@ def kernels_of(force, n_parameters):
                     gas.flight[s][SPIN] = spin
                     # What was stored may be rounded to single precision.
                     stored = gas.flight[s][VX]
-                    if ti.static(gas.sheared):
+                    if ti.static(gas.uses.sheared):
                         stored -= flow
                         # What the frame of the row sees of it beyond that is not the flow's doing (`flow.py`).
                         excess = disk.mass * flow * (stored - disk.vx)

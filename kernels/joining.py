@@ -141,9 +141,8 @@ def still_true(i, gas: ti.template()):
 
 @ti.kernel
 def join_tiles(
-    sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows,
-    start: Rows, fill: Rows, order: Rows, neighbour: Rows, lists: Table, counter: Rows, log_real: Rows,
-    log_int: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows,
+    fill: Rows, order: Rows, neighbour: Rows, lists: Table, counter: Rows, log_real: Rows, log_int: Rows,
 ):  # fmt: skip
     """After the tiles ran: undo what a disk of another tile should have prevented, and open the rounds.
 
@@ -153,7 +152,7 @@ def join_tiles(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, cell=cell, start=start, fill=fill,
         order=order, neighbour=neighbour, lists=lists, counter=counter, log_real=log_real, log_int=log_int,
-        sheared=sheared,
+        uses=uses,
     ))  # fmt: skip
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:

@@ -61,7 +61,7 @@ def open_epoch(gas: ti.template()):
     ):
         gas.counter[item] = 0
     gas.limit[END] = gas.scale[HORIZON]
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         wall_phases(gas)
 
 
@@ -70,12 +70,12 @@ def list_others(i, tile, in_x, in_y, gas: ti.template()):
     """List disk i's neighbours in other tiles, or across the box in its own, and predict its meetings with them."""
     row = gas.grid[ROW]
     length = 0
-    for beside in range(ti.static(9 + 3 * gas.sheared)):
+    for beside in range(ti.static(9 + 3 * gas.uses.sheared)):
         at_x = in_x + beside // 3 - 1
         at_y = in_y + beside % 3 - 1
         shift = SAME_FRAME
         c = 0
-        if ti.static(gas.sheared):
+        if ti.static(gas.uses.sheared):
             at_x += columns_aside(at_y, gas)
             # A fourth column is within reach only in displaced rows.
             displaced = at_y < 0 or at_y >= gas.grid[CELLS_Y]
@@ -159,7 +159,7 @@ def list_tile(tile, gas: ti.template()):
                 most = ti.max(most, n_own(lengths) + n_others(lengths))
     # A row that later disks made too long shows when it is looked at again.
     for i in range(gas.start[first], gas.start[first + cells_x * cells_y]):
-        if ti.static(gas.walled):
+        if ti.static(gas.uses.walled):
             note_walls(i, gas.flight[i][X], gas.flight[i][Y], gas.scale[REACH], gas)
         most = ti.max(most, n_own(gas.link[i][LENGTH]) + n_others(gas.link[i][LENGTH]))
     # In a row that is just full, a candidate may have been written over the last neighbour.

@@ -43,15 +43,13 @@ from .walls import note_walls, offer_wall
 
 @ti.kernel
 def list_tiles(
-    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows,
-    meta: Rows, start: Rows, neighbour: Rows, counter: Rows, limit: Rows, cell: Rows, clock: Rows,
-    walls: Rows, near_walls: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, start: Rows,
+    neighbour: Rows, counter: Rows, limit: Rows, cell: Rows, clock: Rows, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """Open an epoch: list every pair closer than contact + skin, predict first events. One thread a tile."""
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, start=start, neighbour=neighbour,
-        counter=counter, limit=limit, cell=cell, clock=clock, walls=walls, near_walls=near_walls,
-        walled=walled, sheared=sheared,
+        counter=counter, limit=limit, cell=cell, clock=clock, walls=walls, near_walls=near_walls, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         open_epoch(gas)
@@ -62,15 +60,14 @@ def list_tiles(
 
 @ti.kernel
 def list_disks(
-    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows,
-    meta: Rows, cell: Rows, start: Rows, neighbour: Rows, counter: Rows, limit: Rows, clock: Rows,
-    walls: Rows, near_walls: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows,
+    neighbour: Rows, counter: Rows, limit: Rows, clock: Rows, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """The same as `list_tiles`, one thread a disk: every pair is looked at twice, but thousands of threads help."""
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, counter=counter, limit=limit, clock=clock, walls=walls, near_walls=near_walls,
-        walled=walled, sheared=sheared,
+        uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         open_epoch(gas)
@@ -92,7 +89,7 @@ def list_disks(
                     t = first_meeting(i, j, rx, ry, 0.0, gas.scale[HORIZON], gas)
                     offer(i, t, 9 * j + SAME_FRAME, gas.scale[HORIZON], gas)
         gas.link[i][LENGTH] = length
-        if ti.static(gas.walled):
+        if ti.static(gas.uses.walled):
             note_walls(i, gas.flight[i][X], gas.flight[i][Y], gas.scale[REACH], gas)
         if in_x == 0 or in_x == gas.grid[CELLS_X] - 1 or in_y == 0 or in_y == gas.grid[CELLS_Y] - 1:
             list_others(i, tile, in_x, in_y, gas)
@@ -115,15 +112,14 @@ def clear_all(
 
 @ti.kernel
 def extend_fast(
-    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows,
-    meta: Rows, cell: Rows, start: Rows, neighbour: Rows, lists: Table, counter: Rows, log_real: Rows,
-    log_int: Rows, walls: Rows, near_walls: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows,
+    neighbour: Rows, lists: Table, counter: Rows, log_real: Rows, log_int: Rows, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """Longer lists for the disks that are too fast at the beginning of the epoch; first meetings with walls."""
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, lists=lists, counter=counter, log_real=log_real, log_int=log_int, walls=walls,
-        near_walls=near_walls, walled=walled, sheared=sheared,
+        near_walls=near_walls, uses=uses,
     ))  # fmt: skip
     for i in range(gas.grid[N]):
         level = too_fast(i, gas)
@@ -137,7 +133,7 @@ def extend_fast(
         i = gas.lists[AFFECTED_ROW, q]
         predict(i, False, gas)
         gas.link[i][AFFECTED] = -1
-    if ti.static(walled):
+    if ti.static(uses.walled):
         for i in range(gas.grid[N]):
             offer_wall(i, gas)
     for _ in range(1):

@@ -122,10 +122,9 @@ def predict_again(i, gas: ti.template()):
 
 @ti.kernel
 def one_round(
-    everybody: ti.i32, walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows,
-    flight: Rows, kinds: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows, neighbour: Rows,
-    lists: Table, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
-    near_walls: Rows,
+    everybody: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows,
+    meta: Rows, cell: Rows, start: Rows, neighbour: Rows, lists: Table, counter: Rows, limit: Rows,
+    log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """One round in parallel. `everybody` = n makes all disks active (a window's first round), 0 the last predicted.
 
@@ -135,7 +134,7 @@ def one_round(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, lists=lists, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
-        law=law, walls=walls, near_walls=near_walls, walled=walled, sheared=sheared,
+        law=law, walls=walls, near_walls=near_walls, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         # Latched: an end brought forward by this round's collisions holds from the next round on.
@@ -162,11 +161,9 @@ def one_round(
 
 @ti.kernel
 def rounds_by_one_thread(
-    first: ti.i32, most_active: ti.i32, most_rounds: ti.i32, walled: ti.template(),
-    sheared: ti.template(), grid: Rows,
-    scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows,
-    neighbour: Rows, lists: Table, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube,
-    walls: Rows, near_walls: Rows,
+    first: ti.i32, most_active: ti.i32, most_rounds: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
+    flight: Rows, kinds: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows, neighbour: Rows, lists: Table,
+    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """The rounds of `one_round`, one after another by one thread, while no more than `most_active` disks are active.
 
@@ -175,7 +172,7 @@ def rounds_by_one_thread(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, lists=lists, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
-        law=law, walls=walls, near_walls=near_walls, walled=walled, sheared=sheared,
+        law=law, walls=walls, near_walls=near_walls, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         everybody = first
@@ -230,13 +227,12 @@ def earliest_event(
 
 @ti.kernel
 def cut(
-    end: ti.f64, sheared: ti.template(), flight: Rows, link: Rows, lists: Table, counter: Rows,
-    log_real: Rows, log_int: Rows,
+    end: ti.f64, uses: ti.template(), flight: Rows, link: Rows, lists: Table, counter: Rows, log_real: Rows,
+    log_int: Rows,
 ):  # fmt: skip
     """Undo every collision at `end` or later, to end the epoch there."""
     gas = ti.static(GasArrays(
-        flight=flight, link=link, lists=lists, counter=counter, log_real=log_real, log_int=log_int,
-        sheared=sheared,
+        flight=flight, link=link, lists=lists, counter=counter, log_real=log_real, log_int=log_int, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         gas.counter[UNDO_ROW] = 0

@@ -94,7 +94,7 @@ def fly(i, gas: ti.template()):
     dt = gas.scale[DURATION] - gas.flight[i][TAU]
     x = gas.flight[i][X] + gas.flight[i][VX] * dt
     y = gas.flight[i][Y] + gas.flight[i][VY] * dt
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         tally_walls(i, gas)
         # From the frame that fell since the beginning of the epoch back to the lab.
         fall = gas.scale[DURATION]
@@ -103,7 +103,7 @@ def fly(i, gas: ti.template()):
         gas.flight[i][VX] += gas.scale[GX] * fall
         gas.flight[i][VY] += gas.scale[GY] * fall
     in_y = ti.floor(y / gas.scale[CELL_Y], ti.i32)
-    if ti.static(gas.sheared):
+    if ti.static(gas.uses.sheared):
         x += enter_row(i, in_y, gas)
     in_x = ti.floor(x / gas.scale[CELL_X], ti.i32)
     cells = gas.grid[CELLS_X] * gas.grid[CELLS_Y]
@@ -113,7 +113,7 @@ def fly(i, gas: ti.template()):
         in_y, step_y = split(in_y, gas.grid[CELLS_Y])
         x -= step_x * gas.scale[TILE_X]
         y -= step_y * gas.scale[TILE_Y]
-        if ti.static(gas.sheared):
+        if ti.static(gas.uses.sheared):
             step_x -= step_y * gas.grid[TILES_ASIDE]
             gas.image[gas.meta[i][ID]][0] -= step_y * gas.grid[BOXES_ASIDE]
         tile_x, box_x = split(tile // gas.grid[TILES_Y] + step_x, gas.grid[TILES_X])
@@ -228,10 +228,9 @@ def clear(s, gas: ti.template()):
 
 @ti.kernel
 def settle(
-    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows,
-    meta: Rows, image: Rows, link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows,
-    fill: Rows, block: Rows, order: Rows, squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows,
-    wall_work: Rows, flow_work: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
+    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows, order: Rows,
+    squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows, wall_work: Rows, flow_work: Rows,
 ):  # fmt: skip
     """Fly every disk on by `gas.scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
@@ -242,9 +241,8 @@ def settle(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
-        log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order,
-        squares=squares, limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work,
-        flow_work=flow_work, walled=walled, sheared=sheared,
+        log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order, squares=squares,
+        limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work, flow_work=flow_work, uses=uses,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0
@@ -292,7 +290,7 @@ def settle(
 
 @ti.kernel
 def export(
-    now: ti.f64, sheared: ti.template(), grid: Rows, scale: Rows, clock: Rows, flight: Rows, kinds: Rows,
+    now: ti.f64, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, flight: Rows, kinds: Rows,
     meta: Rows, image: Rows, cell: Rows, real_out: Table, int_out: Table,
 ):  # fmt: skip
     """Settled disks in id order: x, y, vx, vy, spin into `real_out` (n, 6); collisions, crossings into `int_out`.
@@ -302,7 +300,7 @@ def export(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, clock=clock, flight=flight, kinds=kinds, meta=meta, image=image, cell=cell,
-        sheared=sheared,
+        uses=uses,
     ))  # fmt: skip
     for s in range(gas.grid[N]):
         i = gas.meta[s][ID]
@@ -315,7 +313,7 @@ def export(
         int_out[i, 0] = gas.meta[s][COLLISIONS]
         int_out[i, 1] = gas.image[i][0]
         int_out[i, 2] = gas.image[i][1]
-        if ti.static(gas.sheared):
+        if ti.static(gas.uses.sheared):
             row = tile % gas.grid[TILES_Y]
             corner = (tile // gas.grid[TILES_Y]) * gas.clock[TILE_SIDE]
             x, boxes = lab_x(corner, gas.flight[s][X], row, now, gas)

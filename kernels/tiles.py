@@ -163,7 +163,7 @@ def predict_in_order(i, now, low, high, begin, rate, gas: ti.template()):
                             gas.flight[j][TE] = t
                             gas.link[j][PARTNER] = 9 * i + 8 - shift
                             enqueue(j, low, high - low, begin, rate, gas.scale[WINDOW], gas)
-    if ti.static(gas.walled):
+    if ti.static(gas.uses.walled):
         t, code = first_wall(i, gas)
         if t < earliest:
             earliest = t
@@ -241,7 +241,7 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
                     if b < high:
                         dequeue(i, gas)
                         members = 1
-                        if ti.static(gas.walled):
+                        if ti.static(gas.uses.walled):
                             if due == WITH_WALL:
                                 hit_wall(free, t, i, gas)
                         if due == WITH_DISK:
@@ -300,9 +300,9 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
 
 @ti.kernel
 def run_tiles(
-    walled: ti.template(), sheared: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows,
-    link: Rows, meta: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows, neighbour: Rows,
-    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows, cell: Rows,
+    start: Rows, fill: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows,
+    log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
 ):  # fmt: skip
     """All tiles at once, one thread each, up to the end of the window.
 
@@ -311,8 +311,7 @@ def run_tiles(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit, log_real=log_real,
-        log_int=log_int, law=law, walls=walls, near_walls=near_walls, walled=walled,
-        sheared=sheared,
+        log_int=log_int, law=law, walls=walls, near_walls=near_walls, uses=uses,
     ))  # fmt: skip
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:
