@@ -1,4 +1,4 @@
-"""The region that disks move in: a rectangle, whose sides are periodic or walls."""
+"""The region that disks move in: a rectangle, whose sides are periodic or walls, at rest or sheared."""
 
 from __future__ import annotations
 
@@ -21,15 +21,26 @@ class Box:
         Side lengths (Lx, Ly) [length].
     periodic : tuple of two bools
         Whether disks that leave on one side come in on the other, along x and along y. Where not, walls stand.
+    shear_rate : float
+        du_x/dy [1/time] of a steady shear flow u = (shear_rate (y - Ly/2), 0), by the periodic sides of Lees and
+        Edwards (1972), doi:10.1088/0022-3719/5/15/006: at time t the image above lies shear_rate Ly t further along x,
+        and moves shear_rate Ly faster. The box is a window at rest in the lab; a disk that leaves it above comes in
+        below, that much further to the left and slower.
 
     Raises
     ------
     InputError
-        If a length is not a positive finite number.
+        If a length is not a positive finite number, the shear rate is not finite, or a sheared box has walls.
+
+    Notes
+    -----
+    Velocities are those in the lab everywhere (as in LAMMPS and DynamO); less `flow` they are *peculiar*, which is
+    what temperatures are made of.
     """
 
     lengths: tuple[float, float]
     periodic: tuple[bool, bool] = (True, True)
+    shear_rate: float = 0.0
 
     def __post_init__(self) -> None:
         lengths = tuple(float(side) for side in self.lengths)
@@ -45,6 +56,16 @@ class Box:
             )
         object.__setattr__(self, "lengths", lengths)
         object.__setattr__(self, "periodic", periodic)
+        shear_rate = float(self.shear_rate)
+        if not math.isfinite(shear_rate):
+            raise InputError(f"box shear_rate = {self.shear_rate}: a finite number is needed")
+        if shear_rate != 0.0 and not all(periodic):
+            axis = "xy"[periodic.index(False)]
+            raise InputError(
+                f"box shear_rate = {shear_rate:g}: the box must be periodic along x and y, and is not along {axis}; "
+                "shear between walls by walls that move instead (Box without shear_rate, Wall.line with a surface)"
+            )
+        object.__setattr__(self, "shear_rate", shear_rate)
 
     @classmethod
     def open(cls) -> Box:
@@ -73,11 +94,16 @@ class Box:
 
     @classmethod
     def from_packing_fraction(
-        cls, radius: NDArray[np.float64], packing_fraction: float, aspect: float = 1.0
+        cls,
+        radius: NDArray[np.float64],
+        packing_fraction: float,
+        aspect: float = 1.0,
+        *,
+        shear_rate: float = 0.0,
     ) -> Box:
         """The box in which disks of these radii [length], shape (n,), fill the given fraction of the area.
 
-        `aspect` is Lx / Ly.
+        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time].
 
         Raises
         ------
@@ -97,25 +123,59 @@ class Box:
         if not (math.isfinite(aspect) and aspect > 0.0):
             raise InputError(f"box aspect = {aspect}: a positive finite number is needed")
         area = disk_area / packing_fraction
-        return cls((math.sqrt(area * aspect), math.sqrt(area / aspect)))
+        return cls((math.sqrt(area * aspect), math.sqrt(area / aspect)), shear_rate=shear_rate)
 
     def packing_fraction(self, radius: NDArray[np.float64]) -> float:
         """Fraction of the area that disks of these radii [length], shape (n,), cover."""
         return math.pi * float(np.sum(np.square(radius))) / self.area
 
-    def wrap(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Positions [length], shape (..., 2), moved by whole box lengths into [0, Lx) x [0, Ly) where periodic."""
+    def flow(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Velocity of the mean flow [length/time] at positions [length], both of shape (..., 2); 0 without shear."""
+        flow = np.zeros_like(position, dtype=np.float64)
+        flow[..., 0] = self.shear_rate * (position[..., 1] - 0.5 * self.lengths[1])
+        return flow
+
+    def image_above(self, time: float) -> float:
+        """How far along x the image above lies at a time [time]: shear_rate Ly t, in [0, Lx) [length]."""
+        return self.shear_rate * self.lengths[1] * time % self.lengths[0]
+
+    def wrap(self, position: NDArray[np.float64], time: float = 0.0) -> NDArray[np.float64]:
+        """Positions [length], shape (..., 2), moved by whole boxes into [0, Lx) x [0, Ly) where periodic.
+
+        In a sheared box that depends on the `time` [time].
+        """
         if self.is_open:
             return np.array(position, dtype=np.float64)
         lengths = np.asarray(self.lengths)
+        if self.shear_rate:
+            position = position.copy()
+            position[..., 0] -= np.floor(position[..., 1] / lengths[1]) * self.image_above(time)
         wrapped = np.mod(position, lengths)
         # np.mod of a tiny negative number rounds to the length itself.
         wrapped = np.where(wrapped >= lengths, 0.0, wrapped)
         return np.where(self.periodic, wrapped, position)
 
-    def minimum_image(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The shortest periodic equivalent of differences of positions [length], shape (..., 2)."""
+    def minimum_image(self, difference: NDArray[np.float64], time: float = 0.0) -> NDArray[np.float64]:
+        """The shortest periodic equivalent of differences of positions [length], shape (..., 2).
+
+        In a sheared box that depends on the `time` [time], and is the shortest one if that is below half of each side.
+        """
         if self.is_open:
             return difference
         lengths = np.asarray(self.lengths)
+        if self.shear_rate:
+            difference = difference.copy()
+            difference[..., 0] -= np.round(difference[..., 1] / lengths[1]) * self.image_above(time)
         return difference - np.where(self.periodic, lengths * np.round(difference / lengths), 0.0)
+
+    def unwrap(
+        self, position: NDArray[np.float64], image: NDArray[np.int32], time: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Places on paths without jumps [length], shape (n, 2): of positions in the box and the boxes travelled.
+
+        position + image * lengths; in a sheared box, the box above lies shear_rate Ly t further along x, and the path
+        is that of a disk that goes on into faster and faster flow.
+        """
+        unwrapped = position + image * np.asarray(self.lengths)
+        unwrapped[..., 0] += image[..., 1] * (self.shear_rate * self.lengths[1] * time)
+        return unwrapped

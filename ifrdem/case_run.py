@@ -116,6 +116,11 @@ class BoxSection(Section):
     lengths: list[Annotated[float, Field(gt=0.0)]] | None = Field(
         default=None, min_length=2, max_length=2, description="sides [Lx, Ly] [m]", examples=[[8.0, 8.0]]
     )
+    shear_rate: float = Field(
+        default=0.0,
+        description="rate du_x/dy of a steady shear flow along x [1/s]; starts and temperatures are relative to it",
+        examples=[0.5],
+    )
     open: bool = Field(
         default=False,
         description="no box: disks may fly apart for ever [true or false]. packing_fraction or lengths are then those "
@@ -147,7 +152,9 @@ class BoxSection(Section):
         """Also whether sides that are walls have a material, and gravity has a floor. An open box needs no size."""
         if data.get("open") is True:
             walled = [
-                f"{key}: not in an open box" for key in ("periodic", "material", "gravity") if key in data
+                f"{key}: not in an open box"
+                for key in ("periodic", "material", "gravity", "shear_rate")
+                if key in data
             ]
             if {"packing_fraction", "lengths"} & set(data):
                 walled += [found] if (found := super().wrong_choice(data)) else []
@@ -161,6 +168,11 @@ class BoxSection(Section):
             wrong.append("material is missing: the name of the material of those sides that are not periodic")
         if readable and all(periodic) and "material" in data:
             wrong.append("material: both directions are periodic, so there are no walls at the sides")
+        if readable and not all(periodic) and data.get("shear_rate", 0.0) != 0.0:
+            wrong.append(
+                f"shear_rate = {data['shear_rate']}: the box must be periodic along x and y; shear between walls by "
+                "walls that move or have a surface_speed"
+            )
         if readable and isinstance(gravity, list) and len(gravity) == 2:
             wrong += [
                 f"gravity = {gravity}: disks would fall for ever along {axis}, which is periodic; periodic = "

@@ -149,7 +149,11 @@ def _density(case: Case, gas: Gas, estimate: Estimate) -> list[str]:
     length = case.unit("length")
     lengths = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
     kind = describe_sides(gas.box)
-    box = f"a periodic box of {lengths}" if kind == "periodic" else f"a box of {lengths}, {kind}"
+    box = (
+        f"a periodic box of {lengths}{_shear(gas, case)}"
+        if all(gas.box.periodic)
+        else f"a box of {lengths}, {kind}"
+    )
     return [
         f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units",
         _row("packing fraction", f"{estimate.packing_fraction:.5g}"),
@@ -173,6 +177,12 @@ def _forces(case: Case, estimate: Estimate) -> list[str]:
         spins = "" if math.isnan(T_rot) else f", T_rot = {T_rot:.4g}{case.unit('energy')}"
         lines.append(_row("steady state", f"T = {T:.4g}{case.unit('energy')}{spins}, by kinetic theory"))
     return lines
+
+
+def _shear(gas: Gas, case: Case) -> str:
+    """What to say of a sheared box."""
+    per_time = f" 1/{time.strip()}" if (time := case.unit("time")) else ""
+    return f", sheared at the rate {gas.box.shear_rate:g}{per_time}" if gas.box.shear_rate else ""
 
 
 def _span(values: NDArray[np.float64]) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import driven_theory, theory
+from . import driven_theory, shear_theory, theory
 from .driven_theory import Drive
 from .law import IFRLaw
 from .trajectory import Trajectory
@@ -87,3 +87,19 @@ def driven(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] |
     T = np.where(T > 0.0, T, np.nan)
     steady = driven_theory.steady_state(*one)
     return (when + times[0], T, T_rot), steady, "kinetic theory (homogeneous gas)"
+
+
+def sheared(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] | None, str]:
+    """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold."""
+    gas, times = _equal_disks(trajectory), trajectory.times
+    if isinstance(gas, str):
+        return None, None, gas
+    if json.loads(str(trajectory.parameters.get("forces", "[]"))):
+        return None, None, "forces in a flow: no kinetic theory here"
+    one = (gas.law, gas.mass, gas.radius, gas.k, gas.phi, trajectory.box.shear_rate)
+    steady = shear_theory.steady_state(*one)
+    if gas.T0 == 0.0 or times[-1] <= times[0]:
+        return None, steady, "nothing moves at first: no curve of kinetic theory here"
+    when = np.linspace(0.0, times[-1] - times[0], 400)
+    T, T_rot, _ = shear_theory.sheared(*one, gas.T0, gas.T_rot0, when)
+    return (when + times[0], T, T_rot), steady, "kinetic theory (homogeneous flow)"

@@ -32,10 +32,14 @@ from .engine_limits import (
     WALL,
 )
 from .errors import EngineError
+from .kernels.flow import displacement
 from .kernels.layout import (
+    ASIDE,
+    BOXES_ASIDE,
     CELL_X,
     CONTACT_TIME,
     CUTOFF,
+    DRIFT,
     GX,
     HEAD,
     HIGHEST_LEVEL,
@@ -46,11 +50,15 @@ from .kernels.layout import (
     ORIGIN_X,
     REACH,
     ROLL_BACK,
+    ROW_SPEED,
     SEED_LOW,
+    SHEAR,
     SKIN,
     SLOT,
     SPIN,
     STANDS,
+    TILE_SIDE,
+    TILES_ASIDE,
     TILES_X,
     TILES_Y,
     TIME,
@@ -166,11 +174,11 @@ class DeviceArrays:
         self.counter = np.zeros(17, dtype=np.int32)
         self.limit = np.zeros(5, dtype=self._real)
         n_walls = 0 if walls is None else len(walls)
-        self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls, 0, 0], dtype=np.int32)
+        self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls, 0, 0, 0, 0], dtype=np.int32)
         words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
         self.grid[SEED_LOW : SEED_LOW + 2] = words.view(np.int32)
-        self.scale = np.zeros(18, dtype=self._real)
-        self.clock = np.zeros(3)
+        self.scale = np.zeros(21, dtype=self._real)
+        self.clock = np.zeros(5)
         self.total = np.zeros(5, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
         cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]
@@ -185,6 +193,18 @@ class DeviceArrays:
         self.scale[ORIGIN_X : ORIGIN_X + 2] = origin
         # Two disks of the highest level must still find each other in tiles side by side, and through one image only.
         room_for = min(*tile_sides, min(box.lengths) / 2.0) - diameter
+        sheared = box.shear_rate != 0.0
+        if sheared:
+            # Tiles above and below lie askew by up to half a tile. Rows of cells that move against each other add up to
+            # as much again as the reaches, along x.
+            room_for = min(room_for, (min(tile_sides[0], box.lengths[0]) / 2.0 - diameter) / 2.0)
+            self.scale[SHEAR] = box.shear_rate
+            self.scale[DRIFT] = box.shear_rate * tile_sides[1]
+            # From the rounded one: displacements and velocities agree.
+            self.clock[ROW_SPEED], self.clock[TILE_SIDE] = self.scale[DRIFT], tile_sides[0]
+            self.displace_rows(state.time)
+        self.flow_work = ti.ndarray(ti.f64, (room if sheared else 1,))
+        self.flow_work.fill(0)
         self.grid[MOST_LEVEL] = min(max(int((room_for / skin - 1.0) * LEVELS), 0), HIGHEST_LEVEL)
         self.walls = self._vectors(WALL, self._type, max(n_walls, 1))
         self._thermal: NDArray[np.intp] = np.empty(0, dtype=np.intp)
@@ -198,6 +218,7 @@ class DeviceArrays:
             walled=n_walls > 0,
             thermal=len(self._thermal) > 0,
             remembers=contact_time > 0.0,
+            sheared=sheared,
             collision_law=collision_law if collision_law is not None else compiled(IFRLaw),
         )
         self._history_before = state.wall_hits.astype(np.int32), state.latest_collision.copy()
@@ -228,14 +249,22 @@ class DeviceArrays:
         """Tiles along each side of the box, and cells along each side of a tile."""
         # Wider by a trifle: a disk on the border of two cells may count to either.
         least = reach * (1.0 + 100.0 * float(np.finfo(self._real).eps))
-        most = [max(1, int(side / least)) for side in box.lengths]
+        # In a sheared gas, where columns of cells lie askew is rounded too: a number of some hundreds.
+        fewest = [1, 1]
+        if box.shear_rate:
+            least = reach * (1.0 + 1e4 * float(np.finfo(self._real).eps))
+            fewest = [2, 1]  # what lies within reach above or below is at most a tile and a half away
+        most = [max(low, int(side / least)) for low, side in zip(fewest, box.lengths, strict=True)]
         # More cells than disks would only cost time: a dilute gas gets larger ones.
         thin = math.sqrt(max(1.0, most[0] * most[1] / most_cells))
-        most = [max(1, int(count / thin)) for count in most]
+        most = [max(low, int(count / thin)) for low, count in zip(fewest, most, strict=True)]
         tiles = [1, 1]
         if tile_disks is not None:
             wanted = math.sqrt(tile_disks * most[0] * most[1] / max(self.n, 1))
-            tiles = [min(count, max(1, round(count / wanted))) for count in most]
+            tiles = [
+                min(count // low, max(1, round(count / wanted)))
+                for low, count in zip(fewest, most, strict=True)
+            ]
         return tiles, [count // by for count, by in zip(most, tiles, strict=True)]
 
     def _put(
@@ -251,13 +280,17 @@ class DeviceArrays:
     ) -> None:
         n, room = self.n, max(self.n, 1)
         tile_sides = np.array(box.lengths) / tiles
-        position = box.wrap(state.position)
+        position, velocity, crossed = (
+            self._in_frames(box, state, tiles[1])
+            if self.uses.sheared
+            else (box.wrap(state.position), state.velocity, np.floor(state.position / box.lengths))
+        )
         tile = np.minimum((position / tile_sides).astype(np.int64), np.array(tiles) - 1)
         local = position - tile * tile_sides
         index = np.clip((local / (tile_sides / cells)).astype(np.int64), 0, np.array(cells) - 1)
         flight = np.zeros((room, FLIGHT), dtype=self._real)
         flight[:n, 0:2] = local
-        flight[:n, 2:4] = state.velocity
+        flight[:n, 2:4] = velocity
         flight[:n, 5] = state.spin
         flight[:n, 6] = disks.radius
         meta = np.zeros((room, META), dtype=np.int32)
@@ -265,7 +298,7 @@ class DeviceArrays:
         meta[:n, 1] = kind
         meta[:n, 2] = state.collisions + state.wall_hits
         image = np.zeros((room, IMAGE), dtype=np.int32)
-        image[:n] = state.image + np.floor(state.position / box.lengths).astype(np.int32)
+        image[:n] = state.image + crossed.astype(np.int32)
         cell = np.zeros(room, dtype=np.int32)
         cell[:n] = ((tile[:, 0] * tiles[1] + tile[:, 1]) * cells[0] + index[:, 0]) * cells[1] + index[:, 1]
         self.flight.from_numpy(flight)
@@ -278,6 +311,35 @@ class DeviceArrays:
         link = np.zeros((room, LINK), dtype=np.int32)
         link[:, HEAD] = -1  # nothing is logged yet
         self.link.from_numpy(link)
+
+    def displace_rows(self, time: float) -> None:
+        """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""
+        boxes, tiles, rest = displacement(
+            float(self.clock[ROW_SPEED]), time, float(self.clock[TILE_SIDE]), float(self.grid[TILES_X])
+        )
+        self.grid[BOXES_ASIDE], self.grid[TILES_ASIDE], self.scale[ASIDE] = boxes, tiles, rest
+
+    def _in_frames(
+        self, box: Box, state: State, rows: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Positions and velocities in the frames of rows of tiles (`kernels/flow.py`), and how many boxes were crossed.
+
+        All positions lie in the box, along x as the frame lay upon it at time 0.
+        """
+        speed = float(self.clock[ROW_SPEED])
+        lengths = np.array(box.lengths)
+        crossed = np.floor(state.position / lengths)
+        position, velocity = state.position.copy(), state.velocity.copy()
+        position[:, 1] = box.wrap(state.position, state.time)[:, 1]
+        row = np.minimum((position[:, 1] / (lengths[1] / rows)).astype(np.int64), rows - 1)
+        # The box above is one of `rows` rows further.
+        frame = speed * (row + crossed[:, 1] * rows - 0.5 * (rows - 1))
+        velocity[:, 0] -= frame
+        position[:, 0] -= frame * state.time
+        crossed[:, 0] = np.floor(position[:, 0] / lengths[0])
+        position[:, 0] -= crossed[:, 0] * lengths[0]
+        position[:, 0] = np.where(position[:, 0] < lengths[0], position[:, 0], 0.0)
+        return position, velocity, crossed
 
     def launch(self, kernel: Callable[..., None], *numbers: float, **given: NDArray[Any]) -> None:
         """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or found here by their names."""

@@ -169,7 +169,9 @@ class Draft:
 
     @property
     def sets_in_motion(self) -> bool:
-        """Whether a force, a wall or gravity moves disks that are at rest, or may: one with mistakes counts."""
+        """Whether a flow, a force, a wall or gravity moves disks that are at rest, or may: one with mistakes counts."""
+        if self.box is not None and self.box.shear_rate != 0.0:
+            return True
         moving = ("kicks", "langevin")
         forces = any(
             each is None or (each.kind in moving and each.temperature != 0.0 and each.rate != 0.0)
@@ -253,11 +255,11 @@ def patch_of(section: BoxSection, radius: NDArray[np.float64]) -> Box | None:
     """
     periodic = (section.periodic[0], section.periodic[1])
     if section.lengths is not None:
-        return Box((section.lengths[0], section.lengths[1]), periodic)
+        return Box((section.lengths[0], section.lengths[1]), periodic, section.shear_rate)
     if section.packing_fraction is None:
         return None
     found = Box.from_packing_fraction(radius, section.packing_fraction, section.aspect)
-    return Box(found.lengths, periodic)
+    return Box(found.lengths, periodic, section.shear_rate)
 
 
 def walls_of(sections: Sequence[WallSection | None], materials: Sequence[str] | None = None) -> list[Wall]:

@@ -188,6 +188,8 @@ class Engine:
                 raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
         seed = seeds.of_device(seed)
         hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
+        if box.shear_rate:
+            _check_sheared(disks, box, walls)
         magnitudes.check(disks, box, state, precision, hottest)
         self.gravity = (float(gravity[0]), float(gravity[1]))
         for axis, pull in enumerate(self.gravity):
@@ -216,7 +218,7 @@ class Engine:
         else:
             room = [0.0 if periodic else 2.0 * diameter + self._wall_extent() for periodic in box.periodic]
             self._offset = np.array(room) / 2.0
-            inner = Box((box.lengths[0] + room[0], box.lengths[1] + room[1]))
+            inner = Box((box.lengths[0] + room[0], box.lengths[1] + room[1]), shear_rate=box.shear_rate)
         self._skin_given = skin
         skin = skins.choose(skin, inner, box, disks, state)
         self._released = False
@@ -269,6 +271,11 @@ class Engine:
         self._resting = 0
         if self._space is not None:
             self._space.enter(inner, state, self._offset, self.arrays.furthest)
+        # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
+        self._flow_excess = math.nan
+        self.flow_work = 0.0
+        if box.shear_rate:
+            self.state()
 
     def _wall_extent(self) -> float:
         return 2.0 * max((w.motion.extent for w in self.walls if math.isfinite(w.motion.extent)), default=0.0)
@@ -319,7 +326,7 @@ class Engine:
         stop = min(t_end, self.splitting.next_time)
         if space is not None and space.parted:
             self._fly_apart(space, stop)
-        elif self.n == 0 or (self.n == 1 and not self.walls):
+        elif self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
             self.epochs.settle(self.time)
             self._fly_freely(stop, t_end)
         else:
@@ -370,8 +377,9 @@ class Engine:
 
     def _apply_forces(self) -> None:
         due = self.splitting.due(self.time)
-        if due and self.walls:
-            # Forces see the lab, not the frame that falls; and what walls did is told by velocities as they left them.
+        if due and (self.walls or self.box.shear_rate):
+            # Forces see the lab, not the frame that falls; and what walls or the flow did is told by velocities as they
+            # left them.
             self.epochs.settle(self.time)
         for index in due:
             self.splitting.apply(index, self.time)
@@ -471,8 +479,8 @@ class Engine:
         self.epochs.settle(self.time)
         self._whole = True
         n = self.n
-        real, integer = self.arrays.zeros(5, real=True), self.arrays.zeros(3, real=False)
-        self.arrays.launch(export, real_out=real, int_out=integer)
+        real, integer = self.arrays.zeros(6, real=True), self.arrays.zeros(3, real=False)
+        self.arrays.launch(export, self.time, real_out=real, int_out=integer)
         position = real[:n, 0:2] - self._offset
         image = integer[:n, 1:3].copy()
         escaped = np.flatnonzero(np.any((image != 0) & ~np.array(self.box.periodic), axis=1))
@@ -484,8 +492,13 @@ class Engine:
         hits, latest = self.arrays.history()
         # Rounding can put a disk onto the far side, which is the next box already.
         inside = np.minimum(position, np.nextafter(self.box.lengths, 0.0))
+        position = np.where(self.box.periodic, inside, position)
+        flow = None
+        if self.box.shear_rate:
+            flow = self.box.flow(position)
+            self._tally_flow(float(np.sum(real[:n, 5], dtype=np.float64)))
         return State(
-            position=np.where(self.box.periodic, inside, position),
+            position=position,
             velocity=real[:n, 2:4],
             spin=real[:n, 4],
             time=self.time,
@@ -493,4 +506,27 @@ class Engine:
             image=image,
             wall_hits=hits,
             latest_collision=np.minimum(latest, self.time),
+            flow=flow,
+        )
+
+    def _tally_flow(self, excess: float) -> None:
+        """Energy that the flow has put in: what it did in the frames of the rows, less what only these frames see."""
+        if math.isnan(self._flow_excess):
+            self._flow_excess = excess
+        done = float(self.arrays.flow_work.to_numpy()[: self.n].sum())
+        self.flow_work = done - (excess - self._flow_excess)
+
+
+def _check_sheared(disks: Disks, box: Box, walls: Sequence[Wall]) -> None:
+    """Refuse what cannot be in a sheared box."""
+    if walls:
+        raise InputError(
+            f"walls: not supported in a sheared box (shear_rate = {box.shear_rate:g}), whose flow and images would "
+            "pass through them; use a box without shear_rate"
+        )
+    if not np.all(disks.movable):
+        i = int(np.argmin(disks.movable))
+        raise InputError(
+            f"disk {i} has an infinite mass: immovable disks are not supported in a sheared box (shear_rate = "
+            f"{box.shear_rate:g}), whose flow carries everything along"
         )

@@ -14,10 +14,12 @@ import numpy as np
 from .device_arrays import DeviceArrays
 from .errors import EngineError
 from .kernels.epochs import epochs_by_one_thread
+from .kernels.flow import rows_apart
 from .kernels.joining import join_tiles
 from .kernels.layout import (
     AFFECTED_ROW,
     BEGIN,
+    CELL_Y,
     CHANGED_ROW,
     COLLISIONS_LEFT,
     DURATION,
@@ -45,6 +47,7 @@ from .kernels.layout import (
     REACH,
     RESTING,
     ROUND,
+    SHEAR,
     TIME_END,
     WALL_SPEED,
     WINDOW,
@@ -119,6 +122,8 @@ class Epochs:
         """Fly and sort the disks to the end of the epoch before, at time `now`; returns the largest speed."""
         self.arrays.launch(settle)
         self.arrays.scale[DURATION] = 0.0
+        if self.arrays.uses.sheared:
+            self.arrays.displace_rows(now)
         self._watchdog(now)
         return float(self.arrays.limit[FASTEST])
 
@@ -158,6 +163,7 @@ class Epochs:
         self.statistics.epochs += epochs
         planned, fastest = float(a.clock[PLANNED]), float(a.limit[FASTEST])
         still = self._still(fastest)
+        fastest += self._rows_apart()
         if not still:
             self._watchdog(now)
             self._check_rest(now)
@@ -178,7 +184,7 @@ class Epochs:
         if self._still(fastest):
             return Outcome(now, 0.0, 0.0, 0, 0.0, still=True)
         a.clock[NOW] = now
-        cap = speed_cap(fastest, float(a.limit[MEAN_SQUARE]), a.most_level)
+        cap = speed_cap(fastest, float(a.limit[MEAN_SQUARE]), a.most_level) + self._rows_apart()
         left = t_end - now
         horizon = min(
             epoch_length(float(a.scale[REACH]), cap, float(a.scale[WALL_SPEED]), self._pull()), left
@@ -216,14 +222,20 @@ class Epochs:
         reached = end == horizon and horizon == left
         time_at_end = t_end if reached else now + end
         self.statistics.elastic += int(a.counter[N_ELASTIC])
+        fastest += self._rows_apart()
         return Outcome(time_at_end, end, horizon, self.standing(), fastest, int(a.counter[N_WALL_HITS]))
 
     def _pull(self) -> float:
         """Magnitude of gravity."""
         return float(np.hypot(*self.arrays.scale[GX : GX + 2]))
 
+    def _rows_apart(self) -> float:
+        """Half of the speed at which a mean flow moves adjacent rows of cells against each other."""
+        return rows_apart(float(self.arrays.scale[SHEAR]), float(self.arrays.scale[CELL_Y]))
+
     def _still(self, fastest: float) -> bool:
-        return fastest == 0.0 and self._pull() == 0.0 and self.arrays.scale[WALL_SPEED] == 0.0
+        forced = self._pull() != 0.0 or self.arrays.scale[WALL_SPEED] != 0.0 or self.arrays.uses.sheared
+        return fastest == 0.0 and not forced
 
     def _check_rest(self, now: float) -> None:
         if self.arrays.counter[RESTING]:
@@ -236,8 +248,9 @@ class Epochs:
     def after_epoch(self, now: float) -> None:
         """Make the log longer if it was too short: only when nobody wants to read it any more."""
         if self.statistics.cut_for_log > self._log_growths:
-            if self.arrays.uses.walled or self.arrays.uses.remembers:
-                self.settle(now)  # what walls did, and when disks collided, is read from the log
+            uses = self.arrays.uses
+            if uses.walled or uses.remembers or uses.sheared:
+                self.settle(now)  # what walls or the flow did, and when disks collided, is read from the log
             self._log_growths = self.statistics.cut_for_log
             self._lengthen_log()
 

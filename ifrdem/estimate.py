@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from . import driven_theory, engine_limits, h5md, theory
+from . import driven_theory, engine_limits, h5md, shear_theory, theory
 from .case import Case
 from .driven_theory import Drive
 from .gas import Gas, Species
@@ -54,7 +54,7 @@ class Estimate:
     collisions_at_most : bool
         Whether `collisions` is only an upper bound: the initial rate, which cooling lowers.
     steady_state : tuple of float or None
-        T and T_rot [energy] at which a driven gas would stay, by kinetic theory.
+        T and T_rot [energy] at which a driven or sheared gas would stay, by kinetic theory.
     wall_hits : float
         Collisions with walls per time [1/time] at the start; 0 without walls.
     file_bytes, array_bytes : int
@@ -91,10 +91,12 @@ class Estimate:
             case.run.t_end if case.run.t_end is not None else math.nan,
             case.run.collisions_per_disk if case.run.collisions_per_disk is not None else math.nan,
         )
-        if case.homogeneous and not gas.box.is_open and (not case.force or drive is not None):
+        if gas.box.shear_rate:
+            steady, per_disk = _sheared(gas, phi, case)
+        elif case.homogeneous and not gas.box.is_open and (not case.force or drive is not None):
             end, per_disk = _expected(gas, phi, mean_rate, drive, steady, end, per_disk)
-        # A drive, a fall or a wall that moves or is hot may raise the rate; in an open box there is none.
-        driven = bool(case.force) or any(case.box.gravity)
+        # A drive, a flow, a fall or a wall that moves or is hot may raise the rate; in an open box there is none.
+        driven = bool(case.force) or any(case.box.gravity) or gas.box.shear_rate != 0.0
         driven |= any(each.motion is not None or each.temperature is not None for each in case.wall)
         at_most = math.isnan(per_disk) and not driven and not gas.box.is_open
         if at_most:
@@ -192,6 +194,21 @@ def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float
     g = ideal + (theory.contact_value(phi) - ideal) * mixed
     speed = np.sqrt(variance[:, None] + variance[None, :])
     return math.sqrt(2.0 * math.pi) * np.sum(number[None, :] / area * sigma * g * speed, axis=1)
+
+
+def _sheared(gas: Gas, phi: float, case: Case) -> tuple[tuple[float, float] | None, float]:
+    """Where a sheared gas would stay, and collisions per disk at the end; None and nan where theory does not tell."""
+    per_disk = case.run.collisions_per_disk if case.run.collisions_per_disk is not None else math.nan
+    law = gas.law()
+    if case.force or len(gas.species) > 1 or not gas.species[0].equal or law.rho > 0.0:
+        return None, per_disk
+    (each,) = gas.species
+    mass, radius = float(each.mass[0]), float(each.radius[0])
+    one = (law, mass, radius, each.k, phi, gas.box.shear_rate)
+    T, T_rot = 0.5 * mass * each.speed_rms**2, mass * radius**2 / each.k * each.spin_rms**2
+    if case.run.t_end is not None and T > 0.0:
+        per_disk = float(shear_theory.sheared(*one, T, T_rot, [case.run.t_end])[2][0])
+    return shear_theory.steady_state(*one), per_disk
 
 
 def _expected(

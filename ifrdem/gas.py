@@ -97,12 +97,14 @@ class Gas:
             given = start_frame.read(
                 path, case.start.frame, disks.radius, box, motion=case.start.motion, walls=walls
             )
+            if given.velocity is not None:  # there was no flow
+                given = replace(given, velocity=given.velocity + box.flow(given.position))
         elif case.start.positions == IMPACT_SCAN:
             given = impact_scan.start(
                 disks, case.start.psi_range, case.start.speed or 0.0, seed=case.run.seed
             )
         if given is not None:
-            species = _as_moving(species, given)
+            species = _as_moving(species, given, box)
         patch = patch_of(case.box, disks.radius)
         return cls(species, materials, laws, judged, disks, box, given, walls, patch)
 
@@ -144,7 +146,8 @@ class Gas:
             own = seeds.of_species(seed, i)
             velocity.append(placement.maxwellian(each.mass, speed_rms=each.speed_rms, seed=own))
             spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
-        return State(position=position, velocity=np.concatenate(velocity), spin=np.concatenate(spin))
+        flow = self.box.flow(position)
+        return State(position=position, velocity=np.concatenate(velocity) + flow, spin=np.concatenate(spin))
 
     def simulation(self, case: Case, state: State | None = None, *, skin: float | None = None) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
@@ -209,15 +212,16 @@ def collapse_of(case: Case) -> dict[str, Any]:
     return {"collapse": case.run.collapse} | {key: each for key, each in numbers.items() if each is not None}
 
 
-def _as_moving(species: tuple[Species, ...], given: Given) -> tuple[Species, ...]:
-    """The species with the speeds and spins of a start file, if it has them."""
+def _as_moving(species: tuple[Species, ...], given: Given, box: Box) -> tuple[Species, ...]:
+    """The species with the speeds, relative to the flow, and spins of a start file, if it has them."""
     if given.velocity is None or given.spin is None:
         return species
+    peculiar = given.velocity - box.flow(given.position)
     moving, first = [], 0
     for each in species:
         own = slice(first, first + each.number)
         first += each.number
-        speed_rms = float(np.sqrt(np.mean(np.sum(given.velocity[own] ** 2, axis=1))))
+        speed_rms = float(np.sqrt(np.mean(np.sum(peculiar[own] ** 2, axis=1))))
         spin_rms = float(np.sqrt(np.mean(given.spin[own] ** 2)))
         moving.append(replace(each, speed_rms=speed_rms, spin_rms=spin_rms))
     return tuple(moving)

@@ -7,7 +7,7 @@ doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
       modules/units                     attributes version = [1, 0], system = "SI"; absent without SI units
       modules/ifrdem                    attribute version: the version of this layout
     particles/all
-      box                               attributes dimension = 3, boundary, lengths = (Lx, Ly)
+      box                               attributes dimension = 3, boundary, lengths = (Lx, Ly); shear_rate if sheared
         edges/{step, time, value}       (F, 3): Lx, Ly and the placeholder 1
       position/value_2d                 (F, n, 2): the stored data
       position/{step, time, value}      (F, n, 3): a virtual dataset of value_2d with z = 0
@@ -22,7 +22,8 @@ doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
 
 `step` (the number of the frame) and `time` exist once; the groups share them by hard links. `step` is the
 commit marker: it grows last, so that a frame counts only if it has a step. Readers that need three
-components (MDAnalysis, VMD, ASE) take `value`; nothing is stored twice. There are no `unit` attributes,
+components (MDAnalysis, VMD, ASE) take `value`; nothing is stored twice. H5MD knows no sheared box: what such readers
+make of images above and below is wrong in one. There are no `unit` attributes,
 because MDAnalysis refuses units that are not in its list.
 """
 
@@ -132,6 +133,8 @@ def create(
     frame_box.attrs["dimension"] = 3
     frame_box.attrs["boundary"] = [*("periodic" if one else "none" for one in box.periodic), "none"]
     frame_box.attrs["lengths"] = lengths
+    if box.shear_rate:
+        frame_box.attrs["shear_rate"] = box.shear_rate
     edges = frame_box.create_group("edges")
     edges.create_dataset("step", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.int64)
     edges.create_dataset("time", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.float64)

@@ -33,17 +33,20 @@ class Measure:
     momentum : array (2,)
         Sum of m v [mass length/time].
     energy_input : float
-        Energy that forces have put in since the start, less what they took out [energy].
+        Energy that forces and a mean flow have put in since the start, less what they took out [energy].
     wall_work, wall_heat : float
         Energy that moving walls have given as work since the start, and thermal walls as heat [energy].
     potential_energy : float
         Sum of -m g.x, g the gravity: 0 at the box's lower left corner [energy].
     wall_hits : int
         Collisions with walls so far.
+    shear_pressure : float
+        Kinetic part of the pressure tensor times the area, sum of m v_x v_y [energy].
 
     Notes
     -----
-    Velocities are those in the box's frame: a gas that drifts as a whole has the drift in its temperature.
+    Velocities are those in the box's frame: a gas that drifts as a whole has the drift in its temperature. In a sheared
+    box they are peculiar ones, relative to the mean flow (`State.flow`).
     """
 
     time: float
@@ -54,6 +57,7 @@ class Measure:
     rotational_temperature: float
     momentum: NDArray[np.float64]
     energy_input: float = 0.0
+    shear_pressure: float = 0.0
     wall_work: float = 0.0
     wall_heat: float = 0.0
     potential_energy: float = 0.0
@@ -92,7 +96,7 @@ def measure(
     movable = disks.movable
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
     # np.sum adds pairwise along a contiguous axis: its rounding grows like log n, not like n.
-    v_x, v_y = np.ascontiguousarray(state.velocity.T)
+    v_x, v_y = np.ascontiguousarray(state.peculiar_velocity.T)
     translational = 0.5 * float(np.sum(mass * (v_x**2 + v_y**2)))
     rotational = 0.5 * float(np.sum(inertia * state.spin**2))
     n = max(int(np.count_nonzero(movable)), 1)
@@ -110,4 +114,5 @@ def measure(
         wall_heat=wall_heat,
         potential_energy=-float(np.sum(mass * (state.position @ np.array(gravity)))) if any(gravity) else 0.0,
         wall_hits=int(np.sum(state.wall_hits, dtype=np.int64)),
+        shear_pressure=float(np.sum(mass * v_x * v_y)),
     )

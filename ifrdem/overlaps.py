@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -82,8 +83,22 @@ def close_pairs(
     return np.concatenate(found)
 
 
+def _close_pairs_at(
+    box: Box, radius: NDArray[np.float64], position: NDArray[np.float64], time: float
+) -> NDArray[np.intp]:
+    """`close_pairs` at a `time` [time], in a sheared box too, where a tree knows the images to the sides only."""
+    if box.shear_rate == 0.0:
+        return close_pairs(box, radius, position)
+    low = np.flatnonzero(position[:, 1] < 2.0 * radius.max() * (1.0 + TOLERANCE))
+    above = (position[low] + (box.image_above(time), box.lengths[1])) % (box.lengths[0], math.inf)
+    owner = np.concatenate([np.arange(len(radius)), low])
+    window = Box(box.lengths, (True, False))
+    pairs = close_pairs(window, radius[owner], np.concatenate([position, above]))
+    return owner[pairs[(pairs < len(radius)).any(axis=1)]]
+
+
 def check_no_overlap(
-    box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE
+    box: Box, radius: ArrayLike, position: ArrayLike, *, tolerance: float = TOLERANCE, time: float = 0.0
 ) -> None:
     """Refuse positions at which disks overlap, across the periodic sides too.
 
@@ -97,6 +112,8 @@ def check_no_overlap(
         Centres [length], inside the box or not.
     tolerance : float
         Overlap that is taken as rounding, as a part of the contact distance R_i + R_j.
+    time : float
+        The time [time], which says where the images above and below are in a sheared box.
 
     Raises
     ------
@@ -115,8 +132,9 @@ def check_no_overlap(
         i = int(np.argmin(finite))
         raise InputError(f"position[{i}] = {centres[i]}: every value must be finite")
     refuse_wider_than_box(box, radii)
-    i, j = close_pairs(box, radii, box.wrap(centres)).T
-    distance = np.linalg.norm(box.minimum_image(centres[j] - centres[i]), axis=-1)
+    centres = box.wrap(centres, time)
+    i, j = _close_pairs_at(box, radii, centres, time).T
+    distance = np.linalg.norm(box.minimum_image(centres[j] - centres[i], time), axis=-1)
     contact = radii[i] + radii[j]
     overlap = contact - distance
     wrong = overlap > tolerance * contact

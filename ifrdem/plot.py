@@ -96,23 +96,50 @@ def walled(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) ->
         save(figure, Path(path_png))
 
 
+def sheared(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+    """Draw a sheared gas: its temperatures against time beside kinetic theory, its flow, and its disks at the end.
+
+    The theory is `shear_theory.sheared` from the first frame on, and `shear_theory.steady_state`. Where they do not
+    hold (several kinds of disks, rolling friction, forces), the picture says so. The flow is the mean velocity along x
+    in slabs, over the second half of the frames.
+
+    Parameters
+    ----------
+    path_h5 : path
+        A trajectory as for `cooling`, of a sheared box.
+    path_png : path
+        The picture to write, as for `cooling`.
+
+    Raises
+    ------
+    InputError
+        As `cooling`.
+    """
+    _draw(path_h5, path_png, plot_temperatures.sheared, flow=True)
+
+
 def _draw(
     path_h5: str | os.PathLike[str],
     path_png: str | os.PathLike[str],
     temperatures: Callable[[Axes, Axes, Trajectory], None],
+    *,
+    flow: bool = False,
 ) -> None:
-    """A picture of temperatures (left, and their ratio below) and disks (right)."""
+    """A picture of temperatures (left, and their ratio below), the flow if wished, and disks (right)."""
     from matplotlib.figure import Figure
 
     with Trajectory(path_h5) as trajectory:
         if len(trajectory) == 0:
             raise InputError(f"{path_h5}: no frame to draw")
-        figure = Figure(figsize=(13.5, 6.3), dpi=200, layout="constrained")
-        grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15), height_ratios=(3.0, 1.0))
+        figure = Figure(figsize=(16.5 if flow else 13.5, 6.3), dpi=200, layout="constrained")
+        widths = (1.0, 0.4, 1.15) if flow else (1.0, 1.15)
+        grid = figure.add_gridspec(2, len(widths), width_ratios=widths, height_ratios=(3.0, 1.0))
         upper = figure.add_subplot(grid[0, 0])
         lower = figure.add_subplot(grid[1, 0], sharex=upper)
         temperatures(upper, lower, trajectory)
-        plot_disks.last_frame(figure, figure.add_subplot(grid[:, 1]), trajectory)
+        if flow:
+            plot_profiles.flow(figure.add_subplot(grid[:, 1]), trajectory)
+        plot_disks.last_frame(figure, figure.add_subplot(grid[:, -1]), trajectory)
         figure.suptitle(title(trajectory))
         save(figure, Path(path_png))
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 HOT = "#CC79A7"
+SLABS = 20  # in which the mean flow is drawn
 
 
 def draw(figure: Any, place: Any, trajectory: Trajectory, profile: Profile) -> None:
@@ -97,3 +98,28 @@ def _velocities(axes: Axes, profile: Profile, units: dict[str, str]) -> None:
     unit = f"{units['length']}/{units['time']}" if {"length", "time"} <= units.keys() else None
     _value_axis(axes, profile, with_unit("mean velocity", unit), from_zero=False)
     axes.legend(loc="best", frameon=False, fontsize="small")
+
+
+def flow(axes: Axes, trajectory: Trajectory) -> None:
+    """Mean velocity along x in slabs, over the second half of the frames, beside the flow that the box imposes."""
+    units, box = trajectory.units, trajectory.box
+    height = box.lengths[1]
+    edges = np.array([0.0, height])
+    imposed = box.flow(np.stack((np.zeros(2), edges), axis=1))[:, 0]
+    speed = units["length"] + "/" + units["time"] if "time" in units else None
+    if {"position", "velocity"} <= set(trajectory.fields):
+        count, sum_ = np.zeros(SLABS), np.zeros(SLABS)
+        for frame in trajectory[len(trajectory) // 2 :]:
+            slab = np.minimum((frame.position[:, 1] / height * SLABS).astype(int), SLABS - 1)
+            count += np.bincount(slab, minlength=SLABS)
+            sum_ += np.bincount(slab, frame.velocity[:, 0], minlength=SLABS)
+        middles = (np.arange(SLABS) + 0.5) * height / SLABS
+        with np.errstate(invalid="ignore"):
+            axes.plot(sum_ / count, middles, "o", ms=5, mfc="none", color=TRANSLATION, label="disks")
+    axes.plot(imposed, edges, "-", lw=1.0, color="black", label=r"$\dot\gamma (y - L_y / 2)$")
+    axes.set_ylim(0.0, height)
+    axes.set_xlabel(with_unit(r"$\langle v_x \rangle$", speed))
+    axes.set_ylabel(with_unit("$y$", units.get("length")))
+    axes.set_title("mean flow, second half")
+    axes.grid(True, which="major", lw=0.4, alpha=0.5)
+    axes.legend(loc="upper left", frameon=False)

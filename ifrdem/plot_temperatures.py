@@ -40,7 +40,23 @@ def cooling(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
 def driven(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
     """Both temperatures, and below them their ratio theta, against time, on plain axes that begin at 0."""
     _points(upper, lower, trajectory, np.ones(len(trajectory), dtype=bool))
-    drawn, steady, note = curves.driven(trajectory)
+    _with_steady_state(upper, lower, trajectory, curves.driven(trajectory))
+
+
+def sheared(upper: Axes, lower: Axes, trajectory: Trajectory) -> None:
+    """The same for a sheared gas."""
+    _points(upper, lower, trajectory, np.ones(len(trajectory), dtype=bool))
+    _with_steady_state(upper, lower, trajectory, curves.sheared(trajectory))
+
+
+def _with_steady_state(
+    upper: Axes,
+    lower: Axes,
+    trajectory: Trajectory,
+    theory: tuple[curves.Curves | None, tuple[float, float] | None, str],
+) -> None:
+    """Add curves of kinetic theory and the steady state to temperatures, and finish the axes."""
+    drawn, steady, note = theory
     if drawn is not None:
         _curves(upper, lower, *drawn)
     upper.plot([], [], color="black", ls="--" if drawn is not None else "none", lw=1.5, label=note)

@@ -149,7 +149,7 @@ def run(
                 )
         ran = time.perf_counter() - began
         if outputs.picture is not None:
-            _draw(case)(outputs.trajectory, outputs.picture)
+            _draw(case, gas)(outputs.trajectory, outputs.picture)
     except KeyboardInterrupt:
         raise Interrupted(_remains(outputs.trajectory, ledger)) from None
     say(_closing(case, gas, ledger, ran, time.perf_counter() - began, progress.collisions_per_second))
@@ -159,7 +159,7 @@ def run(
         say(f"  {path} ({check.size(size)})")
 
 
-def _draw(case: Case) -> Callable[[Path, Path], None]:
+def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
     """What draws the picture of a case."""
     if case.start.file is None and case.start.positions == IMPACT_SCAN:
         return scan_picture.impact_scan
@@ -167,6 +167,8 @@ def _draw(case: Case) -> Callable[[Path, Path], None]:
         return table_picture.table
     if case.walled:
         return plot.walled
+    if gas.box.shear_rate:
+        return plot.sheared
     return plot.driven if case.force else plot.cooling
 
 
@@ -202,8 +204,11 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         if last.wall_heat != 0.0:
             gave += f" and {last.wall_heat:.6g}{energy} as heat"
         lines.append(f"  {last.wall_hits} collisions with walls, which gave {gave}")
-    if case.force or case.walled:
-        put_in = f"forces put in {last.energy_input:.6g}{energy}, " if case.force else ""
+    if case.force or case.walled or gas.box.shear_rate:
+        source = " and ".join(
+            name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there
+        )
+        put_in = f"{source} put in {last.energy_input:.6g}{energy}, " if source else ""
         lines.append(f"  {put_in}collisions dissipated {lost:.6g}{energy}")
     elif first.energy > 0.0:
         lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")

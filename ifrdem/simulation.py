@@ -30,7 +30,7 @@ Progress = Callable[[float, int], None]
 
 
 class Simulation:
-    """Rough disks in a box, periodic or between walls, collided exactly by the IFR law.
+    """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
     ----------
@@ -39,10 +39,14 @@ class Simulation:
     box : Box
         Its shorter side must be at least three times the largest diameter. Straight walls of material 0 stand at
         sides that are not periodic. `Box.open()` has no sides: disks that fly apart for ever cost nothing.
+        In a sheared box there can be no walls and no immovable disks; forces act on peculiar velocities, relative to
+        the flow, and see places in the lab.
     law : CollisionLaw or sequence of sequences of CollisionLaw
         One law for all pairs, or a symmetric table [material][material]: an `IFRLaw`, or a law of one's own.
     state : State
-        Start: positions [length], velocities [length/time], spins [rad/time].
+        Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
+        in the lab, such as `placement.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
+        above and below have moved.
     arch : {"cpu", "cuda"}
         Device; one that is not there is refused.
     threads : int, optional
@@ -114,7 +118,7 @@ class Simulation:
         self._laws = _law_table(law, disks, materials)
         kind = checked_class(self._laws)
         _check_energy(self._laws, disks, [*walls, *sides(box)])
-        check_no_overlap(box, disks.radius, state.position)
+        check_no_overlap(box, disks.radius, state.position, time=state.time)
         table = np.array([[one.table_row() for one in row] for row in self._laws])
         self._engine = Engine(
             disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
@@ -189,9 +193,20 @@ class Simulation:
         return self._engine.splitting.energy_inputs.copy()
 
     @property
+    def shear_work(self) -> float:
+        """Energy that the flow of a sheared box has given to peculiar motion up to the latest `state` [energy].
+
+        Its mean power is -shear_rate P_xy Lx Ly: it tells the shear stress, collisions included.
+        """
+        return self._engine.flow_work
+
+    @property
     def energy_input(self) -> float:
-        """Energy that all forces have put in since this simulation was made, less what they took out [energy]."""
-        return math.fsum(self._engine.splitting.energy_inputs)
+        """Energy that all forces, and the flow of a sheared box, have put in since this simulation was made [energy].
+
+        Less what they took out; of the flow, up to the latest `state`.
+        """
+        return math.fsum((*self._engine.splitting.energy_inputs, self.shear_work))
 
     @property
     def dissipated_energy(self) -> float:

@@ -45,8 +45,8 @@ def choose(given: float | None, inner: Box, box: Box, disks: Disks, state: State
         If the one that was given is not above 0 or too large, or the disks differ too much in size.
     """
     diameter = 2.0 * float(disks.radius.max()) if disks.n else 0.0
-    # Beyond half a side, a pair could be near through two images at once.
-    widest = min(inner.lengths) / 2.0 - diameter
+    # Beyond half a side, a pair could be near through two images at once; two cells must fit into a sheared box.
+    widest = min(inner.lengths) / (2.01 if box.shear_rate else 2.0) - diameter
     # As many of the smallest disks as can stand around the largest one, within the reach of a fast one's list.
     smallest = 2.0 * float(disks.radius.min()) if disks.n else 1.0
     crowded = 0.5 * (math.sqrt(CROWD) * smallest - diameter - smallest) / 2.5

@@ -27,7 +27,7 @@ class Given:
     position : array (n, 2)
         Centres [length], inside the box.
     velocity : array (n, 2) or None
-        Velocities [length/time], if they are given.
+        Velocities in the lab [length/time], if they are given.
     spin : array (n,) or None
         Spins, counter-clockwise [rad/time], if they are given.
     """

@@ -65,6 +65,11 @@ def read(
         raise InputError(f"there is no such file{nearest(path.name, names)}")
     with Trajectory(path) as trajectory:
         n, sides = trajectory.disks.n, trajectory.box.lengths
+        if trajectory.box.shear_rate:
+            raise InputError(
+                f"its box is sheared (shear_rate = {trajectory.box.shear_rate:g}), and the images above and below have "
+                "moved on since its start: from Python, Simulation goes on from a State with the frame's time"
+            )
         if n != len(radius):
             raise InputError(f"has {n} disks: {len(radius)} are needed, the sum of the species' numbers")
         if box is not None and not np.allclose(sides, box.lengths, rtol=1e-12, atol=0.0):

@@ -88,7 +88,7 @@ class State:
     position : array (n, 2)
         Centres [length], inside the box.
     velocity : array (n, 2)
-        Velocities of the centres [length/time].
+        Velocities of the centres [length/time], in the lab: in a sheared box too.
     spin : array (n,)
         Angular velocities, counter-clockwise [rad/time].
     time : float
@@ -96,12 +96,15 @@ class State:
     collisions : array (n,) of int32
         Collisions that each disk has had.
     image : array (n, 2) of int32
-        How often each disk has left the box through each side: position + image * lengths is unwrapped.
+        How often each disk has left the box through each side: `Box.unwrap` makes paths without jumps of it.
     wall_hits : array (n,) of int32
         Collisions with walls that each disk has had. Thermal walls count them to draw their random numbers.
     latest_collision : array (n,)
         When each disk last collided with a disk or wall [time], -inf if never. Only runs with the tc rule
         (`Collapse`) keep it up to date.
+    flow : array (n, 2) or None
+        Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
+        sets it, and `observables.measure` needs it; to start one, it is not needed.
 
     Raises
     ------
@@ -117,6 +120,7 @@ class State:
     image: NDArray[np.int32] = None  # type: ignore[assignment]
     wall_hits: NDArray[np.int32] = None  # type: ignore[assignment]
     latest_collision: NDArray[np.float64] = None  # type: ignore[assignment]
+    flow: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         self.position = np.ascontiguousarray(self.position, dtype=np.float64)
@@ -153,7 +157,17 @@ class State:
                 "needed"
             )
 
+        if self.flow is not None:
+            self.flow = np.ascontiguousarray(self.flow, dtype=np.float64)
+            if self.flow.shape != (n, 2) or not np.isfinite(self.flow).all():
+                raise InputError(f"flow has shape {self.flow.shape}: {(n, 2)} is needed, and finite values")
+
     @property
     def n(self) -> int:
         """Number of disks."""
         return len(self.spin)
+
+    @property
+    def peculiar_velocity(self) -> NDArray[np.float64]:
+        """Velocities relative to the mean flow [length/time], shape (n, 2)."""
+        return self.velocity if self.flow is None else self.velocity - self.flow

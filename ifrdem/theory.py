@@ -104,7 +104,7 @@ def mean_free_path(packing_fraction: float, radius: float) -> float:
     return math.pi * 2.0 * radius / (8.0 * math.sqrt(2.0) * phi * contact_value(phi))
 
 
-def _per_collision(
+def changes_per_collision(
     theta: NDArray[np.float64], law: IFRLaw, k: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Relative changes (dT / T, dT_rot / T) per collision of a disk, at theta = T_rot / T.
@@ -202,7 +202,7 @@ def cooling_rates(
     if not (np.all(translational > 0.0) and np.all(rotational >= 0.0)):
         raise InputError("temperatures: T > 0 and T_rot >= 0 are needed")
     rate = collision_rate(number_density * math.pi * radius**2, 1.0, mass, radius) * np.sqrt(translational)
-    translation, rotation = _per_collision(rotational / translational, law, k)
+    translation, rotation = changes_per_collision(rotational / translational, law, k)
     return rate * translational * translation, rate * translational * rotation
 
 
@@ -252,7 +252,7 @@ def cooling(
     def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float]:
         """Derivatives of ln(T/T0), theta and collisions per disk by rate0 t: all of order 1, over decades."""
         log_T, theta, _collisions = y
-        translation, rotation = _per_collision(np.asarray(max(theta, 0.0)), law, k)
+        translation, rotation = changes_per_collision(np.asarray(max(theta, 0.0)), law, k)
         speed = math.exp(0.5 * log_T)
         return speed * float(translation), speed * float(rotation - theta * translation), speed
 

@@ -87,8 +87,15 @@ class Frame:
 
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocities [length/time], shape (n, 2)."""
+        """Velocities in the lab [length/time], shape (n, 2)."""
         return self.field("velocity")
+
+    @property
+    def peculiar_velocity(self) -> NDArray[np.float64]:
+        """Velocities relative to the mean flow of a sheared box [length/time], shape (n, 2); in others the same."""
+        if self._trajectory.box.shear_rate == 0.0:
+            return self.velocity
+        return self.velocity - self._trajectory.box.flow(self.position)
 
     @property
     def spin(self) -> NDArray[np.float64]:
@@ -102,7 +109,7 @@ class Frame:
 
     @property
     def image(self) -> NDArray[np.int32]:
-        """How often each disk has left the box through each side, shape (n, 2)."""
+        """How often each disk has left the box through each side, shape (n, 2); see `Box.unwrap`."""
         return self.field("image")
 
 
@@ -176,7 +183,8 @@ class Trajectory(Sequence[Frame]):
             lengths = particles["box"].attrs["lengths"]
             sides = [str(one) for one in particles["box"].attrs["boundary"]]
             periodic = (sides[0] == "periodic", sides[1] == "periodic")
-            self.box = Box((float(lengths[0]), float(lengths[1])), periodic)
+            shear_rate = float(particles["box"].attrs.get("shear_rate", 0.0))
+            self.box = Box((float(lengths[0]), float(lengths[1])), periodic, shear_rate)
             self.parameters: dict[str, str | int | float] = {}
             self._file["parameters"].visititems(self._read_parameter)
             self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
@@ -396,6 +404,8 @@ def _bytes(count: float) -> str:
 
 def describe_sides(box: Box) -> str:
     """What stands at the sides of a box, in words."""
+    if box.shear_rate:
+        return f"periodic, sheared at the rate {box.shear_rate:.6g}"
     if box.periodic[0] == box.periodic[1]:
         return "periodic" if box.periodic[0] else "between walls"
     return (

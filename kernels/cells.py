@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from .layout import CELLS_X, CELLS_Y, SAME_FRAME, TILES_X, TILES_Y
+from .layout import ASIDE, CELL_X, CELLS_X, CELLS_Y, SAME_FRAME, TILES_ASIDE, TILES_X, TILES_Y
 
 
 @ti.func
@@ -21,6 +21,8 @@ def tile_beside(tile, shift, gas: ti.template()):
     ty = tile - tx * gas.grid[TILES_Y]
     tx += shift // 3 - 1
     ty += shift % 3 - 1
+    if ti.static(gas.uses.sheared):
+        tx -= (shift % 3 - 1) * gas.grid[TILES_ASIDE]
     if tx < 0:
         tx += gas.grid[TILES_X]
     elif tx >= gas.grid[TILES_X]:
@@ -52,3 +54,24 @@ def cell_beside(tile, cx, cy, gas: ti.template()):
     if shift != SAME_FRAME:
         other = tile_beside(tile, shift, gas)
     return (other * gas.grid[CELLS_X] + cx) * gas.grid[CELLS_Y] + cy, shift
+
+
+@ti.func
+def columns_aside(at_y, gas: ti.template()):
+    """In a sheared gas, which column lies over column 0 in row `at_y`, in this row of tiles or the next above or below.
+
+    The rest of the displacement is no whole number of columns: those rows have one column more within reach, to the
+    right.
+    """
+    dy = 0
+    if at_y < 0:
+        dy = -1
+    elif at_y >= gas.grid[CELLS_Y]:
+        dy = 1
+    return ti.floor(-dy * gas.scale[ASIDE] / gas.scale[CELL_X], ti.i32)
+
+
+@ti.func
+def has_column(at_x, gas: ti.template()):
+    """Whether a column lies in this tile or the next one on either side."""
+    return at_x >= -gas.grid[CELLS_X] and at_x < 2 * gas.grid[CELLS_X]

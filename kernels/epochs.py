@@ -3,8 +3,10 @@
 import taichi as ti
 
 from .extend import AT_START_ALONE, extend
+from .flow import displace_rows, rows_apart, speed2_in_flow
 from .layout import (
     BEGIN,
+    CELL_Y,
     CELLS_X,
     CELLS_Y,
     COLLISIONS_LEFT,
@@ -33,10 +35,9 @@ from .layout import (
     PLANNED,
     REACH,
     RESTING,
+    SHEAR,
     TIME_END,
     TOP_LEVEL,
-    VX,
-    VY,
     WALL_SPEED,
     WINDOW,
     Cube,
@@ -58,6 +59,7 @@ def epochs_by_one_thread(
     kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows,
     neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
     near_walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table, latest: Rows,
+    flow_work: Rows,
 ):  # fmt: skip
     """Up to `most_epochs` epochs of a gas of one tile.
 
@@ -69,7 +71,7 @@ def epochs_by_one_thread(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
         log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls, wall_hits=wall_hits,
-        wall_work=wall_work, wall_heat=wall_heat, latest=latest, clock=clock, uses=uses,
+        wall_work=wall_work, wall_heat=wall_heat, latest=latest, flow_work=flow_work, clock=clock, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         n = gas.grid[N]
@@ -100,7 +102,7 @@ def epochs_by_one_thread(
             for s in range(n):
                 put_back(s, gas)
                 clear(s, gas)
-                square = gas.flight[s][VX] * gas.flight[s][VX] + gas.flight[s][VY] * gas.flight[s][VY]
+                square = speed2_in_flow(s, gas)
                 fastest2 = ti.max(fastest2, square)
                 sum2 += square
             gas.scale[DURATION] = 0.0
@@ -109,10 +111,16 @@ def epochs_by_one_thread(
             gas.counter[MOST_NEIGHBOURS] = 0
             gas.counter[LOG_FULL] = 0
             pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])
-            if fastest2 + pull + gas.scale[WALL_SPEED] == 0.0 or gas.limit[EARLIEST] < FAR:
+            still = fastest2 + pull + gas.scale[WALL_SPEED] == 0.0
+            if ti.static(gas.uses.sheared):
+                still = False  # the flow moves
+                displace_rows(gas)
+            if still or gas.limit[EARLIEST] < FAR:
                 going = 0
             else:
                 cap = speed_cap(gas.limit[FASTEST], gas.limit[MEAN_SQUARE], gas.grid[MOST_LEVEL])
+                if ti.static(gas.uses.sheared):
+                    cap += rows_apart(gas.scale[SHEAR], gas.scale[CELL_Y])
                 whole = epoch_length(gas.scale[REACH], cap, gas.scale[WALL_SPEED], pull)
                 left = clock[TIME_END] - clock[NOW]
                 last = 0

@@ -7,6 +7,7 @@ import taichi as ti
 
 from .contact import ELASTIC, collided, just_collided
 from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
+from .flow import SHIFT_BITS
 from .history import flight_between, previous, record, side_of
 from .layout import (
     ACTIVE,
@@ -77,7 +78,12 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     y_a = gas.flight[a][Y] + gas.flight[a][VY] * (t - gas.flight[a][TAU])
     x_b = gas.flight[b][X] + gas.flight[b][VX] * (t - gas.flight[b][TAU])
     y_b = gas.flight[b][Y] + gas.flight[b][VY] * (t - gas.flight[b][TAU])
-    shift_x, shift_y = shift_by(shift, gas)
+    shift_x, shift_y, drift = shift_by(shift, gas)
+    vx_b = gas.flight[b][VX]
+    if ti.static(gas.uses.sheared):
+        # In the frame of a's row, where b is faster.
+        shift_x += drift * t
+        vx_b += drift
     rx = x_b - x_a + shift_x
     ry = y_b - y_a + shift_y
     r = ti.sqrt(rx * rx + ry * ry)
@@ -91,7 +97,7 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
         gas.kinds[kind_a][INVERSE_MASS], gas.flight[a][RADIUS], gas.kinds[kind_a][K],
         gas.flight[a][VX], gas.flight[a][VY], gas.flight[a][SPIN],
         gas.kinds[kind_b][INVERSE_MASS], gas.flight[b][RADIUS], gas.kinds[kind_b][K],
-        gas.flight[b][VX], gas.flight[b][VY], gas.flight[b][SPIN],
+        vx_b, gas.flight[b][VY], gas.flight[b][SPIN],
         lasting, gas,
     )  # fmt: skip
     gas.flight[a][X] = x_a
@@ -102,11 +108,15 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[a][SPIN] = w_a
     gas.flight[b][X] = x_b
     gas.flight[b][Y] = y_b
+    if ti.static(gas.uses.sheared):
+        vx_b -= drift
     gas.flight[b][VX] = vx_b
     gas.flight[b][VY] = vy_b
     gas.flight[b][TAU] = t
     gas.flight[b][SPIN] = w_b
     gas.log_int[entry][REGIME] = remedy
+    if ti.static(gas.uses.sheared):
+        gas.log_int[entry][REGIME] += SHIFT_BITS * shift
     if remedy > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
@@ -185,7 +195,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
         code = neighbour_code(i, q, lengths, gas.grid[ROW], gas)
         j = code // 9
         shift = code - 9 * j
-        shift_x, shift_y = shift_by(shift, gas)
+        shift_x, shift_y, drift = shift_by(shift, gas)
         sigma = radius + gas.flight[j][RADIUS]
         head_j = gas.link[j][HEAD]
         t = FAR
@@ -194,7 +204,7 @@ def predict(i, changed: ti.template(), gas: ti.template()):
             t = meeting_time(
                 x, y, vx, vy, tau,
                 gas.flight[j][X], gas.flight[j][Y], gas.flight[j][VX], gas.flight[j][VY], gas.flight[j][TAU],
-                shift_x, shift_y, sigma, horizon,
+                shift_x, shift_y, drift, sigma, horizon, gas,
             )  # fmt: skip
         if ti.static(changed):
             # Causality: walk back over the neighbour's flights that ended after this disk's began.
@@ -208,8 +218,9 @@ def predict(i, changed: ti.template(), gas: ti.template()):
                 else:
                     if began < ended and (head < 0 or before != head):
                         crossing = meeting_time(
-                            x, y, vx, vy, tau, xj, yj, vxj, vyj, began, shift_x, shift_y, sigma, ended
-                        )
+                            x, y, vx, vy, tau, xj, yj, vxj, vyj, began,
+                            shift_x, shift_y, drift, sigma, ended, gas,
+                        )  # fmt: skip
                         if crossing <= ended:
                             early = crossing < ended
                             if crossing == ended:
@@ -287,7 +298,10 @@ def restore(i, gas: ti.template()):
         side = side_of(entry, i, gas)
         gas.log_int[entry][STANDS] = 0
         before = gas.log_int[entry][PREVIOUS + side]
-        if side == 0 and gas.log_int[entry][REGIME] >= ELASTIC:
+        regime = gas.log_int[entry][REGIME]
+        if ti.static(gas.uses.sheared):
+            regime %= SHIFT_BITS
+        if side == 0 and regime >= ELASTIC:
             ti.atomic_sub(gas.counter[N_ELASTIC], 1)
         if gas.log_int[entry][SLOT + 1] < 0:
             ti.atomic_sub(gas.counter[N_WALL_HITS], 1)

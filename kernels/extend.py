@@ -11,8 +11,9 @@ do no harm: no event depends on them.
 
 import taichi as ti
 
-from .cells import cell_beside, place_of
+from .cells import cell_beside, columns_aside, has_column, place_of
 from .flights import first_meeting, offer, shift_by
+from .flow import rows_apart
 from .history import start_position
 from .layout import (
     AFFECTED,
@@ -30,6 +31,7 @@ from .layout import (
     RADIUS,
     ROW,
     SAME_FRAME,
+    SHEAR,
     TOP_LEVEL,
     WALLS,
     WIDEST,
@@ -103,13 +105,29 @@ def extend(i, when: ti.template(), gas: ti.template()):
         gas.near_walls[i] = (1 << gas.grid[WALLS]) - 1
     furthest = gas.scale[WIDEST] + own_reach + reach_of(gas.counter[TOP_LEVEL], gas)
     tile, in_x, in_y = place_of(gas.cell[i], gas)
-    most_x = ti.min(ti.ceil(furthest / gas.scale[CELL_X], ti.i32), gas.grid[CELLS_X])
     most_y = ti.min(ti.ceil(furthest / gas.scale[CELL_Y], ti.i32), gas.grid[CELLS_Y])
-    for at_x in range(in_x - most_x, in_x + most_x + 1):
+    apart = 0.0 * furthest
+    if ti.static(gas.uses.sheared):
+        # Rows further apart than adjacent ones move against each other more than both disks' reaches allow for.
+        apart = 2.0 * rows_apart(gas.scale[SHEAR], gas.scale[CELL_Y]) * gas.scale[HORIZON]
+        furthest += apart * (most_y - 1)
+    most_x = ti.min(ti.ceil(furthest / gas.scale[CELL_X], ti.i32), gas.grid[CELLS_X])
+    for column in range(in_x - most_x, in_x + most_x + ti.static(1 + gas.uses.sheared)):
         for at_y in range(in_y - most_y, in_y + most_y + 1):
+            at_x = column
+            there = 1
+            if ti.static(gas.uses.sheared):
+                at_x += columns_aside(at_y, gas)
+                if not has_column(at_x, gas):
+                    there = 0
+                    at_x = in_x
             c, shift = cell_beside(tile, at_x, at_y, gas)
-            shift_x, shift_y = shift_by(shift, gas)
-            for j in range(gas.start[c], gas.start[c + 1]):
+            shift_x, shift_y, drift = shift_by(shift, gas)
+            end = gas.start[c + 1]
+            if ti.static(gas.uses.sheared):
+                if there == 0:
+                    end = gas.start[c]
+            for j in range(gas.start[c], end):
                 beside = gas.link[j][PARTNER] == EXTENDS
                 if ti.static(when != LATER):
                     beside = level_of(gas.link[j][LENGTH]) > 0
@@ -123,12 +141,14 @@ def extend(i, when: ti.template(), gas: ti.template()):
                         + own_reach
                         + reach_of(level_of(gas.link[j][LENGTH]), gas)
                     )
+                    if ti.static(gas.uses.sheared):
+                        near += apart * ti.max(ti.abs(at_y - in_y) - 1, 0)
                     if rx * rx + ry * ry < near * near:
                         if listed(i, j, shift, gas) == 0:
                             append(i, j, shift, gas)
                             append(j, i, 8 - shift, gas)
                             if ti.static(when != LATER):
-                                t = first_meeting(i, j, rx, ry, gas.scale[HORIZON], gas)
+                                t = first_meeting(i, j, rx, ry, drift, gas.scale[HORIZON], gas)
                                 if ti.static(when == AT_START_ALONE):
                                     offer(i, t, 9 * j + shift, gas.scale[HORIZON], gas)
                                     offer(j, t, 9 * i + 8 - shift, gas.scale[HORIZON], gas)

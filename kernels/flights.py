@@ -6,7 +6,25 @@ find the same bits.
 
 import taichi as ti
 
-from .layout import FAR, FIRST_WALL, HEAD, ID, PARTNER, RADIUS, TAU, TE, TILE_X, TILE_Y, VX, VY, WALL_ID, X, Y
+from .layout import (
+    ASIDE,
+    DRIFT,
+    FAR,
+    FIRST_WALL,
+    HEAD,
+    ID,
+    PARTNER,
+    RADIUS,
+    TAU,
+    TE,
+    TILE_X,
+    TILE_Y,
+    VX,
+    VY,
+    WALL_ID,
+    X,
+    Y,
+)
 
 
 def rounding():
@@ -15,8 +33,10 @@ def rounding():
 
 
 @ti.func
-def contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, within):
-    """Time until the separation r + v t, v = v_j - v_i, has length sigma; FAR if never; 0 for a touching pair.
+def contact_delay(rx, ry, vxi, vyi, vxj, vyj, drift, sigma, within, gas: ti.template()):
+    """Time until the separation r + v t has length sigma; FAR if never; 0 for a touching pair.
+
+    v = v_j - v_i, and in a sheared gas the `drift` along x of j's frame against i's.
 
     The smaller root of (r + v t)^2 = sigma^2 in the form that does not cancel, c / (sqrt(b^2 - v^2 c) - b) with
     b = r.v and c = r^2 - sigma^2. Every term is even under (r, v) -> (-r, -v): both disks of a pair compute bitwise
@@ -30,6 +50,8 @@ def contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, within):
     """
     delay = FAR
     vx = vxj - vxi
+    if ti.static(gas.uses.sheared):
+        vx += drift  # last: seen from j, every term only changes its sign
     vy = vyj - vyi
     b = rx * vx + ry * vy
     c = rx * rx + ry * ry - sigma * sigma
@@ -47,12 +69,17 @@ def contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, within):
 
 
 @ti.func
-def meeting_time(xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shift_y, sigma, before):
+def meeting_time(
+    xi, yi, vxi, vyi, tau_i, xj, yj, vxj, vyj, tau_j, shift_x, shift_y, drift, sigma, before,
+    gas: ti.template(),
+):  # fmt: skip
     """Time of contact of two flights, each known from its own clock tau on; FAR if they do not touch `before`."""
     start = ti.max(tau_i, tau_j)
+    if ti.static(gas.uses.sheared):
+        shift_x += drift * start
     rx = (xj + vxj * (start - tau_j)) - (xi + vxi * (start - tau_i)) + shift_x
     ry = (yj + vyj * (start - tau_j)) - (yi + vyi * (start - tau_i)) + shift_y
-    return start + contact_delay(rx, ry, vxi, vyi, vxj, vyj, sigma, before - start)
+    return start + contact_delay(rx, ry, vxi, vyi, vxj, vyj, drift, sigma, before - start, gas)
 
 
 @ti.func
@@ -95,8 +122,14 @@ def precedes(a, b, c, d):
 
 @ti.func
 def shift_by(shift, gas: ti.template()):
-    """How far a tile one `shift` away lies, along x and y."""
-    return (shift // 3 - 1) * gas.scale[TILE_X], (shift % 3 - 1) * gas.scale[TILE_Y]
+    """How far a tile one `shift` away lies when the epoch begins, along x and y; and how fast it drifts along x."""
+    x = (shift // 3 - 1) * gas.scale[TILE_X]
+    drift = 0.0 * x
+    if ti.static(gas.uses.sheared):
+        dy = shift % 3 - 1
+        x += dy * gas.scale[ASIDE]
+        drift = dy * gas.scale[DRIFT]
+    return x, (shift % 3 - 1) * gas.scale[TILE_Y], drift
 
 
 @ti.func
@@ -107,21 +140,21 @@ def meeting(i, j, shift, before, gas: ti.template()):
     """
     t = FAR
     if gas.link[i][HEAD] < 0 or gas.link[i][HEAD] != gas.link[j][HEAD]:
-        shift_x, shift_y = shift_by(shift, gas)
+        shift_x, shift_y, drift = shift_by(shift, gas)
         t = meeting_time(
             gas.flight[i][X], gas.flight[i][Y], gas.flight[i][VX], gas.flight[i][VY], gas.flight[i][TAU],
             gas.flight[j][X], gas.flight[j][Y], gas.flight[j][VX], gas.flight[j][VY], gas.flight[j][TAU],
-            shift_x, shift_y, gas.flight[i][RADIUS] + gas.flight[j][RADIUS], before,
+            shift_x, shift_y, drift, gas.flight[i][RADIUS] + gas.flight[j][RADIUS], before, gas,
         )  # fmt: skip
     return t
 
 
 @ti.func
-def first_meeting(i, j, rx, ry, within, gas: ti.template()):
+def first_meeting(i, j, rx, ry, drift, within, gas: ti.template()):
     """The same for disks that have not collided in this epoch, so that all clocks stand at 0, at separation r."""
     return contact_delay(
-        rx, ry, gas.flight[i][VX], gas.flight[i][VY], gas.flight[j][VX], gas.flight[j][VY],
-        gas.flight[i][RADIUS] + gas.flight[j][RADIUS], within,
+        rx, ry, gas.flight[i][VX], gas.flight[i][VY], gas.flight[j][VX], gas.flight[j][VY], drift,
+        gas.flight[i][RADIUS] + gas.flight[j][RADIUS], within, gas,
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 import taichi as ti
 
+from .flow import flow_at, lab_x
 from .layout import (
     CELLS_X,
     CELLS_Y,
@@ -15,6 +16,7 @@ from .layout import (
     SPIN,
     SPREAD,
     TAU,
+    TILE_SIDE,
     TILE_X,
     TILE_Y,
     TILES_X,
@@ -39,8 +41,11 @@ STEP_LOW, STEP_HIGH, INDEX, SEED_LOW, SEED_HIGH = range(5)
 
 
 @ti.func
-def arrived(s, gas: ti.template()):
-    """What a force may know of the disk at slot s, once that has flown to the end of the epoch."""
+def arrived(s, time, gas: ti.template()):
+    """What a force may know of the disk at slot s, once that has flown to the end of the epoch, at `time`.
+
+    Velocities are those in the mean flow, if there is one.
+    """
     dt = gas.scale[DURATION] - gas.flight[s][TAU]
     gas.flight[s][X] += gas.flight[s][VX] * dt
     gas.flight[s][Y] += gas.flight[s][VY] * dt
@@ -49,13 +54,20 @@ def arrived(s, gas: ti.template()):
     x = (tile // gas.grid[TILES_Y]) * gas.scale[TILE_X] + gas.flight[s][X]
     y = (tile % gas.grid[TILES_Y]) * gas.scale[TILE_Y] + gas.flight[s][Y]
     length_x, length_y = gas.grid[TILES_X] * gas.scale[TILE_X], gas.grid[TILES_Y] * gas.scale[TILE_Y]
+    vx = gas.flight[s][VX]
+    if ti.static(gas.uses.sheared):
+        row = tile % gas.grid[TILES_Y]
+        corner = (tile // gas.grid[TILES_Y]) * gas.clock[TILE_SIDE]
+        lab, _boxes = lab_x(corner, gas.flight[s][X], row, time, gas)
+        x = ti.cast(lab, float)
+        vx -= flow_at(gas.flight[s][Y], gas)
     kind = gas.meta[s][KIND]
     mass = 1.0 / gas.kinds[kind][INVERSE_MASS]
     radius = gas.flight[s][RADIUS]
     return ti.Struct(
         x=x - length_x * ti.floor(x / length_x) - gas.scale[ORIGIN_X],
         y=y - length_y * ti.floor(y / length_y) - gas.scale[ORIGIN_Y],
-        vx=gas.flight[s][VX],
+        vx=vx,
         vy=gas.flight[s][VY],
         spin=gas.flight[s][SPIN],
         mass=mass,
@@ -102,11 +114,12 @@ def kernels_of(force, n_parameters):
 
     @ti.kernel
     def sum_totals(
-        grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, cell: Rows,
-        when: Rows, counter_words: Rows, parameters: Rows, block_sums: Table, totals: Rows,
+        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, flight: Rows, kinds: Rows, meta: Rows,
+        cell: Rows, when: Rows, counter_words: Rows, parameters: Rows, block_sums: Table, totals: Rows,
     ):  # fmt: skip
         gas = ti.static(GasArrays(
-            grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, cell=cell,
+            grid=grid, scale=scale, clock=clock, flight=flight, kinds=kinds, meta=meta, cell=cell,
+            uses=uses,
         ))  # fmt: skip
         for item in range(SPREAD * n_blocks(gas.grid[N])):
             if item % SPREAD == 0:
@@ -117,7 +130,7 @@ def kernels_of(force, n_parameters):
                         time=ti.cast(when[TIME], float), dt=ti.cast(when[DT], float),
                         random=stream_of(s, counter_words, gas), totals=ti.Vector([0.0]),
                     )  # fmt: skip
-                    total += measure(arrived(s, gas), step, vector(parameters, n_parameters))
+                    total += measure(arrived(s, when[TIME], gas), step, vector(parameters, n_parameters))
                 for j in ti.static(range(n_totals)):
                     block_sums[b, j] = total[j]
         for _ in range(1):
@@ -129,11 +142,13 @@ def kernels_of(force, n_parameters):
 
     @ti.kernel
     def apply_force(
-        grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, cell: Rows,
-        when: Rows, counter_words: Rows, parameters: Rows, block_sums: Table, totals: Rows, gained: Rows,
+        uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, flight: Rows, kinds: Rows, meta: Rows,
+        cell: Rows, when: Rows, counter_words: Rows, parameters: Rows, block_sums: Table, totals: Rows, gained: Rows,
+        flow_work: Rows,
     ):  # fmt: skip
         gas = ti.static(GasArrays(
-            grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, cell=cell,
+            grid=grid, scale=scale, clock=clock, flight=flight, kinds=kinds, meta=meta, cell=cell,
+            flow_work=flow_work, uses=uses,
         ))  # fmt: skip
         for item in range(SPREAD * n_blocks(gas.grid[N])):
             if item % SPREAD == 0:
@@ -144,17 +159,25 @@ def kernels_of(force, n_parameters):
                         time=ti.cast(when[TIME], float), dt=ti.cast(when[DT], float),
                         random=stream_of(s, counter_words, gas), totals=vector(totals, n_totals),
                     )  # fmt: skip
-                    disk = arrived(s, gas)
+                    disk = arrived(s, when[TIME], gas)
                     before = energy(disk.mass, disk.inertia, disk.vx, disk.vy, disk.spin)
                     vx, vy, spin = act(disk, step, vector(parameters, n_parameters))
+                    flow = 0.0 * vx
+                    if ti.static(gas.uses.sheared):
+                        flow = flow_at(gas.flight[s][Y], gas)
+                        vx += flow
                     gas.flight[s][VX] = vx
                     gas.flight[s][VY] = vy
                     gas.flight[s][SPIN] = spin
                     # What was stored may be rounded to single precision.
+                    stored = gas.flight[s][VX]
+                    if ti.static(gas.uses.sheared):
+                        stored -= flow
+                        # What the frame of the row sees of it beyond that is not the flow's doing (`flow.py`).
+                        excess = disk.mass * flow * (stored - disk.vx)
+                        gas.flow_work[gas.meta[s][ID]] += ti.cast(excess, ti.f64)
                     gain += (
-                        energy(
-                            disk.mass, disk.inertia, gas.flight[s][VX], gas.flight[s][VY], gas.flight[s][SPIN]
-                        )
+                        energy(disk.mass, disk.inertia, stored, gas.flight[s][VY], gas.flight[s][SPIN])
                         - before
                     )
                 block_sums[b, 0] = gain

@@ -48,7 +48,7 @@ def check_history(i, j, shift, gas: ti.template()):
     The earliest meeting that neither disk's collisions prevented undoes those that followed it.
     """
     sigma = gas.flight[i][RADIUS] + gas.flight[j][RADIUS]
-    shift_x, shift_y = shift_by(shift, gas)
+    shift_x, shift_y, drift = shift_by(shift, gas)
     horizon = gas.scale[HORIZON]
     found = horizon
     undo_i = NEVER
@@ -71,8 +71,9 @@ def check_history(i, j, shift, gas: ti.template()):
                 if (end_i >= 0 or end_j >= 0) and (begin_i < 0 or begin_i != begin_j):
                     before = ti.min(found, ti.min(stop_i, stop_j))
                     t = meeting_time(
-                        xi, yi, vxi, vyi, start_i, xj, yj, vxj, vyj, start_j, shift_x, shift_y, sigma, before
-                    )
+                        xi, yi, vxi, vyi, start_i, xj, yj, vxj, vyj, start_j,
+                        shift_x, shift_y, drift, sigma, before, gas,
+                    )  # fmt: skip
                     real = t < found and t <= before
                     # An exact tie falls to the smaller pair of ids.
                     if t == stop_i and end_i >= 0:
@@ -140,8 +141,8 @@ def still_true(i, gas: ti.template()):
 
 @ti.kernel
 def join_tiles(
-    grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows, fill: Rows,
-    order: Rows, neighbour: Rows, lists: Table, counter: Rows, log_real: Rows, log_int: Rows,
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows,
+    fill: Rows, order: Rows, neighbour: Rows, lists: Table, counter: Rows, log_real: Rows, log_int: Rows,
 ):  # fmt: skip
     """After the tiles ran: undo what a disk of another tile should have prevented, and open the rounds.
 
@@ -151,6 +152,7 @@ def join_tiles(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, link=link, meta=meta, cell=cell, start=start, fill=fill,
         order=order, neighbour=neighbour, lists=lists, counter=counter, log_real=log_real, log_int=log_int,
+        uses=uses,
     ))  # fmt: skip
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:

@@ -20,15 +20,16 @@ log_int      (c, 8) int    its slots, links and flags
 lists        (5, n) int    work lists of the rounds
 counter      (17,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
-grid         (12,) int     numbers of disks, tiles, cells and walls; the seed
-scale        (18,) real    lengths and times of the grid and the epoch, gravity
-clock        (3,) double   times in epochs run by one thread
+grid         (14,) int     numbers of disks, tiles, cells and walls; the seed; displacement of rows of tiles
+scale        (21,) real    lengths and times of the grid and the epoch, gravity, shear
+clock        (5,) double   times in epochs run by one thread, and what displaces rows of tiles
 total        (5,) int64    collisions and epochs of one launch
 walls        (W, 18) real  geometry, motion, material and temperature of each wall (`walls.py`)
 near_walls   (n,) int      bits of the walls that a disk can touch in this epoch
 wall_hits    (n,) int      collisions with walls, by id
 wall_work    (n,) real     energy that moving walls gave, by id
 wall_heat    (n, H) double energy that each thermal wall gave, by id
+flow_work    (n,) double   energy that the mean flow gave, by id (`flow.py`)
 latest       (n + 1,)      double: time of each disk's latest collision, by id, and of the epoch's beginning
 law          (M, M, c)     coefficients of the law for each pair of materials (IFR: e_n, e_t, mu, contact_point, rho)
 ===========  ============  ==================================================================================
@@ -36,7 +37,8 @@ law          (M, M, c)     coefficients of the law for each pair of materials (I
 Positions are relative to the lower left corner of the disk's tile, so that they lose no precision far from the
 origin; times are relative to the beginning of the epoch. A *shift* s = 3 (dx + 1) + (dy + 1) says that the
 neighbour's tile lies dx, dy in {-1, 0, 1} tiles away, across a periodic side or not; seen from the other disk it is
-8 - s. A *code* is 9 * slot + shift.
+8 - s. A *code* is 9 * slot + shift. In a sheared gas each row of tiles moves with the mean flow (`flow.py`): velocities
+are relative to it, and a neighbour dy rows up moves dy DRIFT faster than its velocity says.
 
 A kernel takes the arrays that it needs, and bundles them into `GasArrays` for the functions that it calls.
 """
@@ -82,17 +84,20 @@ RESTING = 15  # 1: a disk came to rest on a wall, or its next meeting with it ca
 END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
 # grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records;
 # highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back; walls; the seed of
-# random numbers, low and high 32 bits
+# random numbers, low and high 32 bits; how many tiles, and before that boxes, a row of tiles was displaced against
+# the one below when the epoch began
 N, TILES_X, TILES_Y, CELLS_X, CELLS_Y, ROW, LOG_CAPACITY, MOST_LEVEL, ROLL_BACK, WALLS = range(10)
-SEED_LOW, SEED_HIGH = range(10, 12)
+SEED_LOW, SEED_HIGH, TILES_ASIDE, BOXES_ASIDE = range(10, 14)
 # scale: sides of a cell and of a tile, listing distance beyond contact, end of predictions, beginning and end of the
 # window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter,
 # gravity, a speed that walls may give to disks, approach below which collisions are elastic,
-# where the box begins in the coordinates of the tiles, time since the latest collision below which one is elastic
+# where the box begins in the coordinates of the tiles, time since the latest collision below which one is elastic;
+# shear rate, velocity of a row of tiles against the one below, rest of its displacement when the epoch began
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
 REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y, CONTACT_TIME = range(8, 18)
-# clock, in double precision: present time, where to stop, planned length of the latest epoch
-NOW, TIME_END, PLANNED = range(3)
+SHEAR, DRIFT, ASIDE = range(18, 21)
+# clock, in double precision: present time, where to stop, planned length of the latest epoch, DRIFT and TILE_X
+NOW, TIME_END, PLANNED, ROW_SPEED, TILE_SIDE = range(5)
 # total, 64-bit: collisions still wanted; epochs, collisions, collisions with walls and elastic ones of this launch
 COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL, N_ELASTIC_TOTAL = range(5)
 
@@ -155,6 +160,7 @@ class Uses(NamedTuple):
     walled: bool = False
     thermal: bool = False  # some walls are
     remembers: bool = False  # a contact time: disks know when their latest collision was
+    sheared: bool = False  # a mean flow
     collision_law: Any = None  # a `Law`
 
 
@@ -188,4 +194,5 @@ class GasArrays(NamedTuple):
     wall_work: Any = None
     wall_heat: Any = None
     latest: Any = None
+    flow_work: Any = None
     uses: Uses = Uses()

@@ -2,7 +2,8 @@
 
 import taichi as ti
 
-from .layout import END, HORIZON, LENGTH, LEVELS, MOST_LEVEL, REACH, SPEED_MARGIN, VX, VY, level_of
+from .flow import way_speed2
+from .layout import END, HORIZON, LENGTH, LEVELS, MOST_LEVEL, REACH, SPEED_MARGIN, level_of
 
 CAP = 2.26
 
@@ -19,9 +20,9 @@ def speed_cap(fastest, mean_square, most_level):
 
 
 @ti.func
-def needed_level(vx, vy, gas: ti.template()):
-    """The lowest level at which a disk may keep this velocity to the end of the epoch."""
-    way = ti.sqrt(vx * vx + vy * vy) * gas.scale[HORIZON]
+def needed_level(speed2, gas: ti.template()):
+    """The lowest level at which a disk may keep a speed, of this square, to the end of the epoch."""
+    way = ti.sqrt(speed2) * gas.scale[HORIZON]
     level = 0
     if way > gas.scale[REACH]:
         level = ti.ceil(ti.min((way / gas.scale[REACH] - 1.0) * LEVELS, 1.0e6), ti.i32)
@@ -43,7 +44,7 @@ def reach_of(level, gas: ti.template()):
 @ti.func
 def too_fast(i, gas: ti.template()):
     """The level that disk i needs, if that is above the one it has and not above what the box allows; else 0."""
-    level = needed_level(gas.flight[i][VX], gas.flight[i][VY], gas)
+    level = needed_level(way_speed2(i, gas), gas)
     if level <= level_of(gas.link[i][LENGTH]) or level > gas.grid[MOST_LEVEL]:
         level = 0
     return level
@@ -56,13 +57,13 @@ def limit_if_too_fast(i, t, gas: ti.template()):
     The list is complete while nobody moves further than his reach. A disk that becomes faster gets a longer list
     (`extend.py`) if the box allows that.
     """
-    vx, vy = gas.flight[i][VX], gas.flight[i][VY]
+    speed2 = way_speed2(i, gas)
     horizon = gas.scale[HORIZON]
-    if (vx * vx + vy * vy) * (horizon * horizon) > gas.scale[REACH] * gas.scale[REACH]:
-        if needed_level(vx, vy, gas) > gas.grid[MOST_LEVEL]:
+    if speed2 * (horizon * horizon) > gas.scale[REACH] * gas.scale[REACH]:
+        if needed_level(speed2, gas) > gas.grid[MOST_LEVEL]:
             # It has not come so far yet at t, whatever its speed is now.
             furthest = reach_of(level_of(gas.link[i][LENGTH]), gas)
-            ti.atomic_min(gas.limit[END], ti.max(t, furthest / ti.sqrt(vx * vx + vy * vy)))
+            ti.atomic_min(gas.limit[END], ti.max(t, furthest / ti.sqrt(speed2)))
 
 
 @ti.pyfunc

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from .cells import cell_beside
+from .cells import cell_beside, columns_aside, has_column
 from .flights import first_meeting, offer, shift_by
 from .layout import (
     CELLS_X,
@@ -74,10 +74,21 @@ def list_others(i, tile, in_x, in_y, gas: ti.template()):
     """List disk i's neighbours in other tiles, or across the box in its own, and predict its meetings with them."""
     row = gas.grid[ROW]
     length = 0
-    for beside in range(9):
-        c, shift = cell_beside(tile, in_x + beside // 3 - 1, in_y + beside % 3 - 1, gas)
+    for beside in range(ti.static(9 + 3 * gas.uses.sheared)):
+        at_x = in_x + beside // 3 - 1
+        at_y = in_y + beside % 3 - 1
+        shift = SAME_FRAME
+        c = 0
+        if ti.static(gas.uses.sheared):
+            at_x += columns_aside(at_y, gas)
+            # A fourth column is within reach only in displaced rows.
+            displaced = at_y < 0 or at_y >= gas.grid[CELLS_Y]
+            if has_column(at_x, gas) and (displaced or beside < 9):
+                c, shift = cell_beside(tile, at_x, at_y, gas)
+        else:
+            c, shift = cell_beside(tile, at_x, at_y, gas)
         if shift != SAME_FRAME:
-            shift_x, shift_y = shift_by(shift, gas)
+            shift_x, shift_y, drift = shift_by(shift, gas)
             for j in range(gas.start[c], gas.start[c + 1]):
                 rx = gas.flight[j][X] - gas.flight[i][X] + shift_x
                 ry = gas.flight[j][Y] - gas.flight[i][Y] + shift_y
@@ -85,7 +96,7 @@ def list_others(i, tile, in_x, in_y, gas: ti.template()):
                 if rx * rx + ry * ry < near * near:
                     gas.neighbour[row * i + row - 1 - ti.min(length, row - 1)] = 9 * j + shift
                     length += 1
-                    t = first_meeting(i, j, rx, ry, gas.scale[HORIZON], gas)
+                    t = first_meeting(i, j, rx, ry, drift, gas.scale[HORIZON], gas)
                     offer(i, t, 9 * j + shift, gas.scale[HORIZON], gas)
     gas.link[i][LENGTH] += OTHER * length
 
@@ -141,7 +152,7 @@ def list_tile(tile, gas: ti.template()):
                     gas.neighbour[row * j + ti.min(length_j, row - 1)] = i
                     gas.link[j][LENGTH] = length_j + 1
                     before = ti.min(horizon, ti.max(earliest, gas.flight[j][TE]))
-                    t = first_meeting(i, j, gas.flight[j][X] - x, gas.flight[j][Y] - y, before, gas)
+                    t = first_meeting(i, j, gas.flight[j][X] - x, gas.flight[j][Y] - y, 0.0, before, gas)
                     if t <= before:
                         offer(i, t, 9 * j + SAME_FRAME, horizon, gas)
                         offer(j, t, 9 * i + SAME_FRAME, horizon, gas)

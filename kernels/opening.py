@@ -88,7 +88,7 @@ def list_disks(
                     if length < gas.grid[ROW]:
                         gas.neighbour[gas.grid[ROW] * i + length] = j
                     length += 1
-                    t = first_meeting(i, j, rx, ry, gas.scale[HORIZON], gas)
+                    t = first_meeting(i, j, rx, ry, 0.0, gas.scale[HORIZON], gas)
                     offer(i, t, 9 * j + SAME_FRAME, gas.scale[HORIZON], gas)
         gas.link[i][LENGTH] = length
         if ti.static(gas.uses.walled):

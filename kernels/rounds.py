@@ -228,11 +228,12 @@ def earliest_event(
 
 @ti.kernel
 def cut(
-    end: ti.f64, flight: Rows, link: Rows, lists: Table, counter: Rows, log_real: Rows, log_int: Rows,
+    end: ti.f64, uses: ti.template(), flight: Rows, link: Rows, lists: Table, counter: Rows, log_real: Rows,
+    log_int: Rows,
 ):  # fmt: skip
     """Undo every collision at `end` or later, to end the epoch there."""
     gas = ti.static(GasArrays(
-        flight=flight, link=link, lists=lists, counter=counter, log_real=log_real, log_int=log_int,
+        flight=flight, link=link, lists=lists, counter=counter, log_real=log_real, log_int=log_int, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         gas.counter[UNDO_ROW] = 0

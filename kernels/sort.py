@@ -2,14 +2,18 @@
 
 import taichi as ti
 
+from .flow import flow_at, frame_speed, lab_x, speed2_in_flow, work_between_rows, work_of_crossing
 from .layout import (
     ACTIVE,
     AFFECTED,
+    ASIDE,
+    BOXES_ASIDE,
     CELL_X,
     CELL_Y,
     CELLS_X,
     CELLS_Y,
     DIRTY,
+    DRIFT,
     DURATION,
     EARLIEST,
     EVENTS,
@@ -19,6 +23,7 @@ from .layout import (
     GY,
     HEAD,
     ID,
+    INVERSE_MASS,
     KIND,
     KIND_RADIUS,
     LENGTH,
@@ -31,8 +36,10 @@ from .layout import (
     SPREAD,
     TAU,
     TE,
+    TILE_SIDE,
     TILE_X,
     TILE_Y,
+    TILES_ASIDE,
     TILES_X,
     TILES_Y,
     UNDO,
@@ -71,6 +78,17 @@ def split(index, count):
 
 
 @ti.func
+def enter_row(i, in_y, gas: ti.template()):
+    """Change to the frame of the row of tiles in which disk i now is: how far x is from there, but for whole tiles."""
+    step_y = 0
+    if in_y < 0 or in_y >= gas.grid[CELLS_Y]:
+        _place, step_y = split(in_y, gas.grid[CELLS_Y])
+    gas.flow_work[gas.meta[i][ID]] += work_between_rows(i, gas) + work_of_crossing(i, step_y, gas)
+    gas.flight[i][VX] -= step_y * gas.scale[DRIFT]
+    return -step_y * (gas.scale[ASIDE] + gas.scale[DRIFT] * gas.scale[DURATION])
+
+
+@ti.func
 def fly(i, gas: ti.template()):
     """Move disk i on to the end of the epoch, into its new tile and cell; count it there."""
     dt = gas.scale[DURATION] - gas.flight[i][TAU]
@@ -86,8 +104,10 @@ def fly(i, gas: ti.template()):
         y += 0.5 * gas.scale[GY] * fall * fall
         gas.flight[i][VX] += gas.scale[GX] * fall
         gas.flight[i][VY] += gas.scale[GY] * fall
-    in_x = ti.floor(x / gas.scale[CELL_X], ti.i32)
     in_y = ti.floor(y / gas.scale[CELL_Y], ti.i32)
+    if ti.static(gas.uses.sheared):
+        x += enter_row(i, in_y, gas)
+    in_x = ti.floor(x / gas.scale[CELL_X], ti.i32)
     cells = gas.grid[CELLS_X] * gas.grid[CELLS_Y]
     tile = gas.cell[i] // cells
     if in_x < 0 or in_x >= gas.grid[CELLS_X] or in_y < 0 or in_y >= gas.grid[CELLS_Y]:
@@ -95,6 +115,9 @@ def fly(i, gas: ti.template()):
         in_y, step_y = split(in_y, gas.grid[CELLS_Y])
         x -= step_x * gas.scale[TILE_X]
         y -= step_y * gas.scale[TILE_Y]
+        if ti.static(gas.uses.sheared):
+            step_x -= step_y * gas.grid[TILES_ASIDE]
+            gas.image[gas.meta[i][ID]][0] -= step_y * gas.grid[BOXES_ASIDE]
         tile_x, box_x = split(tile // gas.grid[TILES_Y] + step_x, gas.grid[TILES_X])
         tile_y, box_y = split(tile % gas.grid[TILES_Y] + step_y, gas.grid[TILES_Y])
         tile = tile_x * gas.grid[TILES_Y] + tile_y
@@ -210,6 +233,7 @@ def settle(
     uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
     link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows, order: Rows,
     squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table, latest: Rows,
+    flow_work: Rows,
 ):  # fmt: skip
     """Fly every disk on by `gas.scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
@@ -222,7 +246,7 @@ def settle(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order, squares=squares,
         limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work, wall_heat=wall_heat, latest=latest,
-        uses=uses,
+        flow_work=flow_work, uses=uses,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0
@@ -255,9 +279,9 @@ def settle(
             fastest2 = gas.limit[FASTEST] * 0.0
             sum2 = gas.limit[FASTEST] * 0.0
             for s in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
-                vx, vy = gas.flight[s][VX], gas.flight[s][VY]
-                fastest2 = ti.max(fastest2, vx * vx + vy * vy)
-                sum2 += vx * vx + vy * vy
+                speed2 = speed2_in_flow(s, gas)
+                fastest2 = ti.max(fastest2, speed2)
+                sum2 += speed2
             ti.atomic_max(gas.limit[FASTEST], ti.sqrt(fastest2))
             gas.squares[b] = sum2
     for _ in range(1):
@@ -270,15 +294,17 @@ def settle(
 
 @ti.kernel
 def export(
-    grid: Rows, scale: Rows, flight: Rows, meta: Rows, image: Rows, cell: Rows, real_out: Table,
-    int_out: Table,
+    now: ti.f64, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, flight: Rows, kinds: Rows,
+    meta: Rows, image: Rows, cell: Rows, real_out: Table, int_out: Table,
 ):  # fmt: skip
-    """Settled disks in id order: x, y, vx, vy, spin into `real_out` (n, 5); collisions, crossings into `int_out`.
+    """Settled disks in id order: x, y, vx, vy, spin into `real_out` (n, 6); collisions, crossings into `int_out`.
 
-    These collisions are with disks and walls.
+    These collisions are with disks and walls. In a sheared gas, `now` is the time, and the last column of `real_out`
+    gets by how much the kinetic energy in the frame of the disk's row of tiles is more than that in the mean flow.
     """
     gas = ti.static(GasArrays(
-        grid=grid, scale=scale, flight=flight, meta=meta, image=image, cell=cell,
+        grid=grid, scale=scale, clock=clock, flight=flight, kinds=kinds, meta=meta, image=image, cell=cell,
+        uses=uses,
     ))  # fmt: skip
     for s in range(gas.grid[N]):
         i = gas.meta[s][ID]
@@ -291,3 +317,13 @@ def export(
         int_out[i, 0] = gas.meta[s][EVENTS]
         int_out[i, 1] = gas.image[i][0]
         int_out[i, 2] = gas.image[i][1]
+        if ti.static(gas.uses.sheared):
+            row = tile % gas.grid[TILES_Y]
+            corner = (tile // gas.grid[TILES_Y]) * gas.clock[TILE_SIDE]
+            x, boxes = lab_x(corner, gas.flight[s][X], row, now, gas)
+            real_out[i, 0] = x
+            int_out[i, 1] += boxes
+            real_out[i, 2] += frame_speed(row, gas)
+            flow = ti.cast(flow_at(gas.flight[s][Y], gas), ti.f64)
+            mass = 1.0 / gas.kinds[gas.meta[s][KIND]][INVERSE_MASS]
+            real_out[i, 5] = mass * flow * (gas.flight[s][VX] - 0.5 * flow)

@@ -135,19 +135,20 @@ def predict_in_order(i, now, low, high, begin, rate, gas: ti.template()):
         shift = SAME_FRAME
         shift_x = 0.0
         shift_y = 0.0
+        drift = 0.0
         if q < own:
             j = gas.neighbour[row * i + q]
         else:
             code = gas.neighbour[row * i + row - 1 - (q - own)]
             j = code // 9
             shift = code - 9 * j
-            shift_x, shift_y = shift_by(shift, gas)
+            shift_x, shift_y, drift = shift_by(shift, gas)
         if j >= low and j < high:
             before = ti.min(horizon, ti.max(earliest, gas.flight[j][TE]))
             t = meeting_time(
                 x, y, vx, vy, tau,
                 gas.flight[j][X], gas.flight[j][Y], gas.flight[j][VX], gas.flight[j][VY], gas.flight[j][TAU],
-                shift_x, shift_y, radius + gas.flight[j][RADIUS], before,
+                shift_x, shift_y, drift, radius + gas.flight[j][RADIUS], before, gas,
             )  # fmt: skip
             if t <= before:
                 # A pair whose latest collision was with each other separates: it cannot meet again.
