@@ -59,7 +59,7 @@ def _value_axis(axes: Axes, profile: Profile, text: str, *, from_zero: bool = Tr
         if from_zero:
             axes.set_xlim(left=0.0)
     else:
-        axes.set_ylabel(text)
+        axes.set_ylabel(text.replace(" (", "\n("))  # flat panels
         if from_zero:
             axes.set_ylim(bottom=0.0)
 
