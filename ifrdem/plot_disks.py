@@ -148,7 +148,7 @@ def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
             ends = np.array((place, place + towards))
         # Above the frame: half of a line at a side of the box shows.
         width = 2.5 if wall.temperature is None else 6.0
-        look = {"color": colour, "lw": width, "solid_capstyle": "round", "zorder": 3}
+        look: dict[str, Any] = {"color": colour, "lw": width, "solid_capstyle": "round", "zorder": 3}
         axes.plot(*ends.T, scalex=False, scaley=False, **look)
         return
     filled = wall.shape == "post"
