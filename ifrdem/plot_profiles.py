@@ -41,7 +41,7 @@ def draw(figure: Any, place: Any, trajectory: Trajectory, profile: Profile) -> N
         panels[-1].set_xlabel(name)
         for axes in panels[:-1]:
             axes.tick_params(labelbottom=False)
-    first, last = (trajectory.with_unit(f"{time:.3g}", "time") for time in profile.times)
+    first, last = (trajectory.with_unit(f"{time:.4g}", "time") for time in profile.times)
     panels[0].set_title(f"means from {first} to {last}", fontsize="medium", loc="left")
     for axes in panels:
         axes.grid(True, which="major", lw=0.4, alpha=0.5)
