@@ -39,6 +39,10 @@ def _wrong_keys(what: str, needed: tuple[str, ...], known: tuple[str, ...], give
     return f"{what}: {'; '.join(wrong)}" if wrong else None
 
 
+def _nowhere(vector: Any) -> bool:
+    return isinstance(vector, list) and len(vector) == 2 and all(each == 0 for each in vector)
+
+
 class MotionSection(Section):
     """How a wall moves as a whole: a displacement s(t) from where it stands, along a direction."""
 
@@ -78,7 +82,10 @@ class MotionSection(Section):
             return None  # said of the kind itself
         needed, also = MOTIONS[kind]
         given = {key for key in data if key in cls.model_fields} - {"kind", "direction"}
-        return _wrong_keys(f'kind = "{kind}"', needed, needed + also, given)
+        found = _wrong_keys(f'kind = "{kind}"', needed, needed + also, given)
+        if found is None and _nowhere(data.get("direction")):
+            found = "direction = [0, 0]: it has no direction"
+        return found
 
 
 class WallSection(Section):
@@ -156,7 +163,7 @@ class WallSection(Section):
             found = f"{found}; {text}" if found else text
         if found is None and shape == "container" and data.get("radius") == 0:
             found = "radius = 0: a container needs one above 0"
-        if found is None and shape == "line" and data.get("normal") in ([0, 0], [0.0, 0.0]):
+        if found is None and shape == "line" and _nowhere(data.get("normal")):
             found = "normal = [0, 0]: it has no direction"
         if found is None and shape == "segment" and data.get("start") == data.get("end"):
             found = 'start = end: a segment has two ends; a point is a "post" of radius 0'

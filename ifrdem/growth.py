@@ -99,7 +99,8 @@ def grow(
     refuse_no_room(room, radii)
     wanted = room.packing_fraction(radii)
     if wanted >= 1.0:
-        raise InputError(f"packing fraction = {wanted:.4f}: the disks cover more than there is")
+        place = "room between walls" if room.all_walls else "box"
+        raise InputError(f"packing fraction = {wanted:.4f}: the disks cover more than the {place} has")
     soft = _SoftDisks(room, radii, _scattered(room, n, seeds.stream(seed, seeds.POSITIONS)))
     agitation = seeds.stream(seed, seeds.AGITATION)
     easy = soft.minimise(FIRST_STEPS)

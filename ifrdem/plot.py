@@ -86,7 +86,7 @@ def walled(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) ->
         width, height = trajectory.box.lengths
         tall = min(max(height / width, 0.5), 2.0)
         figure = Figure(figsize=(8.2 + 7.0 / max(tall, 1.0), 7.5), dpi=200, layout="constrained")
-        grid = figure.add_gridspec(2, 2, width_ratios=(8.2, 7.0 / max(tall, 1.0)), height_ratios=(1.0, 1.35))
+        grid = figure.add_gridspec(2, 2, width_ratios=(8.2, 7.0 / max(tall, 1.0)), height_ratios=(1.0, 1.5))
         plot_temperatures.walled(figure.add_subplot(grid[0, 0]), trajectory)
         found = profiles.of(trajectory)
         if found is not None:

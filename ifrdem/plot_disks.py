@@ -159,7 +159,10 @@ def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
             )  # about the box
         else:
             ends = np.array((place, place + towards))
-        axes.plot(*ends.T, color=colour, lw=2.5, solid_capstyle="round", scalex=False, scaley=False)
+        # Above the frame: half of a line at a side of the box shows.
+        width = 2.5 if wall.temperature is None else 6.0
+        look: dict[str, Any] = {"color": colour, "lw": width, "solid_capstyle": "round", "zorder": 3}
+        axes.plot(*ends.T, scalex=False, scaley=False, **look)
         return
     filled = wall.shape == "post"
     axes.add_patch(

@@ -42,7 +42,7 @@ def draw(figure: Any, place: Any, trajectory: Trajectory, profile: Profile) -> N
         panels[-1].set_xlabel(name)
         for axes in panels[:-1]:
             axes.tick_params(labelbottom=False)
-    first, last = (trajectory.with_unit(f"{time:.3g}", "time") for time in profile.times)
+    first, last = (trajectory.with_unit(f"{time:.4g}", "time") for time in profile.times)
     panels[0].set_title(f"means from {first} to {last}", fontsize="medium", loc="left")
     for axes in panels:
         axes.grid(True, which="major", lw=0.4, alpha=0.5)
@@ -60,7 +60,7 @@ def _value_axis(axes: Axes, profile: Profile, text: str, *, from_zero: bool = Tr
         if from_zero:
             axes.set_xlim(left=0.0)
     else:
-        axes.set_ylabel(text)
+        axes.set_ylabel(text.replace(" (", "\n("))  # flat panels
         if from_zero:
             axes.set_ylim(bottom=0.0)
 

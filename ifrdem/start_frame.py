@@ -88,12 +88,14 @@ def read(
         size = float(np.abs(position).max(initial=0.0)) if box.is_open else max(sides)
         tolerance = ROUNDING * size / (2.0 * float(radius.min())) if single else None
         try:
+            all_walls = Room(box, tuple(walls)).all_walls
             if tolerance is None:
                 check_no_overlap(box, radius, position)
+                check_walls(all_walls, box, position, radius)
             else:
                 check_no_overlap(box, radius, position, tolerance=tolerance)
+                check_walls(all_walls, box, position, radius, tolerance=ROUNDING * max(sides))
                 position = growth.separate(box, radius, position, walls=walls)
-            check_walls(Room(box, tuple(walls)).all_walls, box, position, radius)
         except InputError as error:
             raise InputError(
                 f"frame {at.index} of {len(trajectory)}: {error}{_why(trajectory, radius, single)}"

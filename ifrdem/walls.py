@@ -322,10 +322,11 @@ def check(
     radius: NDArray[np.float64],
     materials: int | None = None,
     time: float = 0.0,
+    tolerance: float = 0.0,
 ) -> None:
     """Refuse walls that cannot be simulated, or that disks overlap at the start, which is at `time` [time].
 
-    `materials` is how many the law's table has, if it is known.
+    `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
 
     Raises
     ------
@@ -353,7 +354,7 @@ def check(
         if len(position):
             gap = wall.gap(position, radius, time)
             worst = int(np.argmin(gap))
-            if gap[worst] < 0.0:
+            if gap[worst] < -tolerance:
                 raise InputError(
                     f"disk {worst} at ({position[worst, 0]:.6g}, {position[worst, 1]:.6g}) overlaps {name} by "
                     f"{-gap[worst]:.3g}"

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from ifrdem import case_file, curves, template
+from ifrdem import case_file, curves, profiles, template
 from ifrdem import gas as gas_module
 from ifrdem.case import Case
 from ifrdem.case_walls import MOTIONS, SHAPES, MotionSection, WallSection
@@ -119,6 +119,7 @@ def test_the_case_is_in_order() -> None:
             "wall[0].motion",
             "speed cannot stand here; known for it: amplitude, freq",
         ),
+        (["wall[0].motion.direction=[0.0, 0.0]"], "wall[0].motion", "it has no direction"),
         (["wall[0].motion.frequency=0.0"], "wall[0].motion.frequency = 0.0", "greater than 0"),
         (
             ["wall[0].material=stele"],
@@ -151,7 +152,7 @@ def test_the_case_is_in_order() -> None:
             "box.packing_fraction",
             "box.lengths is needed instead",
         ),
-        (["run.collapse=tq"], 'run.collapse = "tq"', "did you mean 'tc'"),
+        (["run.collapse=velocity"], 'run.collapse = "velocity"', "did you mean 'velocity_cutoff'"),
         (["run.collapse=velocity_cutoff"], "run", 'collapse = "velocity_cutoff": velocity_cutoff missing'),
         (["run.velocity_cutoff=0.1"], "run", 'velocity_cutoff cannot stand beside collapse = "none"'),
         (
@@ -446,6 +447,24 @@ def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
     case = Case.model_validate(changed("species[0].number=300", f"start.positions={way}"))
     gas = Gas.from_case(case)
     assert np.all(gas.room.gap(gas.start(case).position, gas.disks.radius) >= 0.0)
+
+
+def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Density inversion, as its comment says, in a box a quarter as wide and for a second and a half."""
+    monkeypatch.chdir(tmp_path)
+    less = ["box.lengths=[0.2625, 0.7]", "species[0].number=100", "run.t_end=1.5", "output.frames=30"]
+    words = [word for each in less for word in ("--set", each)]
+    assert main(["run", "vibrated", "--no-picture", *words]) == 0
+    with Trajectory("vibrated.h5") as trajectory:
+        found = profiles.of(trajectory)
+    assert found is not None
+    densest = int(np.argmax(found.packing_fraction))
+    assert found.packing_fraction[densest] > 0.5
+    assert 4.0 < (found.middle[densest] - 0.0105) / 0.021 < 9.0  # diameters above the floor
+    assert found.packing_fraction[0] < 0.5 * found.packing_fraction[densest]
+    T_x, T_y = found.temperature[0]
+    assert T_y > 2.0 * T_x
+    assert T_y > 8.0 * found.temperature[densest, 1]
 
 
 def test_the_template_of_walls_is_a_shaken_floor() -> None:

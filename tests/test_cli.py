@@ -167,8 +167,8 @@ def test_check_prints_what_to_expect(folder: Path, capsys: pytest.CaptureFixture
     assert rows["mean free path"].startswith("0.0204")
     assert "strictly admissible" in rows["pair coins, coins"]
     assert "202 collisions" in rows["run"]  # 101 x 4 / 2
-    # 9 frames x 101 disks x 24 bytes = 21.8 kB, and 10 numbers of 8 bytes a frame, 28 bytes a disk once
-    assert rows["file"].startswith("tiny.h5, 25.4 kB: 9 frames x (101 disks x 24 bytes")
+    # 9 frames x 101 disks x 24 bytes = 21.8 kB, and 14 numbers of 8 bytes a frame, 28 bytes a disk once
+    assert rows["file"].startswith("tiny.h5, 25.7 kB: 9 frames x (101 disks x 24 bytes")
     assert re.search(r"101 disks x \d+ bytes", rows["memory"])
     assert names(folder) == ["tiny.toml"]
 

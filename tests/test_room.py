@@ -159,7 +159,7 @@ def test_too_many_disks_are_refused_with_what_was_reached() -> None:
     assert room.packing_fraction(radius) > 1.0
     with pytest.raises(InputError, match=r"random positions of equal disks end at 0\.547"):
         place("random", room, radius)
-    with pytest.raises(InputError, match="the disks cover more than there is"):
+    with pytest.raises(InputError, match="the disks cover more than the room between walls has"):
         place("growth", room, radius)
     with pytest.raises(InputError, match=r"between the walls: at most (\d+) do") as found:
         place("hexagonal", room, radius)
