@@ -9,22 +9,28 @@ from ifrdem.kernels.law import ifr_impulses
 
 
 class Viscoelastic(CollisionLaw):
-    """The IFR law with e_n = e - c g_n^(1/5); with c = 0 it is the IFR law itself."""
+    """The README's, which the kernel cache then has: e_n = 1 - c g_n^(1/5); with c = 0 it is an IFR law."""
 
-    coefficients = ("e", "c", "e_t", "mu", "contact_point", "rho")
+    coefficients = ("c", "e_t", "mu")
 
     @staticmethod
     def collide(pair, coefficients):  # type: ignore[no-untyped-def]
-        e_n = coefficients[0] - coefficients[1] * ti.pow(pair.g_n, 0.2)
+        e_n = ti.max(1.0 - coefficients[0] * pair.g_n**0.2, 0.0)
         P_n, P_t, T, _, _ = ifr_impulses(
-            e_n, coefficients[2], coefficients[3], coefficients[4], coefficients[5],
+            e_n, coefficients[1], coefficients[2], 1.0, 0.0,
             pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
         )  # fmt: skip
         return P_n, P_t, T
 
 
-class Other(Viscoelastic):
-    """Another class with the same coefficients."""
+class Weak(CollisionLaw):
+    """P_n = part m_n g_n: with less than 1, disks go through each other."""
+
+    coefficients = ("part",)
+
+    @staticmethod
+    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
+        return coefficients[0] * pair.m_n * pair.g_n, 0.0, 0.0
 
 
 class Silent(CollisionLaw):

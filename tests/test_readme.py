@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import runpy
 import tomllib
@@ -11,9 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ifrdem import Trajectory, check, cli, template
+import ifrdem
+from ifrdem import EnergyWarning, Trajectory, check, cli, template
 from ifrdem.case import Case
 from ifrdem.gas import Gas
+from ifrdem.observables import measure
 from ifrdem.walls import Motion, Wall
 
 ROOT = Path(__file__).parents[1]
@@ -80,6 +83,37 @@ def test_force_example_turns_velocities_and_puts_in_no_energy(
     assert kicks == pytest.approx(500.0, abs=160.0)
     assert abs(magnus) < 1e-10  # it only turns velocities
     assert capsys.readouterr().out.endswith("]\n")
+
+
+def test_law_example_cools_as_viscoelastic_gases_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """To first order in c, with a Maxwellian: dT/dt = -B T^(8/5), so that T = (1 + 3 B t / 5)^(-5/3).
+
+    A collision takes m_n (1 - e^2) g^2 / 2 = c g^(11/5) / 2, for m_n = 1/2 and e^2 = 1 - 2 c g^(1/5). Normal velocities
+    g of colliding disks have the density g exp(-g^2 / (4 T)) / (2 T), whose moment of order 11/5 is (4 T)^(11/10)
+    Gamma(21/10). A disk has omega = 2 sqrt(pi T) n chi collisions per time for m = sigma = 1 (Enskog), each shared by
+    two. The next order in c is 5 % of the loss, 3 % of T.
+    """
+    file = tmp_path / "law.py"  # Taichi reads the source of a law
+    file.write_text(block("law").replace("t_end=100.0", "t_end=20.0"))
+    with pytest.warns(EnergyWarning, match="of 4096 random collisions none did"):
+        found = runpy.run_path(str(file))
+    temperature, dissipated = (float(word) for word in capsys.readouterr().out.split())
+    phi, c = 0.1, 0.1
+    n, chi = phi / (math.pi / 4.0), (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
+    B = math.sqrt(math.pi) * n * chi * 0.5 * c * 4.0**1.1 * math.gamma(2.1)
+    assert temperature == pytest.approx((1.0 + 0.6 * B * 20.0) ** (-5.0 / 3.0), rel=0.1)
+    start = measure(found["disks"], ifrdem.State(found["position"], found["velocity"], np.zeros(2000)))
+    assert dissipated == pytest.approx(start.energy - 2000.0 * temperature, rel=1e-12)
+
+
+def test_open_example_flies_apart(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block("open"), "README.md", "exec"), {})
+    collisions, epochs, extent = capsys.readouterr().out.split()
+    assert int(collisions) > 500
+    assert int(epochs) < 500
+    assert float(extent) > 1e9
 
 
 def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:
