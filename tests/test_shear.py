@@ -224,7 +224,7 @@ def test_the_ledger_closes_for_elastic_disks_and_forces() -> None:
     smooth = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
     forces = [RandomKicks(0.05, power=1.0), Rescale(0.1, temperature=2.0)]
     gas = Simulation(disks, box, smooth, state, forces=forces, seed=1)
-    gas.run(t_end=4.0)
+    gas.run(t_end=8.0)
     end = measure(disks, gas.state)
     throughput = abs(gas.shear_work) + float(np.abs(gas.energy_inputs).sum())
     assert gas.shear_work > 0.1 * throughput
@@ -280,8 +280,8 @@ def test_one_disk_flies_straight_on_and_its_path_has_no_jumps() -> None:
 def test_nothing_jumps_at_the_seam() -> None:
     """Density, temperature and velocity in ten slabs, the seam between the last and the first: the same in all.
 
-    Means over 100 collisions of each disk, in which long waves live for some ten: of up to 5 % and 0.06 sqrt(T) here, and
-    more where disks are less elastic or more. A velocity that jumped by a hundredth of rate Ly would be 0.04 sqrt(T).
+    Means over 100 collisions of each disk, in which long waves live for some ten: of up to 5 % and 0.06 sqrt(T) here,
+    and more where disks are less elastic or more. A jump by a hundredth of rate Ly would be 0.04 sqrt(T).
     """
     disks = equal_disks(400)
     box, state = sheared(disks, 0.2, 0.5)
