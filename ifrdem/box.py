@@ -132,6 +132,8 @@ class Box:
     def flow(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Velocity of the mean flow [length/time] at positions [length], both of shape (..., 2); 0 without shear."""
         flow = np.zeros_like(position, dtype=np.float64)
+        if self.shear_rate == 0.0:
+            return flow
         flow[..., 0] = self.shear_rate * (position[..., 1] - 0.5 * self.lengths[1])
         return flow
 

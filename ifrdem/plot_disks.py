@@ -47,7 +47,7 @@ def last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
         axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
     else:
         spin = frame.spin if "angular_velocity" in trajectory.fields else np.zeros(trajectory.disks.n)
-        _disks(figure, axes, trajectory, position, spin)
+        _disks(figure, axes, trajectory, position, spin, frame.time)
         axes.set_title(f"disks at {time}")
 
 
@@ -61,13 +61,18 @@ def shown_region(trajectory: Trajectory, position: NDArray[np.float64]) -> NDArr
 
 
 def _disks(
-    figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64], spin: NDArray[np.float64]
+    figure: Any,
+    axes: Axes,
+    trajectory: Trajectory,
+    position: NDArray[np.float64],
+    spin: NDArray[np.float64],
+    time: float,
 ) -> None:
     from matplotlib.collections import EllipseCollection
     from matplotlib.colors import LinearSegmentedColormap
 
     radius = trajectory.disks.radius
-    position, owner = _with_images(position, radius, trajectory.box)
+    position, owner = _with_images(position, radius, trajectory.box, time)
     # A heavy tail of fast spins must not wash out all others: colours are full from the 95th percentile on.
     limit = float(np.quantile(np.abs(spin), 0.95)) if len(spin) else 0.0
     limit = limit if limit > 0.0 else 1.0
@@ -84,8 +89,8 @@ def _disks(
         linewidths=0.0,
     )
     axes.add_collection(drawn)
-    time = trajectory.units.get("time")
-    unit = "reduced units" if time is None else f"rad/{time}"
+    unit_time = trajectory.units.get("time")
+    unit = "reduced units" if unit_time is None else f"rad/{unit_time}"
     bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.85)
     bar.set_label(rf"spin $\omega$ ({unit}), counter-clockwise positive")
 
@@ -119,18 +124,23 @@ def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDAr
 
 
 def _with_images(
-    position: NDArray[np.float64], radius: NDArray[np.float64], box: Box
+    position: NDArray[np.float64], radius: NDArray[np.float64], box: Box, time: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Positions with the periodic images of disks that a side cuts, and which disk each of them is."""
     owner = np.arange(len(position))
-    for axis, length in enumerate(box.periods):
+    for axis in (1, 0):  # what comes in above or below may be cut at the side
+        length = box.periods[axis]
         if length == 0.0:
             continue
         low = position[:, axis] < radius[owner]
         high = position[:, axis] > length - radius[owner]
         shift = np.zeros(2)
         shift[axis] = length
+        if axis == 1:
+            shift[0] = box.image_above(time)
         position = np.concatenate([position, position[low] + shift, position[high] - shift])
+        if axis == 1 and box.periodic[0]:
+            position[:, 0] %= box.lengths[0]
         owner = np.concatenate([owner, owner[low], owner[high]])
     return position, owner
 

@@ -210,7 +210,7 @@ def test_the_picture_shows_theory_and_its_steady_state(
     Path("kicked.toml").write_text(DRIVEN)
     assert main(["run", "kicked.toml", "--no-picture"]) == 0
     figures: list[Figure] = []
-    monkeypatch.setattr(plot, "_save", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(plot, "save", lambda figure, path: figures.append(figure))
     plot.driven("kicked.h5", "kicked.png")
     upper, lower = figures[0].axes[:2]
     T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (

@@ -28,7 +28,7 @@ def test_the_scan_gives_the_papers_two_lines(tmp_path: Path, monkeypatch: pytest
     """
     monkeypatch.chdir(tmp_path)
     drawn: dict[str, Any] = {}
-    monkeypatch.setattr(scan_picture, "_save", lambda figure, path: drawn.update(figure=figure))
+    monkeypatch.setattr(scan_picture, "save", lambda figure, path: drawn.update(figure=figure))
     few = ["species[0].number=60", "species[1].number=60"]
     assert cli.main(["run", str(CASE), *changed(*few)]) == 0
     with Trajectory("impact_scan.h5") as trajectory:

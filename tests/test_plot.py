@@ -60,7 +60,7 @@ def write(
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """Collects the figures instead of rendering them, which takes a second each."""
     figures: list[Figure] = []
-    monkeypatch.setattr(plot, "_save", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(plot, "save", lambda figure, path: figures.append(figure))
     return figures
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem import EnergyWarning, Trajectory, check, cli, template
+from ifrdem import EnergyWarning, Trajectory, check, cli, shear_theory, template
 from ifrdem.case import Case
 from ifrdem.gas import Gas
 from ifrdem.observables import measure
@@ -133,6 +133,18 @@ def test_every_verb_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[s
     shown = capsys.readouterr().out
     for verb in listed:
         assert re.search(rf"^    {verb} ", shown, flags=re.MULTILINE)
+
+
+def test_shear_example_prints_a_temperature_and_a_negative_shear_stress(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    exec(compile(block("shear"), "README.md", "exec"), {})
+    T, stress = (float(line) for line in capsys.readouterr().out.splitlines())
+    law = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+    steady = shear_theory.steady_state(law, 1.0, 0.5, 2.0, 0.1, 0.5)
+    assert steady is not None
+    assert pytest.approx(steady[0], rel=0.25) == T  # one frame of a thousand disks, not yet steady
+    assert stress < 0.0
 
 
 def test_mixture_example_runs() -> None:

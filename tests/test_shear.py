@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+import math
+
 import numpy as np
 import pytest
 from gases import COIN, ELASTIC, ROLLING, equal_disks, mixture
@@ -15,8 +18,10 @@ from ifrdem.errors import InputError
 from ifrdem.forces import RandomKicks, Rescale
 from ifrdem.law import IFRLaw
 from ifrdem.observables import measure
+from ifrdem.shear_theory import steady_state
 from ifrdem.simulation import Simulation
 from ifrdem.state import Disks, State
+from ifrdem.theory import contact_value
 from ifrdem.walls import Wall
 
 ORDERS = ["alone", "tiles", "rounds"]
@@ -67,6 +72,18 @@ def assert_same_collisions(found: Collisions, expected: list[tuple[float, int, i
     np.testing.assert_allclose(found.time, [collision[0] for collision in expected], atol=1e-7)
 
 
+@functools.cache
+def expected(
+    kind: str, packing_fraction: float, rate: float, time: float, law: tuple[float, ...], count: int
+) -> tuple[Disks, Box, State, Sheared]:
+    """A gas of 300 disks, and what the serial code makes of it, after `count` collisions."""
+    disks = equal_disks(300) if kind == "equal" else mixture(300)
+    box, state = sheared(disks, packing_fraction, rate, time=time)
+    reference = Sheared(disks, box, law, state)
+    reference.run(collisions=count, window=0.1)
+    return disks, box, state, reference
+
+
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize(
     ("rate", "beginning", "law"),
@@ -79,10 +96,7 @@ def test_collisions_are_those_of_a_serial_code(
 
     At the rate 3 the flow changes by three thermal speeds from one disk's edge to the other.
     """
-    disks = equal_disks(300)
-    box, state = sheared(disks, 0.3, rate, time=BEGINNINGS[beginning])
-    reference = Sheared(disks, box, law, state)
-    reference.run(collisions=700, window=0.2)
+    disks, box, state, reference = expected("equal", 0.3, rate, BEGINNINGS[beginning], law, 700)
     engine = made(disks, box, state, law, order)
     assert_same_collisions(run(engine, 700), reference.collisions)
     apart = box.minimum_image(engine.state().position - reference.state().position, engine.time)
@@ -92,10 +106,7 @@ def test_collisions_are_those_of_a_serial_code(
 @pytest.mark.parametrize("order", ORDERS)
 def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
     """Fast small disks need longer lists, across rows that move against each other."""
-    disks = mixture(300)
-    box, state = sheared(disks, 0.25, 0.7, time=3.7)
-    reference = Sheared(disks, box, COIN, state)
-    reference.run(collisions=600, window=0.1)
+    disks, box, state, reference = expected("mixture", 0.25, 0.7, 3.7, COIN, 600)
     engine = made(disks, box, state, COIN, order, skin=0.4)
     assert engine.most_level > 0
     assert_same_collisions(run(engine, 600), reference.collisions)
@@ -104,11 +115,8 @@ def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
 def test_parallel_rounds_give_the_serial_collisions(monkeypatch: pytest.MonkeyPatch) -> None:
     """As a GPU does them."""
     monkeypatch.setattr(ifrdem.epochs, "FEW", 0)
-    disks = equal_disks(300)
-    box, state = sheared(disks, 0.3, 0.5, time=3.7)
-    reference = Sheared(disks, box, COIN, state)
-    reference.run(collisions=600, window=0.2)
-    assert_same_collisions(run(made(disks, box, state, COIN, "rounds"), 600), reference.collisions)
+    disks, box, state, reference = expected("equal", 0.3, 3.0, BEGINNINGS["askew"], COIN, 700)
+    assert_same_collisions(run(made(disks, box, state, COIN, "rounds"), 700), reference.collisions)
 
 
 def test_a_sheared_run_is_bitwise_the_same_on_one_and_two_threads() -> None:
@@ -199,10 +207,7 @@ def test_the_ledger_closes(law: tuple[float, ...], order: str) -> None:
     What collisions dissipated is added up by the serial code, in the frame of each of them. The flow's work comes from
     crossings and collisions between rows of tiles, and the present energy from the velocities: three different sums.
     """
-    disks = mixture(300)
-    box, state = sheared(disks, 0.3, 0.8, time=3.7)
-    reference = Sheared(disks, box, law, state)
-    reference.run(collisions=500, window=0.1)
+    disks, box, state, reference = expected("mixture", 0.3, 0.8, 3.7, law, 500)
     engine = made(disks, box, state, law, order)
     run(engine, 500)
     end = engine.state()
@@ -219,7 +224,7 @@ def test_the_ledger_closes_for_elastic_disks_and_forces() -> None:
     smooth = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
     forces = [RandomKicks(0.05, power=1.0), Rescale(0.1, temperature=2.0)]
     gas = Simulation(disks, box, smooth, state, forces=forces, seed=1)
-    gas.run(t_end=4.0)
+    gas.run(t_end=8.0)
     end = measure(disks, gas.state)
     throughput = abs(gas.shear_work) + float(np.abs(gas.energy_inputs).sum())
     assert gas.shear_work > 0.1 * throughput
@@ -258,7 +263,7 @@ def test_one_disk_flies_straight_on_and_its_path_has_no_jumps() -> None:
     gas = Simulation(
         disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), State([begin], [velocity], [0.0], time=2.0)
     )
-    for elapsed in (0.0, 3.0, 4.4, 110.0):
+    for elapsed in (0.0, 3.0, 4.4, 109.0):
         gas.run(t_end=2.0 + elapsed)
         end = gas.state
         path = box.unwrap(end.position, end.image, end.time) - box.unwrap(begin[None], np.zeros((1, 2)), 2.0)
@@ -275,14 +280,15 @@ def test_one_disk_flies_straight_on_and_its_path_has_no_jumps() -> None:
 def test_nothing_jumps_at_the_seam() -> None:
     """Density, temperature and velocity in ten slabs, the seam between the last and the first: the same in all.
 
-    Means over 60 frames of 100 disks in each slab: 1.3 % for the density, 2 % for T, and 0.02 for the velocity.
+    Means over 100 collisions of each disk, in which long waves live for some ten: of up to 5 % and 0.06 sqrt(T) here,
+    and more where disks are less elastic or more. A jump by a hundredth of rate Ly would be 0.04 sqrt(T).
     """
-    disks = equal_disks(1000)
+    disks = equal_disks(400)
     box, state = sheared(disks, 0.2, 0.5)
-    gas = Simulation(disks, box, IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0), state)
-    gas.run(collisions_per_disk=15.0)
+    gas = Simulation(disks, box, IFRLaw(e_n=0.95, e_t=-1.0, mu=0.0), state)
+    gas.run(collisions_per_disk=30.0)
     frames: list[State] = []
-    gas.run(collisions_per_disk=75.0, frames=60, observers=[lambda state, _: frames.append(state)])
+    gas.run(collisions_per_disk=130.0, frames=100, observers=[lambda state, _: frames.append(state)])
     y = np.concatenate([frame.position[:, 1] for frame in frames])
     peculiar = np.concatenate([frame.peculiar_velocity for frame in frames])
     slab = (10.0 * y / box.lengths[1]).astype(int)
@@ -290,11 +296,41 @@ def test_nothing_jumps_at_the_seam() -> None:
     T = np.bincount(slab, np.sum(peculiar**2, axis=1)) / count / 2.0
     drift = np.bincount(slab, peculiar[:, 0]) / count
     np.testing.assert_allclose(count, count.mean(), rtol=0.1)
-    np.testing.assert_allclose(T, T.mean(), rtol=0.1)
+    np.testing.assert_allclose(T, T.mean(), rtol=0.12)
     np.testing.assert_allclose(drift, 0.0, atol=0.12 * np.sqrt(T.mean()))
     # The lab's velocities have the slope of the flow.
     lab = np.concatenate([frame.velocity[:, 0] for frame in frames])
-    assert np.polyfit(y, lab, 1)[0] == pytest.approx(0.5, rel=0.05)
+    assert np.polyfit(y, lab, 1)[0] == pytest.approx(0.5, rel=0.03)
+
+
+@pytest.mark.parametrize("start", [0.1, 4.0], ids=["cold", "hot"])
+def test_temperature_and_stress_settle_at_those_of_kinetic_theory(start: float) -> None:
+    """500 smooth disks at phi = 0.05, e_n = 0.9; means over 140 collisions per disk after 60, from two beginnings.
+
+    Theory: Santos, Garzo and Dufty (2004), doi:10.1103/PhysRevE.69.061303, with 5 % for crowding; the kinetic stress is
+    -sqrt(z/l (1 - z/l)) n T there, z = 0.095, l = 1.02125. Seen: T at -1 to +1 %, with 1 % of statistics; the kinetic
+    stress 4 % above the dilute one, and the whole one, from the flow's work, another 5 %: 1 + (1 + e_n) phi chi / 2.
+    """
+    disks, law = equal_disks(500), IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    T, _ = steady_state(law, 1.0, 0.5, 2.0, 0.05, 0.5) or (0.0, 0.0)
+    box, state = sheared(disks, 0.05, 0.5)
+    assert state.flow is not None
+    state.velocity = state.flow + state.peculiar_velocity * np.sqrt(start * T)
+    gas = Simulation(disks, box, law, state)
+    gas.run(collisions_per_disk=60.0)
+    begun, work = gas.state.time, gas.shear_work
+    found: list[tuple[float, float]] = []
+    gas.run(
+        collisions_per_disk=200.0,
+        frames=140,
+        observers=[lambda _, m: found.append((m.temperature, m.shear_pressure / disks.n))],
+    )
+    mean_T, kinetic = np.mean(found, axis=0)
+    assert mean_T == pytest.approx(T, rel=0.05)
+    assert kinetic / mean_T == pytest.approx(-math.sqrt(0.095 / 1.02125 * (1.0 - 0.095 / 1.02125)), rel=0.07)
+    whole = -(gas.shear_work - work) / (0.5 * (gas.time - begun) * disks.n)
+    chi = contact_value(0.05)
+    assert whole / kinetic == pytest.approx(1.0 + 0.95 * 0.05 * chi, rel=0.02)
 
 
 # --- what is refused ---------------------------------------------------------------------------------------
