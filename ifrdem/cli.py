@@ -21,6 +21,8 @@ INTERRUPTED = 130  # what shells use for SIGINT
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status: 0, 1 (failed), 2 (bad input), 130 (interrupted)."""
     given = sys.argv[1:] if arguments is None else list(arguments)
+    if sys.stdout is None:  # closed by the caller, as by `>&-`
+        sys.stdout = open(os.devnull, "w")
     try:
         options = _parse(given)
         status = int(options.act(options))
@@ -36,8 +38,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _complain(str(error) or "interrupted")
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output went away, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _forget_output()
         return FAILED
+    except OSError as error:  # such as a full disk; files have their own messages
+        _forget_output()
+        _complain(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}")
+        return FAILED
+
+
+def _forget_output() -> None:
+    """Nothing that is left to write can be written: Python must not try again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _complain(message: str) -> None:

@@ -221,7 +221,7 @@ class Engine:
             inner = Box((box.lengths[0] + room[0], box.lengths[1] + room[1]), shear_rate=box.shear_rate)
         self._skin_given = skin
         skin = skins.choose(skin, inner, box, disks, state)
-        self._released = False
+        self._released = True  # until there is anything to release
         self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
         self.skin = skin
         self.time = float(state.time)
@@ -260,6 +260,7 @@ class Engine:
 
         self._arrays_for = arrays_for
         self.arrays: DeviceArrays = arrays_for(state, inner, skin, self._offset)
+        self._released = False
         backend.register(self)
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
@@ -350,7 +351,9 @@ class Engine:
                     self.last_collisions = self._read_log()
                 self.time = outcome.time
                 self.epochs.after_epoch(self.time)
+                self._whole = True  # a run that has to stop here leaves a state
                 self._watch(outcome, t_end)
+                self._whole = False
         self._apply_forces()
         self._whole = True
 

@@ -33,6 +33,7 @@ _SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("d2d112", "sqrtd2d", "d2d105", "d2d1sqrt", "sqrtd2overd1"), "sqrt_d2_d1"),
     **dict.fromkeys(("et*", "etstar", "etapp", "apparentet"), "e_t_apparent"),
 }
+LEAST_ERROR = 1e-6  # below it, chi2 is so steep that rounding hides its minimum
 _ERROR = ("error", "err", "sigma", "uncertainty", "std")
 _DEGREES = ("deg", "degree", "degrees", "°")
 _RADIANS = ("rad", "radian", "radians", "mrad")
@@ -334,6 +335,6 @@ def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
 
 
 def _wrong_errors(name: str, values: Array) -> list[tuple[int, str]]:
-    right = np.isfinite(values) & (values > 0.0)
-    need = "a positive finite number is needed; every measured value has an error"
+    right = np.isfinite(values) & (values >= LEAST_ERROR)
+    need = f"a finite number, {LEAST_ERROR:g} or more, is needed; every measured value has an error"
     return [(int(i), f"error of {name} = {values[i]:g}: {need}") for i in np.flatnonzero(~right)]

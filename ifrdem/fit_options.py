@@ -178,6 +178,10 @@ def run(
         If options or data are wrong: before any work.
     """
     if given.example:
+        if given.data is not None:
+            raise InputError(
+                f"--example prints its data and reads none: `ifrdem fit --example > {given.data}` writes them"
+            )
         from .fit_data import example
 
         say(example().rstrip("\n"))

@@ -173,8 +173,10 @@ class Room:
     def area(self, inset: float = 0.0) -> float:
         """Area of the room [length^2], or of what is at least `inset` [length] from every wall: 0 if nothing is.
 
-        An inset leaves segments aside.
+        An inset leaves segments aside. An open box has an infinite one.
         """
+        if self.box.is_open:
+            return math.inf
         return self._area(self._boundaries(inset))
 
     def strips(self, axis: int, edges: NDArray[np.float64]) -> NDArray[np.float64]:
