@@ -111,11 +111,17 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     validate = verbs.add_parser(
         "validate",
         help="reproduce the paper through the kernels",
-        description="Collide disks as the paper does, and compare with its equations, tables and figures. Writes "
-        "results.json, report.html and the figures. Exit status 0 only if every row passed.",
+        description="Collide disks as the paper does, and compare with its equations, tables and figures; `validate "
+        "bullet` compares with PyBullet and pymunk instead. Writes results.json, report.html and the figures. Exit "
+        "status 0 only if every row passed.",
         allow_abbrev=False,
     )
-    validate.add_argument("names", metavar="NAME", nargs="*", help="cases to run (default: all; see --list)")
+    validate.add_argument(
+        "names",
+        metavar="NAME",
+        nargs="*",
+        help="cases or groups to run: paper (default), bullet, or see --list",
+    )
     validate.add_argument("--quick", action="store_true", help="fewer samples: under a minute")
     validate.add_argument("--list", action="store_true", help="list the cases and run none")
     validate.add_argument(
