@@ -73,8 +73,9 @@ def add_disk(
         mass, shape, -1, [0.0, 0.0, 0.0], useMaximalCoordinates=1, physicsClientId=client
     )
     _surface(p, client, body, friction, restitution)
-    # The margin is part of the cylinder, and its default of 0.04 more than a coin in metres has.
-    p.changeDynamics(body, -1, collisionMargin=0.25 * min(height, radius), physicsClientId=client)
+    # The margin is part of the cylinder, and its default of 0.04 more than a coin in metres has. Contact normals come
+    # out within 7e-7 with this one, within 1e-6 with larger ones.
+    p.changeDynamics(body, -1, collisionMargin=0.05 * min(height, radius), physicsClientId=client)
     # Without `mass` this call would set it to 0.
     inertia = [0.0, 0.0, mass * radius**2 / k]
     p.changeDynamics(body, -1, mass=mass, localInertiaDiagonal=inertia, physicsClientId=client)

@@ -127,7 +127,7 @@ def _figure(times: Array, apart: dict[str, Array]) -> Picture:
         xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)",
         ylabel="median distance $/\\,R$",
         xlim=(0, None),
-        ylim=(1e-17, 1e-4),
+        ylim=(1e-16, 1e-10),
     )
     ax.legend(loc="lower right")
     return Picture(

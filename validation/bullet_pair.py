@@ -152,7 +152,7 @@ def _figure(lines: dict[str, list[tuple[Impact, After]]], psi: Any) -> Picture:
             off.semilogy(np.degrees(psi), worst, marker, mfc="none", color=colour, ms=4, label=name)
     off.axhline(AGREEMENT, color=style.GREY, lw=0.8, ls="--")
     off.set(xlabel=r"$\psi$ (deg)", ylabel=r"largest deviation $/\,v_o$", ylim=(1e-17, 1e-4))
-    off.legend(loc="lower right")
+    off.legend(loc="center right")
     style.letter(off, "(b)")
     return Picture(
         "bullet-pair",
