@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import bullet_picture, bullet_world, pairs, paper, predicted, pymunk_world, stepped, style
+from . import bullet_picture, bullet_world, pairs, paper, predicted, stepped, style
 from .angles import Lines, coin_impact, joined
 from .pairs import After
 from .paper import TABLE_II, Impact
@@ -62,8 +62,8 @@ def run(quick: bool) -> Result:
             "Deviation from our kernels, in units of v_o",
             header,
             cells,
-            pymunk_world.absence()
-            or "In metres PyBullet's contact normals are off by 6e-5: choose units in which R is 1.",
+            "In metres PyBullet's contact normals are off by 6e-5: choose units in which R is 1. "
+            + stepped.not_measured(),
         )
     )
     result.pictures.append(_figure(lines, psi))

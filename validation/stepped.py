@@ -29,6 +29,12 @@ def worlds() -> list[World]:
     return [BulletWorld] if pymunk_world.absence() else [BulletWorld, PymunkWorld]
 
 
+def not_measured() -> str:
+    """What a table says of a world that cannot be used here; empty if all can."""
+    reason = pymunk_world.absence()
+    return "" if reason is None else f"pymunk: not measured, {reason}."
+
+
 def touch(world: World, impact: Impact, *, w_2o: ArrayLike = 0.0, seed: int = 1) -> After:
     """Every pair of `impact` collided by another code at its exact nominal geometry, in one step.
 
