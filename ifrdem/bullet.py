@@ -29,7 +29,7 @@ __all__ = [
 Laws = IFRLaw | Callable[[int, int], IFRLaw]
 
 ROOM = 1.01  # more than a bounding box is off by rounding
-MOST_HITS = 10_000  # hits of one body in one step; more is an inelastic collapse
+MOST_HITS = 1000  # hits of one body in one step; more is an inelastic collapse
 
 
 class Hit(NamedTuple):
@@ -114,7 +114,7 @@ class _Step:
         hits: list[Hit] = []
         count = np.zeros(self.n, dtype=int)
         self.p.performCollisionDetection(physicsClientId=self.client)  # bounding boxes at the end of the step
-        near = self._near(range(self.n))
+        near = np.unique(self._near(range(self.n)), axis=0)
         while True:
             first = self._first(near)
             if first is None:
@@ -128,7 +128,7 @@ class _Step:
                     "an inelastic collapse"
                 )
             self.p.performCollisionDetection(physicsClientId=self.client)
-            near = np.concatenate([near, self._near(hit)])
+            near = np.unique(np.concatenate([near, self._near(hit)]), axis=0)
 
     def _near(self, which: Iterable[int]) -> NDArray[np.int64]:
         """Pairs (m, 2) with one of the disks `which` that by Bullet's broad phase may touch in the step."""
