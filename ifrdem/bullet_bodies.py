@@ -74,7 +74,7 @@ def add_disk(
     )
     _surface(p, client, body, friction, restitution)
     # The margin is part of the cylinder, and its default of 0.04 more than a coin in metres has. Contact normals come
-    # out within 7e-7 with this one, within 1e-6 with larger ones.
+    # out within 8e-7 with this one, within 1e-6 with larger ones.
     p.changeDynamics(body, -1, collisionMargin=0.05 * min(height, radius), physicsClientId=client)
     # Without `mass` this call would set it to 0.
     inertia = [0.0, 0.0, mass * radius**2 / k]

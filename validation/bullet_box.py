@@ -223,8 +223,8 @@ def _speed(found: dict[str, Measured], codes: list[Code]) -> Table:
         "Speed on this box, one thread each",
         ("code", "time step", "collisions, walls included", "processor time (s)", "collisions/s"),
         rows,
-        "Steps and events alone, set-up and compilation left out. A hundred disks are few for our engine, which "
-        "then mostly starts and ends its runs; see the README for larger gases. " + stepped.not_measured(),
+        "Steps and events alone, set-up and compilation left out; ours without stops on the way. A hundred disks "
+        "are few for our engine: see the README for larger gases. " + stepped.not_measured(),
     )
 
 
@@ -275,7 +275,9 @@ def _chaos_figure(found: dict[str, Measured], times: Array, steps: dict[str, flo
         ax.semilogy(times, _apart(found["ifrdem"], found[code]), MARKERS[code] + "-", color=COLOURS[code],
                     mfc="none", lw=0.7,
                     label=f"{code.split(',')[0]}, step {steps[code]:g}")  # fmt: skip
-    ax.set(xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)", ylabel="median distance $/\\,R$", xlim=(0, None))
+    ax.set(
+        xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)", ylabel="median distance $/\\,R$", xlim=(0, None), ylim=(1e-6, None)
+    )
     ax.legend(loc="lower right")
     return Picture(
         "bullet-chaos",

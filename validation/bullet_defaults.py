@@ -53,11 +53,11 @@ def run(quick: bool) -> Result:
                 )
                 for i, e in enumerate(asked)
             ],
-            f"Over {PHASES} phases of the step at which the disks meet. Negative: one flew through the other. "
-            "What is at fault: contacts are made 0.02 length units (contactBreakingThreshold) before the "
-            "disks touch, and the solver then brakes the approach to what closes that gap in one step, "
-            "before any restitution; pairs multiply their restitutions (the square root of e_n was set "
-            "here); slow contacts have none at all.",
+            f"Over {PHASES} phases of the step at which the disks meet. For R = 1 the fault is mostly that "
+            "contacts are made 0.02 (contactBreakingThreshold) before the disks touch: the solver then "
+            "brakes the approach to what closes that gap in one step. With 1e-4 alone 0.80 to 0.87 comes out "
+            "for 0.8. For a coin in metres that is not enough. The square root of e_n was set on each body, "
+            "because Bullet multiplies them.",
         )
     )
     result.pictures.append(_figure(asked, defaults, ours))

@@ -35,13 +35,16 @@ def not_measured() -> str:
     return "" if reason is None else f"pymunk: not measured, {reason}."
 
 
-def touch(world: World, impact: Impact, *, w_2o: ArrayLike = 0.0, seed: int = 1) -> After:
+def touch(
+    world: World, impact: Impact, *, w_2o: ArrayLike = 0.0, seed: int = 1, along_y: bool = False
+) -> After:
     """Every pair of `impact` collided by another code at its exact nominal geometry, in one step.
 
     Arguments as in `pairs.fly`; e_t, rho and k of the impact beyond what such codes know are not used. The disks
-    are placed touching (overlapping by OVERLAP) with their velocities of approach.
+    are placed touching (overlapping by OVERLAP) with their velocities of approach. Lines of centres have random
+    directions, or all lie along y, where Bullet's contact normals are exact.
     """
-    return _collide(world, impact, w_2o, seed, None)
+    return _collide(world, impact, w_2o, seed, None, along_y)
 
 
 def fly(world: World, impact: Impact, step: float, *, w_2o: ArrayLike = 0.0, seed: int = 1) -> After:
@@ -55,10 +58,14 @@ def fly(world: World, impact: Impact, step: float, *, w_2o: ArrayLike = 0.0, see
     return _collide(world, impact, w_2o, seed, step)
 
 
-def _collide(world: World, impact: Impact, w_2o: ArrayLike, seed: int, step: float | None) -> After:
+def _collide(
+    world: World, impact: Impact, w_2o: ArrayLike, seed: int, step: float | None, along_y: bool = False
+) -> After:
     c, _, w_2o = pairs.broadcast(impact, "contact_point", w_2o)
     n = len(c.psi)
     direction, phase = geometry(n, seed)
+    if along_y:
+        direction = np.full(n, 0.5 * np.pi)
     normal = np.stack([np.cos(direction), np.sin(direction)], axis=1)
     tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
     v_1 = (c.v_o * np.cos(c.psi))[:, None] * normal + (c.v_o * np.sin(c.psi))[:, None] * tangent
