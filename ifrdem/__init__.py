@@ -28,6 +28,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "TrajectoryWriter": ("trajectory_writer", "TrajectoryWriter"),
     "Motion": ("walls", "Motion"),
     "Wall": ("walls", "Wall"),
+    "bullet": ("bullet", None),
     "collide": ("law", "collide"),
     "forces": ("forces", None),
     "fit": ("fit", None),
@@ -55,6 +56,7 @@ __all__ = [
     "TrajectoryWriter",
     "Wall",
     "__version__",
+    "bullet",
     "coins",
     "collide",
     "fit",
@@ -68,6 +70,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from . import bullet as bullet
     from . import fit as fit
     from . import forces as forces
     from . import growth as growth

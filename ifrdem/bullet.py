@@ -1,45 +1,211 @@
-"""PyBullet, the outside witness: an optional package, and what to do where it is absent."""
+"""The IFR law for bodies of PyBullet: `step(client, bodies, law)` moves a PyBullet world by one of its steps.
+
+PyBullet moves the bodies and says which come near each other. Its own response to contacts is switched off, because
+Newton's restitution and Coulomb's friction are all it knows (its friction ends at sticking: e_t = -1 and contact-point
+sticking in our terms). For every contact within a step, both bodies go back to the time of contact, collide by
+`ifrdem.collide`, and fly on to the end of the step, in the order of the contacts: the result does not depend on the
+length of the step, only its cost does.
+"""
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
-import sys
-from importlib.metadata import version
-from types import ModuleType
+import math
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
-from .errors import InputError
+import numpy as np
+from numpy.typing import NDArray
 
-LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11
+from . import bullet_package
+from .bullet_bodies import Array, Bodies, Disk, Wall, add_disk, add_wall, place
+from .bullet_package import absence, describe, load
+from .errors import EngineError
+from .law import IFRLaw, collide
 
+__all__ = [
+    "Bodies", "Disk", "Hit", "Wall", "absence", "add_disk", "add_wall", "describe", "load", "place", "step",
+]  # fmt: skip
 
-def absence() -> str | None:
-    """Why PyBullet cannot be used here, and what to do about it; None if it can."""
-    if importlib.util.find_spec("pybullet") is not None:
-        return None
-    here = sys.version_info[:2]
-    if here > LAST_PYTHON:
-        return (
-            f"not installed, and PyBullet has no wheel for Python {here[0]}.{here[1]} (only up to 3.11): "
-            "use Python 3.11 for comparisons with it; everything else works without"
-        )
-    return "not installed: `pip install 'ifrdem[bullet]'` adds it; everything else works without"
+Laws = IFRLaw | Callable[[int, int], IFRLaw]
 
-
-def describe() -> str:
-    """PyBullet's version, or why it is absent."""
-    return absence() or f"PyBullet {version('pybullet')}"
+ROOM = 1.01  # more than a bounding box is off by rounding
+MOST_HITS = 1000  # hits of one body in one step; more is an inelastic collapse
 
 
-def load() -> ModuleType:
-    """Import PyBullet.
+class Hit(NamedTuple):
+    """A collision: its time since the beginning of the step [time], the ids of both bodies, and the impulses.
+
+    `P_n` and `P_t` [mass length/time] are what the first body gives to the second along the normal n and
+    t = (-n_y, n_x); of a disk and a wall the disk comes first.
+    """
+
+    time: float
+    a: int
+    b: int
+    P_n: float
+    P_t: float
+
+
+def step(client: int, bodies: Bodies | Sequence[Disk | Wall | int], law: Laws) -> list[Hit]:
+    """Advance a PyBullet world by one step, in which `bodies` collide by the IFR law.
+
+    Use it in place of `pybullet.stepSimulation`. Gravity and external forces act as in PyBullet: at the beginning of
+    the step, on the velocity; flights within a step are straight.
+
+    Parameters
+    ----------
+    client : int
+        What `pybullet.connect` returned.
+    bodies : Bodies or sequence of Disk, Wall or int
+        Cylinders and planes that collide with each other. `Bodies.read(client, ...)`, called once, saves reading
+        masses at every step.
+    law : IFRLaw or callable
+        One law, or a function of two bodies' ids that returns their law.
+
+    Returns
+    -------
+    list of Hit
+        The collisions of this step, in order.
 
     Raises
     ------
     InputError
-        If it is absent, with what to do. It is never compiled or installed on the way.
+        If a body is not what `Bodies.read` takes, the law can add energy for a pair, or PyBullet is absent.
+    EngineError
+        If a body collides again and again in one step: an inelastic collapse.
+
+    Notes
+    -----
+    The solver of the whole client stays switched off (`numSolverIterations = 0`): joints, and bodies that are not in
+    `bodies`, get no impulses any more. Whether two bodies collide is decided by `bodies` alone; Bullet's collision
+    filters do not count. Bodies should have no damping (`changeDynamics(..., linearDamping=0, angularDamping=0)`), or
+    Bullet slows them down between collisions. Bodies that overlap and approach at the beginning of a step collide
+    right there.
     """
-    reason = absence()
-    if reason is not None:
-        raise InputError(f"pybullet: {reason}")
-    return importlib.import_module("pybullet")
+    p = bullet_package.load()
+    if not isinstance(bodies, Bodies):
+        bodies = Bodies.read(client, bodies)
+    return _Step(p, client, bodies, law).run()
+
+
+class _Step:
+    """One step: flights are kept as their end points, `x` at the end of the step, and times run from -dt to 0."""
+
+    def __init__(self, p: Any, client: int, bodies: Bodies, law: Laws) -> None:
+        self.p, self.client, self.bodies, self.law = p, client, bodies, law
+        self.n = len(bodies.disks)
+        # Disks count from 0, walls after them.
+        members: list[Disk | Wall] = [*bodies.disks, *bodies.walls]
+        self.index = {one.body: i for i, one in enumerate(members)}
+        self.ids = [one.body for one in members]
+        self.normal = np.array([wall.normal for wall in bodies.walls]).reshape(-1, 2)
+        self.point = np.array([wall.point for wall in bodies.walls]).reshape(-1, 2)
+        self.radius = bodies.radius.tolist()
+        self.dt = float(p.getPhysicsEngineParameters(physicsClientId=client)["fixedTimeStep"])
+
+    def run(self) -> list[Hit]:
+        # Zero iterations: contacts are found, but nothing acts in them. Warm starting would, by earlier impulses.
+        self.p.setPhysicsEngineParameter(
+            numSolverIterations=0, warmStartingFactor=0.0, physicsClientId=self.client
+        )
+        self.p.stepSimulation(physicsClientId=self.client)
+        self.x, self.v, self.w, self.angle = self.bodies.state(self.client)
+        self.since = np.full(self.n + len(self.bodies.walls), -self.dt)  # when each present flight began
+        hits: list[Hit] = []
+        count = np.zeros(self.n, dtype=int)
+        self.p.performCollisionDetection(physicsClientId=self.client)  # bounding boxes at the end of the step
+        near = np.unique(self._near(range(self.n)), axis=0)
+        while True:
+            first = self._first(near)
+            if first is None:
+                return hits
+            hits.append(self._collide(*first))
+            hit = [i for i in first[1:] if i < self.n]
+            count[hit] += 1
+            if count.max() > MOST_HITS:
+                raise EngineError(
+                    f"body {self.ids[int(count.argmax())]} collided {MOST_HITS} times in one step of {self.dt:g}: "
+                    "an inelastic collapse"
+                )
+            self.p.performCollisionDetection(physicsClientId=self.client)
+            near = np.unique(np.concatenate([near, self._near(hit)]), axis=0)
+
+    def _near(self, which: Iterable[int]) -> NDArray[np.int64]:
+        """Pairs (m, 2) with one of the disks `which` that by Bullet's broad phase may touch in the step."""
+        # Seen from the end of the step, where Bullet has the bodies: no two move more than this towards each other.
+        reach = 2.0 * self.dt * float(np.hypot(self.v[:, 0], self.v[:, 1]).max(initial=0.0))
+        overlapping, index = self.p.getOverlappingObjects, self.index
+        found = []
+        for i in which:
+            x, y, z = self.x[i].tolist()
+            side = ROOM * (self.radius[i] + reach)
+            low, high = (x - side, y - side, z - side), (x + side, y + side, z + side)
+            for body, _ in overlapping(low, high, physicsClientId=self.client) or ():
+                j = index.get(body, i)  # a body that is not ours counts as the disk itself
+                found.append((i, j) if i < j else (j, i))
+        pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
+        return pairs[pairs[:, 0] != pairs[:, 1]]
+
+    def _first(self, near: NDArray[np.int64]) -> tuple[float, int, int] | None:
+        """The first contact before the end of the step: time, and both members; None if there is none."""
+        of_disks = near[:, 1] < self.n
+        times = np.empty(len(near))
+        times[of_disks] = self._with_disks(near[of_disks])
+        times[~of_disks] = self._with_walls(near[~of_disks])
+        # Exact ties fall to the pair with the smallest numbers.
+        due = np.flatnonzero(times <= 0.0)
+        return min(((float(times[at]), int(near[at, 0]), int(near[at, 1])) for at in due), default=None)
+
+    def _with_disks(self, pair: NDArray[np.int64]) -> Array:
+        """When disks of pairs (m, 2) touch; infinite where they do not."""
+        i, j = pair.T
+        began = np.maximum(self.since[i], self.since[j])
+        v = self.v[j] - self.v[i]
+        r = self.x[j, :2] - self.x[i, :2] + v * began[:, None]
+        sigma = self.bodies.radius[i] + self.bodies.radius[j]
+        b, c, vv = np.sum(r * v, axis=1), np.sum(r * r, axis=1) - sigma**2, np.sum(v * v, axis=1)
+        root = b * b - vv * c
+        meet = (b < 0.0) & (root >= 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(meet, began + np.maximum(c, 0.0) / (np.sqrt(root) - b), np.inf)
+
+    def _with_walls(self, pair: NDArray[np.int64]) -> Array:
+        """When disks and walls of pairs (m, 2) touch; infinite where they do not."""
+        i, wall = pair[:, 0], pair[:, 1] - self.n
+        began = np.maximum(self.since[i], self.since[pair[:, 1]])
+        n = self.normal[wall]
+        approach = -np.sum(self.v[i] * n, axis=1)
+        at = self.x[i, :2] + self.v[i] * began[:, None] - self.point[wall]
+        gap = np.sum(at * n, axis=1) - self.bodies.radius[i]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(approach > 0.0, began + np.maximum(gap, 0.0) / approach, np.inf)
+
+    def _collide(self, time: float, i: int, j: int) -> Hit:
+        """Collide i and j at `time`, and put them back where they then are at the end of the step."""
+        bodies = self.bodies
+        at_i = self.x[i, :2] + self.v[i] * time
+        if j < self.n:
+            between = self.x[j, :2] + self.v[j] * time - at_i
+            normal = between / math.hypot(*between)
+            m_j, R_j, k_j, v_j, w_j = bodies.mass[j], bodies.radius[j], bodies.k[j], self.v[j], self.w[j]
+        else:
+            normal = -self.normal[j - self.n]
+            m_j, R_j, k_j, v_j, w_j = math.inf, math.inf, bodies.k[i], np.zeros(2), 0.0
+        law = self.law if isinstance(self.law, IFRLaw) else self.law(self.ids[i], self.ids[j])
+        after = collide(
+            law, normal, [bodies.mass[i], m_j], [bodies.radius[i], R_j], [bodies.k[i], k_j],
+            [self.v[i], v_j], [self.w[i], w_j],
+        )  # fmt: skip
+        for side, one in enumerate((i, j)):
+            if one < self.n and math.isfinite(bodies.mass[one]):
+                self.since[one] = time
+                self._turn_off(one, time, after.velocity[side], float(after.spin[side]))
+        return Hit(time + self.dt, self.ids[i], self.ids[j], float(after.P_n), float(after.P_t))
+
+    def _turn_off(self, i: int, time: float, velocity: Array, spin: float) -> None:
+        """Let disk i fly on from where it is at `time` with another velocity and spin."""
+        self.x[i, :2] += (self.v[i] - velocity) * time
+        self.angle[i] += (self.w[i] - spin) * time
+        self.v[i], self.w[i] = velocity, spin
+        body = self.bodies.disks[i].body
+        place(self.client, body, self.x[i, :2], velocity, spin, angle=self.angle[i], z=self.x[i, 2])

@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status: 0, 1 (failed), 2 (bad input), 130 (interrupted)."""
     given = sys.argv[1:] if arguments is None else list(arguments)
     if sys.stdout is None:  # closed by the caller, as by `>&-`
-        sys.stdout = open(os.devnull, "w")
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (as long as the process)
     try:
         options = _parse(given)
         status = int(options.act(options))
@@ -122,11 +122,17 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     validate = verbs.add_parser(
         "validate",
         help="reproduce the paper through the kernels",
-        description="Collide disks as the paper does, and compare with its equations, tables and figures. Writes "
-        "results.json, report.html and the figures. Exit status 0 only if every row passed.",
+        description="Collide disks as the paper does, and compare with its equations, tables and figures; `validate "
+        "bullet` compares with PyBullet and pymunk instead. Writes results.json, report.html and the figures. Exit "
+        "status 0 only if every row passed.",
         allow_abbrev=False,
     )
-    validate.add_argument("names", metavar="NAME", nargs="*", help="cases to run (default: all; see --list)")
+    validate.add_argument(
+        "names",
+        metavar="NAME",
+        nargs="*",
+        help="cases or groups to run: paper (default), bullet, or see --list",
+    )
     validate.add_argument("--quick", action="store_true", help="fewer samples: under a minute")
     validate.add_argument("--list", action="store_true", help="list the cases and run none")
     validate.add_argument(

@@ -162,13 +162,16 @@ def test_python_range_is_that_of_the_wheels_we_depend_on():
 
 
 def test_bullet_extra_asks_for_pybullet_only_where_it_has_wheels():
-    """pybullet 3.2.7 publishes wheels for CPython 3.9 to 3.11 and no later."""
-    (text,) = PROJECT["project"]["optional-dependencies"]["bullet"]
-    requirement = Requirement(text)
-    assert requirement.name == "pybullet"
-    assert isinstance(requirement.marker, Marker)
-    asked = [v for v in ("3.11", "3.12", "3.13") if requirement.marker.evaluate({"python_version": v})]
+    """pybullet 3.2.7 publishes wheels for CPython 3.9 to 3.11 and no later; pymunk 7 for all that we support."""
+    wanted = {
+        (r := Requirement(text)).name: r for text in PROJECT["project"]["optional-dependencies"]["bullet"]
+    }
+    assert list(wanted) == ["pybullet", "pymunk"]
+    marker = wanted["pybullet"].marker
+    assert isinstance(marker, Marker)
+    asked = [v for v in ("3.11", "3.12", "3.13") if marker.evaluate({"python_version": v})]
     assert asked == ["3.11"]
+    assert wanted["pymunk"].marker is None
 
 
 # --- kernels compute; they do not talk, read, write or start anything

@@ -88,7 +88,7 @@ def _table_ii(result: Result, n: int) -> None:
     impacts = [coin_impact(row, psi) for row in TABLE_II]
     cells: list[tuple[str | float, ...]] = []
     for sticking in CLOSURES:
-        got = pairs.fly(_joined(impacts), sticking)
+        got = pairs.fly(joined(impacts), sticking)
         lines = []
         for i, c in enumerate(impacts):
             one = got[i * n : (i + 1) * n]
@@ -247,7 +247,7 @@ def _massive_plane(result: Result, n: int) -> None:
         )
 
 
-def _joined(impacts: list[Impact]) -> Impact:
+def joined(impacts: list[Impact]) -> Impact:
     """One impact whose arrays hold those of all, one after another."""
     n = len(impacts[0].psi)
     return Impact(

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .registry import Picture, Table
+from .registry import BULLET, Picture, Table
 
 if TYPE_CHECKING:
     from .runner import Outcome
@@ -34,6 +34,27 @@ pre { background: #f4f4f4; padding: .6em; overflow-x: auto; font-size: 12px; }
 
 GREEK = {name: f"&{name};" for name in ("psi", "delta", "alpha", "omega", "mu", "rho")} | {"eps": "&epsilon;"}
 SYMBOLS = "|".join((*GREEK, *"evmRkdPTV"))  # what may have a subscript
+
+
+INTRODUCTION = {
+    "paper": (
+        "The IFR law, reproduced through the kernels",
+        "Every measured value below comes from disks that the engine of ifrdem flew into each other, written to a "
+        "trajectory and read back; coins on a table were flown by the table kernels. Expected values come from the "
+        "closed forms of A. Domenech-Carbo, <i>Independent friction-restitution modeling of two-disk collisions</i>, "
+        "with its misprints corrected, or from where the row says. Markers in the figures are simulated, lines are "
+        "theory. Cases called bullet compare with code that nobody here wrote.",
+    ),
+    "bullet": (
+        "The engine against code that nobody here wrote",
+        "PyBullet and pymunk are general-purpose physics engines. Where their law, Newton's restitution and Coulomb's "
+        "friction, is a limit of ours (e<sub>t</sub> = -1, contact-point sticking), they must agree with our kernels; "
+        'where it is not, they cannot, and <a href="#bullet_anomaly">bullet_anomaly</a> says by how much and what '
+        "agreement proves. Neither code has periodic boundaries, exact times of impact or the IFR law itself; "
+        '<a href="#bullet_ifr">bullet_ifr</a> brings the law into PyBullet.',
+    ),
+}
+"""Title and first paragraph of a report of the group's cases, as HTML."""
 
 
 def write(place: Path, outcomes: Sequence[Outcome], record: Mapping[str, str]) -> None:
@@ -76,14 +97,8 @@ def _head(outcomes: Sequence[Outcome], record: Mapping[str, str]) -> str:
         numbers=(2, 3, 5),
     )
     where = _rows(("", ""), ((_text(key), _text(value)) for key, value in record.items()))
-    return (
-        "<h1>The IFR law, reproduced through the kernels</h1>\n"
-        "<p>Every measured value below comes from disks that the engine of ifrdem flew into each other, written "
-        "to a trajectory and read back; coins on a table were flown by the table kernels. Expected values come "
-        "from the closed forms of A. Domenech-Carbo, <i>Independent friction-restitution modeling of two-disk "
-        "collisions</i>, with its misprints corrected, or from where the row says. Markers in the figures are "
-        f"simulated, lines are theory.</p>\n{summary}\n<h3>Environment</h3>\n{where}"
-    )
+    title, text = INTRODUCTION["bullet" if all(each.name in BULLET for each in outcomes) else "paper"]
+    return f"<h1>{title}</h1>\n<p>{text}</p>\n{summary}\n<h3>Environment</h3>\n{where}"
 
 
 def _case(place: Path, outcome: Outcome) -> str:

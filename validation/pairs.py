@@ -65,6 +65,21 @@ class After:
     Rw_1: Array
     Rw_2: Array
 
+    @classmethod
+    def seen(cls, impact: Impact, w_2o: Array, normal: Array, velocity: Array, spin: Array) -> After:
+        """From velocities (n, 2, 2) and counter-clockwise spins (n, 2) after: pair, disk, component."""
+        tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+        return cls(
+            impact=impact,
+            w_2o=w_2o,
+            v_1n=np.sum(velocity[:, 0] * normal, axis=1),
+            v_1t=np.sum(velocity[:, 0] * tangent, axis=1),
+            v_2n=np.sum(velocity[:, 1] * normal, axis=1),
+            v_2t=np.sum(velocity[:, 1] * tangent, axis=1),
+            Rw_1=impact.R_1 * spin[:, 0],
+            Rw_2=-impact.R_2 * spin[:, 1],
+        )
+
     def __getitem__(self, chosen: Any) -> After:
         """The pairs that an index, a slice or a mask chooses."""
         own = {f.name: getattr(self, f.name)[chosen] for f in fields(self) if f.name != "impact"}
@@ -162,7 +177,7 @@ def fly(
     EngineError
         If a pair did not collide exactly once.
     """
-    c, sticking, w_2o = _broadcast(impact, sticking, w_2o)
+    c, sticking, w_2o = broadcast(impact, sticking, w_2o)
     n = len(c.psi)
     table, row, column = _law_table(c, sticking, checked)
 
@@ -196,17 +211,7 @@ def fly(
     )
     check_no_overlap(box, disks.radius, start.position)
     end = _run(disks, box, start, table, 2.0 * contact_time)
-    v, Rw = end.velocity.reshape(n, 2, 2), (disks.radius * end.spin).reshape(n, 2)
-    return After(
-        impact=c,
-        w_2o=w_2o,
-        v_1n=np.sum(v[:, 0] * normal, axis=1),
-        v_1t=np.sum(v[:, 0] * tangent, axis=1),
-        v_2n=np.sum(v[:, 1] * normal, axis=1),
-        v_2t=np.sum(v[:, 1] * tangent, axis=1),
-        Rw_1=Rw[:, 0],
-        Rw_2=-Rw[:, 1],
-    )
+    return After.seen(c, w_2o, normal, end.velocity.reshape(n, 2, 2), end.spin.reshape(n, 2))
 
 
 def _run(disks: Disks, box: Box, start: State, table: Array, t_end: float) -> State:
@@ -232,9 +237,8 @@ def _run(disks: Disks, box: Box, start: State, table: Array, t_end: float) -> St
     return end
 
 
-def _broadcast(
-    impact: Impact, sticking: ArrayLike, w_2o: ArrayLike
-) -> tuple[Impact, NDArray[np.str_], Array]:
+def broadcast(impact: Impact, sticking: ArrayLike, w_2o: ArrayLike) -> tuple[Impact, NDArray[np.str_], Array]:
+    """The arguments of `fly` as arrays of one shape (n,)."""
     names = [f.name for f in fields(Impact)]
     values = [np.asarray(getattr(impact, name), dtype=np.float64) for name in names]
     *values, w_2o, sticking = np.broadcast_arrays(

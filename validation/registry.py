@@ -6,7 +6,7 @@ A case is a module of this package with three things:
 - `REFERENCE`, one line: where the expected values come from;
 - `run(quick)`, which returns a `Result`, or raises `Skip` where it cannot run.
 
-To add one, write the module and put its name and file into `CASES`.
+To add one, write the module and put its name into `PAPER` or `BULLET`.
 """
 
 from __future__ import annotations
@@ -23,8 +23,17 @@ from ..errors import InputError, nearest
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CASES = ("angles", "velocities", "restitution", "stopping", "rolling", "reductions", "misprints", "energy")
-"""Names of the cases, in the order in which they run; each is a module `ifrdem.validation.<name>`."""
+PAPER = ("angles", "velocities", "restitution", "stopping", "rolling", "reductions", "misprints", "energy")
+"""Cases that hold the kernels against the paper."""
+
+BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bullet_ifr", "bullet_defaults")
+"""Cases that hold them against code that nobody here wrote; they need PyBullet."""
+
+CASES = PAPER + BULLET
+"""Names of all cases, in the order in which they run; each is a module `ifrdem.validation.<name>`."""
+
+GROUPS = {"paper": PAPER, "bullet": BULLET}
+"""Names that stand for several cases."""
 
 
 class Skip(Exception):
@@ -157,9 +166,18 @@ def load(name: str) -> Case:
 
 
 def check_names(names: list[str]) -> None:
-    """Raise InputError, with the nearest spelling, unless each is the name of a case."""
+    """Raise InputError, with the nearest spelling, unless each is the name of a case or of a group."""
+    known = (*CASES, *GROUPS)
     for name in names:
-        if name not in CASES:
+        if name not in known:
             raise InputError(
-                f"case = '{name}': there is no such case{nearest(name, CASES)}; there are: {', '.join(CASES)}"
+                f"case = '{name}': there is no such case{nearest(name, known)}; there are: {', '.join(CASES)}; "
+                f"groups of them: {', '.join(GROUPS)}"
             )
+
+
+def chosen(names: list[str]) -> list[str]:
+    """The cases that names of cases and groups stand for, each once; of none all but those that need PyBullet."""
+    if not names:
+        return [name for name in CASES if name not in BULLET]
+    return list(dict.fromkeys(case for name in names for case in GROUPS.get(name, (name,))))

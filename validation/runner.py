@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-from .. import __version__
+from .. import __version__, bullet
 from ..errors import InputError
 from . import registry
 from .registry import Result, Row, Skip
@@ -65,16 +65,16 @@ class Outcome:
 
 def listing() -> str:
     """The cases and their questions, as text."""
-    return "\n".join(f"{name:<14} {registry.load(name).QUESTION}" for name in registry.CASES)
+    return "\n".join(f"{name:<15} {registry.load(name).QUESTION}" for name in registry.CASES)
 
 
 def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say = print) -> int:
-    """Run cases (all of them if no names are given) and write their report into a folder.
+    """Run cases and write their report into a folder.
 
     Parameters
     ----------
     names : sequence of str
-        Cases.
+        Cases and groups of cases (`registry.GROUPS`); if none are given, all but those of the group `bullet`.
     folder : str
         Where results.json, report.html and the figures go; it is made. Files of these names are replaced.
     quick : bool
@@ -86,21 +86,21 @@ def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say
     -------
     int
         0 if every row passed, 1 otherwise. A case that cannot run here counts as failed if it was asked for
-        by name; in a run of all cases it is reported and left out.
+        by name or group; in a run without names it is reported and left out.
 
     Raises
     ------
     InputError
         If a name is wrong or the folder cannot be written.
     """
-    names = list(dict.fromkeys(names))
+    names = list(names)
     registry.check_names(names)
     place = _folder(folder)
     import matplotlib as mpl
 
     from . import page, style
 
-    chosen = names or list(registry.CASES)
+    chosen = registry.chosen(names)
     outcomes = []
     began = time.perf_counter()
     with mpl.rc_context(style.RC):
@@ -114,6 +114,10 @@ def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say
         page.write(place, outcomes, record)
     status = exit_status(outcomes, named=bool(names))
     say(_closing(outcomes, place, time.perf_counter() - began, status))
+    if not names:
+        say(
+            f"not run: the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()})"
+        )
     return status
 
 
@@ -245,6 +249,7 @@ def environment(*, quick: bool, seconds: float) -> dict[str, str]:
     from ..run import revision
 
     packages = ("numpy", "scipy", "taichi", "h5py", "matplotlib")
+    outside = {name: _version(name) for name in ("pybullet", "pymunk")}
     return {
         "ifrdem": f"{__version__} ({revision()})",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -254,4 +259,12 @@ def environment(*, quick: bool, seconds: float) -> dict[str, str]:
         "system": platform.platform(),
         "python": platform.python_version(),
         **{name: metadata.version(name) for name in packages},
+        **outside,
     }
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
