@@ -142,6 +142,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         default="validation-report",
         help="folder (default: validation-report)",
     )
+    validate.add_argument("--force", action="store_true", help="replace a report that is there")
     validate.set_defaults(act=_validate)
     fit = verbs.add_parser("fit", help="fit the law's coefficients to measured impacts", allow_abbrev=False)
     fit_options.add_to(fit)
@@ -326,7 +327,7 @@ def _validate(options: argparse.Namespace) -> int:
     if options.list:
         _say(runner.listing())
         return 0
-    return runner.validate(options.names, options.output, quick=options.quick, say=_say)
+    return runner.validate(options.names, options.output, quick=options.quick, force=options.force, say=_say)
 
 
 def _fit(options: argparse.Namespace) -> int:

@@ -108,7 +108,7 @@ def cases(monkeypatch: pytest.MonkeyPatch):
 def test_status_is_0_only_if_every_row_passed(cases, tmp_path, capsys):
     cases(good=good, bad=bad)
     assert cli.main(["validate", "good", "-o", str(tmp_path)]) == 0
-    assert cli.main(["validate", "-o", str(tmp_path)]) == 1
+    assert cli.main(["validate", "-o", str(tmp_path), "--force"]) == 1
     out = capsys.readouterr().out
     assert "FAIL length [m]: 2, expected 1" in out
     assert "cases failed: bad" in out
@@ -136,9 +136,9 @@ def test_a_skipped_case_never_passes_but_only_fails_a_run_that_asked_for_it(case
     assert "SKIP the package abacus is not installed" in capsys.readouterr().out
     skipped = json.loads((tmp_path / "results.json").read_text())[1]
     assert (skipped["passed"], skipped["status"]) == (False, "skipped")
-    assert cli.main(["validate", "good", "absent", "-o", str(tmp_path)]) == 1
+    assert cli.main(["validate", "good", "absent", "-o", str(tmp_path), "--force"]) == 1
     cases(absent=absent)
-    assert cli.main(["validate", "-o", str(tmp_path)]) == 1  # nothing ran
+    assert cli.main(["validate", "-o", str(tmp_path), "--force"]) == 1  # nothing ran
 
 
 def test_results_are_numbers_and_null_where_there_is_none(cases, tmp_path):
@@ -154,6 +154,18 @@ def test_results_are_numbers_and_null_where_there_is_none(cases, tmp_path):
         "reason": "a guess", "source": "a <book> & more", "printed": None, "passed": True, "status": "passed",
     }  # fmt: skip
     assert (rows[2]["measured"], rows[2]["passed"]) == (None, False)
+
+
+def test_a_report_is_replaced_only_with_force(cases, tmp_path, capsys):
+    cases(good=good)
+    arguments = ["validate", "-o", str(tmp_path)]
+    assert cli.main(arguments) == 0
+    before = (tmp_path / "results.json").stat().st_mtime_ns
+    assert cli.main(arguments) == 2
+    assert "holds a report already; --force replaces it" in capsys.readouterr().err
+    assert (tmp_path / "results.json").stat().st_mtime_ns == before
+    assert cli.main([*arguments, "--force"]) == 0
+    assert (tmp_path / "results.json").stat().st_mtime_ns != before
 
 
 class Page(HTMLParser):

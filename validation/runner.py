@@ -68,7 +68,9 @@ def listing() -> str:
     return "\n".join(f"{name:<15} {registry.load(name).QUESTION}" for name in registry.CASES)
 
 
-def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say = print) -> int:
+def validate(
+    names: Sequence[str], folder: str, *, quick: bool = False, force: bool = False, say: Say = print
+) -> int:
     """Run cases and write their report into a folder.
 
     Parameters
@@ -76,9 +78,11 @@ def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say
     names : sequence of str
         Cases and groups of cases (`registry.GROUPS`); if none are given, all but those of the group `bullet`.
     folder : str
-        Where results.json, report.html and the figures go; it is made. Files of these names are replaced.
+        Where results.json, report.html and the figures go; it is made.
     quick : bool
         Fewer samples.
+    force : bool
+        Replace a report that is there; figures of cases that do not run again stay.
     say : callable
         Takes the lines to show.
 
@@ -91,11 +95,11 @@ def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say
     Raises
     ------
     InputError
-        If a name is wrong or the folder cannot be written.
+        If a name is wrong, the folder cannot be written, or it holds a report and `force` is not given.
     """
     names = list(names)
     registry.check_names(names)
-    place = _folder(folder)
+    place = _folder(folder, force)
     import matplotlib as mpl
 
     from . import page, style
@@ -121,12 +125,16 @@ def validate(names: Sequence[str], folder: str, *, quick: bool = False, say: Say
     return status
 
 
-def _folder(folder: str) -> Path:
+def _folder(folder: str, force: bool) -> Path:
     place = Path(folder)
     try:
         place.mkdir(parents=True, exist_ok=True)
         if not os.access(place, os.W_OK):
             raise InputError(f"-o {folder}: this folder cannot be written")
+        if not force and any((place / name).exists() for name in ("results.json", "report.html")):
+            raise InputError(
+                f"-o {folder}: holds a report already; --force replaces it, another folder keeps it"
+            )
     except OSError as error:
         raise InputError(f"-o {folder}: a folder cannot be made there: {error.strerror}") from error
     return place
@@ -254,7 +262,7 @@ def environment(*, quick: bool, seconds: float) -> dict[str, str]:
         "ifrdem": f"{__version__} ({revision()})",
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "samples": "quick" if quick else "full",
-        "seconds": f"{seconds:.1f}",
+        "seconds for the cases": f"{seconds:.1f}",
         "processor": f"{backend.cpu_name()}, {backend.cores()} cores",
         "system": platform.platform(),
         "python": platform.python_version(),
