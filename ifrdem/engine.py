@@ -204,7 +204,7 @@ class Engine:
                 "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
             )
         self.walls, self.given_walls = (*walls, *sides(box)), len(walls)
-        check_walls(self.walls, box, state.position, disks.radius, len(law_table))
+        check_walls(self.walls, box, state.position, disks.radius, len(law_table), float(state.time))
         # Behind a side that is a wall the box goes on for a diameter: pairs never meet through it. No wall moves
         # further than that; a steady one must not come there (the state is checked).
         room = [0.0 if periodic else 2.0 * diameter + self._wall_extent() for periodic in box.periodic]

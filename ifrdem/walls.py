@@ -281,8 +281,9 @@ def check(
     position: NDArray[np.float64],
     radius: NDArray[np.float64],
     materials: int,
+    time: float,
 ) -> None:
-    """Refuse walls that cannot be simulated, or that disks overlap at the start.
+    """Refuse walls that cannot be simulated, or that disks overlap at the start, at `time` [time].
 
     Raises
     ------
@@ -318,7 +319,7 @@ def check(
                     "periodic"
                 )
         if len(position):
-            gap = wall.gap(position, radius)
+            gap = wall.gap(position, radius, time)
             worst = int(np.argmin(gap))
             if gap[worst] < 0.0:
                 raise InputError(
