@@ -133,7 +133,7 @@ def test_every_way_of_running_draws_the_same_numbers() -> None:
     """Where hits that came too early were undone too, and where epochs are cut short."""
     engines = {order: furnished(order) for order in ORDERS}
     ends = {order: run_to(engine, 3.0) for order, engine in engines.items()}
-    assert ends["alone"].wall_hits.sum() > 100
+    assert ends["alone"].wall_hits.sum() > 40
     assert engines["rounds"].statistics.undone > 0
     for order in ORDERS[1:]:
         np.testing.assert_array_equal(ends[order].wall_hits, ends["alone"].wall_hits)
@@ -179,7 +179,7 @@ def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float)
         wall_heat=float(engine.wall_heats.sum()),
     )  # fmt: skip
     heats = engine.wall_heats
-    assert engine.wall_hits > 500
+    assert engine.wall_hits > 200
     assert abs(engine.wall_work) > 1.0
     assert np.all(np.abs(heats[:3]) > 1.0)
     assert np.all(heats[3:] == 0.0)
