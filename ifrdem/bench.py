@@ -251,7 +251,7 @@ def measure(
     backend.check(run.arch, run.threads, run.precision)
     check.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
     gas = Gas.from_case(case, folder)
-    phi = gas.box.packing_fraction(gas.disks.radius)
+    phi = gas.room.packing_fraction(gas.disks.radius)
     compiling = None
     if timing.compiling:
         note("starting fresh processes, for the times of a cold and of a warm start")

@@ -162,7 +162,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     new.add_argument(
         "kind",
         metavar="KIND",
-        help="cooling (one kind of coins), driven (random kicks), mixture (two), or cases/NAME.toml",
+        help="cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), or "
+        "cases/NAME.toml",
     )
     new.add_argument("-o", "--output", metavar="FILE", help="file to write (default: KIND.toml; - prints it)")
     new.add_argument("--force", action="store_true", help="replace a file that exists")
