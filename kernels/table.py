@@ -124,6 +124,9 @@ def slide(theta, k, end, tolerance):
         last = 0
         if part < 1.0:
             needed = ti.log(1.0 - part) / k1[1]
+            if part < 1.0e-3:
+                # Where the logarithm has lost its digits, or is 0 in single precision and the step would never end.
+                needed = -part * (1.0 + part * (1.0 / 2.0 + part * (1.0 / 3.0 + part / 4.0))) / k1[1]
             if needed < h:
                 step = needed
                 last = 1

@@ -135,7 +135,7 @@ def test_every_kind_of_force_reaches_its_class() -> None:
         ),
         "drag": ({"rate": 0.1, "quadratic": 0.2}, forces.Drag(0.1, rate=0.1, quadratic=0.2)),
         "rescale": ({"energy": 2.0}, forces.Rescale(0.1, energy=2.0)),
-        "table_friction": ({"mu": 0.3, "gravity": 1.6}, forces.TableFriction(0.1, mu=0.3, gravity=1.6)),
+        "table_friction": ({"mu": 0.2, "gravity": 2.0}, forces.TableFriction(0.1, mu=0.2, gravity=2.0)),
     }
     assert given.keys() == FORCES.keys()
     raw = changed()

@@ -128,6 +128,21 @@ def test_distances_scale_as_speed_squared_over_deceleration():
     assert other[3][0] == pytest.approx(3.0 * 2.0 * one[3][0], rel=1e-11)
 
 
+@pytest.mark.parametrize("dt", [1e-4, 0.03])
+def test_short_steps_end_in_single_precision_too(dt):
+    """A friction that is nearly constant: v - a F dt and u - k a T dt, to the square of the step."""
+    angle = np.linspace(0.1, 1.5, 15)
+    v, u = np.sin(angle), np.cos(angle)
+    F, T = friction_of(list(v), list(u))
+    try:
+        got = slide(v, u, dt=dt, precision="f32", tolerance=1e-5)
+    finally:
+        backend.start()
+    np.testing.assert_allclose(got[3], dt, rtol=1e-5)
+    np.testing.assert_allclose(got[0], v - F * dt, atol=4.0 * dt**2 + 1e-6)
+    np.testing.assert_allclose(got[1], u - 2.0 * T * dt, atol=4.0 * dt**2 + 1e-6)
+
+
 def test_single_precision_agrees_to_its_own():
     angle = np.linspace(0.1, 1.5, 15)
     v, u = np.sin(angle), np.cos(angle)
