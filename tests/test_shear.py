@@ -112,6 +112,20 @@ def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
     assert_same_collisions(run(engine, 600), reference.collisions)
 
 
+@pytest.mark.parametrize("order", ORDERS)
+def test_small_boxes_give_the_serial_collisions(order: str) -> None:
+    """Nine disks in four diameters: two columns of cells, most pairs meet through several images."""
+    disks = equal_disks(9)
+    box = Box((4.0, 3.6), shear_rate=0.5)
+    position = np.array([[x, y] for x in (0.0, 1.3, 2.6) for y in (0.0, 1.2, 2.4)])
+    velocity = np.random.default_rng(3).normal(size=(9, 2)) + box.flow(position)
+    state = State(position, velocity, np.zeros(9))
+    reference = Sheared(disks, box, ELASTIC, state)
+    reference.run(collisions=14, window=0.05)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=3)
+    assert_same_collisions(run(engine, 14), reference.collisions)
+
+
 def test_parallel_rounds_give_the_serial_collisions(monkeypatch: pytest.MonkeyPatch) -> None:
     """As a GPU does them."""
     monkeypatch.setattr(ifrdem.epochs, "FEW", 0)
@@ -272,6 +286,20 @@ def test_one_disk_flies_straight_on_and_its_path_has_no_jumps() -> None:
         assert end.image[0, 1] == crossed
         np.testing.assert_allclose(end.velocity[0], velocity - (crossed * 0.3 * 5.0, 0.0), atol=1e-13)
         assert np.all((end.position >= 0.0) & (end.position < box.lengths))
+
+
+def test_boxes_travelled_do_not_depend_on_the_tiles() -> None:
+    """Of 300 disks, some of which crossed the seam, and sides, up to three times, and rows of tiles more often."""
+    disks, box, state, _ = expected("equal", 0.3, 3.0, BEGINNINGS["askew"], COIN, 700)
+    ends = []
+    for order in ORDERS:
+        engine = made(disks, box, state, COIN, order)
+        run(engine, 700)
+        ends.append(engine.state())
+    assert np.ptp(ends[0].image[:, 0]) > 1
+    assert np.ptp(ends[0].image[:, 1]) > 0
+    for end in ends[1:]:
+        np.testing.assert_array_equal(end.image, ends[0].image)
 
 
 # --- the flow ----------------------------------------------------------------------------------------------
