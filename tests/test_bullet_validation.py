@@ -19,9 +19,9 @@ ABSENT, NO_PYMUNK = bullet.absence(), pymunk_world.absence()
 needs_pybullet = pytest.mark.skipif(ABSENT is not None, reason=f"PyBullet is {ABSENT}")
 needs_pymunk = pytest.mark.skipif(NO_PYMUNK is not None, reason=str(NO_PYMUNK))
 
-# Bullet's contact normals are good to 7e-7 of R = 1; pymunk's circles to rounding.
+# Bullet's contact normals are good to 8e-7 for R = 1; pymunk's circles to rounding.
 CODES = [
-    pytest.param(BulletWorld, 1e-6, marks=needs_pybullet, id="PyBullet"),
+    pytest.param(BulletWorld, 2e-6, marks=needs_pybullet, id="PyBullet"),
     pytest.param(PymunkWorld, 1e-13, marks=needs_pymunk, id="pymunk"),
 ]
 
@@ -48,6 +48,13 @@ def test_codes_from_outside_collide_by_the_closed_forms_of_the_coulomb_limit(wor
     got = stepped.touch(world, c, w_2o=w_2o)
     assert np.median(stepped.deviation(got, other)) > 1e-3
     assert stepped.deviation(got, percussion).max() > 1e-2
+
+
+@needs_pybullet
+def test_bullets_law_is_ours_to_rounding_where_its_contact_normals_are_exact():
+    c, w_2o = impacts()
+    got = stepped.touch(BulletWorld, c, w_2o=w_2o, along_y=True)
+    assert stepped.deviation(got, predicted.after(c, "contact_point", w_2o)).max() < 1e-13
 
 
 @pytest.mark.parametrize(("world", "tolerance"), CODES)
@@ -148,3 +155,11 @@ def test_without_pymunk_the_report_says_that_it_was_not_measured(monkeypatch: py
     assert result.rows
     assert not any("pymunk" in row.quantity for row in result.rows)
     assert any("pymunk is not installed: `pip install" in table.note for table in result.tables)
+
+
+def test_readme_has_the_command_and_the_picture() -> None:
+    root = Path(__file__).parents[1]
+    text = (root / "README.md").read_text(encoding="utf-8")
+    assert "pip install -e '.[bullet]' && .venv/bin/ifrdem validate bullet -o bullet-report\n" in text
+    assert "](validation/bullet.png)" in text
+    assert (root / "validation" / "bullet.png").read_bytes().startswith(b"\x89PNG")

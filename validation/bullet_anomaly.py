@@ -86,8 +86,7 @@ def _in_words() -> Table:
                 "does not prove",
                 "The IFR closure itself, P_et = (1 + e_t) m_t g_t acting at every angle beside friction. No "
                 "code compared here has it. It makes the slope (1 + e_t) / (3 (1 + e_n)) above, which the "
-                "paper sees in its experiments, and which Coulomb's law alone cannot make with any e_n and "
-                "mu.",
+                "paper sees in its experiments, and which Coulomb's law alone cannot make with any mu or e_n.",
             ),
             (
                 "does not prove",
