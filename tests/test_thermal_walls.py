@@ -111,7 +111,10 @@ def test_disks_leave_with_a_rayleigh_and_two_gaussian_components_in_the_frame_of
 def furnished(order: str, *, seed: int = 3, law: tuple[float, ...] = COIN, **options: object) -> Engine:
     """A dense enough gas around every shape of wall, thermal or not, some moving, under gravity."""
     box = Box((24.0, 30.0), (False, False))
-    state = options.pop("state", None) or lattice(box, 250, seed=1)
+    state = options.pop("state", None)
+    if state is None:
+        state = lattice(Box((24.0, 26.0)), 250, seed=1)
+        state.position += [0.0, 1.2]
     walls = [
         Wall.line(
             (0.0, 0.3), (0.0, 1.0), motion=Motion("sine", amplitude=0.2, frequency=0.8), temperature=2.0
@@ -130,7 +133,7 @@ def test_every_way_of_running_draws_the_same_numbers() -> None:
     """Where hits that came too early were undone too, and where epochs are cut short."""
     engines = {order: furnished(order) for order in ORDERS}
     ends = {order: run_to(engine, 3.0) for order, engine in engines.items()}
-    assert ends["alone"].wall_hits.sum() > 100
+    assert ends["alone"].wall_hits.sum() > 40
     assert engines["rounds"].statistics.undone > 0
     for order in ORDERS[1:]:
         np.testing.assert_array_equal(ends[order].wall_hits, ends["alone"].wall_hits)
@@ -176,7 +179,7 @@ def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float)
         wall_heat=float(engine.wall_heats.sum()),
     )  # fmt: skip
     heats = engine.wall_heats
-    assert engine.wall_hits > 500
+    assert engine.wall_hits > 200
     assert abs(engine.wall_work) > 1.0
     assert np.all(np.abs(heats[:3]) > 1.0)
     assert np.all(heats[3:] == 0.0)
@@ -209,40 +212,34 @@ def test_a_rough_gas_between_walls_of_one_temperature_has_it_everywhere() -> Non
 
 
 def test_heat_flows_through_a_gas_without_collisions_as_kinetic_theory_says() -> None:
-    """Between walls at T_1 and T_2, a distance L apart, disks fly to and fro, each to the temperature it left with.
+    """Between walls at T_1 and T_2, a distance L apart, a disk flies to and fro, each way with what it left with.
 
     The mean of 1/v_n over Rayleigh's distribution is sqrt(pi m / (2 T)), so that a flight to and fro takes
     L sqrt(pi m / 2) (T_1^-1/2 + T_2^-1/2) on average, and carries 3/2 (T_1 - T_2) + (T_1 - T_2) / 2, with the spin's.
     Seen at any time, and everywhere, disks coming from wall i have <m v^2> / 2 = T_i, as many as the flights last:
     T = (T_1^1/2 + T_2^1/2) / (T_1^-1/2 + T_2^-1/2) = sqrt(T_1 T_2).
 
-    The energy of a flight has a variance of 2 T^2 (T^2 from v_n, T^2 / 2 from v_t and the spin): with 1e5 flights to
-    and fro, heat has an error of 0.5 %.
+    The energy of a flight has a variance of 2 T^2 (T^2 from v_n, T^2 / 2 from v_t and the spin): 7000 flights to and
+    fro leave an error of 2 % of the heat, and 3000 samples one of 2.6 % of T in each half.
     """
-    hot, cold, radius = 2.0, 1.0, 1e-6
-    box = Box((10.0, 10.0), (False, True))
-    disks = Disks(16, mass=1.0, radius=radius)
-    engine = between(hot, cold, box, disks, lattice(box, 16, 1))
+    hot, cold = 2.0, 1.0
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State(np.array([[5.0, 5.0]]), np.array([[1.0, 0.3]]), np.zeros(1))
+    engine = between(hot, cold, Box((11.0, 11.0), (False, True)), disks, start)
     run_to(engine, 100.0)
-    begin, t_0 = engine.wall_heats, engine.time
-    energy_0 = measure(disks, engine.state()).energy
-    temperature = np.zeros(2)
-    frames, every = 4000, 25.0
-    for frame in range(1, frames + 1):
-        state = run_to(engine, 100.0 + every * frame)
-        left = state.position[:, 0] < 5.0
-        for side in range(2):
-            temperature[side] += 0.5 * np.sum(state.velocity[left == bool(side)] ** 2)
-    taken = engine.wall_heats - begin
+    heats, energy = engine.wall_heats, measure(disks, engine.state()).energy
+    temperature, count = np.zeros(2), np.zeros(2)
+    for frame in range(1, 3001):
+        state = run_to(engine, 100.0 + 50.0 * frame)
+        side = int(state.position[0, 0] > 5.5)
+        temperature[side] += 0.5 * float(np.sum(state.velocity**2))
+        count[side] += 1.0
+    taken = engine.wall_heats - heats
     cycle = 10.0 * math.sqrt(math.pi / 2.0) * (hot**-0.5 + cold**-0.5)
-    expected = disks.n * (engine.time - t_0) / cycle * 2.0 * (hot - cold)
-    assert engine.collisions < 100
-    assert taken[0] == pytest.approx(expected, rel=0.025)
-    # What the hot wall gives the cold one takes, up to what the disks hold.
-    assert taken[0] + taken[1] == pytest.approx(measure(disks, state).energy - energy_0, abs=1e-8 * expected)
-    # <m v^2> / 2 in each half: 16 x 4000 samples, some 40 000 of them independent.
-    half = disks.n * frames / 2.0
-    np.testing.assert_allclose(temperature / half, math.sqrt(hot * cold), rtol=0.03)
+    assert taken[0] == pytest.approx(1.5e5 / cycle * 2.0 * (hot - cold), rel=0.08)
+    # What the hot wall gives the cold one takes, up to what the disk holds.
+    assert taken[0] + taken[1] == pytest.approx(measure(disks, state).energy - energy, abs=1e-9 * taken[0])
+    np.testing.assert_allclose(temperature / count, math.sqrt(hot * cold), rtol=0.1)
 
 
 def column_density(

@@ -1,0 +1,37 @@
+"""No disk gets through a wall, of any kind; the long run is `python -m ifrdem.validation.escape`."""
+
+from __future__ import annotations
+
+import pytest
+
+from ifrdem.errors import EngineError
+from ifrdem.validation import escape
+from ifrdem.walls import Wall
+
+
+@pytest.mark.parametrize(("order", "hits"), [("alone", 200_000), ("rounds", 5_000)])
+def test_no_disk_escapes(order: str, hits: int) -> None:
+    found = escape.run(hits, order)
+    assert found.hits >= hits
+    assert found.states > 500
+    assert found.least_gap > -1e-11  # rounding of places near 30 is 4e-15
+
+
+def test_an_escape_would_be_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wall that the engine does not know: disks cross it."""
+    room = escape.room
+
+    def with_a_hole(order: str, seed: int) -> object:
+        engine = room(order, seed=seed)
+        engine.walls = (*engine.walls, Wall.line((0.0, 20.0), (0.0, -1.0)))
+        return engine
+
+    monkeypatch.setattr(escape, "room", with_a_hole)
+    with pytest.raises(EngineError, match=r"disk \d+ overlaps wall 12 \(line\)"):
+        escape.run(2_000)
+
+
+def test_bad_options_end_with_status_2(capsys: pytest.CaptureFixture[str]) -> None:
+    assert escape.main(["--hits", "1.5"]) == 2
+    assert escape.main(["--order", "alnoe"]) == 2
+    assert "did you mean 'alone'" in capsys.readouterr().err
