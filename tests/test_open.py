@@ -103,15 +103,12 @@ def test_no_pair_that_will_meet_is_taken_for_parted() -> None:
     assert open_space.nobody_meets(simulation.state, disks)
 
 
-@pytest.mark.parametrize("order", ["alone", "tiles"])
-def test_any_number_of_threads_gives_the_same_bits(order: str) -> None:
+def test_any_number_of_threads_gives_the_same_bits() -> None:
     disks, state = blob(400)
+    law = np.array([[COIN]])
     ends = [
-        run(
-            Engine(disks, Box.open(), state, np.array([[COIN]]), order=order, tile_disks=60, threads=threads),
-            20.0,
-        )
-        for threads in (1, 2)
+        run(Engine(disks, Box.open(), state, law, order="tiles", tile_disks=60, threads=threads), 20.0)
+        for threads in (1, None)
     ]
     for name in ("position", "velocity", "spin", "collisions"):
         np.testing.assert_array_equal(getattr(ends[0], name), getattr(ends[1], name))
