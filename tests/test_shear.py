@@ -113,6 +113,29 @@ def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
 
 
 @pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("boundary", [0, 7], ids=["seam", "inside"])
+def test_disks_at_rest_in_the_flow_meet_where_only_the_flow_brings_them(boundary: int, order: str) -> None:
+    """18 rows of disks pass each other, a fifth of a diameter apart, and never meet; two disks in the free rows do.
+
+    They are 0.9 apart along y, on both sides of a boundary of cells, and 1.9 along x: they touch when the flow has
+    brought them to sqrt(1 - 0.9^2). At the beginning they are further apart than contact + skin, and slow in their
+    rows of cells: the time until which lists are complete must follow from how these rows move.
+    """
+    box = Box((12.001, 24.002), shear_rate=0.5)
+    side = box.lengths[1] / 20
+    rows = [row for row in range(20) if row not in ((boundary - 1) % 20, boundary)]
+    x, y = np.meshgrid((np.arange(11) + 0.5) * box.lengths[0] / 11, (np.array(rows) + 0.5) * side)
+    pair = [[7.9, boundary * side - 0.45], [6.0, boundary * side + 0.45]]
+    position = box.wrap(np.concatenate([np.stack((x.ravel(), y.ravel()), axis=1), pair]))
+    state = State(position, box.flow(position), np.zeros(200))
+    engine = made(equal_disks(200), box, state, ELASTIC, order, skin=0.2)
+    assert engine.arrays.scale[1] == pytest.approx(side)  # that of a cell
+    found = run(engine, 1)
+    np.testing.assert_array_equal(found.pair, [[198, 199]])
+    np.testing.assert_allclose(found.time, (1.9 - np.sqrt(1.0 - 0.81)) / (0.9 * 0.5), rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", ORDERS)
 def test_small_boxes_give_the_serial_collisions(order: str) -> None:
     """Nine disks in four diameters: two columns of cells, most pairs meet through several images."""
     disks = equal_disks(9)
