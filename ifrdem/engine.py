@@ -65,11 +65,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend, magnitudes, seeds, skins
+from . import backend, engine_checks, seeds, skins
 from .box import Box
 from .collision_law import CollisionLaw, compiled
-from .engine_limits import ALONE, MOST_DISKS, TILE_DISKS
-from .errors import EngineError, InputError
+from .engine_limits import ALONE, TILE_DISKS
+from .errors import EngineError
 from .law import IFRLaw
 from .open_space import CELLS_PER_DISK, OpenSpace, around
 from .state import Disks, State
@@ -161,56 +161,14 @@ class Engine:
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
-        if n > MOST_DISKS:
-            raise InputError(f"{n} disks: the engine's 32-bit indices allow {MOST_DISKS} at most")
-        if state.n != n:
-            raise InputError(f"the state has {state.n} disks: {n} are needed")
-        moving = ~disks.movable & (np.any(state.velocity != 0.0, axis=1) | (state.spin != 0.0))
-        if np.any(moving):
-            i = int(np.argmax(moving))
-            raise InputError(
-                f"disk {i} has an infinite mass and moves (velocity {state.velocity[i]}, spin {state.spin[i]}): "
-                "an immovable disk must be at rest"
-            )
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
-        if n and int(disks.material.max()) >= len(law_table):
-            raise InputError(
-                f"material index {disks.material.max()}: the law table has {len(law_table)} materials"
-            )
-        diameter = 2.0 * float(disks.radius.max()) if n else 0.0
-        shortest = min(box.lengths)
-        if diameter > shortest / 3.0:
-            i = int(np.argmax(disks.radius))
-            raise InputError(
-                f"disk {i} has diameter {diameter:.6g}, more than a third of the box side {shortest:.6g}: "
-                "it could meet its own periodic image; use a larger box"
-            )
-        for name, value in (("velocity_cutoff", velocity_cutoff), ("contact_time", contact_time)):
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
+        self.gravity = engine_checks.two_numbers("gravity", gravity)
         seed = seeds.of_device(seed)
-        hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
-        if box.shear_rate:
-            _check_sheared(disks, box, walls)
-        magnitudes.check(disks, box, state, precision, hottest)
-        self.gravity = (float(gravity[0]), float(gravity[1]))
-        for axis, pull in enumerate(self.gravity):
-            if not math.isfinite(pull):
-                raise InputError(f"gravity = {gravity}: two finite numbers are needed")
-            if pull != 0.0 and box.is_open:
-                raise InputError(
-                    f"gravity = {gravity}: disks would fall for ever in an open box; use a box that is not periodic, "
-                    "with a floor"
-                )
-            if pull != 0.0 and box.periodic[axis]:
-                raise InputError(
-                    f"gravity = {gravity}: disks would fall for ever in the periodic direction {'xy'[axis]}; make it "
-                    "not periodic, with a floor"
-                )
-        if forces and n and not np.all(np.isfinite(disks.mass)):
-            raise InputError(
-                "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
-            )
+        engine_checks.check(
+            disks, box, state, len(law_table), walls, self.gravity, precision, forces,
+            velocity_cutoff=velocity_cutoff, contact_time=contact_time,
+        )  # fmt: skip
+        diameter = 2.0 * float(disks.radius.max()) if n else 0.0
         self.walls, self.given_walls = (*walls, *sides(box)), len(walls)
         check_walls(self.walls, box, state.position, disks.radius, len(law_table), float(state.time))
         # Behind a side that is a wall the box goes on for a diameter: pairs never meet through it. No wall moves
@@ -239,7 +197,6 @@ class Engine:
         backend.start(arch, threads=threads, precision=precision)
         from .device_arrays import DeviceArrays
         from .epochs import Epochs
-        from .forces import TableFriction
         from .splitting import Splitting
 
         kind: Any = law  # mypy does not take a class for hashable
@@ -266,11 +223,6 @@ class Engine:
         backend.register(self)
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
-        if any(self.gravity) and any(isinstance(force, TableFriction) for force in forces):
-            raise InputError(
-                f"gravity = {gravity}: along a table, table friction is not supported (a coin would have to stay where "
-                "friction holds it); leave one of them out"
-            )
         self._resting = 0
         if self._space is not None:
             self._space.enter(inner, state, self._offset, self.arrays.furthest)
@@ -520,18 +472,3 @@ class Engine:
             self._flow_excess = excess
         done = float(self.arrays.flow_work.to_numpy()[: self.n].sum())
         self.flow_work = done - (excess - self._flow_excess)
-
-
-def _check_sheared(disks: Disks, box: Box, walls: Sequence[Wall]) -> None:
-    """Refuse what cannot be in a sheared box."""
-    if walls:
-        raise InputError(
-            f"walls: not supported in a sheared box (shear_rate = {box.shear_rate:g}), whose flow and images would "
-            "pass through them; use a box without shear_rate"
-        )
-    if not np.all(disks.movable):
-        i = int(np.argmin(disks.movable))
-        raise InputError(
-            f"disk {i} has an infinite mass: immovable disks are not supported in a sheared box (shear_rate = "
-            f"{box.shear_rate:g}), whose flow carries everything along"
-        )
