@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+from collections.abc import Iterator
 
 import pytest
 
@@ -23,3 +25,19 @@ CUDA = any(device.arch == "cuda" for device in backend.available())
 def arch(request: pytest.FixtureRequest) -> str:
     """Every device of this machine that the engine runs on."""
     return str(request.param)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def compiler(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Files marked `unoptimised` compile their kernels without Taichi's optimiser: the same bits, a ninth of the time.
+
+    Those that hold the engine to its guarantee run what users run.
+    """
+    if request.node.get_closest_marker("unoptimised") is None:
+        yield
+        return
+    backend.stop()
+    os.environ["TI_ADVANCED_OPTIMIZATION"] = "0"
+    yield
+    backend.stop()
+    del os.environ["TI_ADVANCED_OPTIMIZATION"]

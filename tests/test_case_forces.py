@@ -21,6 +21,8 @@ from ifrdem.gas import Gas, forces_of
 from ifrdem.law import IFRLaw
 from ifrdem.trajectory import Trajectory
 
+pytestmark = pytest.mark.unoptimised
+
 ROOT = Path(__file__).parents[1]
 
 DRIVEN = """

@@ -14,6 +14,8 @@ from ifrdem.errors import InputError
 from ifrdem.gas import Gas, forces_of
 from ifrdem.trajectory import Trajectory
 
+pytestmark = pytest.mark.unoptimised
+
 CASE = Path(__file__).parents[1] / "cases" / "coins_on_table.toml"
 SMALL = ["species[0].number=60", "output.frames=6", "force[0].step=0.01", "run.t_end=1.5"]
 

@@ -18,6 +18,8 @@ from ifrdem.law import IFRLaw
 from ifrdem.shear_theory import steady_state
 from ifrdem.trajectory import Trajectory
 
+pytestmark = pytest.mark.unoptimised
+
 ROOT = Path(__file__).parents[1]
 SHEARED = """
 [run]

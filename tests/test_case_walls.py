@@ -25,6 +25,8 @@ from ifrdem.room import Room
 from ifrdem.trajectory import Trajectory, describe
 from ifrdem.walls import Motion, Wall, from_json, to_json
 
+pytestmark = pytest.mark.unoptimised
+
 ROOT = Path(__file__).parents[1]
 
 SHAKEN = """

@@ -19,6 +19,8 @@ from ifrdem.law import IFRLaw
 from ifrdem.simulation import Simulation
 from ifrdem.state import State
 
+pytestmark = pytest.mark.unoptimised
+
 ORDERS = ("alone", "tiles", "rounds")
 INELASTIC = (0.6, *ELASTIC[1:])
 

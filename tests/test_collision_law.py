@@ -19,6 +19,8 @@ from ifrdem.observables import measure
 from ifrdem.simulation import Simulation
 from ifrdem.state import Disks, State
 
+pytestmark = pytest.mark.unoptimised
+
 
 def viscoelastic(c: float = 0.0) -> Viscoelastic:
     return Viscoelastic(c=c, e_t=-1.0, mu=0.0)

@@ -18,6 +18,8 @@ from ifrdem.observables import measure
 from ifrdem.simulation import Simulation
 from ifrdem.state import Disks, State
 
+pytestmark = pytest.mark.unoptimised
+
 
 def slope(error: Sequence[float]) -> float:
     """Order of convergence from the errors at steps that each are half the one before."""

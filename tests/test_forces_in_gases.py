@@ -21,6 +21,8 @@ from ifrdem.observables import measure
 from ifrdem.simulation import Simulation
 from ifrdem.state import State
 
+pytestmark = pytest.mark.unoptimised
+
 # --- energy, steady state, threads --------------------------------------------------------------------------
 
 

@@ -20,6 +20,8 @@ from ifrdem.gas import Gas
 from ifrdem.placement import check_no_overlap
 from ifrdem.stage import Stage
 
+pytestmark = pytest.mark.unoptimised
+
 
 def bidisperse(n: int) -> NDArray[np.float64]:
     return radii.bidisperse(n, low=0.5, high=0.7, large_fraction=0.5, seed=1)

@@ -14,6 +14,8 @@ from ifrdem.gas import Gas
 from ifrdem.state import Disks
 from ifrdem.trajectory import Trajectory
 
+pytestmark = pytest.mark.unoptimised
+
 CASE = Path(__file__).parents[1] / "cases" / "impact_scan.toml"
 
 

@@ -23,6 +23,8 @@ from ifrdem.trajectory import Trajectory, describe
 from ifrdem.trajectory_writer import TrajectoryWriter
 from ifrdem.walls import Wall
 
+pytestmark = pytest.mark.unoptimised
+
 LAW = IFRLaw(e_n=COIN[0], e_t=COIN[1], mu=COIN[2])
 
 

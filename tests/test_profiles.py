@@ -19,6 +19,8 @@ from ifrdem.state import Disks, State
 from ifrdem.trajectory import Trajectory, TrajectoryWriter
 from ifrdem.walls import Motion, Wall
 
+pytestmark = pytest.mark.unoptimised
+
 WIDTH, HEIGHT = 30.0, 20.0
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
 

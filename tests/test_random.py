@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from ifrdem import backend
 
+pytestmark = pytest.mark.unoptimised
+
 # Philox in Python for words of any width, from Salmon et al. (doi:10.1145/2063384.2063405), Sec. 3.3 and Random123:
 # multipliers and additions of Philox4x32 and Philox4x64.
 CONSTANTS = {

@@ -24,6 +24,8 @@ from ifrdem.state import Disks, State
 from ifrdem.theory import contact_value
 from ifrdem.walls import Wall
 
+pytestmark = pytest.mark.unoptimised
+
 ORDERS = ["alone", "tiles", "rounds"]
 # Times at which the image above lies where it began; somewhere; more than twelve boxes further. All negative shear too.
 BEGINNINGS = {"aligned": 0.0, "askew": 3.7, "boxes away": 61.3}

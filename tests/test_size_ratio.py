@@ -18,6 +18,8 @@ from ifrdem.errors import InputError
 from ifrdem.problems import WIDEST_RATIO
 from ifrdem.state import Disks, State
 
+pytestmark = pytest.mark.unoptimised
+
 N = 1000
 SIZES = {
     # Two sizes with about the same area each, and all sizes between 1 and 10.

@@ -20,6 +20,8 @@ from ifrdem.state import Disks, State
 from ifrdem.trajectory import Trajectory
 from ifrdem.trajectory_writer import TrajectoryWriter
 
+pytestmark = pytest.mark.unoptimised
+
 N = 60
 CASE = """
 run.collisions_per_disk = 2.0

@@ -20,6 +20,8 @@ from ifrdem.simulation import Simulation
 from ifrdem.state import Disks, State
 from ifrdem.validation import table_reference
 
+pytestmark = pytest.mark.unoptimised
+
 HEAD_ON = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)  # no friction between coins
 BOX = Box((400.0, 400.0))
 

@@ -8,6 +8,8 @@ import pytest
 from ifrdem import backend
 from ifrdem.validation import table_reference
 
+pytestmark = pytest.mark.unoptimised
+
 K = 2.0
 
 

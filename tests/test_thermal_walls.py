@@ -22,6 +22,8 @@ from ifrdem.simulation import Simulation
 from ifrdem.state import Disks, State
 from ifrdem.walls import Motion, Wall
 
+pytestmark = pytest.mark.unoptimised
+
 ORDERS = ("alone", "tiles", "rounds")
 LAW = np.array([[ELASTIC]])
 ROUGH = np.array(

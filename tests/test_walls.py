@@ -18,6 +18,8 @@ from ifrdem.kernels.law import collide_pair
 from ifrdem.state import Disks, State
 from ifrdem.walls import Motion, Wall
 
+pytestmark = pytest.mark.unoptimised
+
 ORDERS = ("alone", "tiles", "rounds")
 LAW = np.array([[ELASTIC]])
 
