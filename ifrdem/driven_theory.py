@@ -199,9 +199,7 @@ def driven(
         As `theory.cooling_rates`, if the times decrease or are negative, or nothing moves (T0 = 0) and only spins, if
         any, are driven: without motion there are no collisions.
     """
-    when = np.asarray(times, dtype=np.float64)
-    if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
-        raise InputError("times: finite numbers of 0 or more in increasing order are needed, shape (steps,)")
+    when = theory.checked_times(times)
     if not (0.0 <= T0 < math.inf and 0.0 <= T_rot0 < math.inf):
         raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: finite numbers of 0 or more are needed")
     balance = _Balance(law, mass, radius, k, packing_fraction, drive)

@@ -175,9 +175,7 @@ def sheared(
         As `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
     """
     _check(law, shear_rate)
-    when = np.asarray(times, dtype=np.float64)
-    if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
-        raise InputError("times: finite numbers of 0 or more in increasing order are needed, shape (steps,)")
+    when = theory.checked_times(times)
     if not (math.isfinite(T0) and T0 > 0.0 and math.isfinite(T_rot0) and T_rot0 >= 0.0):
         raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: T0 > 0 and T_rot0 >= 0 are needed")
     if len(when) == 0 or when[-1] == 0.0:

@@ -206,6 +206,14 @@ def cooling_rates(
     return rate * translational * translation, rate * translational * rotation
 
 
+def checked_times(times: ArrayLike) -> NDArray[np.float64]:
+    """Times [time] as an array of shape (steps,); InputError unless they are finite, 0 or more, and do not decrease."""
+    when = np.asarray(times, dtype=np.float64)
+    if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
+        raise InputError("times: finite numbers of 0 or more in increasing order are needed, shape (steps,)")
+    return when
+
+
 def cooling(
     law: IFRLaw,
     mass: float,
@@ -240,9 +248,7 @@ def cooling(
         As `cooling_rates`, or if the times decrease or are negative.
     """
     _check(law, mass, radius, k)
-    when = np.asarray(times, dtype=np.float64)
-    if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
-        raise InputError("times: finite numbers of 0 or more in increasing order are needed, shape (steps,)")
+    when = checked_times(times)
     if not (math.isfinite(T0) and T0 > 0.0 and math.isfinite(T_rot0) and T_rot0 >= 0.0):
         raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: T0 > 0 and T_rot0 >= 0 are needed")
     rate0 = collision_rate(packing_fraction, T0, mass, radius)

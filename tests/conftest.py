@@ -7,8 +7,9 @@ import signal
 from collections.abc import Iterator
 
 import pytest
+from matplotlib.figure import Figure
 
-from ifrdem import backend
+from ifrdem import backend, plot
 
 # A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -41,3 +42,11 @@ def compiler(request: pytest.FixtureRequest) -> Iterator[None]:
     yield
     backend.stop()
     del os.environ["TI_ADVANCED_OPTIMIZATION"]
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
+    """Collects the figures instead of rendering them, which takes a second each."""
+    figures: list[Figure] = []
+    monkeypatch.setattr(plot, "save", lambda figure, path: figures.append(figure))
+    return figures

@@ -6,7 +6,7 @@ import numpy as np
 
 from ifrdem import placement
 from ifrdem.box import Box
-from ifrdem.engine import Engine
+from ifrdem.engine import Collisions, Engine
 from ifrdem.state import Disks, State
 
 ELASTIC = (1.0, -1.0, 0.0, 0.0, 0.0)  # smooth elastic disks: e_n = 1, e_t = -1, mu = 0
@@ -52,3 +52,15 @@ def touching(box: Box, radius: np.ndarray, position: np.ndarray) -> np.ndarray:
         j = int(np.argmin(gap))
         position[i] += apart[j] / distance[j] * gap[j] * (1.0 - 1e-9)
     return box.wrap(position)
+
+
+def run(engine: Engine, count: int) -> Collisions:
+    """Exactly `count` further collisions, in order."""
+    engine.keep_collisions = True
+    target = engine.collisions + count
+    parts = []
+    while engine.collisions < target:
+        engine.advance(collisions=target)
+        assert engine.last_collisions is not None
+        parts.append(engine.last_collisions)
+    return Collisions(np.concatenate([p.time for p in parts]), np.concatenate([p.pair for p in parts]))

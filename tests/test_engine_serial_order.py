@@ -11,30 +11,18 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
+from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, run, start
 from serial_reference import simulate
 
 import ifrdem.device_arrays
 import ifrdem.engine
 import ifrdem.epochs
 from ifrdem.box import Box
-from ifrdem.engine import Collisions, Engine
+from ifrdem.engine import Engine
 from ifrdem.errors import EngineError
 from ifrdem.state import Disks, State
 
 PER_DISK = 5
-
-
-def run(engine: Engine, count: int) -> Collisions:
-    """Exactly `count` further collisions, in order."""
-    engine.keep_collisions = True
-    target = engine.collisions + count
-    parts = []
-    while engine.collisions < target:
-        engine.advance(collisions=target)
-        assert engine.last_collisions is not None
-        parts.append(engine.last_collisions)
-    return Collisions(np.concatenate([p.time for p in parts]), np.concatenate([p.pair for p in parts]))
 
 
 def assert_same_as_serial(

@@ -7,9 +7,9 @@ import json
 import math
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
+from figures import texts
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
@@ -54,18 +54,6 @@ def write(
             }
             writer.write(state, totals)
     return disks, box
-
-
-@pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """Collects the figures instead of rendering them, which takes a second each."""
-    figures: list[Figure] = []
-    monkeypatch.setattr(plot, "save", lambda figure, path: figures.append(figure))
-    return figures
-
-
-def texts(figure: Figure) -> str:
-    return "\n".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))
 
 
 def test_picture_is_a_png_and_nothing_else_is_left(tmp_path: Path) -> None:

@@ -6,9 +6,9 @@ import json
 import math
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
+from figures import texts
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
@@ -52,18 +52,6 @@ def write(
             spin = rng.normal(size=n) * np.sqrt(2.0 / disks.inertia)
             state = State(position, scale * (drift + random), scale * spin, time=time)
             writer.write(state, {"temperature": 1.0, "rotational_temperature": 0.5, "collisions": 0})
-
-
-@pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
-    """Collects the figures instead of rendering them."""
-    figures: list[Figure] = []
-    monkeypatch.setattr(plot, "save", lambda figure, path: figures.append(figure))
-    return figures
-
-
-def texts(figure: Figure) -> str:
-    return "\n".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))
 
 
 def test_profiles_are_those_of_the_second_half(tmp_path: Path) -> None:

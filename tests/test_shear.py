@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from gases import COIN, ELASTIC, ROLLING, equal_disks, mixture
+from gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, run
 from shear_reference import Sheared
 
 import ifrdem.epochs
@@ -42,18 +42,6 @@ def sheared(
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=seed) + box.flow(position)
     spin = placement.gaussian_spins(disks.n, spin_rms=1.0, seed=seed)
     return box, State(position, velocity, spin, time=time, flow=box.flow(position))
-
-
-def run(engine: Engine, count: int) -> Collisions:
-    """Exactly `count` further collisions, in order."""
-    engine.keep_collisions = True
-    target = engine.collisions + count
-    parts = []
-    while engine.collisions < target:
-        engine.advance(collisions=target)
-        assert engine.last_collisions is not None
-        parts.append(engine.last_collisions)
-    return Collisions(np.concatenate([p.time for p in parts]), np.concatenate([p.pair for p in parts]))
 
 
 def made(
