@@ -158,6 +158,9 @@ def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
         if force.kind == "kicks" and sum(each.number for each in species) < 2:
             text = "random kicks keep the total momentum, so 2 disks at least are needed"
             yield Problem(f"force[{i}].kind", '"kicks"', text)
+        if force.kind == "table_friction" and draft.box is not None and any(draft.box.gravity):
+            text = "along a table, table friction is not supported: leave out box.gravity"
+            yield Problem(f"force[{i}].kind", '"table_friction"', text)
         reduced = draft.run is not None and draft.run.units != "SI"
         if force.kind == "table_friction" and force.gravity is None and reduced:
             yield Problem(f"force[{i}].gravity", None, "missing: 9.81 m/s^2 is meant in SI units only")

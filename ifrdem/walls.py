@@ -307,6 +307,11 @@ def check_place(wall: Wall, box: Box) -> None:
                     f"a line across a periodic direction of the box ({'xy'[axis]}); make that direction not periodic"
                 )
             continue
+        if math.isinf(wall.motion.extent) and wall.motion.direction[axis] != 0.0:
+            raise InputError(
+                f"its steady motion carries it across a periodic side of the box ({'xy'[axis]}), where walls are not "
+                "repeated; let it oscillate, or make that direction not periodic"
+            )
         end = wall.place[axis] + (wall.towards[axis] if wall.shape == "segment" else 0.0)
         if min(wall.place[axis], end) - reach < 0.0 or max(wall.place[axis], end) + reach > side:
             raise InputError(

@@ -33,5 +33,13 @@ class Weak(CollisionLaw):
         return coefficients[0] * pair.m_n * pair.g_n, 0.0, 0.0
 
 
+class Half(CollisionLaw):
+    """Smooth disks with e_n = 1/2; no coefficients."""
+
+    @staticmethod
+    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
+        return 1.5 * pair.m_n * pair.g_n, 0.0, 0.0
+
+
 class Silent(CollisionLaw):
     """Says nothing of impulses."""

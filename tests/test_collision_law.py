@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gases import mixture, start
-from law_examples import Silent, Viscoelastic, Weak
+from law_examples import Half, Silent, Viscoelastic, Weak
 
 from ifrdem.box import Box
 from ifrdem.collision_law import CollisionLaw
@@ -125,3 +125,12 @@ def test_what_is_no_law_is_refused_by_name(make: Any, message: str | None) -> No
 def test_collide_in_numpy_takes_the_ifr_law_only() -> None:
     with pytest.raises(InputError, match=r"collide takes an IFRLaw"):
         collide(viscoelastic(), [1, 0], [1, 1], [1, 1], [2, 2], [[1, 0], [0, 0]], [0, 0])  # type: ignore[arg-type]
+
+
+def test_a_law_needs_no_coefficients() -> None:
+    disks = mixture(100)
+    box, state = start(disks, 0.4)
+    gas = quiet(disks, box, Half(), state)
+    gas.run(t_end=0.2)
+    assert gas.collisions > 50
+    assert gas.dissipated_energy > 0.0

@@ -417,3 +417,14 @@ def test_disks_that_overlap_through_the_displaced_image_are_refused() -> None:
         InputError, match=r"disks 0 and 1 overlap by 0\.55"
     ):  # sqrt(0.2^2 + 0.4^2) = 0.447 apart
         placement.check_no_overlap(box, radius, position, time=4.0)
+
+
+def test_the_energy_of_the_flow_is_none_that_collisions_took() -> None:
+    disks = equal_disks(200)
+    box = Box.from_packing_fraction(disks.radius, 0.1, shear_rate=-2.0)
+    position = placement.random_positions(box, disks.radius, seed=1)
+    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=1) + box.flow(position)
+    law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+    gas = Simulation(disks, box, law, State(position, velocity, np.zeros(200)))
+    gas.run(t_end=2.0)
+    assert gas.dissipated_energy == pytest.approx(0.0, abs=1e-9 * gas.shear_work)

@@ -345,3 +345,16 @@ def test_a_seed_that_cannot_be_is_refused(seed: float) -> None:
     box = Box((10.0, 10.0), (False, True))
     with pytest.raises(InputError, match=r"seed = .*: a whole number from 0"):
         between(1.0, 1.0, box, Disks(4, mass=1.0, radius=0.5), lattice(box, 4, 1), seed=seed)
+
+
+def test_heat_is_not_taken_for_energy_that_collisions_add() -> None:
+    box = Box((20.0, 20.0), periodic=(True, False))
+    walls = [
+        Wall.line((0.0, 0.0), (0.0, 1.0), temperature=4.0),
+        Wall.line((0.0, 20.0), (0.0, -1.0), temperature=4.0),
+    ]
+    disks = Disks(100, mass=1.0, radius=0.5)
+    gas = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), lattice(box, 100, 1), walls=walls)
+    gas.run(t_end=20.0)
+    assert gas.wall_heat > 50.0  # from T = 1 towards 4
+    assert gas.dissipated_energy == pytest.approx(0.0, abs=1e-9 * gas.wall_heat)

@@ -330,3 +330,21 @@ def test_drag_and_gravity_together_reach_the_terminal_velocity(order: str) -> No
     decay = math.exp(-gamma * dt)
     assert state.velocity[0, 1] == pytest.approx(-2.0 * dt * (1.0 + decay) / (2.0 * (1.0 - decay)), rel=1e-9)
     assert engine.wall_hits == 0
+
+
+@pytest.mark.parametrize("wall", ["post", "segment"])
+def test_a_wall_that_would_leave_through_a_periodic_side_is_refused(wall: str) -> None:
+    motion = Motion("steady", direction=(1.0, 0.0), speed=1.0)
+    places = {
+        "post": Wall.post((15.0, 15.0), 4.0, motion=motion),
+        "segment": Wall.segment((15.0, 10.0), (15.0, 20.0), motion=motion),
+    }
+    state = State(np.array([[2.0, 2.0]]), np.zeros((1, 2)), np.zeros(1))
+    with pytest.raises(InputError, match="carries it across a periodic side"):
+        Engine(
+            Disks(1, mass=1.0, radius=0.5),
+            Box((30.0, 30.0)),
+            state,
+            np.array([[ELASTIC]]),
+            walls=[places[wall]],
+        )
