@@ -169,8 +169,6 @@ class DeviceArrays:
         self.block = ti.ndarray(ti.i32, (total // _SCAN_BLOCK + 1,))
         self.squares = ti.ndarray(self._type, (room // _SCAN_BLOCK + 1,))
         self.neighbour = ti.ndarray(ti.i32, (room * ROW,))
-        # A law without coefficients has a column of zeros: Taichi has no empty arrays.
-        law_table = law_table if law_table.shape[-1] else np.zeros((*law_table.shape[:-1], 1))
         self.law = ti.ndarray(self._type, law_table.shape)
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self.counter = np.zeros(17, dtype=np.int32)

@@ -18,6 +18,8 @@ from .kernels.contact import try_law
 from .law import EnergyWarning
 from .state import Disks
 
+from taichi.lang.exception import TaichiCompilationError  # isort: skip  (after the kernels, which silence its banner)
+
 PAIRS = 4096
 _ROUND_OFF = (
     1e-9  # of an impulse or an energy, in single precision too where its sums do not go into the state
@@ -73,7 +75,14 @@ def try_on(
     ))  # fmt: skip
     found = np.zeros((PAIRS, 8))
     law: Any = kind  # mypy does not take a class for hashable
-    try_law(compiled(law), np.ascontiguousarray(table), pairs, found)
+    try:
+        try_law(compiled(law), np.ascontiguousarray(table), pairs, found)
+    except TaichiCompilationError as error:
+        reason = str(error).strip().splitlines()[-1].strip()
+        raise InputError(
+            f"law {kind.__name__}: Taichi cannot compile its collide(pair, coefficients), a static method that returns "
+            f"P_n, P_t and T: {reason}"
+        ) from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
     gaining = np.count_nonzero(gain > _ROUND_OFF)

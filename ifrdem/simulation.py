@@ -119,7 +119,8 @@ class Simulation:
         kind = checked_class(self._laws)
         _check_energy(self._laws, disks, [*walls, *sides(box)])
         check_no_overlap(box, disks.radius, state.position, time=state.time)
-        table = np.array([[one.table_row() for one in row] for row in self._laws])
+        # A law without coefficients has a column of zeros: Taichi has no empty arrays.
+        table = np.array([[one.table_row() or (0.0,) for one in row] for row in self._laws])
         self._engine = Engine(
             disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
             walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,

@@ -41,5 +41,13 @@ class Half(CollisionLaw):
         return 1.5 * pair.m_n * pair.g_n, 0.0, 0.0
 
 
+class Short(CollisionLaw):
+    """Returns too little."""
+
+    @staticmethod
+    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
+        return 1.5 * pair.m_n * pair.g_n, 0.0
+
+
 class Silent(CollisionLaw):
     """Says nothing of impulses."""

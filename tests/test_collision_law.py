@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gases import mixture, start
-from law_examples import Half, Silent, Viscoelastic, Weak
+from law_examples import Half, Short, Silent, Viscoelastic, Weak
 
 from ifrdem.box import Box
 from ifrdem.collision_law import CollisionLaw
@@ -134,3 +134,10 @@ def test_a_law_needs_no_coefficients() -> None:
     gas.run(t_end=0.2)
     assert gas.collisions > 50
     assert gas.dissipated_energy > 0.0
+
+
+def test_a_law_that_returns_too_little_is_refused_by_name() -> None:
+    disks = mixture(100)
+    box, state = start(disks, 0.4)
+    with pytest.raises(InputError, match=r"law Short: Taichi cannot compile .* returns P_n, P_t and T"):
+        quiet(disks, box, Short(), state)
