@@ -85,7 +85,8 @@ class CollisionLaw:
         -----
         It must not matter which disk is i: exchanging them leaves g_n, g_t, m_n and m_t as they are.
         """
-        raise NotImplementedError  # never reached: a simulation refuses a law without it
+        # Abstract: `checked_class` refuses a law without its own, by name, before anything is compiled.
+        raise NotImplementedError
 
     @classmethod
     def impulses(cls) -> Callable[..., Any]:

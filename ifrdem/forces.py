@@ -92,12 +92,14 @@ class Force:
         parameters : vector
             The force's parameters.
         """
-        raise NotImplementedError  # never reached: `Splitting` refuses a force without it
+        # Abstract: `Splitting` refuses a force without its own, by name, before anything is compiled.
+        raise NotImplementedError
 
     @staticmethod
     def measure(disk, step, parameters):
         """What one disk adds to the `totals`, a vector of so many entries; called before `act`, with its arguments."""
-        raise NotImplementedError  # never reached: `Splitting` refuses a force without it
+        # Abstract for forces with totals, of which `Splitting` refuses those without their own; others need none.
+        raise NotImplementedError
 
 
 class RandomKicks(Force):

@@ -157,7 +157,9 @@ def _run(name: str, quick: bool) -> Outcome:
             outcome.error = "the case compared nothing"
     except Skip as reason:
         outcome.skipped = str(reason)
-    except Exception as error:  # whatever a case does, the others still run, and it is reported as failed
+    except Exception as error:
+        # Not swallowed: the others still run; this one fails in terminal, results and report, with its traceback,
+        # and the exit status is 1.
         outcome.error = f"{type(error).__name__}: {error}"
         outcome.details = traceback.format_exc()
     outcome.seconds = time.perf_counter() - began
