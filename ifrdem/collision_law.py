@@ -93,6 +93,11 @@ class CollisionLaw:
         """The function that the engine compiles: `collide`."""
         return cls.collide
 
+    @classmethod
+    def parts(cls) -> Callable[..., Any] | None:
+        """What tells the ledger which part of P_t restitution gives, and the regime; None where a law does not say."""
+        return None
+
     def table_row(self) -> tuple[float, ...]:
         """The coefficients in their order."""
         return self._row
@@ -111,7 +116,7 @@ def compiled(kind: type[CollisionLaw]) -> Any:
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):
         function = ti.func(function)
-    return Law(function, max(len(kind.coefficients), 1))
+    return Law(function, max(len(kind.coefficients), 1), kind.parts())
 
 
 def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:

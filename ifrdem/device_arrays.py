@@ -27,7 +27,9 @@ from .engine_limits import (
     LISTS,
     LOG_INT,
     LOG_REAL,
+    MECHANISMS,
     META,
+    REGIMES,
     ROW,
     WALL,
 )
@@ -125,6 +127,10 @@ class DeviceArrays:
         What is compiled in of the law (`collision_law.compiled`); the IFR law without it.
     cells_per_disk : int
         Cells, at most.
+    tallied : bool
+        Keep a ledger of what dissipates energy (`kernels/ledger.py`).
+    partnered : bool
+        Keep whom each disk hit last.
     """
 
     def __init__(
@@ -146,9 +152,11 @@ class DeviceArrays:
         origin: tuple[float, float] = (0.0, 0.0),
         collision_law: Any = None,
         cells_per_disk: int = 1,
+        tallied: bool = False,
+        partnered: bool = False,
     ) -> None:
         n = self.n = disks.n
-        self._real = np.float32 if precision == "f32" else np.float64
+        self.real = np.float32 if precision == "f32" else np.float64
         self._type = getattr(ti, precision)
         self._arguments: dict[Callable[..., None], list[str]] = {}
         diameter = 2.0 * float(disks.radius.max()) if n else 0.0
@@ -172,14 +180,14 @@ class DeviceArrays:
         self.law = ti.ndarray(self._type, law_table.shape)
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self.counter = np.zeros(17, dtype=np.int32)
-        self.limit = np.zeros(5, dtype=self._real)
+        self.limit = np.zeros(5, dtype=self.real)
         n_walls = 0 if walls is None else len(walls)
         self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls, 0, 0, 0, 0], dtype=np.int32)
         words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
         self.grid[SEED_LOW : SEED_LOW + 2] = words.view(np.int32)
-        self.scale = np.zeros(21, dtype=self._real)
-        self.clock = np.zeros(5)
-        self.total = np.zeros(5, dtype=np.int64)
+        self.scale = np.zeros(21, dtype=self.real)
+        self.clock = np.zeros(6)
+        self.total = np.zeros(6, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
         cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]
         self.scale[CELL_X : CELL_X + 4] = (*cell_sides, *tile_sides)
@@ -210,7 +218,7 @@ class DeviceArrays:
         self._thermal: NDArray[np.intp] = np.empty(0, dtype=np.intp)
         if walls is not None and n_walls:
             self._thermal = np.flatnonzero(walls[:, TEMPERATURE] > 0.0)
-            rows = walls.astype(self._real)
+            rows = walls.astype(self.real)
             rows[:, HEAT] = -1.0
             rows[self._thermal, HEAT] = np.arange(len(self._thermal))
             self.walls.from_numpy(rows)
@@ -219,9 +227,21 @@ class DeviceArrays:
             thermal=len(self._thermal) > 0,
             remembers=contact_time > 0.0,
             sheared=sheared,
+            tallied=tallied,
+            partnered=partnered,
             collision_law=collision_law if collision_law is not None else compiled(IFRLaw),
         )
-        self._history_before = state.wall_hits.astype(np.int32), state.latest_collision.copy()
+        self._history_before = (
+            state.wall_hits.astype(np.int32), state.latest_collision.copy(), state.last_partner.astype(np.int32),
+        )  # fmt: skip
+        blocks = room // _SCAN_BLOCK + 1 if tallied else 1
+        self.losses = ti.ndarray(ti.f64, (blocks, MECHANISMS))
+        self.regimes = ti.ndarray(ti.i64, (blocks, REGIMES))
+        self.last_partner = ti.ndarray(ti.i32, (room if partnered else 1,))
+        for tally in (self.losses, self.regimes, self.last_partner):
+            tally.fill(0)
+        if partnered and n:
+            self.last_partner.from_numpy(state.last_partner)
         beside_walls = room if n_walls else 1
         self.near_walls = ti.ndarray(ti.i32, (beside_walls,))
         self.wall_hits = ti.ndarray(ti.i32, (beside_walls,))
@@ -248,11 +268,11 @@ class DeviceArrays:
     ) -> tuple[list[int], list[int]]:
         """Tiles along each side of the box, and cells along each side of a tile."""
         # Wider by a trifle: a disk on the border of two cells may count to either.
-        least = reach * (1.0 + 100.0 * float(np.finfo(self._real).eps))
+        least = reach * (1.0 + 100.0 * float(np.finfo(self.real).eps))
         # In a sheared gas, where columns of cells lie askew is rounded too: a number of some hundreds.
         fewest = [1, 1]
         if box.shear_rate:
-            least = reach * (1.0 + 1e4 * float(np.finfo(self._real).eps))
+            least = reach * (1.0 + 1e4 * float(np.finfo(self.real).eps))
             fewest = [2, 1]  # what lies within reach above or below is at most a tile and a half away
         most = [max(low, int(side / least)) for low, side in zip(fewest, box.lengths, strict=True)]
         # More cells than disks would only cost time: a dilute gas gets larger ones.
@@ -288,7 +308,7 @@ class DeviceArrays:
         tile = np.minimum((position / tile_sides).astype(np.int64), np.array(tiles) - 1)
         local = position - tile * tile_sides
         index = np.clip((local / (tile_sides / cells)).astype(np.int64), 0, np.array(cells) - 1)
-        flight = np.zeros((room, FLIGHT), dtype=self._real)
+        flight = np.zeros((room, FLIGHT), dtype=self.real)
         flight[:n, 0:2] = local
         flight[:n, 2:4] = velocity
         flight[:n, 5] = state.spin
@@ -303,11 +323,11 @@ class DeviceArrays:
         cell[:n] = ((tile[:, 0] * tiles[1] + tile[:, 1]) * cells[0] + index[:, 0]) * cells[1] + index[:, 1]
         self.flight.from_numpy(flight)
         if n:
-            self.kinds.from_numpy(kinds.astype(self._real))
+            self.kinds.from_numpy(kinds.astype(self.real))
         self.image.from_numpy(image)
         self.meta.from_numpy(meta)
         self.cell.from_numpy(cell)
-        self.law.from_numpy(law_table.astype(self._real))
+        self.law.from_numpy(law_table.astype(self.real))
         link = np.zeros((room, LINK), dtype=np.int32)
         link[:, HEAD] = -1  # nothing is logged yet
         self.link.from_numpy(link)
@@ -390,16 +410,24 @@ class DeviceArrays:
         stands = (log_int[:, STANDS] == 1) & (log_int[:, SLOT + 1] >= 0)
         return self.log_real.to_numpy()[:written][stands, TIME], log_int[stands, SLOT : SLOT + 2]
 
-    def history(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-        """Each disk's collisions with walls and the time of its latest collision [time], both shape (n,).
+    def history(self) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int32]]:
+        """Each disk's collisions with walls, the time of its latest collision [time], and whom it hit then; each (n,).
 
-        Up to the latest settling; as they were at the start where there are no walls, or no contact time.
+        Up to the latest settling; as they were at the start where there are no walls, no contact time, or nobody asked.
         """
-        hits, latest = self._history_before
+        hits, latest, partner = self._history_before
         return (
             self.wall_hits.to_numpy()[: self.n] if self.uses.walled else hits.copy(),
             self.latest.to_numpy()[: self.n] if self.uses.remembers else latest.copy(),
+            self.last_partner.to_numpy()[: self.n] if self.uses.partnered else partner.copy(),
         )
+
+    def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Energy that collisions took by mechanism, and their number by regime, up to the latest settling."""
+        # Block by block along each column: one order for any number of threads.
+        losses = np.ascontiguousarray(self.losses.to_numpy().T).sum(axis=1)
+        regimes: NDArray[np.int64] = self.regimes.to_numpy().sum(axis=0)
+        return losses, regimes
 
     def work_of_walls(self) -> float:
         """Energy that moving walls gave [energy], up to the latest settling."""
@@ -429,7 +457,7 @@ class DeviceArrays:
 
     def zeros(self, columns: int, *, real: bool) -> NDArray[Any]:
         """A host array with a row for each disk, one at least, for kernels to write into."""
-        return np.zeros((max(self.n, 1), columns), dtype=self._real if real else np.int32)
+        return np.zeros((max(self.n, 1), columns), dtype=self.real if real else np.int32)
 
     def switch_off_rollback(self) -> None:
         """Let collisions that came too early stand."""
@@ -447,7 +475,9 @@ class DeviceArrays:
     def bytes_allocated(self) -> int:
         """Bytes of all device arrays."""
         return sum(
-            (8 if str(array.dtype) == "f64" else 4) * math.prod(array.shape) * math.prod(array.element_shape)
+            (8 if str(array.dtype) in ("f64", "i64") else 4)
+            * math.prod(array.shape)
+            * math.prod(array.element_shape)
             for array in self._on_device().values()
         )
 

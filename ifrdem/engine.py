@@ -68,7 +68,7 @@ from numpy.typing import NDArray
 from . import backend, engine_checks, seeds, skins
 from .box import Box
 from .collision_law import CollisionLaw, compiled
-from .engine_limits import ALONE, TILE_DISKS
+from .engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
 from .errors import EngineError
 from .law import IFRLaw
 from .open_space import CELLS_PER_DISK, OpenSpace, around
@@ -80,6 +80,7 @@ from .walls import check as check_walls
 if TYPE_CHECKING:
     from .device_arrays import DeviceArrays
     from .epochs import Outcome
+    from .events import Tracking
     from .forces import Force
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
@@ -129,6 +130,12 @@ class Engine:
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
     law : class of laws
         Whose coefficients the table holds.
+    ledger : bool
+        Add up what dissipates energy (`dissipated`).
+    partners : bool
+        Keep whom each disk hit last (`State.last_partner`).
+    tracking : Tracking, optional
+        Follows some disks, collision by collision.
 
     Raises
     ------
@@ -158,6 +165,9 @@ class Engine:
         forces: Sequence[Force] = (),
         seed: int = 0,
         law: type[CollisionLaw] = IFRLaw,
+        ledger: bool = False,
+        partners: bool = False,
+        tracking: Tracking | None = None,
     ) -> None:
         self.disks, self.box = disks, box
         n = self.n = disks.n
@@ -205,7 +215,7 @@ class Engine:
             moved = State(
                 position=state.position + offset, velocity=state.velocity, spin=state.spin, time=state.time,
                 collisions=state.collisions, image=state.image, wall_hits=state.wall_hits,
-                latest_collision=state.latest_collision,
+                latest_collision=state.latest_collision, last_partner=state.last_partner,
             )  # fmt: skip
             return DeviceArrays(
                 disks, inner, moved, law_table,
@@ -214,7 +224,7 @@ class Engine:
                 wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
                 velocity_cutoff=velocity_cutoff, contact_time=contact_time, seed=seed,
                 origin=(float(offset[0]), float(offset[1])), collision_law=compiled(kind),
-                cells_per_disk=CELLS_PER_DISK if box.is_open else 1,
+                cells_per_disk=CELLS_PER_DISK if box.is_open else 1, tallied=ledger, partnered=partners,
             )  # fmt: skip
 
         self._arrays_for = arrays_for
@@ -224,6 +234,10 @@ class Engine:
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
         self._resting = 0
+        self.tracking = tracking
+        # What the ledger held in the boxes of an open gas before the present one.
+        self._lost_before = np.zeros(MECHANISMS)
+        self._regimes_before: NDArray[np.int64] = np.zeros(REGIMES, dtype=np.int64)
         if self._space is not None:
             self._space.enter(inner, state, self._offset, self.arrays.furthest)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
@@ -261,10 +275,18 @@ class Engine:
 
     # ------------------------------------------------------------------ running
 
-    def advance(self, *, t_end: float = math.inf, collisions: int | None = None) -> None:
+    def advance(
+        self,
+        *,
+        t_end: float = math.inf,
+        collisions: int | None = None,
+        pause_at: float = math.inf,
+        pause_after: int | None = None,
+    ) -> None:
         """Run one epoch, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
-        It ends at the latest where a force acts, after that.
+        It ends at the latest where a force acts, after that; and where an epoch ends at or after `pause_at` [time] or
+        the total number of collisions `pause_after`.
 
         Raises
         ------
@@ -288,8 +310,12 @@ class Engine:
             wanted = None if collisions is None else collisions - self.collisions
             before = self.statistics.epochs
             if self.order == "alone":
-                most = 1 if self.keep_collisions else None if space is None else space.epochs_left
-                outcome = self.epochs.run_alone(self.time, stop, wanted, most=most)
+                watched = self.keep_collisions or self.tracking is not None
+                most = 1 if watched else None if space is None else space.epochs_left
+                pause = None if pause_after is None else pause_after - self.collisions
+                outcome = self.epochs.run_alone(
+                    self.time, stop, wanted, most=most, pause_at=pause_at, pause_after=pause
+                )
             else:
                 outcome = self.epochs.run(self.time, stop, wanted)
             if space is not None:
@@ -303,6 +329,8 @@ class Engine:
                 self._resting = 0
                 if self.keep_collisions:
                     self.last_collisions = self._read_log()
+                if self.tracking is not None:
+                    self.tracking.gather(self.arrays, self.time, self._placed)
                 self.time = outcome.time
                 self.epochs.after_epoch(self.time)
                 self._whole = True  # a run that has to stop here leaves a state
@@ -338,8 +366,12 @@ class Engine:
             # Forces see the lab, not the frame that falls; and what walls or the flow did is told by velocities as they
             # left them.
             self.epochs.settle(self.time)
+        followed = self.tracking if due else None
+        before = followed.snapshot(self.arrays, self._placed) if followed is not None else None
         for index in due:
             self.splitting.apply(index, self.time)
+        if followed is not None and before is not None:
+            followed.kick(self.time, before, followed.snapshot(self.arrays, self._placed))
         if due and self._space is not None:
             self._space.parted = self.n < 2
 
@@ -356,6 +388,9 @@ class Engine:
         self._whole = False
         inner, offset = around(state, self.disks)
         self.skin = skins.choose(self._skin_given, inner, self.box, self.disks, state)
+        lost, regimes = self.arrays.dissipated()
+        self._lost_before += lost
+        self._regimes_before += regimes
         old, new = self.arrays, self._arrays_for(state, inner, self.skin, offset)
         self.arrays = self.epochs.arrays = self.splitting.arrays = new
         self._offset = offset
@@ -438,7 +473,7 @@ class Engine:
         n = self.n
         real, integer = self.arrays.zeros(6, real=True), self.arrays.zeros(3, real=False)
         self.arrays.launch(export, self.time, real_out=real, int_out=integer)
-        position = real[:n, 0:2] - self._offset
+        position = self._placed(real[:n, 0:2])
         image = integer[:n, 1:3].copy()
         escaped = np.flatnonzero(np.any((image != 0) & ~np.array(self.box.periodic), axis=1))
         if len(escaped):
@@ -446,10 +481,7 @@ class Engine:
             raise EngineError(
                 f"t = {self.time:.9g}: disk {escaped[0]} left the box {where}; please report this"
             )
-        hits, latest = self.arrays.history()
-        # Rounding can put a disk onto the far side, which is the next box already.
-        inside = np.minimum(position, np.nextafter(self.box.lengths, 0.0))
-        position = np.where(self.box.periodic, inside, position)
+        hits, latest, partner = self.arrays.history()
         flow = None
         if self.box.shear_rate:
             flow = self.box.flow(position)
@@ -463,8 +495,42 @@ class Engine:
             image=image,
             wall_hits=hits,
             latest_collision=np.minimum(latest, self.time),
+            last_partner=partner,
             flow=flow,
         )
+
+    def _placed(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions in the user's box [length] of those on the device."""
+        position = place - self._offset
+        # Rounding can put a disk onto the far side, which is the next box already.
+        inside = np.minimum(position, np.nextafter(self.box.lengths, 0.0))
+        return np.where(self.box.periodic, inside, position)
+
+    def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Energy that collisions took, by mechanism, and collisions by regime (`kernels/ledger.py`), so far.
+
+        Up to the latest settling; zeros without a ledger.
+        """
+        lost, regimes = self.arrays.dissipated()
+        return self._lost_before + lost, self._regimes_before + regimes
+
+    def totals(self) -> NDArray[np.float64]:
+        """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
+        from .kernels.sort import BLOCK
+        from .kernels.totals import FALL, TOTALS, totals
+
+        self._check_whole()
+        self._whole = False
+        self.epochs.settle(self.time)
+        self._whole = True
+        sums = np.zeros((self.n // BLOCK + 1, TOTALS))
+        self.arrays.launch(totals, sums=sums)
+        found: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
+        if any(self.gravity):
+            # From the corner of the user's box.
+            mass = float(np.sum(self.disks.mass[self.disks.movable]))
+            found[FALL] -= mass * float(np.dot(self._offset, self.gravity))
+        return found
 
     def _tally_flow(self, excess: float) -> None:
         """Energy that the flow has put in: what it did in the frames of the rows, less what only these frames see."""

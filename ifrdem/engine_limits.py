@@ -6,6 +6,7 @@ from __future__ import annotations
 FLIGHT, KIND, LINK, META, IMAGE, LISTS = 8, 4, 8, 3, 2, 5
 LOG_REAL, LOG_INT = 11, 8
 WALL = 18
+MECHANISMS, REGIMES = 6, 5
 MOST_WALLS = 31  # those that a disk can touch in an epoch are the bits of one integer
 ADDRESSABLE = 2**31 - 1  # entries of one array that 32-bit indices reach
 ROW = 16  # entries of a neighbour row to begin with; rows grow where more are needed

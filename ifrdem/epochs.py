@@ -43,6 +43,8 @@ from .kernels.layout import (
     N_WALL_HITS,
     N_WALLS_TOTAL,
     NOW,
+    PAUSE_AFTER,
+    PAUSE_AT,
     PLANNED,
     REACH,
     RESTING,
@@ -141,11 +143,24 @@ class Epochs:
 
     # ------------------------------------------------------------------ by one thread
 
-    def run_alone(self, now: float, t_end: float, wanted: int | None, *, most: int | None = None) -> Outcome:
-        """Some epochs (`most` at most) in one launch, to `t_end` or `wanted` more collisions at the latest."""
+    def run_alone(
+        self,
+        now: float,
+        t_end: float,
+        wanted: int | None,
+        *,
+        most: int | None = None,
+        pause_at: float = math.inf,
+        pause_after: int | None = None,
+    ) -> Outcome:
+        """Some epochs (`most` at most) in one launch, to `t_end` or `wanted` more collisions at the latest.
+
+        It pauses where an epoch ends at or after `pause_at` or `pause_after` more collisions.
+        """
         a = self.arrays
-        a.clock[[NOW, TIME_END, PLANNED]] = now, t_end, 0.0
+        a.clock[[NOW, TIME_END, PLANNED, PAUSE_AT]] = now, t_end, 0.0, pause_at
         a.total[:] = 0
+        a.total[PAUSE_AFTER] = 2**62 if pause_after is None else pause_after
         a.total[COLLISIONS_LEFT] = 2**62 if wanted is None else wanted
         began = time.perf_counter()
         burst = self._burst if most is None else min(self._burst, most)
@@ -249,7 +264,7 @@ class Epochs:
         """Make the log longer if it was too short: only when nobody wants to read it any more."""
         if self.statistics.cut_for_log > self._log_growths:
             uses = self.arrays.uses
-            if uses.walled or uses.remembers or uses.sheared:
+            if uses.walled or uses.remembers or uses.sheared or uses.tallied or uses.partnered:
                 self.settle(now)  # what walls or the flow did, and when disks collided, is read from the log
             self._log_growths = self.statistics.cut_for_log
             self._lengthen_log()

@@ -241,6 +241,13 @@ class IFRLaw(CollisionLaw):
 
         return ifr
 
+    @classmethod
+    def parts(cls) -> Callable[..., Any]:
+        """What tells the ledger of P_et, and the regime."""
+        from .kernels.law import ifr_parts  # imports Taichi, which is slow
+
+        return ifr_parts
+
     def _act_on(self, verdict: Admissibility, stacklevel: int) -> None:
         if not verdict.admissible:
             raise InputError(verdict.message)

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
 from .state import Disks, State
+
+MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls")
+"""What collisions take energy by: normal and tangential restitution, friction while it slides or sticks, rolling
+friction, and all of these in collisions with walls."""
+REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
+"""Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
+a remedy for collapse made them elastic."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +48,10 @@ class Measure:
         Sum of -m g.x, g the gravity: 0 at the box's lower left corner [energy].
     wall_hits : int
         Collisions with walls so far.
+    dissipated : array (6,) or None
+        Energy that collisions have taken since the start, by mechanism (`MECHANISMS`) [energy]; None without a ledger.
+    regimes : array (5,) or None
+        Collisions of two disks since the start, by regime (`REGIMES`).
     shear_pressure : float
         Kinetic part of the pressure tensor times the area, sum of m v_x v_y [energy].
 
@@ -62,6 +74,8 @@ class Measure:
     wall_heat: float = 0.0
     potential_energy: float = 0.0
     wall_hits: int = 0
+    dissipated: NDArray[np.float64] | None = None
+    regimes: NDArray[np.int64] | None = None
 
     @property
     def unspent(self) -> float:
@@ -82,6 +96,8 @@ def measure(
     wall_work: float = 0.0,
     wall_heat: float = 0.0,
     gravity: tuple[float, float] = (0.0, 0.0),
+    dissipated: NDArray[np.float64] | None = None,
+    regimes: NDArray[np.int64] | None = None,
 ) -> Measure:
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
@@ -115,4 +131,28 @@ def measure(
         potential_energy=-float(np.sum(mass * (state.position @ np.array(gravity)))) if any(gravity) else 0.0,
         wall_hits=int(np.sum(state.wall_hits, dtype=np.int64)),
         shear_pressure=float(np.sum(mass * v_x * v_y)),
+        dissipated=dissipated,
+        regimes=regimes,
+    )
+
+
+def from_totals(
+    disks: Disks, totals: NDArray[np.float64], time: float, wall_hits: int, **put_in: Any
+) -> Measure:
+    """The same of sums over all disks (`kernels/totals.py`), which `Engine.totals` gives."""
+    translational, rotational, momentum_x, momentum_y, shear_pressure, fall, events = totals.tolist()
+    n = max(int(np.count_nonzero(disks.movable)), 1)
+    return Measure(
+        time=time,
+        # Each collision is counted at both of its disks, those with walls once.
+        collisions=(round(events) - wall_hits) // 2,
+        translational_energy=translational,
+        rotational_energy=rotational,
+        temperature=translational / n,
+        rotational_temperature=2.0 * rotational / n,
+        momentum=np.array([momentum_x, momentum_y]),
+        shear_pressure=shear_pressure,
+        potential_energy=-fall,
+        wall_hits=wall_hits,
+        **put_in,
     )

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .box import Box
+from .cadence import Cadence, Span
 from .collapse import Collapse
 from .collision_law import CollisionLaw, checked_class
+from .course import Course, Observer, Progress, Sampler
 from .engine import Collisions, Engine
 from .errors import InputError
+from .events import Events, Tracking, checked_ids
 from .law import EnergyWarning, IFRLaw
-from .observables import Measure, measure
+from .observables import Measure, from_totals, measure
 from .placement import check_no_overlap
 from .state import Disks, State
 from .statistics import Statistics
@@ -24,9 +27,6 @@ from .walls import Wall, sides
 
 if TYPE_CHECKING:
     from .forces import Force
-
-Observer = Callable[[State, Measure], None]
-Progress = Callable[[float, int], None]
 
 
 class Simulation:
@@ -72,6 +72,12 @@ class Simulation:
         in this order and in the reverse order by turns (`ifrdem.forces`).
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
+    ledger : bool
+        Add up the energy that collisions take, by mechanism, and count collisions by regime: in every `Measure`.
+    partners : bool
+        Keep whom each disk hit last: `State.last_partner`.
+    tracked : sequence of int
+        Disks of which every collision is kept, for `take_events`. Not in a sheared box.
 
     Raises
     ------
@@ -110,6 +116,9 @@ class Simulation:
         velocity_cutoff: float | None = None,
         forces: Sequence[Force] = (),
         seed: int = 0,
+        ledger: bool = False,
+        partners: bool = False,
+        tracked: Sequence[int] | NDArray[np.integer] = (),
     ) -> None:
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
@@ -121,11 +130,13 @@ class Simulation:
         check_no_overlap(box, disks.radius, state.position, time=state.time)
         # A law without coefficients has a column of zeros: Taichi has no empty arrays.
         table = np.array([[one.table_row() or (0.0,) for one in row] for row in self._laws])
+        self._tracking = self._follow_disks(tracked, disks, box, walls)
+        self.has_ledger = ledger
         self._engine = Engine(
             disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
             walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
             contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
-            law=kind,
+            law=kind, ledger=ledger, partners=partners, tracking=self._tracking,
         )  # fmt: skip
         # The engine's state of a sheared gas knows its flow, whose energy does not count.
         begin = self.state if box.shear_rate else state
@@ -139,6 +150,24 @@ class Simulation:
                 float(np.abs(disks.radius * state.spin).max(initial=0.0)),
             )
             try_on(kind, table, disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
+
+    def _follow_disks(
+        self, tracked: Sequence[int] | NDArray[np.integer], disks: Disks, box: Box, walls: Sequence[Wall]
+    ) -> Tracking | None:
+        ids = checked_ids(tracked, disks.n)
+        if not len(ids):
+            return None
+        if box.shear_rate:
+            raise InputError(
+                "tracked: not supported in a sheared box; with walls that move, shear can be tracked"
+            )
+        return Tracking(ids, disks, self._laws, [*walls, *sides(box)])
+
+    def take_events(self) -> Events:
+        """Every collision of tracked disks since the last call, or the start, and what forces did to them."""
+        if self._tracking is None:
+            raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")
+        return self._tracking.take()
 
     @property
     def disks(self) -> Disks:
@@ -240,8 +269,10 @@ class Simulation:
         *,
         t_end: float | None = None,
         collisions_per_disk: float | None = None,
-        frames: int = 1,
+        frames: int | Cadence = 1,
         observers: Iterable[Observer] = (),
+        series: int | Cadence | None = None,
+        samplers: Iterable[Sampler] = (),
         progress: Progress | None = None,
     ) -> None:
         """Run to a time, or until each disk has had so many collisions on average since the start.
@@ -252,11 +283,16 @@ class Simulation:
             End [time], not before the present time.
         collisions_per_disk : float
             End by 2 * collisions / n. Exactly one of the two must be given.
-        frames : int
-            Frames after the first one, evenly spaced in the quantity that ends the run; a frame at a number of
-            collisions stands right after the last of them, and after any others at exactly that time.
+        frames : int or Cadence
+            Frames after the first one, evenly spaced in the quantity that ends the run, or another cadence; a frame at
+            a number of collisions stands right after the last of them, and after any others at exactly that time.
         observers : iterable of callables
             Each is called as `observer(state, measure)` at the beginning and at every frame.
+        series : int or Cadence, optional
+            How often samplers are called, likewise.
+        samplers : iterable of callables
+            Each is called as `sampler(measure)` at the beginning, at the end, and in between where the engine pauses
+            next after it is due: that costs little, and changes nothing.
         progress : callable
             Called as `progress(time, collisions)` after every epoch.
 
@@ -267,15 +303,61 @@ class Simulation:
         EngineError
             If the end cannot be reached: nothing moves, or the gas collapsed inelastically.
         """
-        observers = list(observers)
-        targets = self._targets(t_end, collisions_per_disk, frames)
-        self._observe(observers)
-        for time, collisions in targets:
-            while self.time < time and (collisions is None or self.collisions < collisions):
-                self._engine.advance(t_end=time, collisions=collisions)
+        if not isinstance(frames, Cadence):
+            if not hasattr(frames, "__index__") or frames < 1:
+                raise InputError(f"frames = {frames}: a whole number, 1 or more, is needed")
+            frames = Cadence(number=int(frames))
+        if series is not None and not isinstance(series, Cadence):
+            series = Cadence(number=series)
+        span = Span.to(
+            self.disks.n, self.time, self.collisions, t_end=t_end, collisions_per_disk=collisions_per_disk
+        )
+        self.follow(Course(span, frames, series), observers=observers, samplers=samplers, progress=progress)
+
+    def follow(
+        self,
+        course: Course,
+        *,
+        observers: Iterable[Observer] = (),
+        samplers: Iterable[Sampler] = (),
+        progress: Progress | None = None,
+        between: Callable[[], None] | None = None,
+    ) -> None:
+        """Run as `run` does, from where a course is to its end; `between()` is called wherever the run could stop.
+
+        The course is kept up to date: after an exception it tells what is due next.
+        """
+        observers, samplers = list(observers), list(samplers)
+        frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
+        sampling = course.series is not None and bool(samplers)
+        if course.next_row == 0:
+            course.next_row = 1
+            if sampling:
+                self._sample(samplers)
+        if course.next_frame == 0:
+            course.next_frame = 1
+            self._observe(observers)
+        while not end.reached(self.time, self.collisions) or course.next_frame == 1:
+            frame = frames.due(course.next_frame)
+            while not frame.reached(self.time, self.collisions):
+                row = rows.due(course.next_row)
+                self._engine.advance(
+                    t_end=frame.time,
+                    collisions=frame.collisions,
+                    pause_at=row.time,
+                    pause_after=row.collisions,
+                )
                 if progress is not None:
                     progress(self.time, self.collisions)
+                if sampling and row.reached(self.time, self.collisions):
+                    course.next_row = rows.after(course.next_row, self.time, self.collisions)
+                    self._sample(samplers)
+                if between is not None and not frame.reached(self.time, self.collisions):
+                    between()
+            course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
             self._observe(observers)
+            if between is not None:
+                between()
         if not self._judged:
             self._report_gain()
 
@@ -333,41 +415,29 @@ class Simulation:
             return Collisions(np.empty(0), np.empty((0, 2), dtype=np.int32))
         return Collisions(np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found]))
 
-    def _targets(
-        self, t_end: float | None, collisions_per_disk: float | None, frames: int
-    ) -> list[tuple[float, int | None]]:
-        if (t_end is None) == (collisions_per_disk is None):
-            raise InputError("exactly one of t_end and collisions_per_disk is needed")
-        if not hasattr(frames, "__index__") or frames < 1:
-            raise InputError(f"frames = {frames}: a whole number, 1 or more, is needed")
-        if t_end is not None:
-            if not (math.isfinite(t_end) and t_end >= self.time):
-                raise InputError(
-                    f"t_end = {t_end}: a finite time not before the present one, {self.time}, is needed"
-                )
-            return [(float(t), None) for t in np.linspace(self.time, t_end, frames + 1)[1:]]
-        assert collisions_per_disk is not None
-        end = collisions_per_disk * self.disks.n / 2.0
-        if not (math.isfinite(end) and math.ceil(end) >= self.collisions):
-            raise InputError(
-                f"collisions_per_disk = {collisions_per_disk}: a finite number not below those already had, "
-                f"{2 * self.collisions / max(self.disks.n, 1):.6g}, is needed"
-            )
-        first = self.collisions
-        return [
-            (math.inf, first + math.ceil((math.ceil(end) - first) * frame / frames))
-            for frame in range(1, frames + 1)
-        ]
-
     def _observe(self, observers: list[Observer]) -> None:
         if observers:
             state = self.state
-            measured = measure(
-                self.disks, state, energy_input=self.energy_input, wall_work=self.wall_work,
-                wall_heat=self.wall_heat, gravity=self._engine.gravity,
-            )  # fmt: skip
+            measured = measure(self.disks, state, gravity=self._engine.gravity, **self._put_in())
             for observer in observers:
                 observer(state, measured)
+
+    def _sample(self, samplers: list[Sampler]) -> None:
+        measured = self.measure()
+        for sampler in samplers:
+            sampler(measured)
+
+    def measure(self) -> Measure:
+        """Totals and averages of the present state: `observables.measure`, without copying it from the device."""
+        return from_totals(self.disks, self._engine.totals(), self.time, self.wall_hits, **self._put_in())
+
+    def _put_in(self) -> dict[str, Any]:
+        """What a state does not tell of its past, up to the latest settling."""
+        lost, regimes = self._engine.dissipated() if self.has_ledger else (None, None)
+        return {
+            "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
+            "dissipated": lost, "regimes": regimes,
+        }  # fmt: skip
 
 
 def _law_table(

@@ -102,6 +102,9 @@ class State:
     latest_collision : array (n,)
         When each disk last collided with a disk or wall [time], -inf if never. Only runs with the tc rule
         (`Collapse`) keep it up to date.
+    last_partner : array (n,) of int32
+        Whom each disk hit last: an id, -1 if nobody yet, -2 - w for wall w. Only runs that are asked to
+        (`Simulation(partners=True)`) keep it up to date.
     flow : array (n, 2) or None
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.
@@ -120,6 +123,7 @@ class State:
     image: NDArray[np.int32] = None  # type: ignore[assignment]
     wall_hits: NDArray[np.int32] = None  # type: ignore[assignment]
     latest_collision: NDArray[np.float64] = None  # type: ignore[assignment]
+    last_partner: NDArray[np.int32] = None  # type: ignore[assignment]
     flow: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
@@ -146,7 +150,9 @@ class State:
             self.wall_hits = np.zeros(n, dtype=np.int32)
         if self.latest_collision is None:
             self.latest_collision = np.full(n, -np.inf)
-        for name in ("wall_hits", "latest_collision"):
+        if self.last_partner is None:
+            self.last_partner = np.full(n, -1, dtype=np.int32)
+        for name in ("wall_hits", "latest_collision", "last_partner"):
             if np.shape(getattr(self, name)) != (n,):
                 raise InputError(f"{name} has shape {np.shape(getattr(self, name))}: {(n,)} is needed")
         late = ~(self.latest_collision <= self.time)

@@ -12,7 +12,7 @@ import taichi as ti
 from .law import after_impulses, relative_motion
 from .layout import CONTACT_TIME, CUTOFF, HEAD, ID, TIME, Cube, GasArrays, N, Table, Uses
 
-ELASTIC = 4  # in REGIME: the collision was elastic by one of the two
+ELASTIC = 4  # in HOW: the collision was elastic by one of the two
 
 
 @ti.func
@@ -34,6 +34,19 @@ def coefficients(p, q, gas: ti.template()):
 
 
 @ti.func
+def pair_of(
+    g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j
+):  # fmt: skip
+    """What a law is told of a pair (`collision_law.CollisionLaw.collide`)."""
+    return ti.Struct(
+        # A pair that separates by rounding has no power 1/5 of its approach; its impulses do not count.
+        g_n=ti.max(g_n, 0.0), g_t=g_t, m_n=m_n, m_t=m_t,
+        inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
+        inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
+    )  # fmt: skip
+
+
+@ti.func
 def impulses_between(
     p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas: ti.template()
 ):  # fmt: skip
@@ -41,12 +54,7 @@ def impulses_between(
     g_n, g_t, m_n, m_t = relative_motion(
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
     )
-    pair = ti.Struct(
-        # A pair that separates by rounding has no power 1/5 of its approach; its impulses do not count.
-        g_n=ti.max(g_n, 0.0), g_t=g_t, m_n=m_n, m_t=m_t,
-        inverse_mass_i=im_i, radius_i=R_i, k_i=k_i, spin_i=w_i,
-        inverse_mass_j=im_j, radius_j=R_j, k_j=k_j, spin_j=w_j,
-    )  # fmt: skip
+    pair = pair_of(g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
     P_n, P_t, T = gas.uses.collision_law.impulses(pair, coefficients(p, q, gas))
     return P_n, P_t, T, g_n, m_n
 

@@ -32,6 +32,8 @@ from .layout import (
     N_WALL_HITS,
     N_WALLS_TOTAL,
     NOW,
+    PAUSE_AFTER,
+    PAUSE_AT,
     PLANNED,
     REACH,
     RESTING,
@@ -46,9 +48,10 @@ from .layout import (
     Rows,
     Table,
 )
+from .ledger import tally_losses
 from .levels import epoch_length, speed_cap, too_fast
 from .lists import list_tile, open_epoch
-from .sort import clear, fly, lay_aside, order_cell, put_back
+from .sort import BLOCK, clear, fly, lay_aside, order_cell, put_back
 from .tiles import run_tile
 from .walls import offer_wall
 
@@ -58,20 +61,22 @@ def epochs_by_one_thread(
     most_epochs: ti.i32, uses: ti.template(), clock: Rows, total: Rows, grid: Rows, scale: Rows, flight: Rows,
     kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows,
     neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
-    near_walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table, latest: Rows,
-    flow_work: Rows,
+    near_walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table, latest: Rows, flow_work: Rows,
+    losses: Table, regimes: Table, last_partner: Rows,
 ):  # fmt: skip
     """Up to `most_epochs` epochs of a gas of one tile.
 
     Ends before that at `clock[TIME_END]`, after `total[COLLISIONS_LEFT]` collisions, when nothing moves, and when an
-    epoch ended earlier than `clock[PLANNED]`, for the host to see to it. `clock[NOW]` advances; what the last epoch
+    epoch ended earlier than `clock[PLANNED]`, for the host to see to it; and with the first epoch that ends at or after
+    `clock[PAUSE_AT]` or `total[PAUSE_AFTER]` collisions. `clock[NOW]` advances; what the last epoch
     left to fly is in `gas.scale[DURATION]`.
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
         log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls, wall_hits=wall_hits,
-        wall_work=wall_work, wall_heat=wall_heat, latest=latest, flow_work=flow_work, clock=clock, uses=uses,
+        wall_work=wall_work, wall_heat=wall_heat, latest=latest, flow_work=flow_work, losses=losses,
+        regimes=regimes, last_partner=last_partner, clock=clock, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         n = gas.grid[N]
@@ -81,6 +86,9 @@ def epochs_by_one_thread(
             gas.limit[EARLIEST] = FAR
             for c in range(cells):
                 gas.fill[c] = 0
+            if ti.static(gas.uses.tallied):
+                for i in range(n):
+                    tally_losses(i, i // BLOCK, gas)
             for i in range(n):
                 fly(i, gas)
             before = 0
@@ -170,4 +178,6 @@ def epochs_by_one_thread(
                     else:
                         clock[NOW] += gas.limit[END]
                     if total[COLLISIONS_LEFT] <= 0 or most_epochs_left <= 0:
+                        going = 0
+                    if clock[NOW] >= clock[PAUSE_AT] or total[N_TOTAL] >= total[PAUSE_AFTER]:
                         going = 0

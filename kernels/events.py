@@ -7,7 +7,6 @@ import taichi as ti
 
 from .contact import ELASTIC, collided, just_collided
 from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
-from .flow import SHIFT_BITS
 from .history import flight_between, previous, record, side_of
 from .layout import (
     ACTIVE,
@@ -20,6 +19,7 @@ from .layout import (
     FIRST_WALL,
     HEAD,
     HORIZON,
+    HOW,
     ID,
     INVERSE_MASS,
     KIND,
@@ -37,13 +37,13 @@ from .layout import (
     PARTNER,
     PREVIOUS,
     RADIUS,
-    REGIME,
     ROLL_BACK,
     ROLLED_BACK,
     ROUND,
     ROW,
     SAME_FRAME,
     SEQ,
+    SHIFT_BITS,
     SLOT,
     SPIN,
     STANDS,
@@ -114,9 +114,7 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[b][VY] = vy_b
     gas.flight[b][TAU] = t
     gas.flight[b][SPIN] = w_b
-    gas.log_int[entry][REGIME] = remedy
-    if ti.static(gas.uses.sheared):
-        gas.log_int[entry][REGIME] += SHIFT_BITS * shift
+    gas.log_int[entry][HOW] = remedy + SHIFT_BITS * shift
     if remedy > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
@@ -298,10 +296,7 @@ def restore(i, gas: ti.template()):
         side = side_of(entry, i, gas)
         gas.log_int[entry][STANDS] = 0
         before = gas.log_int[entry][PREVIOUS + side]
-        regime = gas.log_int[entry][REGIME]
-        if ti.static(gas.uses.sheared):
-            regime %= SHIFT_BITS
-        if side == 0 and regime >= ELASTIC:
+        if side == 0 and gas.log_int[entry][HOW] % SHIFT_BITS >= ELASTIC:
             ti.atomic_sub(gas.counter[N_ELASTIC], 1)
         if gas.log_int[entry][SLOT + 1] < 0:
             ti.atomic_sub(gas.counter[N_WALL_HITS], 1)

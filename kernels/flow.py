@@ -27,13 +27,14 @@ from .layout import (
     CELL_Y,
     DRIFT,
     HEAD,
+    HOW,
     INVERSE_MASS,
     KIND,
     NOW,
     PREVIOUS,
-    REGIME,
     ROW_SPEED,
     SHEAR,
+    SHIFT_BITS,
     TILE_SIDE,
     TILE_Y,
     TILES_ASIDE,
@@ -42,8 +43,6 @@ from .layout import (
     VX,
     VY,
 )
-
-SHIFT_BITS = 8  # in REGIME: the shift from the first disk to the second, times this
 
 
 @ti.pyfunc
@@ -128,7 +127,7 @@ def work_between_rows(i, gas: ti.template()):
         side = side_of(entry, i, gas)
         before = gas.log_real[entry][BEFORE + 5 * side + 2]
         if side == 0:
-            shift = gas.log_int[entry][REGIME] // SHIFT_BITS
+            shift = gas.log_int[entry][HOW] // SHIFT_BITS
             change += (vx - before) * (shift % 3 - 1)
         vx = before
         entry = gas.log_int[entry][PREVIOUS + side]

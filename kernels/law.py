@@ -60,6 +60,8 @@ def ifr_impulses(e_n, e_t, mu, contact_point, rho, g_n, g_t, m_n, m_t, R_i, R_j)
         Angular impulse that brakes either spin, at most to rest [mass length^2/time].
     sticking, rolling : float
         As `collide_pair` returns them.
+    P_et : float
+        The part of P_t that tangential restitution gives; the rest is friction.
     """
     slip = ti.abs(g_t)
     direction = 1.0 * (g_t > 0.0) - 1.0 * (g_t < 0.0)
@@ -84,7 +86,7 @@ def ifr_impulses(e_n, e_t, mu, contact_point, rho, g_n, g_t, m_n, m_t, R_i, R_j)
     T_slip = r * m_t * slip  # Eq. 32
     T = ti.min(T_roll, T_slip)
     rolling = 1.0 * (T_roll <= T_slip)
-    return P_n, P_t, T, sticking, rolling
+    return P_n, P_t, T, sticking, rolling, P_et
 
 
 @ti.pyfunc
@@ -188,7 +190,7 @@ def collide_pair(
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
     )
     approaching = 1.0 * (g_n > 0.0)
-    P_n_0, P_t_0, T, sticking, rolling = ifr_impulses(
+    P_n_0, P_t_0, T, sticking, rolling, _ = ifr_impulses(
         e_n, e_t, mu, contact_point, rho, g_n, g_t, m_n, m_t, R_i, R_j
     )
     P_n = approaching * P_n_0
@@ -206,8 +208,21 @@ def collide_pair(
 @ti.func
 def ifr(pair, coefficients):
     """The IFR law as the engine calls laws: P_n, P_t, T of a pair, whose `coefficients` are those of `table_row`."""
-    P_n, P_t, T, _, _ = ifr_impulses(
+    P_n, P_t, T, _, _, _ = ifr_impulses(
         coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4],
         pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
     )  # fmt: skip
     return P_n, P_t, T
+
+
+@ti.func
+def ifr_parts(pair, coefficients):
+    """What the ledger asks of the IFR law: P_et, the part of P_t from tangential restitution; sticking; rolling.
+
+    Both are 1.0 or 0.0, as `collide_pair` returns them, but rolling is 0.0 without rolling friction.
+    """
+    _, _, _, sticking, rolling, P_et = ifr_impulses(
+        coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4],
+        pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
+    )  # fmt: skip
+    return P_et, sticking, rolling * (coefficients[4] > 0.0)

@@ -22,14 +22,17 @@ counter      (17,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
 grid         (14,) int     numbers of disks, tiles, cells and walls; the seed; displacement of rows of tiles
 scale        (21,) real    lengths and times of the grid and the epoch, gravity, shear
-clock        (5,) double   times in epochs run by one thread, and what displaces rows of tiles
-total        (5,) int64    collisions and epochs of one launch
+clock        (6,) double   times in epochs run by one thread, and what displaces rows of tiles
+total        (6,) int64    collisions and epochs of one launch
 walls        (W, 18) real  geometry, motion, material and temperature of each wall (`walls.py`)
 near_walls   (n,) int      bits of the walls that a disk can touch in this epoch
 wall_hits    (n,) int      collisions with walls, by id
 wall_work    (n,) real     energy that moving walls gave, by id
 wall_heat    (n, H) double energy that each thermal wall gave, by id
 flow_work    (n,) double   energy that the mean flow gave, by id (`flow.py`)
+losses       (B, 6) double energy that collisions took, by mechanism (`ledger.py`), of B blocks of slots
+regimes      (B, 5) int64  collisions of two disks by regime, likewise
+last_partner (n,) int      whom each disk hit last, by id: an id, -1 nobody, -2 - w wall w
 latest       (n + 1,)      double: time of each disk's latest collision, by id, and of the epoch's beginning
 law          (M, M, c)     coefficients of the law for each pair of materials (IFR: e_n, e_t, mu, contact_point, rho)
 ===========  ============  ==================================================================================
@@ -60,8 +63,10 @@ NEXT, PREVIOUS_IN_BIN = ACTIVE, DIRTY
 ID, KIND, EVENTS = range(3)
 # log_real: time, then x, y, vx, vy, spin of either disk from column BEFORE + 5 * side on
 TIME, BEFORE = 0, 1
-# log_int: slot, previous record and number in its epoch of either disk (column + side), regime flags, standing
-SLOT, PREVIOUS, NUMBER, REGIME, STANDS = 0, 2, 4, 6, 7
+# log_int: slot, previous record and number in its epoch of either disk (column + side); whether it was elastic by a
+# remedy for collapse, plus SHIFT_BITS times the shift from the first disk to the second; whether it stands
+SLOT, PREVIOUS, NUMBER, HOW, STANDS = 0, 2, 4, 6, 7
+SHIFT_BITS = 8
 # lists: disks that predicted again because they changed (two rows, for even and odd rounds), because a
 # neighbour changed (likewise), and disks to be rolled back
 CHANGED_ROW, AFFECTED_ROW, UNDO_ROW = 0, 2, 4
@@ -96,10 +101,12 @@ SEED_LOW, SEED_HIGH, TILES_ASIDE, BOXES_ASIDE = range(10, 14)
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
 REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y, CONTACT_TIME = range(8, 18)
 SHEAR, DRIFT, ASIDE = range(18, 21)
-# clock, in double precision: present time, where to stop, planned length of the latest epoch, DRIFT and TILE_X
-NOW, TIME_END, PLANNED, ROW_SPEED, TILE_SIDE = range(5)
-# total, 64-bit: collisions still wanted; epochs, collisions, collisions with walls and elastic ones of this launch
-COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL, N_ELASTIC_TOTAL = range(5)
+# clock, in double precision: present time, where to stop, planned length of the latest epoch, DRIFT and TILE_X, and
+# when to pause at the next end of an epoch
+NOW, TIME_END, PLANNED, ROW_SPEED, TILE_SIDE, PAUSE_AT = range(6)
+# total, 64-bit: collisions still wanted; epochs, collisions, collisions with walls and elastic ones of this launch;
+# after how many collisions to pause at the next end of an epoch
+COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL, N_ELASTIC_TOTAL, PAUSE_AFTER = range(6)
 
 SPEED_MARGIN = 1.15  # how much faster than the fastest disk a disk may become before the epoch is cut short
 # Taichi hands a thread at least so many items of a loop. Loops over few, long items run over SPREAD times as many,
@@ -152,6 +159,7 @@ class Law(NamedTuple):
 
     impulses: Any
     n_coefficients: int
+    parts: Any = None  # which part of P_t restitution gives, sticking, rolling: of laws that tell them apart
 
 
 class Uses(NamedTuple):
@@ -161,6 +169,8 @@ class Uses(NamedTuple):
     thermal: bool = False  # some walls are
     remembers: bool = False  # a contact time: disks know when their latest collision was
     sheared: bool = False  # a mean flow
+    tallied: bool = False  # a ledger of what dissipates energy (`ledger.py`)
+    partnered: bool = False  # disks know whom they hit last
     collision_law: Any = None  # a `Law`
 
 
@@ -195,4 +205,7 @@ class GasArrays(NamedTuple):
     wall_heat: Any = None
     latest: Any = None
     flow_work: Any = None
+    losses: Any = None
+    regimes: Any = None
+    last_partner: Any = None
     uses: Uses = Uses()

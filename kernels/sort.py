@@ -45,6 +45,7 @@ from .layout import (
     UNDO,
     VX,
     VY,
+    Cube,
     GasArrays,
     N,
     Rows,
@@ -52,7 +53,8 @@ from .layout import (
     X,
     Y,
 )
-from .tally import note_latest, tally_walls
+from .ledger import tally_losses
+from .tally import note_latest, note_partner, tally_walls
 
 BLOCK = 1024  # items that one thread handles at a time in scans and reductions
 
@@ -96,6 +98,8 @@ def fly(i, gas: ti.template()):
     y = gas.flight[i][Y] + gas.flight[i][VY] * dt
     if ti.static(gas.uses.remembers):
         note_latest(i, gas)
+    if ti.static(gas.uses.partnered):
+        note_partner(i, gas)
     if ti.static(gas.uses.walled):
         tally_walls(i, gas)
         # From the frame that fell since the beginning of the epoch back to the lab.
@@ -232,8 +236,8 @@ def clear(s, gas: ti.template()):
 def settle(
     uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
     link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows, order: Rows,
-    squares: Rows, limit: Rows, walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table, latest: Rows,
-    flow_work: Rows,
+    squares: Rows, limit: Rows, law: Cube, walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table,
+    latest: Rows, flow_work: Rows, losses: Table, regimes: Table, last_partner: Rows,
 ):  # fmt: skip
     """Fly every disk on by `gas.scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
@@ -245,13 +249,20 @@ def settle(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order, squares=squares,
-        limit=limit, walls=walls, wall_hits=wall_hits, wall_work=wall_work, wall_heat=wall_heat, latest=latest,
-        flow_work=flow_work, uses=uses,
+        limit=limit, law=law, walls=walls, wall_hits=wall_hits, wall_work=wall_work, wall_heat=wall_heat,
+        latest=latest, flow_work=flow_work, losses=losses, regimes=regimes, last_partner=last_partner, uses=uses,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0
     for _ in range(1):
         gas.limit[EARLIEST] = FAR
+    if ti.static(gas.uses.tallied):
+        # Block by block, in the order of slots: the same sums for any number of threads.
+        for item in range(SPREAD * n_blocks(gas.grid[N])):
+            if item % SPREAD == 0:
+                b = item // SPREAD
+                for i in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
+                    tally_losses(i, b, gas)
     for i in range(gas.grid[N]):
         fly(i, gas)
     for item in range(SPREAD * n_blocks(n_cells(gas))):

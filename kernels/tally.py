@@ -21,7 +21,7 @@ from .layout import (
     K,
     N,
 )
-from .walls import HEAT, SURFACE, UX, UY, corner_of, wall_motion, wall_vector
+from .walls import HEAT, wall_met
 
 
 @ti.func
@@ -30,6 +30,18 @@ def note_latest(i, gas: ti.template()):
     head = gas.link[i][HEAD]
     if head >= 0:
         gas.latest[gas.meta[i][ID]] = gas.latest[gas.grid[N]] + ti.cast(gas.log_real[head][TIME], ti.f64)
+
+
+@ti.func
+def note_partner(i, gas: ti.template()):
+    """Note whom disk i hit last, if anybody in this epoch."""
+    head = gas.link[i][HEAD]
+    if head >= 0:
+        other = gas.log_int[head][SLOT + 1 - side_of(head, i, gas)]
+        partner = other - 1  # wall w is -1 - w in the log
+        if other >= 0:
+            partner = gas.meta[other][ID]
+        gas.last_partner[gas.meta[i][ID]] = partner
 
 
 @ti.func
@@ -55,7 +67,6 @@ def tally_walls(i, gas: ti.template()):
     """
     hits = 0
     work = 0.0 * gas.scale[HORIZON]
-    corner_x, corner_y = corner_of(i, gas)
     vx, vy, spin = gas.flight[i][VX], gas.flight[i][VY], gas.flight[i][SPIN]
     entry = gas.link[i][HEAD]
     while entry >= 0:
@@ -68,15 +79,7 @@ def tally_walls(i, gas: ti.template()):
         if other < 0:
             hits += 1
             w = -1 - other
-            s, speed, _bound, _until = wall_motion(w, t, gas)
-            nx, ny, _distance = wall_vector(
-                w,
-                corner_x + x + vx_0 * (t - began) + 0.5 * gas.scale[GX] * t * t,
-                corner_y + y + vy_0 * (t - began) + 0.5 * gas.scale[GY] * t * t,
-                s, gas,
-            )  # fmt: skip
-            ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
-            uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
+            _nx, _ny, ux, uy = wall_met(i, w, x + vx_0 * (t - began), y + vy_0 * (t - began), t, gas)
             inverse_mass = gas.kinds[gas.meta[i][KIND]][INVERSE_MASS]
             work += ((vx - vx_0) * ux + (vy - vy_0) * uy) / inverse_mass
             if ti.static(gas.uses.thermal):

@@ -45,6 +45,7 @@ from .layout import (
     GX,
     GY,
     HORIZON,
+    HOW,
     INVERSE_MASS,
     KIND,
     MATERIAL,
@@ -55,7 +56,6 @@ from .layout import (
     PARTNER,
     PREVIOUS,
     RADIUS,
-    REGIME,
     RESTING,
     SLOT,
     SPIN,
@@ -316,6 +316,19 @@ def offer_wall(i, gas: ti.template()):
 
 
 @ti.func
+def wall_met(i, w, x, y, t, gas: ti.template()):
+    """Wall w as disk i, at (x, y) in the falling frame, meets it at t: unit vector to the disk, its velocity there."""
+    corner_x, corner_y = corner_of(i, gas)
+    s, speed, _, _ = wall_motion(w, t, gas)
+    nx, ny, _ = wall_vector(
+        w, corner_x + x + 0.5 * gas.scale[GX] * t * t, corner_y + y + 0.5 * gas.scale[GY] * t * t, s, gas
+    )
+    ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
+    uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
+    return nx, ny, ux, uy
+
+
+@ti.func
 def hit_wall(entry, t, i, gas: ti.template()):
     """Collide disk i with the wall that it names, at time t; log it as record `entry`, the second disk being -1 - w."""
     w = FIRST_WALL - gas.link[i][PARTNER]
@@ -331,16 +344,12 @@ def hit_wall(entry, t, i, gas: ti.template()):
     x = gas.flight[i][X] + gas.flight[i][VX] * (t - tau)
     y = gas.flight[i][Y] + gas.flight[i][VY] * (t - tau)
     gx, gy = gas.scale[GX], gas.scale[GY]
-    corner_x, corner_y = corner_of(i, gas)
-    s, speed, _, _ = wall_motion(w, t, gas)
-    nx, ny, _ = wall_vector(w, corner_x + x + 0.5 * gx * t * t, corner_y + y + 0.5 * gy * t * t, s, gas)
+    nx, ny, ux, uy = wall_met(i, w, x, y, t, gas)
     kind = gas.meta[i][KIND]
     p = ti.cast(gas.kinds[kind][MATERIAL], ti.i32)
     q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
     radius = gas.flight[i][RADIUS]
     vx, vy = gas.flight[i][VX] + gx * t, gas.flight[i][VY] + gy * t
-    ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
-    uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
     vx, vy, spin, _, _, _, remedy = collided(
         p, q, -nx, -ny,
         gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, gas.flight[i][SPIN],
@@ -358,7 +367,7 @@ def hit_wall(entry, t, i, gas: ti.template()):
     gas.flight[i][VY] = vy - gy * t
     gas.flight[i][TAU] = t
     gas.flight[i][SPIN] = spin
-    gas.log_int[entry][REGIME] = remedy
+    gas.log_int[entry][HOW] = remedy
     if remedy > 0:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1

@@ -16,7 +16,7 @@ class Viscoelastic(CollisionLaw):
     @staticmethod
     def collide(pair, coefficients):  # type: ignore[no-untyped-def]
         e_n = ti.max(1.0 - coefficients[0] * pair.g_n**0.2, 0.0)
-        P_n, P_t, T, _, _ = ifr_impulses(
+        P_n, P_t, T, _, _, _ = ifr_impulses(
             e_n, coefficients[1], coefficients[2], 1.0, 0.0,
             pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
         )  # fmt: skip

@@ -1,0 +1,188 @@
+"""When something is written during a run: evenly, at intervals of time or of collisions, or ever more rarely."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+from .errors import InputError
+
+SPACINGS = ("even", "log")
+
+
+@dataclass(frozen=True)
+class Cadence:
+    """How often. Exactly one of `number`, `interval` and `collisions` is given.
+
+    Attributes
+    ----------
+    number : int
+        So often in the whole run, after its beginning.
+    interval : float
+        At intervals of time [time].
+    collisions : float
+        At intervals of collisions per disk.
+    spacing : {"even", "log"}
+        Of a `number`: evenly in what ends the run (time or collisions), or at a constant ratio.
+    log_from : float
+        With "log": where the first one stands, as a part of the run.
+    exact : bool
+        Exactly then. If not, where the engine next ends an epoch by itself: that changes nothing and costs little, but
+        epochs of a small or thin gas may be long, and then there are fewer.
+
+    Raises
+    ------
+    InputError
+        If not exactly one is given, or a value is out of range.
+    """
+
+    number: int | None = None
+    interval: float | None = None
+    collisions: float | None = None
+    spacing: str = "even"
+    log_from: float = 1e-3
+    exact: bool = True
+
+    def __post_init__(self) -> None:
+        given = [name for name in ("number", "interval", "collisions") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise InputError(
+                f"cadence: exactly one of number, interval and collisions is needed; given: {given}"
+            )
+        if self.number is not None and not (hasattr(self.number, "__index__") and self.number >= 1):
+            raise InputError(f"number = {self.number}: a whole number, 1 or more, is needed")
+        for name in ("interval", "collisions"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"{name} = {value}: a positive finite number is needed")
+        if self.spacing not in SPACINGS:
+            raise InputError(f"spacing = {self.spacing!r}: allowed are {', '.join(SPACINGS)}")
+        if self.spacing == "log" and self.number is None:
+            raise InputError('spacing = "log" needs a number')
+        if not 0.0 < self.log_from < 1.0:
+            raise InputError(f"log_from = {self.log_from}: a part of the run, above 0 and below 1, is needed")
+
+    def count(self, *, duration: float, collisions_per_disk: float) -> int:
+        """About how many times in a run of such a length, after its beginning."""
+        if self.number is not None:
+            return self.number
+        whole = duration / self.interval if self.interval else collisions_per_disk / (self.collisions or 1.0)
+        return math.ceil(whole) if math.isfinite(whole) else 1
+
+
+@dataclass(frozen=True)
+class Due:
+    """A point of a run: reached at this time [time], or at this total number of collisions, whichever comes first."""
+
+    time: float = math.inf
+    collisions: int | None = None
+
+    def reached(self, time: float, collisions: int) -> bool:
+        """Whether a run that is at this time, after so many collisions, has come to it."""
+        return time >= self.time or (self.collisions is not None and collisions >= self.collisions)
+
+
+def earlier(one: Due, other: Due) -> Due:
+    """The point that is reached when either is."""
+    counts = [each.collisions for each in (one, other) if each.collisions is not None]
+    return Due(min(one.time, other.time), min(counts) if counts else None)
+
+
+@dataclass(frozen=True)
+class Span:
+    """Where a run begins, and its end.
+
+    Attributes
+    ----------
+    n : int
+        Disks.
+    time, collisions : float, int
+        At its beginning [time]; total.
+    end : Due
+        Its end, by time or by collisions.
+    """
+
+    n: int
+    time: float
+    collisions: int
+    end: Due
+
+    @classmethod
+    def to(
+        cls,
+        n: int,
+        time: float,
+        collisions: int,
+        *,
+        t_end: float | None = None,
+        collisions_per_disk: float | None = None,
+    ) -> Span:
+        """To a time [time], or to so many collisions per disk, 2 * collisions / n.
+
+        Raises
+        ------
+        InputError
+            If not exactly one end is given, or it lies in the past.
+        """
+        if (t_end is None) == (collisions_per_disk is None):
+            raise InputError("exactly one of t_end and collisions_per_disk is needed")
+        if t_end is not None:
+            if not (math.isfinite(t_end) and t_end >= time):
+                raise InputError(
+                    f"t_end = {t_end}: a finite time not before the present one, {time}, is needed"
+                )
+            return cls(n, time, collisions, Due(time=float(t_end)))
+        assert collisions_per_disk is not None
+        end = collisions_per_disk * n / 2.0
+        if not (math.isfinite(end) and math.ceil(end) >= collisions):
+            raise InputError(
+                f"collisions_per_disk = {collisions_per_disk}: a finite number not below those already had, "
+                f"{2 * collisions / max(n, 1):.6g}, is needed"
+            )
+        return cls(n, time, collisions, Due(collisions=math.ceil(end)))
+
+
+class Schedule:
+    """The points of a run at which something is due: the k-th one, k = 1, 2, ...; the last is the run's end.
+
+    A point is computed from its number and the run's beginning alone: a run that goes on later finds the same.
+
+    Parameters
+    ----------
+    cadence : Cadence
+    span : Span
+    """
+
+    def __init__(self, cadence: Cadence, span: Span) -> None:
+        self._cadence, self._span = cadence, span
+
+    def due(self, k: int) -> Due:
+        """The k-th point, k >= 1; the run's end for every k beyond the last."""
+        cadence, span, end = self._cadence, self._span, self._span.end
+        if cadence.interval is not None:
+            return Due(min(span.time + k * cadence.interval, end.time), end.collisions)
+        if cadence.collisions is not None:
+            return self._after(Fraction(cadence.collisions) * k * span.n / 2)
+        assert cadence.number is not None
+        if k >= cadence.number:
+            return end
+        # As a fraction: rounding must not make a collision more of it.
+        part = Fraction(k, cadence.number)
+        if cadence.spacing == "log":
+            part = Fraction(cadence.log_from ** ((cadence.number - k) / (cadence.number - 1)))
+        if end.collisions is None:
+            return Due(time=span.time + (end.time - span.time) * float(part))
+        return self._after(part * (end.collisions - span.collisions))
+
+    def _after(self, collisions: Fraction) -> Due:
+        """After so many collisions from the beginning, or at the run's end."""
+        span, end = self._span, self._span.end
+        total = span.collisions + math.ceil(collisions)
+        return Due(end.time, total if end.collisions is None else min(total, end.collisions))
+
+    def after(self, k: int, time: float, collisions: int) -> int:
+        """The first point from k on that a run at this time, after so many collisions, has not reached."""
+        while self.due(k).reached(time, collisions) and not self._span.end.reached(time, collisions):
+            k += 1
+        return k

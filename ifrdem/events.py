@@ -1,0 +1,307 @@
+"""Every collision of tracked disks: what the engine's log says, made into what a physicist asks for."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .collision_law import CollisionLaw
+from .errors import InputError
+from .law import EnergyWarning, IFRLaw, collide
+from .state import Disks
+from .walls import Wall
+
+if TYPE_CHECKING:
+    from .device_arrays import DeviceArrays
+
+Placed = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+KICK = -1
+"""In place of a partner: a force changed the disk's velocity or spin."""
+UNKNOWN, ELASTIC = -1, 9
+"""In place of a `law.Regime`: a law of one's own or a thermal wall; elastic by a remedy for collapse."""
+
+
+@dataclass(frozen=True, eq=False)
+class Events:
+    """What happened to tracked disks, e rows in order of time, then id; a collision of two of them stands twice.
+
+    Attributes
+    ----------
+    time : array (e,)
+        When [time].
+    id : array (e,) of int32
+        The disk.
+    partner : array (e,) of int32
+        The disk that it hit; -2 - w for wall w (those at sides of the box come last); -1 (`KICK`) where a force changed
+        its motion.
+    position : array (e, 2)
+        Its centre [length], inside the box.
+    image : array (e, 2) of int32
+        Box lengths travelled.
+    normal : array (e, 2)
+        Unit vector from its centre to the partner's, or to the wall; 0 for a kick.
+    velocity_before, velocity_after : array (e, 2)
+        Its velocity [length/time].
+    spin_before, spin_after : array (e,)
+        Its spin [rad/time].
+    partner_velocity_before, partner_velocity_after : array (e, 2)
+        The partner's velocity; of a wall, that of its surface at the contact.
+    partner_spin_before, partner_spin_after : array (e,)
+        The partner's spin; 0 for a wall.
+    impulse : array (e, 2)
+        P_n, P_t that it gives to the partner along n and t = (-n_y, n_x) [mass length/time].
+    psi : array (e,)
+        Angle of impact: between the centres' relative velocity and n, 0 to pi/2 [rad].
+    regime : array (e,) of int8
+        `law.Regime`; `UNKNOWN` or `ELASTIC`; 0 for a kick.
+    """
+
+    time: NDArray[np.float64]
+    id: NDArray[np.int32]
+    partner: NDArray[np.int32]
+    position: NDArray[np.float64]
+    image: NDArray[np.int32]
+    normal: NDArray[np.float64]
+    velocity_before: NDArray[np.float64]
+    velocity_after: NDArray[np.float64]
+    spin_before: NDArray[np.float64]
+    spin_after: NDArray[np.float64]
+    partner_velocity_before: NDArray[np.float64]
+    partner_velocity_after: NDArray[np.float64]
+    partner_spin_before: NDArray[np.float64]
+    partner_spin_after: NDArray[np.float64]
+    impulse: NDArray[np.float64]
+    psi: NDArray[np.float64]
+    regime: NDArray[np.int8]
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.time)
+
+    def columns(self) -> dict[str, NDArray]:
+        """The arrays by name."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
+
+
+def joined(parts: Sequence[Events]) -> Events:
+    """The rows of all parts, one after another."""
+    return Events(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Events)))
+
+
+def none() -> Events:
+    """No row."""
+    pair, one = np.empty((0, 2)), np.empty(0)
+    ids, images = np.empty(0, dtype=np.int32), np.empty((0, 2), dtype=np.int32)
+    return Events(
+        one, ids, ids, pair, images, pair, pair, pair, one, one, pair, pair, one, one, pair, one,
+        np.empty(0, dtype=np.int8),
+    )  # fmt: skip
+
+
+def checked_ids(tracked: Sequence[int] | NDArray[np.integer], n: int) -> NDArray[np.int32]:
+    """Ids of disks, in ascending order.
+
+    Raises
+    ------
+    InputError
+        If one is no whole number from 0 to n - 1, or stands there twice.
+    """
+    given = np.asarray(tracked)
+    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+        raise InputError(f"tracked = {tracked!r}: a list of disks' numbers, 0 to {n - 1}, is needed")
+    ids = np.sort(given).astype(np.int64)
+    if ids.size and not 0 <= ids[0] <= ids[-1] < n:
+        wrong = ids[0] if ids[0] < 0 else ids[-1]
+        raise InputError(f"tracked: there is no disk {wrong}; there are 0 to {n - 1}")
+    twice = ids[1:][ids[1:] == ids[:-1]]
+    if twice.size:
+        raise InputError(f"tracked: disk {twice[0]} is named twice")
+    return ids.astype(np.int32)
+
+
+class Tracking:
+    """Follows some disks of one engine.
+
+    Parameters
+    ----------
+    ids : array (m,) of int32
+        Disks to follow, ascending.
+    disks : Disks
+    laws : table of laws
+        [material][material].
+    walls : sequence of Wall
+        All, those at the sides of the box last.
+    """
+
+    def __init__(
+        self,
+        ids: NDArray[np.int32],
+        disks: Disks,
+        laws: Sequence[Sequence[CollisionLaw]],
+        walls: Sequence[Wall],
+    ) -> None:
+        self.ids, self._disks, self._laws, self._walls = ids, disks, laws, walls
+        self.rows = np.zeros(max(disks.n, 1), dtype=np.int32)
+        self.rows[ids] = np.arange(1, len(ids) + 1)
+        self._found: list[Events] = []
+
+    def take(self) -> Events:
+        """The events since the last call."""
+        found, self._found = self._found, []
+        return joined(found) if found else none()
+
+    def gather(self, arrays: DeviceArrays, began: float, placed: Placed) -> None:
+        """Copy the collisions of the epoch that has just ended, which began at this time, and is not settled yet.
+
+        `placed` makes positions in the user's box of those on the device.
+        """
+        from .kernels import tracking as k
+
+        most = int(k.count_tracked(arrays.grid, arrays.meta, arrays.link, self.rows))
+        if most == 0:
+            return
+        real = np.zeros((most, k.REALS), dtype=arrays.real)
+        whole = np.zeros((most, k.INTEGERS), dtype=np.int32)
+        arrays.launch(
+            k.copy_tracked, tracked=self.rows, next_row=np.zeros(1, dtype=np.int32), real_out=real,
+            int_out=whole,
+        )  # fmt: skip
+        order = np.lexsort((whole[:, k.ORDINAL], whole[:, k.WHO], real[:, k.AT]))
+        real, whole = real[order].astype(np.float64), whole[order]
+
+        def vector(column: int) -> NDArray[np.float64]:
+            return np.ascontiguousarray(real[:, column : column + 2])
+
+        normal = vector(k.NORMAL)
+        normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]  # single precision rounds it
+        ids, partner = whole[:, k.WHO].copy(), whole[:, k.PARTNER_ID].copy()
+        velocity = (vector(k.V_BEFORE), vector(k.V_AFTER))
+        other = (vector(k.U_BEFORE), vector(k.U_AFTER))
+        spin, other_spin = real[:, k.W_BEFORE].copy(), real[:, k.S_BEFORE].copy()
+        impulse = self._impulse(ids, partner, velocity, other)
+        relative = velocity[0] - other[0]
+        along, across = _dot(relative, normal), _cross(normal, relative)
+        regime = self._regime(ids, partner, normal, velocity[0], spin, other[0], other_spin)
+        regime[whole[:, k.HOW_IT_WAS] == k.BY_REMEDY] = ELASTIC
+        regime[whole[:, k.HOW_IT_WAS] == k.BY_HEAT] = UNKNOWN
+        self._found.append(
+            Events(
+                time=began + real[:, k.AT],
+                id=ids,
+                partner=partner,
+                position=placed(vector(k.PLACE)),
+                image=np.ascontiguousarray(whole[:, k.BOX_X : k.BOX_X + 2]),
+                normal=normal,
+                velocity_before=velocity[0],
+                velocity_after=velocity[1],
+                spin_before=spin,
+                spin_after=real[:, k.W_AFTER].copy(),
+                partner_velocity_before=other[0],
+                partner_velocity_after=other[1],
+                partner_spin_before=other_spin,
+                partner_spin_after=real[:, k.S_AFTER].copy(),
+                impulse=np.stack([_dot(impulse, normal), _cross(normal, impulse)], axis=1),
+                psi=np.arctan2(np.abs(across), np.maximum(along, 0.0)),
+                regime=regime,
+            )
+        )
+
+    def snapshot(self, arrays: DeviceArrays, placed: Placed) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Positions [length], velocities, spins, shape (m, 5), and images, shape (m, 2), at the end of the epoch."""
+        from .kernels import tracking as k
+
+        real = np.zeros((max(len(self.ids), 1), 5), dtype=arrays.real)
+        image = np.zeros((max(len(self.ids), 1), 2), dtype=np.int32)
+        arrays.launch(k.copy_states, tracked=self.rows, real_out=real, int_out=image)
+        found = real[: len(self.ids)].astype(np.float64)
+        found[:, :2] = placed(found[:, :2])
+        return found, image[: len(self.ids)]
+
+    def kick(
+        self,
+        time: float,
+        before: tuple[NDArray[np.float64], NDArray[np.int32]],
+        after: tuple[NDArray[np.float64], NDArray[np.int32]],
+    ) -> None:
+        """Note whose motion forces changed at this time [time], from what `snapshot` said before and after."""
+        changed = np.flatnonzero(np.any(before[0][:, 2:] != after[0][:, 2:], axis=1))
+        if not changed.size:
+            return
+        old, new = before[0][changed], after[0][changed]
+        one, pair = np.zeros(len(changed)), np.zeros((len(changed), 2))
+        self._found.append(
+            Events(
+                np.full(len(changed), time), self.ids[changed], np.full(len(changed), KICK, dtype=np.int32),
+                old[:, :2].copy(), before[1][changed], pair, old[:, 2:4].copy(), new[:, 2:4].copy(), old[:, 4].copy(),
+                new[:, 4].copy(), pair, pair, one, one, pair, one, np.zeros(len(changed), dtype=np.int8),
+            )
+        )  # fmt: skip
+
+    def _impulse(
+        self,
+        ids: NDArray[np.int32],
+        partner: NDArray[np.int32],
+        velocity: tuple[NDArray[np.float64], NDArray[np.float64]],
+        other: tuple[NDArray[np.float64], NDArray[np.float64]],
+    ) -> NDArray[np.float64]:
+        """What the disk gave: its own loss of momentum, or the partner's gain where it cannot move itself."""
+        mass = self._disks.mass[ids]
+        given = np.where(np.isfinite(mass), mass, 0.0)[:, None] * (velocity[0] - velocity[1])
+        stuck = np.flatnonzero(~np.isfinite(mass) & (partner >= 0))
+        given[stuck] = self._disks.mass[partner[stuck]][:, None] * (other[1][stuck] - other[0][stuck])
+        return given
+
+    def _regime(
+        self,
+        ids: NDArray[np.int32],
+        partner: NDArray[np.int32],
+        normal: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        spin: NDArray[np.float64],
+        other: NDArray[np.float64],
+        other_spin: NDArray[np.float64],
+    ) -> NDArray[np.int8]:
+        """By the law, from the motion before."""
+        disks = self._disks
+        at_wall = partner < 0
+        of_walls = np.array([wall.material for wall in self._walls] or [0])
+        one = disks.material[ids]
+        two = np.where(
+            at_wall,
+            of_walls[np.where(at_wall, -2 - partner, 0)],
+            disks.material[np.where(at_wall, 0, partner)],
+        )
+        regime = np.full(len(ids), UNKNOWN, dtype=np.int8)
+        for a, b in {(int(a), int(b)) for a, b in zip(one, two, strict=True)}:
+            law = self._laws[a][b]
+            if not isinstance(law, IFRLaw):
+                continue
+            rows = np.flatnonzero((one == a) & (two == b))
+            wall, p = at_wall[rows], np.where(at_wall[rows], 0, partner[rows])
+            radius = disks.radius[ids[rows]]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", EnergyWarning)  # the simulation has said so
+                regime[rows] = collide(
+                    law,
+                    normal[rows],
+                    np.stack([disks.mass[ids[rows]], np.where(wall, np.inf, disks.mass[p])], axis=1),
+                    np.stack([radius, np.where(wall, radius, disks.radius[p])], axis=1),
+                    np.stack([disks.k[ids[rows]], np.where(wall, 1.0, disks.k[p])], axis=1),
+                    np.stack([velocity[rows], other[rows]], axis=1),
+                    np.stack([spin[rows], other_spin[rows]], axis=1),
+                ).regime
+        return regime
+
+
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]

@@ -1,0 +1,76 @@
+"""A collision as the log holds it, put together again: where it was, and how both moved before."""
+
+import taichi as ti
+
+from .contact import ELASTIC
+from .flights import shift_by
+from .history import flight_between
+from .layout import BEFORE, GX, GY, HEAD, HORIZON, HOW, PREVIOUS, SHIFT_BITS, SLOT, SPIN, VX, VY
+from .walls import wall_met
+
+
+@ti.func
+def where(entry, side, gas: ti.template()):
+    """Where the disk on this side of a record was at the collision, in its tile's falling frame; and when [epoch]."""
+    i = gas.log_int[entry][SLOT + side]
+    x, y, vx, vy, began, t, _number, _other = flight_between(
+        i, gas.log_int[entry][PREVIOUS + side], entry, gas.scale[HORIZON], gas
+    )
+    return x + vx * (t - began), y + vy * (t - began), t
+
+
+@ti.func
+def before(entry, side, gas: ti.template()):
+    """Velocity in the falling frame, and spin, of the disk on this side of a record, before the collision."""
+    first = BEFORE + 5 * side
+    return gas.log_real[entry][first + 2], gas.log_real[entry][first + 3], gas.log_real[entry][first + 4]
+
+
+@ti.func
+def after(entry, side, gas: ti.template()):
+    """Velocity in the falling frame, and spin, of the disk on this side of a record, after the collision."""
+    i = gas.log_int[entry][SLOT + side]
+    vx, vy, spin = gas.flight[i][VX], gas.flight[i][VY], gas.flight[i][SPIN]
+    later = gas.link[i][HEAD]
+    while later != entry:
+        its = 0
+        if gas.log_int[later][SLOT] != i:
+            its = 1
+        vx, vy, spin = before(later, its, gas)
+        later = gas.log_int[later][PREVIOUS + its]
+    return vx, vy, spin
+
+
+@ti.func
+def was_elastic(entry, gas: ti.template()):
+    """Whether a remedy for collapse made the collision elastic."""
+    return gas.log_int[entry][HOW] % SHIFT_BITS >= ELASTIC
+
+
+@ti.func
+def disks_seen(entry, gas: ti.template()):
+    """A collision of two disks: time, place of the first, unit vector to the second, how much faster its frame is."""
+    x_a, y_a, t = where(entry, 0, gas)
+    x_b, y_b, _ = where(entry, 1, gas)
+    shift_x, shift_y, drift = shift_by(gas.log_int[entry][HOW] // SHIFT_BITS, gas)
+    # As `events.collide_at` has it.
+    if ti.static(gas.uses.sheared):
+        shift_x += drift * t
+    rx = x_b - x_a + shift_x
+    ry = y_b - y_a + shift_y
+    r = ti.sqrt(rx * rx + ry * ry)
+    return t, x_a, y_a, rx / r, ry / r, drift
+
+
+@ti.func
+def wall_seen(entry, gas: ti.template()):
+    """A collision with a wall: time, place of the disk, unit vector to the wall, and the wall's velocity there.
+
+    The place and the velocity are those of the lab, not of the falling frame.
+    """
+    i = gas.log_int[entry][SLOT]
+    x, y, t = where(entry, 0, gas)
+    nx, ny, ux, uy = wall_met(i, -1 - gas.log_int[entry][SLOT + 1], x, y, t, gas)
+    x += 0.5 * gas.scale[GX] * t * t
+    y += 0.5 * gas.scale[GY] * t * t
+    return t, x, y, -nx, -ny, ux, uy

@@ -1,0 +1,75 @@
+"""Sums over all disks: what `observables.measure` tells of a state, without copying the state."""
+
+import taichi as ti
+
+from .flow import flow_at
+from .layout import (
+    CELLS_X,
+    CELLS_Y,
+    EVENTS,
+    GX,
+    GY,
+    INVERSE_MASS,
+    KIND,
+    RADIUS,
+    SPIN,
+    SPREAD,
+    TILE_X,
+    TILE_Y,
+    TILES_Y,
+    VX,
+    VY,
+    GasArrays,
+    K,
+    N,
+    Rows,
+    Table,
+    X,
+    Y,
+)
+from .sort import BLOCK, n_blocks
+
+TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS = range(7)
+TOTALS = 7
+
+
+@ti.kernel
+def totals(
+    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, cell: Rows, sums: Table,
+):  # fmt: skip
+    """Sums over settled disks, block by block, into `sums` (blocks, TOTALS), in double precision.
+
+    Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls.
+    Velocities are peculiar ones in a sheared gas. Disks of infinite mass count for nothing.
+    """
+    gas = ti.static(GasArrays(
+        grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, cell=cell, uses=uses,
+    ))  # fmt: skip
+    for item in range(SPREAD * n_blocks(gas.grid[N])):
+        if item % SPREAD == 0:
+            b = item // SPREAD
+            total = ti.Vector([0.0] * TOTALS, ti.f64)
+            for s in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
+                kind = gas.meta[s][KIND]
+                total[ALL_EVENTS] += gas.meta[s][EVENTS]
+                im = ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
+                if im > 0.0:
+                    vx, vy = ti.cast(gas.flight[s][VX], ti.f64), ti.cast(gas.flight[s][VY], ti.f64)
+                    if ti.static(gas.uses.sheared):
+                        vx -= flow_at(gas.flight[s][Y], gas)
+                    turning = gas.flight[s][SPIN] * ti.cast(gas.flight[s][RADIUS], ti.f64)
+                    total[TRANSLATIONAL] += 0.5 * (vx * vx + vy * vy) / im
+                    total[ROTATIONAL] += 0.5 * turning * turning / (gas.kinds[kind][K] * im)
+                    total[MOMENTUM_X] += vx / im
+                    total[MOMENTUM_Y] += vy / im
+                    total[SHEAR_PRESSURE] += vx * vy / im
+                    if ti.static(gas.uses.walled):
+                        tile = gas.cell[s] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y])
+                        tile_x = tile // gas.grid[TILES_Y]
+                        x = tile_x * gas.scale[TILE_X] + ti.cast(gas.flight[s][X], ti.f64)
+                        y = (tile - tile_x * gas.grid[TILES_Y]) * gas.scale[TILE_Y] + ti.cast(
+                            gas.flight[s][Y], ti.f64
+                        )
+                        total[FALL] += (x * gas.scale[GX] + y * gas.scale[GY]) / im
+            for column in ti.static(range(TOTALS)):
+                sums[b, column] = total[column]
