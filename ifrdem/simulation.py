@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .box import Box
-from .cadence import Cadence, Span
+from .cadence import Cadence, Span, earlier
 from .collapse import Collapse
 from .collision_law import CollisionLaw, checked_class
 from .course import Course, Observer, Progress, Sampler
@@ -291,8 +291,7 @@ class Simulation:
         series : int or Cadence, optional
             How often samplers are called, likewise.
         samplers : iterable of callables
-            Each is called as `sampler(measure)` at the beginning, at the end, and in between where the engine pauses
-            next after it is due: that costs little, and changes nothing.
+            Each is called as `sampler(measure)` at the beginning, the end, and in between.
         progress : callable
             Called as `progress(time, collisions)` after every epoch.
 
@@ -330,6 +329,7 @@ class Simulation:
         observers, samplers = list(observers), list(samplers)
         frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
         sampling = course.series is not None and bool(samplers)
+        exact = course.series is not None and course.series.exact
         if course.next_row == 0:
             course.next_row = 1
             if sampling:
@@ -341,11 +341,9 @@ class Simulation:
             frame = frames.due(course.next_frame)
             while not frame.reached(self.time, self.collisions):
                 row = rows.due(course.next_row)
+                stop = earlier(frame, row) if exact else frame
                 self._engine.advance(
-                    t_end=frame.time,
-                    collisions=frame.collisions,
-                    pause_at=row.time,
-                    pause_after=row.collisions,
+                    t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions
                 )
                 if progress is not None:
                     progress(self.time, self.collisions)
