@@ -231,7 +231,7 @@ class DeviceArrays:
             partnered=partnered,
             collision_law=collision_law if collision_law is not None else compiled(IFRLaw),
         )
-        self._history_before = (
+        self.before = (
             state.wall_hits.astype(np.int32), state.latest_collision.copy(), state.last_partner.astype(np.int32),
         )  # fmt: skip
         blocks = room // _SCAN_BLOCK + 1 if tallied else 1
@@ -382,6 +382,10 @@ class DeviceArrays:
                 f"a disk has {needed} neighbours: for {self.n} disks, 32-bit indices allow {row}; "
                 "use a smaller skin"
             )
+        self.make_rows(row)
+
+    def make_rows(self, row: int) -> None:
+        """Make room for so many neighbours of each disk; the lists at hand are lost."""
         self.grid[ROW_LENGTH] = row
         backend.free_array(self.neighbour)
         self.neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * row,))
@@ -415,7 +419,7 @@ class DeviceArrays:
 
         Up to the latest settling; as they were at the start where there are no walls, no contact time, or nobody asked.
         """
-        hits, latest, partner = self._history_before
+        hits, latest, partner = self.before
         return (
             self.wall_hits.to_numpy()[: self.n] if self.uses.walled else hits.copy(),
             self.latest.to_numpy()[: self.n] if self.uses.remembers else latest.copy(),

@@ -173,7 +173,7 @@ class Engine:
         n = self.n = disks.n
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
         self.gravity = engine_checks.two_numbers("gravity", gravity)
-        seed = seeds.of_device(seed)
+        self.seed = seed = seeds.of_device(seed)
         engine_checks.check(
             disks, box, state, len(law_table), walls, self.gravity, precision, forces,
             velocity_cutoff=velocity_cutoff, contact_time=contact_time,
@@ -189,6 +189,7 @@ class Engine:
             room = [0.0 if periodic else 2.0 * diameter + self._wall_extent() for periodic in box.periodic]
             self._offset = np.array(room) / 2.0
             inner = Box((box.lengths[0] + room[0], box.lengths[1] + room[1]), shear_rate=box.shear_rate)
+        self._inner = inner
         self._skin_given = skin
         skin = skins.choose(skin, inner, box, disks, state)
         self._released = True  # until there is anything to release
@@ -294,7 +295,7 @@ class Engine:
             If no collision can ever happen but some are asked for, if collisions pile up without end (inelastic
             collapse), if a force makes a velocity that is not finite, or if a guarantee of the engine is violated.
         """
-        self._check_whole()
+        self.check_whole()
         space = self._space
         if space is not None and space.epochs_left < 1:
             self._make_room(space)
@@ -349,7 +350,8 @@ class Engine:
         if not getattr(self, "_released", True) and not is_finalizing():
             self.release()
 
-    def _check_whole(self) -> None:
+    def check_whole(self) -> None:
+        """Refuse to go on with an engine that has ended, or was interrupted half-way through an epoch."""
         if self._released:
             raise EngineError(
                 "this simulation has ended: another one was started with another device, precision or number of "
@@ -391,12 +393,16 @@ class Engine:
         lost, regimes = self.arrays.dissipated()
         self._lost_before += lost
         self._regimes_before += regimes
+        self.lay(state, inner, offset)
+        space.enter(inner, state, offset, self.arrays.furthest, parted=parted)
+        self._whole = True
+
+    def lay(self, state: State, inner: Box, offset: NDArray[np.float64]) -> None:
+        """New arrays, for another box that an open gas is computed in."""
         old, new = self.arrays, self._arrays_for(state, inner, self.skin, offset)
         self.arrays = self.epochs.arrays = self.splitting.arrays = new
-        self._offset = offset
+        self._inner, self._offset = inner, offset
         old.release()
-        space.enter(inner, state, offset, new.furthest, parted=parted)
-        self._whole = True
 
     def _fly_apart(self, space: OpenSpace, stop: float) -> None:
         """To `stop` [time] in one flight: no disk can meet another one before a force acts."""
@@ -466,7 +472,7 @@ class Engine:
         """The present state, in id order."""
         from .kernels.sort import export
 
-        self._check_whole()
+        self.check_whole()
         self._whole = False
         self.epochs.settle(self.time)
         self._whole = True
@@ -519,7 +525,7 @@ class Engine:
         from .kernels.sort import BLOCK
         from .kernels.totals import FALL, TOTALS, totals
 
-        self._check_whole()
+        self.check_whole()
         self._whole = False
         self.epochs.settle(self.time)
         self._whole = True

@@ -64,6 +64,15 @@ class OpenSpace:
         self.epochs_left = int(self._room / furthest) if state.n else 1
         self.parted = parted or nobody_meets(state, self._disks)
 
+    def numbers(self) -> tuple[float, float, float, float]:
+        """All that it knows of the present box, for a checkpoint."""
+        return self.epochs_left, self.parted, self._room, self._furthest
+
+    def set_numbers(self, box: Box, numbers: list[float]) -> None:
+        """Go on in a box as `numbers` told."""
+        self._box, self.epochs_left, self.parted = box, int(numbers[0]), bool(numbers[1])
+        self._room, self._furthest = numbers[2], numbers[3]
+
     def too_small(self, place: NDArray[np.float64]) -> bool:
         """Whether it is time for a new box, the disks being at these places, shape (n, 2); if not, for how long not."""
         room = self._free(place)

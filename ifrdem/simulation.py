@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 import warnings
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from . import checkpoint
 from .box import Box
 from .cadence import Cadence, Span, earlier
 from .collapse import Collapse
@@ -258,6 +260,56 @@ class Simulation:
         return -float(
             np.sum(self.disks.mass[movable] * (state.position[movable] @ np.array(self._engine.gravity)))
         )
+
+    def save_checkpoint(self, path: str | os.PathLike[str], extra: Mapping[str, Any] | None = None) -> None:
+        """Write all that decides the future, to the last bit, into a file of its own: it appears whole or not at all.
+
+        Events of tracked disks that nobody has taken are not in it.
+
+        Parameters
+        ----------
+        path : path
+            The file; an existing one is replaced.
+        extra : mapping, optional
+            What else belongs there: anything that JSON knows.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        """
+        from . import snapshot
+
+        meta = {
+            "fingerprint": snapshot.fingerprint(self._engine),
+            "first": self._first,
+            "extra": dict(extra or {}),
+        }
+        checkpoint.write(path, snapshot.take(self._engine), meta)
+
+    def load_checkpoint(self, path: str | os.PathLike[str]) -> dict[str, Any]:
+        """Go on from where `save_checkpoint` was called, bitwise as if nothing had been between; returns `extra`.
+
+        This simulation must have been made of the same disks, box, laws, walls, forces, seed and precision, from any
+        start.
+
+        Raises
+        ------
+        InputError
+            If the file is none, or belongs to another gas.
+        """
+        from . import snapshot
+
+        found, meta = checkpoint.read(path)
+        if meta["fingerprint"] != snapshot.fingerprint(self._engine):
+            raise InputError(
+                f"{path}: the checkpoint of another gas: disks, box, laws, walls, forces, seed, precision or device "
+                "differ"
+            )
+        snapshot.put_back(self._engine, found)
+        self._first = float(meta["first"])
+        extra: dict[str, Any] = meta["extra"]
+        return extra
 
     @property
     def state(self) -> State:

@@ -44,6 +44,13 @@ class Splitting:
     time : float
         The present time [time]; what was to act until then has acted.
 
+    Attributes
+    ----------
+    next_steps : list of int
+        Number of the step in which each force acts next.
+    energy_inputs : array (forces,)
+        Energy that each has put in [energy].
+
     Raises
     ------
     InputError
@@ -70,7 +77,7 @@ class Splitting:
         self.arrays = arrays
         self._seed = seed
         self._steps = [force.step for force in self.forces]
-        self._next = [_first_after(time, step) for step in self._steps]
+        self.next_steps = [_first_after(time, step) for step in self._steps]
         self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))
         blocks = disks.n // BLOCK + 1
         most = max((force.totals for force in self.forces), default=0)
@@ -80,7 +87,7 @@ class Splitting:
     def next_time(self) -> float:
         """When the next force acts [time]; infinite without forces."""
         return min(
-            (_time(k, step) for k, step in zip(self._next, self._steps, strict=True)), default=math.inf
+            (_time(k, step) for k, step in zip(self.next_steps, self._steps, strict=True)), default=math.inf
         )
 
     @property
@@ -91,14 +98,14 @@ class Splitting:
     def skip_to(self, time: float) -> None:
         """Leave out what the forces would do until `time` [time]: nothing."""
         if math.isfinite(time):
-            self._next = [
-                max(k, _first_after(time, step)) for k, step in zip(self._next, self._steps, strict=True)
+            self.next_steps = [
+                max(k, _first_after(time, step)) for k, step in zip(self.next_steps, self._steps, strict=True)
             ]
 
     def due(self, now: float) -> list[int]:
         """Indices of the forces that act at `now` [time], in the order in which they do."""
-        found = [i for i, step in enumerate(self._steps) if _reached(_time(self._next[i], step), now)]
-        return found[::-1] if found and self._next[found[0]] % 2 else found
+        found = [i for i, step in enumerate(self._steps) if _reached(_time(self.next_steps[i], step), now)]
+        return found[::-1] if found and self.next_steps[found[0]] % 2 else found
 
     def apply(self, index: int, now: float) -> None:
         """Apply a force that is due at `now` [time], the end of the latest epoch.
@@ -108,7 +115,7 @@ class Splitting:
         EngineError
             If it makes a velocity or spin that is not finite.
         """
-        force, step, k = self.forces[index], self._steps[index], self._next[index]
+        force, step, k = self.forces[index], self._steps[index], self.next_steps[index]
         totals, gained = np.zeros(max(force.totals, 1)), np.zeros(1)
         parameters = np.array([*force.parameters, 0.0])  # one entry at least
         kind: Any = type(force)  # mypy does not take a class for hashable
@@ -124,7 +131,7 @@ class Splitting:
         if sum_totals is not None:
             self.arrays.launch(sum_totals, **given)
         self.arrays.launch(apply_force, **given)
-        self._next[index] = k + 1
+        self.next_steps[index] = k + 1
         if not math.isfinite(gained[0]):
             raise EngineError(
                 f"t = {now:.9g}: force {index + 1}, {type(force).__name__}, made a velocity or spin that is not finite"

@@ -1,0 +1,102 @@
+"""Checkpoint files: arrays and a record, in double precision, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from . import h5md
+from .errors import InputError
+
+FORMAT = 1
+_KIND = "ifrdem checkpoint"
+
+
+def write(
+    path: str | os.PathLike[str], arrays: Mapping[str, NDArray[Any]], record: Mapping[str, Any]
+) -> None:
+    """Write a checkpoint: beside its place, synced to the disk, then renamed into place.
+
+    Parameters
+    ----------
+    path : path
+        The file; an existing one is replaced.
+    arrays : mapping
+        Arrays by name.
+    record : mapping
+        What JSON knows. Versions of the packages are added.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written; the old file is kept then.
+    """
+    place = Path(path)
+    aside = place.with_name(f".{place.name}.{os.getpid()}.part")
+    try:
+        with h5py.File(aside, "w") as file:
+            file.attrs["kind"] = _KIND
+            file.attrs["format"] = FORMAT
+            file["record"] = json.dumps({**record, "versions": h5md.package_versions()})
+            for name, array in arrays.items():
+                file[f"arrays/{name}"] = array
+        descriptor = os.open(aside, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        os.replace(aside, place)
+    except (OSError, RuntimeError) as error:
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        raise InputError(f"checkpoint {path} cannot be written: {reason}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """The arrays and the record of a checkpoint.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is none of ours, or damaged.
+    """
+    if not os.path.isfile(path):
+        raise InputError(f"{path}: there is no such file")
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("kind") != _KIND:
+                raise InputError(f"{path} is no checkpoint of ifrdem")
+            if int(file.attrs["format"]) != FORMAT:
+                raise InputError(
+                    f"{path} is a checkpoint of format {file.attrs['format']}; this ifrdem reads {FORMAT}"
+                )
+            record: dict[str, Any] = json.loads(file["record"][()])
+            return {name: np.asarray(item[()]) for name, item in file["arrays"].items()}, record
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
+        raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: {error}") from error
+
+
+def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
+    """Refuse a checkpoint of another version: its bits could not go on.
+
+    Raises
+    ------
+    InputError
+        With both versions.
+    """
+    present = h5md.package_versions()
+    for package in ("ifrdem", "taichi"):
+        if record["versions"].get(package) != present[package]:
+            raise InputError(
+                f"{path} was written by {package} {record['versions'].get(package)}, this is {present[package]}: a run "
+                "goes on to the bit with the same version only. Begin a new run from a stored frame: start.positions = "
+                '"NAME.h5"'
+            )
