@@ -14,6 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from . import radii
 from .case_forces import ForceSection
+from .case_output import OutputSection
 from .case_run import BoxSection, Name, RunSection
 from .case_walls import WallSection
 from .engine_limits import MOST_DISKS
@@ -282,36 +283,6 @@ class StartSection(Section):
     def psi_range(self) -> tuple[float, float]:
         """First and last angle of an impact scan [degrees]."""
         return (0.0, 89.0) if self.psi is None else (self.psi[0], self.psi[1])
-
-
-class OutputSection(Section):
-    """What is kept."""
-
-    frames: int = Field(
-        default=100,
-        ge=1,
-        le=10_000_000,
-        description="frames after the initial one [whole number], evenly spaced in what ends the run",
-        examples=[100],
-    )
-    fields: list[Literal["position", "velocity", "angular_velocity", "collisions", "image"]] = Field(
-        default=["position", "velocity", "angular_velocity", "collisions"],
-        description="what every frame holds of every disk [list of names]; image: box lengths travelled",
-        examples=[["position", "velocity", "angular_velocity", "collisions"]],
-    )
-    compression: Literal["none", "gzip"] = Field(
-        default="none",
-        description='"none" (fast) or "gzip" (about three quarters of the size, slower to write and to read)',
-        examples=["none"],
-    )
-    precision: Literal["f4", "f8"] = Field(
-        default="f4",
-        description='"f4" or "f8": bytes of each number in the file, whatever run.precision is',
-        examples=["f4"],
-    )
-    picture: bool = Field(
-        default=True, description="draw NAME.png at the end [true or false]", examples=[True]
-    )
 
 
 class Case(Section):

@@ -129,7 +129,12 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
     lines += _forces(case, estimate)
     each_disk = disk_bytes(case.output.fields, case.output.precision)
     frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"
-    what = f"{case.output.frames + 1} frames x {frame}"
+    what = f"{estimate.frames} frames x {frame}"
+    what += f", {estimate.rows} rows of series"
+    if not case.output.series_cadence.exact:
+        what += " at most"
+    if estimate.tracked:
+        what += f", histories of {estimate.tracked} disks"
     if case.output.compression != "none":
         what += f", at most: {case.output.compression} makes it smaller"
     lines += [

@@ -22,6 +22,7 @@ from .case import (
     StartSection,
 )
 from .case_forces import ForceSection
+from .case_output import OutputSection
 from .case_walls import WallSection
 from .coins import coins
 from .errors import InputError
@@ -121,6 +122,7 @@ class Draft:
     material_names: tuple[str, ...]  # those of sections with mistakes too
     force: tuple[ForceSection | None, ...] = ()
     wall: tuple[WallSection | None, ...] = ()
+    output: OutputSection | None = None
 
     @classmethod
     def from_sections(cls, raw: Mapping[str, Any]) -> Draft:
@@ -150,6 +152,7 @@ class Draft:
             ),
             force=several(ForceSection, raw.get("force", [])),
             wall=several(WallSection, raw.get("wall", [])),
+            output=one(OutputSection, raw.get("output", {})),
         )
 
     @classmethod
@@ -165,6 +168,7 @@ class Draft:
             tuple(each.name for each in case.material),
             tuple(case.force),
             tuple(case.wall),
+            case.output,
         )
 
     @property

@@ -12,8 +12,10 @@ from scipy.optimize import brentq
 
 from . import driven_theory, engine_limits, h5md, shear_theory, theory
 from .case import Case
+from .case_output import OutputSection
 from .driven_theory import Drive
 from .gas import Gas, Species
+from .observables import MECHANISMS, REGIMES
 
 OBSERVABLES = {
     "translational_energy": 1,
@@ -31,6 +33,15 @@ OBSERVABLES = {
     "wall_hits": 1,
 }
 """What a run writes of the whole gas at each frame, with the number of components."""
+SERIES = {**OBSERVABLES, "time": 1, "step": 1}
+LEDGER = {
+    "dissipated_by_mechanism": len(MECHANISMS),
+    "collisions_by_regime": len(REGIMES),
+    "ledger_residual": 1,
+}
+"""The same of the time series, the latter with output.ledger."""
+EVENT_BYTES = 177
+"""Of a collision in a history (`ifrdem.h5md`)."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +70,8 @@ class Estimate:
         Collisions with walls per time [1/time] at the start; 0 without walls.
     file_bytes, array_bytes : int
         Size of the trajectory file, and of the engine's arrays.
+    frames, rows, tracked : int
+        Frames and rows of the time series, at most, and disks with histories.
     """
 
     packing_fraction: float
@@ -72,6 +85,9 @@ class Estimate:
     wall_hits: float
     file_bytes: int
     array_bytes: int
+    frames: int
+    rows: int
+    tracked: int
 
     @classmethod
     def of(cls, gas: Gas, case: Case) -> Estimate:
@@ -101,7 +117,14 @@ class Estimate:
         at_most = math.isnan(per_disk) and not driven and not gas.box.is_open
         if at_most:
             per_disk = mean_rate * (case.run.t_end or 0.0)
-        frames = case.output.frames + 1
+        output = case.output
+        frames, rows = (
+            each.count(duration=end, collisions_per_disk=per_disk) + 1
+            for each in (output.frame_cadence, output.series_cadence)
+        )
+        tracked = _tracked(output, gas)
+        # Every collision of a tracked disk; unknown ones do not count.
+        events = 0 if math.isnan(per_disk) else round(tracked * per_disk)
         frame_bytes = n * disk_bytes(case.output.fields, case.output.precision)
         return cls(
             packing_fraction=phi,
@@ -114,9 +137,29 @@ class Estimate:
             steady_state=steady,
             wall_hits=_wall_hits(gas),
             # The constant properties once: radius, mass, k in 8 bytes, the material in 4.
-            file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values())) + 28 * n,
+            file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values()))
+            + 28 * n
+            + rows * 8 * (sum(SERIES.values()) + (sum(LEDGER.values()) if output.ledger else 0))
+            + events * EVENT_BYTES,
+            frames=frames,
+            rows=rows,
+            tracked=tracked,
             array_bytes=n * engine_limits.BYTES_PER_DISK,
         )
+
+
+def _tracked(output: OutputSection, gas: Gas) -> int:
+    """About how many disks have histories."""
+    if output.histories_all:
+        return gas.disks.n
+    if output.histories is not None:
+        return len(output.histories)
+    if output.histories_region is not None:
+        x_low, y_low, x_high, y_high = output.histories_region
+        width = min(x_high, gas.box.lengths[0]) - max(x_low, 0.0)
+        height = min(y_high, gas.box.lengths[1]) - max(y_low, 0.0)
+        return 0 if gas.box.is_open else round(gas.disks.n * width * height / gas.box.area)
+    return output.histories_sample or 0
 
 
 def _rates_and_speeds(gas: Gas) -> tuple[list[float], list[float]]:

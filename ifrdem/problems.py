@@ -16,6 +16,7 @@ from .coins import coins
 from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
 from .engine_limits import CROWD
 from .errors import InputError, nearest
+from .problems_output import problems_of_output
 from .problems_walls import problems_of_walls
 from .room import Room
 from .walls import check as check_walls
@@ -55,6 +56,7 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
             room = Room(box, walls)
             found += _wrong_room(draft, species, radius, None if patch is None else Room(patch, walls))
             found += _wrong_open(draft, box, patch)
+        found += problems_of_output(draft, len(radius), box)
         found += _wrong_scan(draft, species, box)
         found += _wrong_start(draft, species, radius, None if box is None else room, folder)
     return found
