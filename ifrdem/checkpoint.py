@@ -45,6 +45,7 @@ def write(
             file.attrs["kind"] = _KIND
             file.attrs["format"] = FORMAT
             file["record"] = json.dumps({**record, "versions": h5md.package_versions()})
+            file.create_group("arrays")
             for name, array in arrays.items():
                 file[f"arrays/{name}"] = array
         descriptor = os.open(aside, os.O_RDONLY)

@@ -523,7 +523,7 @@ class Engine:
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
         from .kernels.sort import BLOCK
-        from .kernels.totals import FALL, TOTALS, totals
+        from .kernels.totals import EXCESS, FALL, TOTALS, totals
 
         self.check_whole()
         self._whole = False
@@ -532,6 +532,8 @@ class Engine:
         sums = np.zeros((self.n // BLOCK + 1, TOTALS))
         self.arrays.launch(totals, sums=sums)
         found: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
+        if self.box.shear_rate:
+            self._tally_flow(float(found[EXCESS]))
         if any(self.gravity):
             # From the corner of the user's box.
             mass = float(np.sum(self.disks.mass[self.disks.movable]))

@@ -140,7 +140,7 @@ def from_totals(
     disks: Disks, totals: NDArray[np.float64], time: float, wall_hits: int, **put_in: Any
 ) -> Measure:
     """The same of sums over all disks (`kernels/totals.py`), which `Engine.totals` gives."""
-    translational, rotational, momentum_x, momentum_y, shear_pressure, fall, events = totals.tolist()
+    translational, rotational, momentum_x, momentum_y, shear_pressure, fall, events, _ = totals.tolist()
     n = max(int(np.count_nonzero(disks.movable)), 1)
     return Measure(
         time=time,

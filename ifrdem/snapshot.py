@@ -36,6 +36,7 @@ _LASTING = (
 
 def fingerprint(engine: Engine) -> str:
     """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
+    engine.check_whole()
     a, disks, box = engine.arrays, engine.disks, engine.box
     digest = hashlib.sha256()
     parts: list[Any] = [

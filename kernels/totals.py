@@ -29,8 +29,8 @@ from .layout import (
 )
 from .sort import BLOCK, n_blocks
 
-TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS = range(7)
-TOTALS = 7
+TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
+TOTALS = 8
 
 
 @ti.kernel
@@ -40,7 +40,8 @@ def totals(
     """Sums over settled disks, block by block, into `sums` (blocks, TOTALS), in double precision.
 
     Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls.
-    Velocities are peculiar ones in a sheared gas. Disks of infinite mass count for nothing.
+    Velocities are peculiar ones in a sheared gas; the last sum is how much more kinetic energy the frames of its rows of
+    tiles see (`sort.export`). Disks of infinite mass count for nothing.
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, cell=cell, uses=uses,
@@ -56,7 +57,9 @@ def totals(
                 if im > 0.0:
                     vx, vy = ti.cast(gas.flight[s][VX], ti.f64), ti.cast(gas.flight[s][VY], ti.f64)
                     if ti.static(gas.uses.sheared):
-                        vx -= flow_at(gas.flight[s][Y], gas)
+                        flow = ti.cast(flow_at(gas.flight[s][Y], gas), ti.f64)
+                        total[EXCESS] += flow * (vx - 0.5 * flow) / im
+                        vx -= flow
                     turning = gas.flight[s][SPIN] * ti.cast(gas.flight[s][RADIUS], ti.f64)
                     total[TRANSLATIONAL] += 0.5 * (vx * vx + vy * vy) / im
                     total[ROTATIONAL] += 0.5 * turning * turning / (gas.kinds[kind][K] * im)

@@ -1,0 +1,82 @@
+"""When frames and rows of series are due."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from ifrdem.cadence import Cadence, Due, Schedule, Span, earlier
+from ifrdem.errors import InputError
+
+
+def to_time(end: float, begin: float = 0.0) -> Span:
+    return Span.to(10, begin, 0, t_end=end)
+
+
+def to_collisions(per_disk: float, had: int = 0) -> Span:
+    return Span.to(10, 0.0, had, collisions_per_disk=per_disk)
+
+
+def test_a_number_divides_the_run_evenly_and_ends_with_it():
+    times = [Schedule(Cadence(number=4), to_time(3.0, 1.0)).due(k).time for k in range(1, 6)]
+    assert times == [1.5, 2.0, 2.5, 3.0, 3.0]
+
+
+@pytest.mark.parametrize("number", [1, 3, 7, 10, 1000])
+def test_rounding_makes_no_collision_more_of_a_part(number):
+    # 10 disks with 2 * number / 10 collisions each: `number` collisions, one for each frame.
+    schedule = Schedule(Cadence(number=number), to_collisions(number / 5.0))
+    assert [schedule.due(k).collisions for k in range(1, number + 1)] == list(range(1, number + 1))
+
+
+def test_logarithmic_points_have_one_ratio_and_begin_where_they_are_told():
+    schedule = Schedule(Cadence(number=4, spacing="log", log_from=1e-3), to_time(2.0))
+    times = [schedule.due(k).time for k in range(1, 5)]
+    assert times == pytest.approx([2e-3, 2e-2, 2e-1, 2.0], rel=1e-12)
+
+
+def test_intervals_of_time_end_with_a_run_by_collisions_and_the_reverse():
+    by_time = Schedule(Cadence(interval=0.5), to_collisions(4.0))
+    assert by_time.due(3) == Due(1.5, 20)
+    by_collisions = Schedule(Cadence(collisions=0.5), to_time(2.0))
+    assert by_collisions.due(2) == Due(2.0, 5)
+    # 0.5 per disk, 10 disks, two at each collision: 2.5 collisions, which a frame cannot follow sooner than after 3.
+    assert by_collisions.due(1) == Due(2.0, 3)
+
+
+def test_what_has_been_reached_already_is_not_due_again():
+    schedule = Schedule(
+        Cadence(number=100), to_collisions(2.0)
+    )  # 10 collisions, 100 points: ten stand at each
+    assert schedule.after(1, 0.0, 3) == 31
+    interval = Schedule(Cadence(interval=0.1), to_time(1.0))
+    assert interval.after(1, 0.55, 0) == 6
+    # At the end nothing more is: no endless search.
+    assert interval.after(1, 1.0, 0) <= 10
+
+
+def test_the_earlier_of_two_points_is_reached_when_either_is():
+    both = earlier(Due(2.0, None), Due(math.inf, 7))
+    assert both == Due(2.0, 7)
+    assert both.reached(2.0, 0)
+    assert both.reached(0.0, 7)
+    assert not both.reached(1.9, 6)
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({}, "exactly one"),
+        ({"number": 3, "interval": 1.0}, "exactly one"),
+        ({"number": 0}, "number = 0"),
+        ({"interval": 0.0}, "interval = 0"),
+        ({"collisions": math.nan}, "collisions = nan"),
+        ({"number": 3, "spacing": "logarithmic"}, "allowed are even, log"),
+        ({"interval": 1.0, "spacing": "log"}, "needs a number"),
+        ({"number": 3, "log_from": 1.0}, "log_from = 1"),
+    ],
+)
+def test_impossible_cadences_are_refused(options, reason):
+    with pytest.raises(InputError, match=reason):
+        Cadence(**options)

@@ -1,0 +1,172 @@
+"""The energy ledger: what each mechanism takes adds up to what is missing, in every kind of gas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from gases import equal_disks, mixture, start
+
+from ifrdem.box import Box
+from ifrdem.cadence import Cadence
+from ifrdem.forces import Drag, RandomKicks
+from ifrdem.law import IFRLaw, Regime, collide
+from ifrdem.observables import MECHANISMS, Measure
+from ifrdem.simulation import Simulation
+from ifrdem.state import Disks, State
+from ifrdem.walls import Motion, Wall
+
+pytestmark = pytest.mark.unoptimised
+
+ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
+COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+
+
+def residual(first: Measure, last: Measure) -> float:
+    """What the ledger does not explain, over what was turned over."""
+    assert last.dissipated is not None
+    turned = first.energy + abs(last.energy_input) + abs(last.wall_work) + abs(last.wall_heat)
+    return (first.unspent - last.unspent - float(last.dissipated.sum())) / turned
+
+
+def test_each_mechanism_takes_what_one_collision_shows(arch):
+    """One pair, slowly approaching and with spins, against the law's own numbers.
+
+    P_n takes P_n (g_n - P_n / 2 m_n), and so on; the pieces are computed here from `law.collide`, which the engine does
+    not use, and the known slip: m_n = 1/2, m_t = 1/6 for two disks of mass 1 and k = 2.
+    """
+    disks = Disks(2, mass=1.0, radius=0.5)
+    v, w = np.array([[1.0, 0.3], [-0.5, 0.0]]), np.array([0.8, -0.1])
+    position = np.array([[4.0, 5.0], [6.0, 5.3 - 0.3]])
+    simulation = Simulation(disks, Box((10.0, 10.0)), ROLLING, State(position, v, w), arch=arch, ledger=True)
+    simulation.run(t_end=2.0)
+    assert simulation.collisions == 1
+    contact = simulation.measure()
+    # The collision's normal: from where they touched, by the time at which |r| = 1.
+    r, u = position[0] - position[1], v[0] - v[1]
+    b, c = r @ u, r @ r - 1.0
+    t = c / (-b + np.sqrt(b * b - u @ u * c))
+    n = -(r + u * t)
+    after = collide(ROLLING, n / np.hypot(*n), [1.0, 1.0], [0.5, 0.5], [2.0, 2.0], v, w)
+    n = n / np.hypot(*n)
+    g_n, g_t = u @ n, (u[1] * n[0] - u[0] * n[1]) + 0.5 * (w[0] + w[1])
+    P_n, P_t = float(after.P_n), float(after.P_t)
+    P_et = 0.1 / 6.0 * g_t  # (1 + e_t) m_t g_t
+    normal = P_n * (g_n - P_n)  # m_n = 1/2
+    restitution = P_et * (g_t - 3.0 * P_et)  # m_t = 1/6
+    friction = P_t * (g_t - 3.0 * P_t) - restitution
+    total = 0.5 * (np.sum(v**2) + 0.125 * np.sum(w**2)) - 0.5 * (
+        np.sum(after.velocity**2) + 0.125 * np.sum(after.spin**2)
+    )
+    expected = dict.fromkeys(MECHANISMS, 0.0) | {
+        "normal": normal, "tangential_restitution": restitution, "rolling": total - normal - restitution - friction,
+    }  # fmt: skip
+    sticks = int(after.regime) in (Regime.STICKING_ROLLING, Regime.STICKING_NONROLLING)
+    expected["sticking" if sticks else "sliding"] = friction
+    assert expected["rolling"] > 0.0
+    assert contact.dissipated == pytest.approx(np.array(list(expected.values())), rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("n", [300, 2000])
+@pytest.mark.parametrize("law", [ROLLING, COIN])
+def test_the_ledger_closes_in_a_cooling_gas(arch, n, law):
+    disks = mixture(n)
+    box, state = start(disks, 0.3)
+    measures: list[Measure] = []
+    simulation = Simulation(disks, box, law, state, arch=arch, ledger=True)
+    simulation.run(collisions_per_disk=5.0, series=5, samplers=[measures.append])
+    assert measures[-1].dissipated[0] > 0.0
+    assert measures[-1].regimes.sum() == simulation.collisions
+    # Sums of some 5e3 rounded numbers.
+    assert max(abs(residual(measures[0], each)) for each in measures) < 1e-13
+
+
+def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(arch):
+    disks = mixture(150)
+    box = Box((20.0, 40.0), periodic=(False, False))
+    _, state = start(disks, 0.2)
+    rng = np.random.default_rng(3)
+    grid = np.stack(np.meshgrid(np.arange(12), np.arange(13)), axis=-1).reshape(-1, 2)[:150] * 1.4 + 2.0
+    state = State(grid, rng.normal(size=(150, 2)), rng.normal(size=150))
+    walls = [
+        Wall.line((0.0, 0.5), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=2.0)),
+        Wall.line((0.0, 19.4), (0.0, -1.0), temperature=2.0),
+    ]
+    measures: list[Measure] = []
+    simulation = Simulation(
+        disks, box, COIN, state, arch=arch, walls=walls, gravity=(0.0, -1.0), ledger=True,
+        collapse="velocity_cutoff", velocity_cutoff=1e-3,
+    )  # fmt: skip
+    simulation.run(t_end=6.0, series=3, samplers=[measures.append])
+    last = measures[-1]
+    assert last.dissipated[MECHANISMS.index("walls")] > 0.0
+    assert last.wall_heat != 0.0
+    assert abs(residual(measures[0], last)) < 1e-12
+
+
+def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(arch):
+    disks = equal_disks(400)
+    box, state = start(disks, 0.3)
+    driven = Simulation(
+        disks, box, COIN, state, arch=arch, ledger=True, forces=[RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)]
+    )  # fmt: skip
+    sheared_box = Box(box.lengths, shear_rate=0.5)
+    moving = State(state.position, state.velocity + sheared_box.flow(state.position), state.spin)
+    sheared = Simulation(disks, sheared_box, COIN, moving, arch=arch, ledger=True)
+    for simulation in (driven, sheared):
+        measures: list[Measure] = []
+        simulation.run(t_end=2.0, series=4, samplers=[measures.append])
+        assert measures[-1].energy_input != 0.0
+        assert abs(residual(measures[0], measures[-1])) < 1e-12
+
+
+def test_threads_agree_on_the_ledger_to_the_bit(monkeypatch):
+    monkeypatch.setattr("ifrdem.engine.ALONE", 1000)  # tiles, which threads share
+    disks = mixture(3000)
+    box, state = start(disks, 0.4)
+    found = []
+    for threads in (1, 2):
+        simulation = Simulation(disks, box, COIN, state, threads=threads, ledger=True)
+        simulation.run(collisions_per_disk=1.0)
+        found.append(simulation.measure())
+    assert np.array_equal(found[0].dissipated, found[1].dissipated)
+    assert np.array_equal(found[0].regimes, found[1].regimes)
+
+
+def test_series_at_the_ends_of_epochs_change_nothing(arch):
+    disks = equal_disks(600)
+    box, state = start(disks, 0.5)
+    ends, rows = [], []
+    for series in (None, Cadence(number=200, exact=False)):
+        simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+        simulation.run(collisions_per_disk=10.0, series=series, samplers=[rows.append])
+        ends.append(simulation.state)
+    assert len(rows) > 5
+    assert np.array_equal(ends[0].position, ends[1].position)
+    assert np.array_equal(ends[0].velocity, ends[1].velocity)
+
+
+def test_exact_series_stand_where_they_are_due(arch):
+    disks = equal_disks(50)
+    box, state = start(disks, 0.3)
+    rows: list[Measure] = []
+    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    simulation.run(t_end=1.0, series=40, samplers=[rows.append])
+    assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
+    assert rows[0].dissipated is None  # no ledger was asked for
+
+
+def test_totals_on_the_device_are_those_of_the_state(arch):
+    disks = Disks(
+        300, mass=np.where(np.arange(300) == 7, np.inf, 2.0), radius=0.4, k=np.linspace(1.0, 2.0, 300)
+    )
+    box, state = start(equal_disks(300), 0.3)
+    state.velocity[7], state.spin[7] = 0.0, 0.0
+    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    seen: list[Measure] = []
+    simulation.run(collisions_per_disk=2.0, observers=[lambda _state, measure: seen.append(measure)])
+    device, host = simulation.measure(), seen[-1]
+    for name in (
+        "time", "collisions", "translational_energy", "rotational_energy", "temperature", "rotational_temperature",
+        "momentum", "shear_pressure", "potential_energy", "wall_hits", "energy_input",
+    ):  # fmt: skip
+        assert getattr(device, name) == pytest.approx(getattr(host, name), rel=1e-12, abs=1e-11), name
