@@ -130,9 +130,7 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
     each_disk = disk_bytes(case.output.fields, case.output.precision)
     frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"
     what = f"{estimate.frames} frames x {frame}"
-    what += f", {estimate.rows} rows of series"
-    if not case.output.series_cadence.exact:
-        what += " at most"
+    what += f", {'' if case.output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
     if estimate.tracked:
         what += f", histories of {estimate.tracked} disks"
     if case.output.compression != "none":

@@ -40,8 +40,8 @@ def totals(
     """Sums over settled disks, block by block, into `sums` (blocks, TOTALS), in double precision.
 
     Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls.
-    Velocities are peculiar ones in a sheared gas; the last sum is how much more kinetic energy the frames of its rows of
-    tiles see (`sort.export`). Disks of infinite mass count for nothing.
+    Velocities are peculiar ones in a sheared gas; the last sum is how much more kinetic energy the frames of its rows
+    of tiles see (`sort.export`). Disks of infinite mass count for nothing.
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, cell=cell, uses=uses,

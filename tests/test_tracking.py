@@ -113,7 +113,7 @@ def test_walls_gravity_and_heat_are_in_the_path(arch):
     ]
     simulation = Simulation(
         disks, box, COIN, state, arch=arch, walls=walls, gravity=(0.0, -1.0), tracked=range(40),
-        collapse="velocity_cutoff", velocity_cutoff=0.05,
+        collapse="velocity_cutoff", velocity_cutoff=0.3,
     )  # fmt: skip
     simulation.run(t_end=8.0)
     events, end = simulation.take_events(), simulation.state
