@@ -78,4 +78,3 @@ def shuffled(chunk: NDArray) -> NDArray[np.uint8]:
     """The bytes of an array as HDF5's shuffle filter orders them: all first bytes, all second ones, ..."""
     size = chunk.dtype.itemsize
     return np.ascontiguousarray(np.ascontiguousarray(chunk).reshape(-1).view(np.uint8).reshape(-1, size).T)
-

@@ -42,6 +42,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import h5py
 import numpy as np
@@ -50,6 +51,7 @@ from numpy.typing import DTypeLike, NDArray
 from . import history_columns
 from .box import Box
 from .errors import InputError
+from .staged_group import staged
 from .state import Disks
 
 H5MD_VERSION = (1, 1)
@@ -172,9 +174,9 @@ def create(
     file.create_group("observables")
 
 
-def box_attributes(box: Box) -> dict[str, object]:
+def box_attributes(box: Box) -> dict[str, Any]:
     """What a file says of its box."""
-    sides: dict[str, object] = {
+    sides: dict[str, Any] = {
         "dimension": 3,
         "boundary": [*("periodic" if one else "none" for one in box.periodic), "none"],
         "lengths": np.array(box.lengths),
@@ -193,7 +195,7 @@ def _create_field(
     file: h5py.File, name: str, field: Field, n: int, dtype: DTypeLike, filters: Mapping[str, object]
 ) -> None:
     group = file.create_group(f"{PARTICLES}/{name}")
-    _link_steps(file, group, EDGES)
+    _link_steps(file, group)
     tail = (2,) if field.components == 2 else ()
     # HDF5 has no chunks of size 0 in an axis that cannot grow.
     limit = n if n > 0 else None
@@ -224,7 +226,7 @@ def _create_field(
 def add_observable(file: h5py.File, name: str, sample: NDArray) -> h5py.Dataset:
     """Add an empty series for values of the shape and type of `sample`; returns its dataset."""
     group = file.create_group(f"observables/{name}")
-    _link_steps(file, group, EDGES)
+    _link_steps(file, group)
     return group.create_dataset(
         "value",
         shape=(0, *sample.shape),
@@ -234,33 +236,30 @@ def add_observable(file: h5py.File, name: str, sample: NDArray) -> h5py.Dataset:
     )
 
 
-def add_timeseries(file: h5py.File) -> None:
-    """Add the group of the time series: no series yet, and no row."""
-    group = file.create_group(TIMESERIES)
-    for name, dtype in (("step", np.int64), ("time", np.float64)):
-        group.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK_ROWS,), dtype=dtype)
+def create_timeseries(
+    file: h5py.File, samples: Mapping[str, NDArray], columns: Mapping[str, Sequence[str]]
+) -> None:
+    """Write the group of the time series, without a row yet, for values of the shapes and types of `samples`."""
+    with staged(file, TIMESERIES) as group:
+        for name, dtype in (("step", np.int64), ("time", np.float64)):
+            group.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK_ROWS,), dtype=dtype)
+        for name, sample in samples.items():
+            series = group.create_group(name)
+            series["step"], series["time"] = group["step"], group["time"]
+            if name in columns:
+                series.attrs["columns"] = list(columns[name])
+            series.create_dataset(
+                "value",
+                shape=(0, *sample.shape),
+                maxshape=(None, *sample.shape),
+                chunks=(max(1, CHUNK_ROWS // sample.size), *sample.shape),
+                dtype=sample.dtype,
+            )
 
 
-def add_series(
-    file: h5py.File, name: str, sample: NDArray, columns: Sequence[str] | None = None
-) -> h5py.Dataset:
-    """Add an empty time series for values of the shape and type of `sample`; returns its dataset."""
-    group = file.create_group(f"{TIMESERIES}/{name}")
-    _link_steps(file, group, TIMESERIES)
-    if columns is not None:
-        group.attrs["columns"] = list(columns)
-    return group.create_dataset(
-        "value",
-        shape=(0, *sample.shape),
-        maxshape=(None, *sample.shape),
-        chunks=(max(1, CHUNK_ROWS // sample.size), *sample.shape),
-        dtype=sample.dtype,
-    )
-
-
-def _link_steps(file: h5py.File, group: h5py.Group, source: str) -> None:
+def _link_steps(file: h5py.File, group: h5py.Group) -> None:
     for name in ("step", "time"):
-        group[name] = file[f"{source}/{name}"]
+        group[name] = file[f"{EDGES}/{name}"]
 
 
 def chunk_disks(n: int) -> int:

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from .errors import InputError
+from .staged_group import staged
 
 HISTORIES = "histories"
 CHUNK_EVENTS = 16384
@@ -77,27 +78,22 @@ START = {
 
 
 def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict[str, NDArray]) -> None:
-    """Write the group with no event yet; it appears in the file at once and whole."""
-    beside = f"{HISTORIES}_uncommitted"
-    if beside in file:
-        del file[beside]
-    group = file.create_group(beside)
-    group["tracked"] = tracked
-    group["start/time"] = time
-    for name, values in start.items():
-        group[f"start/{name}"] = values
-    for name, column in COLUMNS.items():
-        group.create_dataset(
-            f"events/{name}",
-            shape=(0, *column.tail),
-            maxshape=(None, *column.tail),
-            chunks=(CHUNK_EVENTS, *column.tail),
-            dtype=column.dtype,
-        )
-    for name, first in (("events", np.int64(0)), ("time", np.float64(time))):
-        group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
-    file.flush()
-    file.move(beside, HISTORIES)
+    """Write the group with no event yet."""
+    with staged(file, HISTORIES) as group:
+        group["tracked"] = tracked
+        group["start/time"] = time
+        for name, values in start.items():
+            group[f"start/{name}"] = values
+        for name, column in COLUMNS.items():
+            group.create_dataset(
+                f"events/{name}",
+                shape=(0, *column.tail),
+                maxshape=(None, *column.tail),
+                chunks=(CHUNK_EVENTS, *column.tail),
+                dtype=column.dtype,
+            )
+        for name, first in (("events", np.int64(0)), ("time", np.float64(time))):
+            group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
 
 
 def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import staged_group
 from .errors import InputError, nearest
 from .history_columns import COLUMNS, HISTORIES, START, as_column, create
 from .output_file import OutputFile, TrajectoryError
@@ -68,7 +69,7 @@ class HistoryWriter:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""
         tracked = as_column("tracked", ids, COLUMNS["id"])
         if not len(tracked) or not 0 <= tracked.min() <= tracked.max() < self._n:
-            raise InputError(f"tracked = {ids}: numbers of disks from 0 to {self._n - 1} are needed")
+            raise InputError(f"tracked = {ids!r}: numbers of disks from 0 to {self._n - 1} are needed")
         tracked = np.sort(tracked)
         if (tracked[1:] == tracked[:-1]).any():
             twice = tracked[1:][tracked[1:] == tracked[:-1]][0]
@@ -116,8 +117,7 @@ class HistoryWriter:
 
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted write left behind the last commit."""
-        if f"{HISTORIES}_uncommitted" in self._output.file:
-            del self._output.file[f"{HISTORIES}_uncommitted"]
+        staged_group.drop(self._output.file, HISTORIES)
         if self._events is not None:
             self._events.drop_uncommitted()
             self._commits.drop_uncommitted()
@@ -125,7 +125,9 @@ class HistoryWriter:
     def _compare_start(self, tracked: NDArray, time: float, start: Mapping[str, NDArray]) -> None:
         group = self._output.file[HISTORIES]
         if not np.array_equal(group["tracked"][()], tracked):
-            raise TrajectoryError(f"{self._output.path} has histories of other disks than these {len(tracked)}")
+            raise TrajectoryError(
+                f"{self._output.path} has histories of other disks than these {len(tracked)}"
+            )
         for name, values in (("time", np.float64(time)), *start.items()):
             if group[f"start/{name}"][()].tobytes() != values.tobytes():
                 raise TrajectoryError(f"{self._output.path} has histories that began with another {name}")

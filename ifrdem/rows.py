@@ -67,7 +67,7 @@ class Rows:
                 for length, chunk in zip(dataset.shape[1:], dataset.chunks[1:], strict=True)
             ]
             per_chunk = dataset.chunks[0]
-            chunks = -(-(self.committed + new) // per_chunk) - self.committed // per_chunk
+            chunks = -(-(self.committed + new) // per_chunk) - -(-self.committed // per_chunk)
             room += chunks * per_chunk * int(np.prod(cells)) * dataset.dtype.itemsize + _INDEX_ROOM
         return room
 

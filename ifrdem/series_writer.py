@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import h5md
+from . import h5md, staged_group
 from .errors import InputError
 from .output_file import OutputFile
 from .quantities import checked
@@ -87,6 +87,7 @@ class SeriesWriter:
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted write left behind the last commit."""
         file = self._output.file
+        staged_group.drop(file, h5md.TIMESERIES)
         if self._rows is not None and self._rows.committed:
             self._rows.drop_uncommitted()
         elif h5md.TIMESERIES in file:
@@ -97,9 +98,9 @@ class SeriesWriter:
         file = self._output.file
         if h5md.TIMESERIES in file:  # an interrupt ended the first attempt
             del file[h5md.TIMESERIES]
-        h5md.add_timeseries(file)
-        datasets = {name: h5md.add_series(file, name, row[name], self._columns.get(name)) for name in row}
+        h5md.create_timeseries(file, row, self._columns)
         group = file[h5md.TIMESERIES]
+        datasets = {name: group[f"{name}/value"] for name in row}
         return Rows("row of the series", group["step"], {"time": group["time"], **datasets})
 
     def _checked(

@@ -9,6 +9,7 @@ import contextlib
 import json
 import math
 import os
+import platform
 import time
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -94,7 +95,7 @@ class Status:
             "updated": now,
             "started": now,
             "pid": os.getpid(),
-            "host": os.uname().nodename if hasattr(os, "uname") else "",
+            "host": _host(),
             "trajectory": Path(trajectory).name,
             "t_end": t_end,
             "collisions_per_disk_end": collisions_per_disk_end,
@@ -247,14 +248,14 @@ def tail(
     InputError
         As `read`.
     """
-    place, latest = find(path), None
+    place = find(path)
+    latest: dict[str, Any] = {}
     content = read(place)
     say(f"{content.get('name')}: {content.get('trajectory')}, started {content.get('started')}")
     while True:
-        news = (content["updated"], content["state"])
-        if news != latest:
+        if content != latest:
             say(line(content))
-            latest = news
+            latest = content
         if not follow or content["state"] != RUNNING:
             return str(content["state"])
         sleep(interval)
@@ -263,8 +264,7 @@ def tail(
 
 def _lives(content: dict[str, Any]) -> bool:
     """Whether the process of a run is there; of a run on another machine, whether it has told anything lately."""
-    host = os.uname().nodename if hasattr(os, "uname") else ""
-    if content.get("host", host) != host:
+    if os.name != "posix" or content.get("host", "") != _host():
         age = datetime.now(UTC) - datetime.fromisoformat(content["updated"])
         return age.total_seconds() < QUIET
     try:
@@ -276,6 +276,10 @@ def _lives(content: dict[str, Any]) -> bool:
     return True
 
 
+def _host() -> str:
+    return platform.node()
+
+
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
@@ -284,4 +288,4 @@ def _plain(value: float | None) -> float | int | None:
     """A number as JSON has it: no NumPy types, and null for what is not finite."""
     if value is None or not math.isfinite(value):
         return None
-    return int(value) if float(value).is_integer() and not isinstance(value, float) else float(value)
+    return float(value) if isinstance(value, float) else int(value)

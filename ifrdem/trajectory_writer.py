@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -181,7 +180,13 @@ class TrajectoryWriter:
         return writer
 
     def _begin(
-        self, output: OutputFile, disks: Disks, box: Box, frames: int = 0, series_rows: int = 0, events: int = 0
+        self,
+        output: OutputFile,
+        disks: Disks,
+        box: Box,
+        frames: int = 0,
+        series_rows: int = 0,
+        events: int = 0,
     ) -> None:
         """Take the file's datasets in hand; so much of each the run has written."""
         self._output = output
@@ -263,7 +268,9 @@ class TrajectoryWriter:
         with self._output.committing("a frame", self._kept):
             rows = self._rows
             first = None if rows.committed == 0 else self._observables
-            values = quantities.checked("observable", "frame", {} if observables is None else observables, first)
+            values = quantities.checked(
+                "observable", "frame", {} if observables is None else observables, first
+            )
             fields = self._checked_fields(state)
             for name in values:
                 if name not in self._observables:  # it is there if an interrupt ended the first attempt
