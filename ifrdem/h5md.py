@@ -15,13 +15,20 @@ doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
       angular_velocity/{step, time, value}   (F, n), counter-clockwise
       collisions/{step, time, value}    (F, n) int32, how many each disk has had
       image/...                         as position, int32: box lengths travelled
+      last_partner/...                  (F, n) int32: partner of the latest collision; -1 none yet, -2 - w wall w
       radius, mass, k, material         (n,): constant; `species` is another name of `material`
     observables/<name>/{step, time, value}   (F, ...) whole-gas quantities
+    timeseries                          absent without series
+      {step, time}                      (S,), the number of the row and its time
+      <name>/{step, time, value}        (S, ...) whole-gas quantities at times of their own
+    histories                           collisions of the tracked disks; see `ifrdem.history_columns`
     parameters                          case text, seed, device, ...; versions/<package>
       units/<quantity>                  e.g. momentum = "kg m s-1"; or units = "reduced" for all of them
 
-`step` (the number of the frame) and `time` exist once; the groups share them by hard links. `step` is the
-commit marker: it grows last, so that a frame counts only if it has a step. Readers that need three
+`step` (the number of the frame) and `time` exist once; the groups share them by hard links, and likewise those of
+the time series. `step` is the commit marker: it grows last, so that a frame counts only if it has a step. Wall w
+is that of the parameter "walls", then come the sides of the box (`walls.sides`). The names of a series' columns
+stand in its attribute `columns`. Layout 1.0 had no last_partner, timeseries and histories. Readers that need three
 components (MDAnalysis, VMD, ASE) take `value`; nothing is stored twice. H5MD knows no sheared box: what such readers
 make of images above and below is wrong in one. There are no `unit` attributes,
 because MDAnalysis refuses units that are not in its list.
@@ -35,19 +42,23 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from . import history_columns
 from .box import Box
 from .errors import InputError
+from .staged_group import staged
 from .state import Disks
 
 H5MD_VERSION = (1, 1)
-LAYOUT_VERSION = (1, 0)
+LAYOUT_VERSION = (1, 1)
 PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
+TIMESERIES = "timeseries"
 REDUCED = "reduced"
 """What stands for the unit of every quantity where there are none."""
 SI_SYMBOLS = ("m", "kg", "s", "rad", "J", "N", "Hz")
@@ -57,6 +68,8 @@ STATIC = ("radius", "mass", "k", "material")
 CHUNK_DISKS = 16384
 # Frames per chunk of the short series (step, time, observables).
 CHUNK_FRAMES = 64
+# Rows per chunk of the time series.
+CHUNK_ROWS = 512
 
 
 @dataclass(frozen=True)
@@ -89,12 +102,13 @@ FIELDS = {
     "angular_velocity": Field("spin", 1),
     "collisions": Field("collisions", 1, count=True),
     "image": Field("image", 2, count=True),
+    "last_partner": Field("last_partner", 1, count=True),
 }
 
 PRECISIONS: dict[str, type[np.floating]] = {"f4": np.float32, "f8": np.float64}
 COMPRESSIONS: dict[str, dict[str, object]] = {
     "none": {},
-    # The one compression that every HDF5 reader knows.
+    # The one compression that every HDF5 reader knows: byte shuffle and deflate.
     "gzip": {"compression": "gzip", "compression_opts": 1, "shuffle": True},
 }
 
@@ -128,13 +142,9 @@ def create(
         module.attrs["system"] = np.bytes_("SI")  # the module wants a text of fixed length
 
     particles = file.create_group(PARTICLES)
-    lengths = np.array(box.lengths)
     frame_box = particles.create_group("box")
-    frame_box.attrs["dimension"] = 3
-    frame_box.attrs["boundary"] = [*("periodic" if one else "none" for one in box.periodic), "none"]
-    frame_box.attrs["lengths"] = lengths
-    if box.shear_rate:
-        frame_box.attrs["shear_rate"] = box.shear_rate
+    for name, value in box_attributes(box).items():
+        frame_box.attrs[name] = value
     edges = frame_box.create_group("edges")
     edges.create_dataset("step", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.int64)
     edges.create_dataset("time", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.float64)
@@ -162,6 +172,16 @@ def create(
     for name, value in parameters.items():
         stored[name] = value
     file.create_group("observables")
+
+
+def box_attributes(box: Box) -> dict[str, Any]:
+    """What a file says of its box."""
+    sides: dict[str, Any] = {
+        "dimension": 3,
+        "boundary": [*("periodic" if one else "none" for one in box.periodic), "none"],
+        "lengths": np.array(box.lengths),
+    }
+    return {**sides, "shear_rate": box.shear_rate} if box.shear_rate else sides
 
 
 def _are_si(units: Mapping[str, str]) -> bool:
@@ -214,6 +234,27 @@ def add_observable(file: h5py.File, name: str, sample: NDArray) -> h5py.Dataset:
         chunks=(CHUNK_FRAMES if sample.size <= 16 else 1, *sample.shape),
         dtype=sample.dtype,
     )
+
+
+def create_timeseries(
+    file: h5py.File, samples: Mapping[str, NDArray], columns: Mapping[str, Sequence[str]]
+) -> None:
+    """Write the group of the time series, without a row yet, for values of the shapes and types of `samples`."""
+    with staged(file, TIMESERIES) as group:
+        for name, dtype in (("step", np.int64), ("time", np.float64)):
+            group.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK_ROWS,), dtype=dtype)
+        for name, sample in samples.items():
+            series = group.create_group(name)
+            series["step"], series["time"] = group["step"], group["time"]
+            if name in columns:
+                series.attrs["columns"] = list(columns[name])
+            series.create_dataset(
+                "value",
+                shape=(0, *sample.shape),
+                maxshape=(None, *sample.shape),
+                chunks=(max(1, CHUNK_ROWS // sample.size), *sample.shape),
+                dtype=sample.dtype,
+            )
 
 
 def _link_steps(file: h5py.File, group: h5py.Group) -> None:
@@ -277,6 +318,22 @@ def check_layout(file: h5py.File, path: str) -> None:
         frames = len(field_dataset(file, name))
         if frames < steps:
             raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
+    _check_series(file, path)
+    history_columns.check_layout(file, path)
+
+
+def _check_series(file: h5py.File, path: str) -> None:
+    if TIMESERIES not in file:
+        return
+    group = file[TIMESERIES]
+    if "step" not in group or "time" not in group:
+        raise InputError(f"{path} is damaged: its time series have no steps or times")
+    steps = len(group["step"])
+    for name, item in group.items():
+        rows = item if name in ("step", "time") else item.get("value")
+        if steps and (rows is None or len(rows) < steps):
+            held = 0 if rows is None else len(rows)
+            raise InputError(f"{path} is damaged: time series {name} holds {held} of {steps} rows")
 
 
 def package_versions() -> dict[str, str]:

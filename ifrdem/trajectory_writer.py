@@ -1,49 +1,47 @@
-"""Writes a run's frames so that every death of the run leaves a good file.
+"""Writes a run's frames, time series and histories so that every death of the run leaves a good file.
 
 The layout is described in `ifrdem.h5md`.
 """
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import os
-import secrets
-import shutil
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import h5md
+from . import h5md, quantities, resumable
 from .box import Box
+from .deflate import Deflate
 from .errors import InputError, nearest
+from .frame_rows import FrameRows
+from .history_writer import HistoryWriter
+from .output_file import OutputFile, TrajectoryError
+from .series_writer import SeriesWriter
 from .state import Disks, State
 from .walls import Wall, to_json
 
+__all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
+
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
-
-# Room on the disk that HDF5 may need for a dataset's next frame beside the chunks: a node of the chunk index.
-_INDEX_ROOM = 8192
-
-
-class TrajectoryError(RuntimeError):
-    """A trajectory cannot be written further (a full disk, a closed file). Its committed frames are kept."""
 
 
 class TrajectoryWriter:
-    """Writes a run's frames into a new H5MD file.
+    """Writes a run's frames into a new H5MD file, and beside them time series and histories.
 
     Each frame is committed in two phases: everything but its step is written and flushed, then the step. A
-    process killed at any moment leaves a file in which each frame that has a step is whole. Room on the disk
-    is reserved before a frame touches the file, so that a full disk leaves the same. Committed frames survive
-    the death of the process; after a power failure they are as safe as the file system makes them.
+    process killed at any moment leaves a file in which each frame that has a step is whole; likewise the rows
+    of series and the events of histories. Room on the disk is reserved before a frame touches the file, so
+    that a full disk leaves the same. Committed frames survive the death of the process; after a power failure
+    they are as safe as the file system makes them.
 
     Use it as a context manager. A writer that is closed before its first frame leaves no file, and with
-    `force` the old file stays in place until the first frame of the new one is committed.
+    `force` the old file stays in place until the first frame of the new one is committed. `resume` goes on
+    with a file that a run has left.
 
     Parameters
     ----------
@@ -55,7 +53,7 @@ class TrajectoryWriter:
         The box [length]; its boundary is "none" where it is not periodic.
     fields : sequence of str
         What is stored per disk and frame: "position" [length], "velocity" [length/time], "angular_velocity"
-        [rad/time], "collisions", "image".
+        [rad/time], "collisions", "image", "last_partner".
     parameters : mapping
         What belongs into the file's record, by name: case text, seed, device, ... A name may be grouped by
         "/". The versions of Python and of the packages are added as versions/<package> where not given.
@@ -64,9 +62,11 @@ class TrajectoryWriter:
         "reduced" for each of them, or for none.
     precision : str
         "f4" (default) or "f8": floats of the per-disk fields. f4 resolves 6e-8 of the box, enough for
-        analysis and not for a restart. Times and observables are always f8, counts are integers.
+        analysis and not for a restart. Times, observables, series and histories are always f8, counts are
+        integers.
     compression : str
-        "none" (default) or "gzip" (shuffle and deflate, level 1).
+        "none" (default) or "gzip" (shuffle and deflate, level 1) of the per-disk fields. The package `isal`
+        (extra `fast`) compresses ten times faster; `compressor` says who does.
     force : bool
         Replace a file that exists.
     walls : sequence of Wall
@@ -103,32 +103,11 @@ class TrajectoryWriter:
             raise InputError(f"fields = {fields}: each may be given once")
         _check_choices("precision", [precision], list(h5md.PRECISIONS))
         _check_choices("compression", [compression], list(h5md.COMPRESSIONS))
-        for name, value in parameters.items():
-            _check_name("parameter", name)
-            if not isinstance(value, (str, int, float)):
-                raise InputError(f"parameter {name} = {value!r}: a text or a number is needed")
-        for quantity, unit in units.items():
-            _check_name("unit", quantity)
-            if not isinstance(unit, str):
-                raise InputError(f"unit of {quantity} = {unit!r}: a text is needed")
-            if (unit == h5md.REDUCED) != (h5md.REDUCED in units.values()):
-                raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
+        _check_record(parameters, units)
 
-        # Links are followed: what they point to is replaced, not they.
-        self.path = Path(os.path.realpath(path))
-        self._n = disks.n
-        self._lengths = box.lengths
-        self._frames = 0
-        self._last_time = -np.inf
-        self._failed = False
-        self._replaces = _check_output(self.path, path, force=force)
-        # The file grows up beside its place, so that its place never holds half a file.
-        self._present_path = _create_empty(self.path, path)
-        try:
-            # The default libver: files written with "latest" do not open after a kill.
-            self._file = h5py.File(self._present_path, "w")
+        def fill(file: h5py.File) -> None:
             h5md.create(
-                self._file,
+                file,
                 disks=disks,
                 box=box,
                 fields=fields,
@@ -137,28 +116,126 @@ class TrajectoryWriter:
                 parameters=parameters,
                 units=units,
             )
-            self._file.flush()
-            if not self._replaces:  # else the old file keeps the place until the first frame is committed
-                self._publish()
-        except (OSError, RuntimeError, ValueError, TypeError) as error:
-            if hasattr(self, "_file"):
-                with contextlib.suppress(OSError, RuntimeError):
-                    self._file.close()
-            self._present_path.unlink(missing_ok=True)
-            raise InputError(f"output {path} cannot be written: {error}") from error
-        # A second descriptor of the file, to reserve room and to give back what was not used.
-        can_reserve = hasattr(os, "posix_fallocate")
-        self._descriptor = os.dup(self._file.id.get_vfd_handle()) if can_reserve else None
-        self._step = self._file[f"{h5md.EDGES}/step"]
-        self._time = self._file[f"{h5md.EDGES}/time"]
-        self._edges = self._file[f"{h5md.EDGES}/value"]
-        self._fields = {name: h5md.field_dataset(self._file, name) for name in fields}
-        self._empty_views = h5md.plain_views(self._file)
+
+        self._begin(OutputFile.create(path, fill, force=force), disks, box)
+
+    @classmethod
+    def resume(
+        cls,
+        path: str | os.PathLike[str],
+        disks: Disks,
+        box: Box,
+        *,
+        fields: Sequence[str] = DEFAULT_FIELDS,
+        precision: str = "f4",
+        compression: str = "none",
+        walls: Sequence[Wall] = (),
+        frames: int,
+        series_rows: int = 0,
+        events: int = 0,
+    ) -> TrajectoryWriter:
+        """Go on with the file of a run that goes on from a checkpoint.
+
+        What a kill left uncommitted is dropped. What was committed after the checkpoint stays: the run
+        computes it again, and gives it again; it is compared with the file bit for bit.
+
+        Parameters
+        ----------
+        path : str or path
+            The file. No other process may write it meanwhile.
+        disks, box, fields, precision, compression, walls
+            As the file was begun with.
+        frames, series_rows, events : int
+            How many frames, rows of series and events of histories the run had written at the checkpoint.
+
+        Raises
+        ------
+        InputError
+            If there is no such file, it is open elsewhere, it was begun otherwise, or it holds less than the
+            checkpoint had seen. The file is as it was then.
+        """
+        for name, value in (("frames", frames), ("series_rows", series_rows), ("events", events)):
+            if not isinstance(value, int | np.integer) or value < 0:
+                raise InputError(f"{name} = {value!r}: a whole number, 0 or more, is needed")
+        output = OutputFile.reopen(path)
+        try:
+            h5md.check_layout(output.file, os.fspath(path))
+            resumable.check(
+                output.file,
+                os.fspath(path),
+                disks=disks,
+                box=box,
+                fields=[fields] if isinstance(fields, str) else fields,
+                precision=precision,
+                compression=compression,
+                walls=to_json(walls) if walls else None,
+            )
+            writer = cls.__new__(cls)
+            writer._begin(output, disks, box, frames, series_rows, events)
+            writer._drop_uncommitted()
+            output.file.flush()
+        except BaseException:
+            output.close(lambda: None, keep=True)
+            raise
+        return writer
+
+    def _begin(
+        self,
+        output: OutputFile,
+        disks: Disks,
+        box: Box,
+        frames: int = 0,
+        series_rows: int = 0,
+        events: int = 0,
+    ) -> None:
+        """Take the file's datasets in hand; so much of each the run has written."""
+        self._output = output
+        self.path = output.path
+        self._n = disks.n
+        self._lengths = box.lengths
+        file = output.file
+        step, time, edges = (file[f"{h5md.EDGES}/{name}"] for name in ("step", "time", "value"))
+        committed = len(step)
+        if frames > committed:
+            raise InputError(
+                f"{self.path} holds {committed} frames, the checkpoint had seen {frames}: it is another file's"
+            )
+        fields = {name: h5md.field_dataset(file, name) for name in h5md.stored_fields(file)}
+        compressed = any(dataset.compression for dataset in fields.values())
+        self._deflate = Deflate() if compressed else None
+        self._rows = FrameRows(step, {"time": time, "edges": edges}, fields, self._deflate, committed, frames)
+        self._empty_views = h5md.plain_views(file)
         self._observables: dict[str, h5py.Dataset] = {}
+        if committed:
+            self._observables = {name: group["value"] for name, group in file["observables"].items()}
+            self._rows.datasets.update(_prefixed(self._observables))
+        self._last_time = float(time[frames - 1]) if frames else -np.inf
+        self._series = SeriesWriter(output, series_rows)
+        self._histories = HistoryWriter(output, disks.n, events)
 
     def __len__(self) -> int:
         """Number of committed frames."""
-        return self._frames
+        return self._rows.committed
+
+    @property
+    def series_rows(self) -> int:
+        """Number of committed rows of the series."""
+        return len(self._series)
+
+    @property
+    def events(self) -> int:
+        """Number of committed events of the histories."""
+        return len(self._histories)
+
+    @property
+    def seen(self) -> dict[str, int]:
+        """What a checkpoint has to keep for `resume`: frames, series_rows and events that the run has written."""
+        return {"frames": self._rows.at, "series_rows": self._series.at, "events": self._histories.at}
+
+    @property
+    def compressor(self) -> str | None:
+        """Who compresses, for people; None if nothing is compressed."""
+        return None if self._deflate is None else self._deflate.description
 
     def __enter__(self) -> TrajectoryWriter:
         return self
@@ -185,39 +262,107 @@ class TrajectoryWriter:
         InputError
             If the state or the observables do not fit the file; it is unchanged then.
         TrajectoryError
-            If the frame cannot be written, e.g. to a full disk. The file keeps the frames before it.
+            If the frame cannot be written, e.g. to a full disk, or a resumed run gives another frame than the
+            file holds. The file keeps the frames before it.
         """
-        if self._failed or not self._file:
-            raise TrajectoryError(f"{self.path} is closed: no frame can be added")
-        series = self._checked_observables({} if observables is None else observables)
-        fields = self._checked_fields(state)
-        try:
-            if self._frames == 0:
-                for name, value in series.items():
-                    if name not in self._observables:  # it is there if an interrupt ended the first attempt
-                        self._observables[name] = h5md.add_observable(self._file, name, value)
-            self._reserve()
-            self._append(self._time, state.time)
-            self._append(self._edges, (*self._lengths, 1.0))
-            for name, value in fields.items():
-                self._append(self._fields[name], value)
-            for name, value in series.items():
-                self._append(self._observables[name], value)
-            for view in self._empty_views:
-                view.resize(self._frames + 1, axis=0)
-            self._file.flush()
-            self._append(self._step, self._frames)  # the commit marker
-            self._file.flush()
-            self._frames += 1
+        with self._output.committing("a frame", self._kept):
+            rows = self._rows
+            first = None if rows.committed == 0 else self._observables
+            values = quantities.checked(
+                "observable", "frame", {} if observables is None else observables, first
+            )
+            fields = self._checked_fields(state)
+            for name in values:
+                if name not in self._observables:  # it is there if an interrupt ended the first attempt
+                    self._observables[name] = h5md.add_observable(self._output.file, name, values[name])
+            rows.datasets.update(_prefixed(self._observables))
+            frame = {
+                "time": np.float64(state.time),
+                "edges": np.array((*self._lengths, 1.0)),
+                **fields,
+                **_prefixed(values),
+            }
+            new = rows.known(1) == 0
+            self._output.reserve(rows.room(1))
+            rows.add({name: np.asarray(value)[None] for name, value in frame.items()})
+            if new:
+                for view in self._empty_views:
+                    view.resize(rows.committed + 1, axis=0)
+                self._output.file.flush()
+                rows.mark(np.array([rows.at]))
+                self._output.file.flush()
+            rows.confirm(1)
             self._last_time = state.time
-            self._publish()
-        except (OSError, RuntimeError) as error:
-            self._failed = True
-            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-            raise TrajectoryError(
-                f"{self.path}: a frame could not be written ({reason}); "
-                f"the {self._frames} frames before it are kept"
-            ) from error
+            self._output.publish()
+
+    def write_series(
+        self,
+        time: float,
+        values: Mapping[str, ArrayLike],
+        columns: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
+        """Append a row to the time series and commit it.
+
+        Parameters
+        ----------
+        time : float
+            Its time [time], not before that of the last row.
+        values : mapping
+            Name of each series -> number or array. Names and shapes are those of the first row.
+        columns : mapping, optional
+            Names of the numbers in a series' rows, for those that have them; as in the first row.
+
+        Raises
+        ------
+        InputError
+            If the row does not fit the file; it is unchanged then.
+        TrajectoryError
+            As `write`.
+        """
+        with self._output.committing("a row of the series", self._kept):
+            self._series.write(time, values, columns)
+
+    def begin_histories(self, ids: ArrayLike, state: State) -> None:
+        """Begin to track disks, from a state on. In a file that tracks already, they must be the same.
+
+        Parameters
+        ----------
+        ids : array_like of int
+            Numbers of the disks.
+        state : State
+            Where they are.
+
+        Raises
+        ------
+        InputError
+            If there is no such disk, or one is named twice.
+        TrajectoryError
+            As `write`; and if the file has histories of other disks or from another time.
+        """
+        with self._output.committing("histories", self._kept):
+            self._histories.begin(ids, state)
+
+    def write_histories(self, events: Mapping[str, ArrayLike], time: float) -> None:
+        """Append what happened to the tracked disks and commit it.
+
+        Parameters
+        ----------
+        events : mapping
+            Every column of `history_columns.COLUMNS` -> array with a row an event, in the order of time and
+            id. Arrays of no rows say that nothing happened.
+        time : float
+            Up to here the histories are complete [time].
+
+        Raises
+        ------
+        InputError
+            If a column is missing, unknown or of another shape or type; if the order is wrong, a disk is not
+            tracked, or `begin_histories` has not been called. The file is unchanged then.
+        TrajectoryError
+            As `write`.
+        """
+        with self._output.committing("events of histories", self._kept):
+            self._histories.write(events, time)
 
     def close(self) -> None:
         """Close the file; one without frames is removed. May be called twice.
@@ -227,101 +372,26 @@ class TrajectoryWriter:
         TrajectoryError
             If closing fails, e.g. because the disk has gone. Committed frames are kept.
         """
-        if not self._file:
-            return
-        try:
-            if not self._failed:
-                self._drop_uncommitted()
-                self._file.flush()
-            size = self._file.id.get_filesize()
-            self._file.close()
-            if self._descriptor is not None and os.fstat(self._descriptor).st_size > size:
-                os.ftruncate(self._descriptor, size)
-            if self._frames > 0:
-                self._publish()
-        except (OSError, RuntimeError) as error:
-            if not self._failed:  # otherwise `write` has said it
-                self._failed = True
-                raise TrajectoryError(f"{self.path} could not be closed: {error}") from error
-        finally:
-            if self._descriptor is not None:
-                os.close(self._descriptor)
-                self._descriptor = None
-            if self._frames == 0:
-                self._present_path.unlink(missing_ok=True)
+        if self._deflate is not None:
+            self._deflate.close()
+        self._output.close(self._drop_uncommitted, keep=len(self) > 0)
 
-    def _append(self, dataset: h5py.Dataset, value: ArrayLike) -> None:
-        dataset.resize(self._frames + 1, axis=0)
-        dataset[self._frames] = value
+    def _kept(self) -> str:
+        rows = f" and {len(self._series)} rows of the series" if len(self._series) else ""
+        events = f" and {len(self._histories)} events" if len(self._histories) else ""
+        return f"the {len(self)} frames{rows}{events} before it are kept"
 
     def _drop_uncommitted(self) -> None:
         """Remove what a `write` that was interrupted left behind the last commit."""
-        for dataset in (self._step, *self._payload()):
-            if len(dataset) > self._frames:
-                dataset.resize(self._frames, axis=0)
-
-    def _payload(self) -> list[h5py.Dataset]:
-        fields, observables = self._fields.values(), self._observables.values()
-        return [self._time, self._edges, *fields, *self._empty_views, *observables]
-
-    def _publish(self) -> None:
-        """Put the file at its place."""
-        if self._present_path == self.path:
-            return
-        if self._replaces:
-            os.replace(self._present_path, self.path)
-        else:
-            try:
-                os.link(self._present_path, self.path)  # unlike a renaming, this never overwrites
-            except FileExistsError:  # somebody was quicker
-                raise
-            except OSError:  # a file system without hard links
-                os.rename(self._present_path, self.path)
-            else:
-                self._present_path.unlink()
-        self._present_path = self.path
-
-    def _reserve(self) -> None:
-        """Reserve the room for a frame on the disk before HDF5 begins it: HDF5 cannot undo half a write."""
-        room = 0
-        for dataset in (self._step, *self._payload()):
-            cells = [
-                -(-length // chunk) * chunk
-                for length, chunk in zip(dataset.shape[1:], dataset.chunks[1:], strict=True)
-            ]
-            room += dataset.chunks[0] * int(np.prod(cells)) * dataset.dtype.itemsize + _INDEX_ROOM
-        if self._descriptor is None:
-            if shutil.disk_usage(self._present_path.parent).free < room:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return
-        try:
-            os.posix_fallocate(self._descriptor, self._file.id.get_filesize(), room)
-        except OSError as error:
-            if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # some file systems cannot reserve
-                raise
-
-    def _checked_observables(self, observables: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
-        series = {}
-        for name, given in observables.items():
-            value = np.asarray(given)
-            if value.dtype.kind not in "iuf" or value.size == 0:
-                raise InputError(f"observable {name} = {given!r}: a number or numbers are needed")
-            series[name] = value.astype(np.float64 if value.dtype.kind == "f" else np.int64)
-        if self._frames == 0:
-            for name in series:
-                _check_name("observable", name, separator=False)
-            return series
-        first = self._observables
-        if series.keys() != first.keys():
-            raise InputError(f"observables {sorted(series)}: the first frame has {sorted(first)}")
-        for name, value in series.items():
-            if value.shape != first[name].shape[1:]:
-                raise InputError(
-                    f"observable {name} has shape {value.shape}: {first[name].shape[1:]} is needed"
-                )
-            if value.dtype.kind == "f" and first[name].dtype.kind != "f":
-                raise InputError(f"observable {name} = {value}: it was an integer in the first frame")
-        return series
+        self._rows.drop_uncommitted()
+        for view in self._empty_views:
+            if len(view) > len(self):
+                view.resize(len(self), axis=0)
+        if len(self) == 0:
+            for name in list(self._output.file["observables"]):
+                del self._output.file[f"observables/{name}"]
+        self._series.drop_uncommitted()
+        self._histories.drop_uncommitted()
 
     def _checked_fields(self, state: State) -> dict[str, NDArray]:
         if state.n != self._n:
@@ -329,8 +399,11 @@ class TrajectoryWriter:
         if not (np.isfinite(state.time) and state.time >= self._last_time):
             raise InputError(f"time = {state.time}: a finite time not before {self._last_time} is needed")
         checked = {}
-        for name, dataset in self._fields.items():
-            value = np.asarray(getattr(state, h5md.FIELDS[name].attribute))
+        for name, dataset in self._rows.fields.items():
+            given = getattr(state, h5md.FIELDS[name].attribute, None)
+            if given is None:
+                raise InputError(f"field {name}: the state has no {h5md.FIELDS[name].attribute}")
+            value = np.asarray(given)
             if value.shape != dataset.shape[1:]:
                 raise InputError(f"{name} has shape {value.shape}: {dataset.shape[1:]} is needed")
             if h5md.FIELDS[name].count:
@@ -340,6 +413,24 @@ class TrajectoryWriter:
         if "position" in checked:
             _keep_inside(checked["position"], state.position, self._lengths)
         return checked
+
+
+def _prefixed(observables: Mapping[str, object]) -> dict[str, Any]:
+    """Observables under names that no field has (there is an observable "collisions")."""
+    return {f"observable {name}": value for name, value in observables.items()}
+
+
+def _check_record(parameters: Mapping[str, object], units: Mapping[str, object]) -> None:
+    for name, value in parameters.items():
+        quantities.check_name("parameter", name)
+        if not isinstance(value, (str, int, float)):
+            raise InputError(f"parameter {name} = {value!r}: a text or a number is needed")
+    for quantity, unit in units.items():
+        quantities.check_name("unit", quantity)
+        if not isinstance(unit, str):
+            raise InputError(f"unit of {quantity} = {unit!r}: a text is needed")
+        if (unit == h5md.REDUCED) != (h5md.REDUCED in units.values()):
+            raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
 
 
 def _as_count(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
@@ -374,34 +465,3 @@ def _check_choices(what: str, names: Sequence[str], allowed: Sequence[str]) -> N
             raise InputError(
                 f"{what} = {name!r}: allowed are {', '.join(allowed)}{nearest(str(name), allowed)}"
             )
-
-
-def _check_name(what: str, name: object, *, separator: bool = True) -> None:
-    parts = str(name).split("/") if separator else [str(name)]
-    if not isinstance(name, str) or any(part in ("", ".", "..") or "/" in part for part in parts):
-        raise InputError(f"name of {what} = {name!r}: a text is needed that HDF5 takes as a name")
-
-
-def _check_output(path: Path, given: str | os.PathLike[str], *, force: bool) -> bool:
-    """Whether there is a file to replace at `path`; raises InputError if that must not be."""
-    if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
-        raise InputError(f"output {os.fspath(given)} is a folder: the name of a file is needed")
-    if not os.path.isdir(path.parent):
-        raise InputError(f"output {os.fspath(given)}: there is no folder {path.parent}")
-    if not os.path.exists(path):
-        return False
-    if not os.path.isfile(path):
-        raise InputError(f"output {os.fspath(given)} is not a regular file")
-    if not force:
-        raise InputError(f"output {os.fspath(given)} exists: choose another name, or replace it (--force)")
-    return True
-
-
-def _create_empty(path: Path, given: str | os.PathLike[str]) -> Path:
-    """Create an empty file beside `path` and return its path."""
-    beside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
-    try:
-        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666))
-    except OSError as error:
-        raise InputError(f"output {os.fspath(given)} cannot be created: {error.strerror}") from error
-    return beside

@@ -18,6 +18,8 @@ import ifrdem
 from ifrdem.box import Box
 from ifrdem.case import UNITS
 from ifrdem.errors import InputError
+from ifrdem.frame_rows import FrameRows
+from ifrdem.rows import Rows
 from ifrdem.state import Disks, State
 from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter, describe
 
@@ -642,15 +644,23 @@ def test_a_frame_without_its_step_does_not_count(tmp_path):
 @pytest.mark.parametrize("interrupted", ["time", "angular_velocity/value", "energy/value", "step"])
 def test_an_interrupted_write_leaves_no_trace(tmp_path, monkeypatch, interrupted):
     path = tmp_path / "run.h5"
-    append = TrajectoryWriter._append
+    append, store = Rows._append, FrameRows._store
 
-    def interrupt(self, dataset, value):
-        append(self, dataset, value)
-        if len(self) == 2 and dataset.name.endswith(interrupted):
+    def interrupt(rows, dataset):
+        if rows.committed == 2 and dataset.name.endswith(interrupted):
             raise KeyboardInterrupt
 
+    def append_and_interrupt(self, dataset, values):
+        append(self, dataset, values)
+        interrupt(self, dataset)
+
+    def store_and_interrupt(self, dataset, place, chunk):
+        store(self, dataset, place, chunk)
+        interrupt(self, dataset)
+
     with TrajectoryWriter(path, some_disks(3), BOX) as writer:
-        monkeypatch.setattr(TrajectoryWriter, "_append", interrupt)
+        monkeypatch.setattr(Rows, "_append", append_and_interrupt)
+        monkeypatch.setattr(FrameRows, "_store", store_and_interrupt)
         for frame in range(2):
             writer.write(some_state(3, frame), {"energy": 0.5 * frame})
         with pytest.raises(KeyboardInterrupt):

@@ -1,0 +1,237 @@
+"""An HDF5 file that is being written: at its place, with room on the disk, and whole whatever happens."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import h5py
+
+from .errors import InputError
+
+
+class TrajectoryError(RuntimeError):
+    """A trajectory cannot be written further (a full disk, a closed file). Its committed frames are kept."""
+
+
+class OutputFile:
+    """An HDF5 file open for writing.
+
+    A new one grows up beside its place, so that its place never holds half a file; `publish` puts it there.
+    HDF5 cannot undo half a write: room on the disk is reserved before HDF5 begins (`reserve`).
+
+    Attributes
+    ----------
+    path : Path
+        Its place, links followed: what they point to is replaced, not they.
+    file : h5py.File
+        The open file.
+    failed : bool
+        Whether writing has failed; nothing is written any more then.
+    """
+
+    def __init__(self, file: h5py.File, path: Path, present: Path, *, replaces: bool, new: bool) -> None:
+        self.file = file
+        self.path = path
+        self.failed = False
+        self._present = present
+        self._replaces = replaces
+        self._removable = new
+        # A second descriptor of the file, to reserve room and to give back what was not used.
+        self._descriptor = os.dup(file.id.get_vfd_handle()) if os.name == "posix" else None
+
+    @classmethod
+    def create(
+        cls, given: str | os.PathLike[str], fill: Callable[[h5py.File], None], *, force: bool
+    ) -> OutputFile:
+        """A new file; `fill` writes what stands in it before its first commit.
+
+        Raises
+        ------
+        InputError
+            If the path exists and `force` is not given, or the file cannot be made. Nothing is left behind.
+        """
+        path = Path(os.path.realpath(given))
+        replaces = _check_output(path, given, force=force)
+        present = _create_empty(path, given)
+        file = None
+        try:
+            # The default libver: files written with "latest" do not open after a kill.
+            file = h5py.File(present, "w")
+            fill(file)
+            file.flush()
+            output = cls(file, path, present, replaces=replaces, new=True)
+            if not replaces:  # else the old file keeps the place until the first commit
+                output.publish()
+        except (OSError, RuntimeError, ValueError, TypeError) as error:
+            if file is not None:
+                with contextlib.suppress(OSError, RuntimeError):
+                    file.close()
+            present.unlink(missing_ok=True)
+            raise InputError(f"output {os.fspath(given)} cannot be written: {error}") from error
+        return output
+
+    @classmethod
+    def reopen(cls, given: str | os.PathLike[str]) -> OutputFile:
+        """A file that is there, to be written further; no other process can write it meanwhile.
+
+        Raises
+        ------
+        InputError
+            If it is not there, not HDF5, damaged, or open elsewhere.
+        """
+        path = Path(os.path.realpath(given))
+        if not os.path.isfile(path):
+            raise InputError(f"{os.fspath(given)}: there is no such file to go on with")
+        try:
+            file = h5py.File(path, "r+")
+        except BlockingIOError as error:
+            raise InputError(
+                f"{os.fspath(given)} is open elsewhere: a run is writing it, or a program holds it"
+            ) from error
+        except OSError as error:
+            reason = os.strerror(error.errno) if error.errno else str(error)
+            raise InputError(f"{os.fspath(given)} cannot be written further: {reason}") from error
+        return cls(file, path, path, replaces=False, new=False)
+
+    def __bool__(self) -> bool:
+        """Whether it is open."""
+        return bool(self.file)
+
+    def publish(self) -> None:
+        """Put the file at its place."""
+        if self._present == self.path:
+            return
+        if self._replaces:
+            os.replace(self._present, self.path)
+        else:
+            try:
+                os.link(self._present, self.path)  # unlike a renaming, this never overwrites
+            except FileExistsError:  # somebody was quicker
+                raise
+            except OSError:  # a file system without hard links
+                os.rename(self._present, self.path)
+            else:
+                self._present.unlink()
+        self._present = self.path
+
+    def reserve(self, room: int) -> None:
+        """Reserve so many bytes on the disk, and see that the file is still there.
+
+        Raises
+        ------
+        OSError
+            If the disk is full, or somebody has deleted or replaced the file.
+        """
+        if self._descriptor is not None:
+            own = os.fstat(self._descriptor)
+            try:
+                there = os.stat(self._present)
+            except FileNotFoundError:
+                raise FileNotFoundError("somebody has deleted or moved it meanwhile") from None
+            if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
+                raise FileNotFoundError("somebody has replaced it meanwhile")
+        size = self.file.id.get_filesize()
+        if self._descriptor is None or not hasattr(os, "posix_fallocate"):
+            if shutil.disk_usage(self._present.parent).free < room:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return
+        if own.st_size >= size + room:  # reserved before
+            return
+        try:
+            os.posix_fallocate(self._descriptor, size, room)
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # some file systems cannot reserve
+                raise
+
+    @contextlib.contextmanager
+    def committing(self, what: str, kept: Callable[[], str]) -> Iterator[None]:
+        """Turn what fails inside into a TrajectoryError; nothing is written after it.
+
+        Parameters
+        ----------
+        what : str
+            What is being written, e.g. "a frame".
+        kept : callable
+            Says what the file keeps.
+        """
+        if self.failed or not self.file:
+            raise TrajectoryError(f"{self.path} is closed: {what} cannot be added")
+        try:
+            yield
+        except TrajectoryError:
+            self.failed = True
+            raise
+        except (OSError, RuntimeError) as error:
+            self.failed = True
+            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+            raise TrajectoryError(f"{self.path}: {what} could not be written ({reason}); {kept()}") from error
+
+    def close(self, drop: Callable[[], None], *, keep: bool) -> None:
+        """Close the file.
+
+        Parameters
+        ----------
+        drop : callable
+            Removes what is not committed.
+        keep : bool
+            Whether a new file has something committed in it; otherwise it is removed.
+
+        Raises
+        ------
+        TrajectoryError
+            If closing fails, e.g. because the disk has gone.
+        """
+        if not self.file:
+            return
+        keep = keep or not self._removable
+        try:
+            if not self.failed:
+                drop()
+                self.file.flush()
+            size = self.file.id.get_filesize()
+            self.file.close()
+            if self._descriptor is not None and os.fstat(self._descriptor).st_size > size:
+                os.ftruncate(self._descriptor, size)
+            if keep:
+                self.publish()
+        except (OSError, RuntimeError) as error:
+            if not self.failed:  # otherwise the write that failed has said it
+                self.failed = True
+                raise TrajectoryError(f"{self.path} could not be closed: {error}") from error
+        finally:
+            if self._descriptor is not None:
+                os.close(self._descriptor)
+                self._descriptor = None
+            if not keep:
+                self._present.unlink(missing_ok=True)
+
+
+def _check_output(path: Path, given: str | os.PathLike[str], *, force: bool) -> bool:
+    """Whether there is a file to replace at `path`; raises InputError if that must not be."""
+    if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
+        raise InputError(f"output {os.fspath(given)} is a folder: the name of a file is needed")
+    if not os.path.isdir(path.parent):
+        raise InputError(f"output {os.fspath(given)}: there is no folder {path.parent}")
+    if not os.path.exists(path):
+        return False
+    if not os.path.isfile(path):
+        raise InputError(f"output {os.fspath(given)} is not a regular file")
+    if not force:
+        raise InputError(f"output {os.fspath(given)} exists: choose another name, or replace it (--force)")
+    return True
+
+
+def _create_empty(path: Path, given: str | os.PathLike[str]) -> Path:
+    """Create an empty file beside `path` and return its path."""
+    beside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
+    try:
+        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666))
+    except OSError as error:
+        raise InputError(f"output {os.fspath(given)} cannot be created: {error.strerror}") from error
+    return beside

@@ -1,0 +1,132 @@
+"""Writes time series of whole-gas quantities into a trajectory file, each row committed by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import h5md, staged_group
+from .errors import InputError
+from .output_file import OutputFile
+from .quantities import checked
+from .rows import Rows
+
+
+class SeriesWriter:
+    """The group `timeseries` of a file that is being written; it appears with the first row.
+
+    Parameters
+    ----------
+    output : OutputFile
+        The file.
+    at : int
+        Rows that the run has written; there may be more in the file, which are compared then.
+
+    Raises
+    ------
+    InputError
+        If the file holds fewer rows.
+    """
+
+    def __init__(self, output: OutputFile, at: int = 0) -> None:
+        self._output = output
+        self._rows: Rows | None = None
+        self._columns: dict[str, tuple[str, ...]] = {}
+        self._last_time = -np.inf
+        file = output.file
+        rows = len(file[f"{h5md.TIMESERIES}/step"]) if h5md.TIMESERIES in file else 0
+        if at > rows:
+            raise InputError(
+                f"{output.path} holds {rows} rows of series, the checkpoint had seen {at}: it is another file's"
+            )
+        if rows == 0:
+            return
+        group = file[h5md.TIMESERIES]
+        names = [name for name in group if name not in ("step", "time")]
+        datasets = {name: group[f"{name}/value"] for name in names}
+        self._rows = Rows("row of the series", group["step"], {"time": group["time"], **datasets}, rows, at)
+        self._columns = {
+            name: tuple(str(one) for one in group[name].attrs["columns"])
+            for name in names
+            if "columns" in group[name].attrs
+        }
+        self._last_time = float(group["time"][at - 1]) if at else -np.inf
+
+    def __len__(self) -> int:
+        """Number of committed rows."""
+        return 0 if self._rows is None else self._rows.committed
+
+    @property
+    def at(self) -> int:
+        """Rows that the run has written: less than the committed ones while it repeats them."""
+        return 0 if self._rows is None else self._rows.at
+
+    def write(
+        self,
+        time: float,
+        values: Mapping[str, ArrayLike],
+        columns: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
+        """Append a row and commit it; see `TrajectoryWriter.write_series`."""
+        row = self._checked(time, values, columns)
+        if self._rows is None:
+            self._rows = self._create(row)
+        rows = self._rows
+        self._output.reserve(rows.room(1))
+        new = rows.known(1) == 0
+        rows.add({"time": np.array([float(time)]), **{name: value[None] for name, value in row.items()}})
+        if new:
+            self._output.file.flush()
+            rows.mark(np.array([rows.at]))
+            self._output.file.flush()
+        rows.confirm(1)
+        self._last_time = float(time)
+
+    def drop_uncommitted(self) -> None:
+        """Remove what an interrupted write left behind the last commit."""
+        file = self._output.file
+        staged_group.drop(file, h5md.TIMESERIES)
+        if self._rows is not None and self._rows.committed:
+            self._rows.drop_uncommitted()
+        elif h5md.TIMESERIES in file:
+            del file[h5md.TIMESERIES]
+            self._rows = None
+
+    def _create(self, row: Mapping[str, NDArray]) -> Rows:
+        file = self._output.file
+        if h5md.TIMESERIES in file:  # an interrupt ended the first attempt
+            del file[h5md.TIMESERIES]
+        h5md.create_timeseries(file, row, self._columns)
+        group = file[h5md.TIMESERIES]
+        datasets = {name: group[f"{name}/value"] for name in row}
+        return Rows("row of the series", group["step"], {"time": group["time"], **datasets})
+
+    def _checked(
+        self,
+        time: float,
+        values: Mapping[str, ArrayLike],
+        columns: Mapping[str, Sequence[str]] | None,
+    ) -> dict[str, NDArray]:
+        first = None
+        if self._rows is not None:
+            first = {name: dataset for name, dataset in self._rows.datasets.items() if name != "time"}
+        for name in ("step", "time"):
+            if name in values:
+                raise InputError(f"name of series = {name!r}: the file has it already for all of them")
+        row = checked("series", "row", values, first)
+        if not row:
+            raise InputError("series: a row without any quantity cannot be written")
+        if not (np.isfinite(time) and time >= self._last_time):
+            raise InputError(f"time = {time}: a finite time not before {self._last_time} is needed")
+        named = {name: tuple(names) for name, names in (columns or {}).items()}
+        for name, names in named.items():
+            if name not in row or row[name].shape != (len(names),):
+                shape = row[name].shape if name in row else "no value"
+                raise InputError(f"columns of series {name} = {list(names)}: the series has {shape}")
+        if first is None:
+            self._columns = named
+        elif columns is not None and named != self._columns:
+            raise InputError(f"columns = {named}: the first row has {self._columns}")
+        return row
