@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from . import h5md
 from .errors import InputError
+from .state import State
 
 FORMAT = 1
 _KIND = "ifrdem checkpoint"
@@ -83,6 +84,16 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[st
             return {name: np.asarray(item[()]) for name, item in file["arrays"].items()}, record
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: {error}") from error
+
+
+def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:
+    """Where the disks were, to rounding: for a simulation that `Simulation.load_checkpoint` then puts right."""
+    return State(
+        position=arrays["state_position"],
+        velocity=arrays["state_velocity"],
+        spin=arrays["state_spin"],
+        time=float(arrays["clock"][0]),
+    )
 
 
 def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str]) -> None:

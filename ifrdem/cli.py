@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import __version__, fit_options
+from . import __version__, fit_options, tail_options
 from .arguments import Parser
 from .errors import EngineError, InputError, nearest
 
 BAD_INPUT = 2
 FAILED = 1
 INTERRUPTED = 130  # what shells use for SIGINT
+UNFINISHED = 3
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status: 0, 1 (failed), 2 (bad input), 130 (interrupted)."""
+    """Run the command line and return its exit status.
+
+    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh), 130 (interrupted), 143 (terminated).
+    """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if sys.stdout is None:  # closed by the caller, as by `>&-`
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (as long as the process)
@@ -96,7 +101,30 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     run.add_argument("--force", action="store_true", help="replace output files that exist")
     run.add_argument("--no-picture", action="store_true", help="draw no picture at the end")
+    _add_max_hours(run)
     run.set_defaults(act=_run)
+
+    resume = verbs.add_parser(
+        "resume",
+        help="go on with a run that was stopped",
+        description="Go on with a run that was interrupted, terminated, killed or out of time, from its checkpoint: "
+        "the trajectory becomes bitwise that of a run that was never stopped.",
+        allow_abbrev=False,
+    )
+    resume.add_argument(
+        "place", metavar="PLACE", help="the trajectory (NAME.h5), or the folder that it is in"
+    )
+    resume.add_argument("--threads", metavar="N", help="CPU threads; the result does not depend on it")
+    resume.add_argument(
+        "--as-begun", action="store_true", help="go on with the case as it was, though its file has changed"
+    )
+    resume.add_argument("--no-picture", action="store_true", help="draw no picture at the end")
+    _add_max_hours(resume)
+    resume.set_defaults(act=_resume)
+
+    tail = verbs.add_parser("tail", help="follow a run from another terminal", allow_abbrev=False)
+    tail_options.add_to(tail)
+    tail.set_defaults(act=_tail)
 
     check = verbs.add_parser(
         "check",
@@ -191,6 +219,26 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     return options
 
 
+def _add_max_hours(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--maxh",
+        metavar="HOURS",
+        help=f"stop after so many hours, with a checkpoint and exit status {UNFINISHED}; `ifrdem resume` goes on",
+    )
+
+
+def _max_hours(given: str | None) -> float | None:
+    if given is None:
+        return None
+    try:
+        hours = float(given)
+    except ValueError:
+        hours = math.nan
+    if not 0.0 < hours < math.inf:
+        raise InputError(f"--maxh {given}: a positive number of hours is needed")
+    return hours
+
+
 def _add_case(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "case",
@@ -258,7 +306,7 @@ def _overrides(options: argparse.Namespace) -> list[str]:
 
 
 def _run(options: argparse.Namespace) -> int:
-    overrides = _overrides(options)
+    overrides, max_hours = _overrides(options), _max_hours(options.maxh)
     # Which files there will be is known only from the case, so a wrong case comes first.
     from . import case_file, shipped
     from .outputs import Outputs
@@ -269,14 +317,41 @@ def _run(options: argparse.Namespace) -> int:
     outputs.check(force=options.force)  # before the imports below, which take a second
 
     from .run import run
+    from .stops import Stopped
     from .trajectory_writer import TrajectoryError
 
     try:
-        run(file, outputs, force=options.force, say=_say, warn=_warn)
-    except TrajectoryError as error:
+        run(file, outputs, force=options.force, max_hours=max_hours, say=_say, warn=_warn)
+    except (TrajectoryError, Stopped) as error:
         _complain(str(error))
-        return FAILED
+        return error.status if isinstance(error, Stopped) else FAILED
     return 0
+
+
+def _resume(options: argparse.Namespace) -> int:
+    max_hours = _max_hours(options.maxh)
+    threads = options.threads
+    if threads is not None and not (threads.isdecimal() and int(threads) > 0):
+        raise InputError(f"--threads {threads}: a whole number, 1 or more, is needed")
+    from .resume import find, resume
+
+    find(options.place)  # before anything takes a second
+    from .stops import Stopped
+    from .trajectory_writer import TrajectoryError
+
+    try:
+        resume(
+            options.place, as_begun=options.as_begun, threads=threads and int(threads), max_hours=max_hours,
+            picture=not options.no_picture, say=_say, warn=_warn,
+        )  # fmt: skip
+    except (TrajectoryError, Stopped) as error:
+        _complain(str(error))
+        return error.status if isinstance(error, Stopped) else FAILED
+    return 0
+
+
+def _tail(options: argparse.Namespace) -> int:
+    return 0 if tail_options.run(options, say=_say) else FAILED
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
-from .cadence import Cadence, Schedule, Span
+from .cadence import Cadence, Due, Schedule, Span
 from .observables import Measure
 from .state import State
 
@@ -35,6 +36,17 @@ class Course:
     series: Cadence | None = None
     next_frame: int = 0
     next_row: int = 0
+
+    def to_record(self) -> dict[str, Any]:
+        """As JSON knows it, for a checkpoint; cadences are those of the case."""
+        return {"span": asdict(self.span), "next_frame": self.next_frame, "next_row": self.next_row}
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any], frames: Cadence, series: Cadence | None) -> Course:
+        """What `to_record` gave."""
+        span = dict(record["span"])
+        end = Due(**span.pop("end"))
+        return cls(Span(**span, end=end), frames, series, record["next_frame"], record["next_row"])
 
     @property
     def frame_schedule(self) -> Schedule:

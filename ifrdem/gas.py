@@ -67,8 +67,8 @@ class Gas:
     patch: Box | None = None
 
     @classmethod
-    def from_case(cls, case: Case, folder: Path | str = ".") -> Gas:
-        """The gas of a case; a start file's path begins at `folder`.
+    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> Gas:
+        """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class Gas:
             With a line for each thing that is wrong.
         """
         draft = Draft.from_case(case)
-        found = problems(draft, Path(folder))
+        found = problems(draft, Path(folder), start=start)
         if found:
             raise InputError("\n".join(str(problem) for problem in found))
         species = tuple(draft.known_species())
@@ -90,7 +90,9 @@ class Gas:
         box = box_around(case.box, disks.radius)
         walls = tuple(walls_of(case.wall, materials))
         given = None
-        if case.start.file is not None:
+        if not start:
+            pass  # it has begun already
+        elif case.start.file is not None:
             given = start_file.read(Path(folder) / case.start.file, disks.n, box)
         elif is_trajectory(case.start.positions):
             path = Path(folder) / case.start.positions
@@ -149,15 +151,25 @@ class Gas:
         flow = self.box.flow(position)
         return State(position=position, velocity=np.concatenate(velocity) + flow, spin=np.concatenate(spin))
 
-    def simulation(self, case: Case, state: State | None = None, *, skin: float | None = None) -> Simulation:
+    def simulation(
+        self,
+        case: Case,
+        state: State | None = None,
+        *,
+        skin: float | None = None,
+        tracked: NDArray[np.int32] | None = None,
+    ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
-        What `warnings` says is not said again. A `skin` [length] overrides the engine's own choice.
+        What `warnings` says is not said again. A `skin` [length] overrides the engine's own choice; `tracked` disks,
+        which have histories, else come from the case and the start.
         """
         options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads, "skin": skin}
         if case.run.precision != "f64":
             options["precision"] = case.run.precision
         options["seed"] = case.run.seed  # of forces and thermal walls
+        options["ledger"] = case.output.ledger
+        options["partners"] = "last_partner" in case.output.fields
         if case.force:
             options["forces"] = forces_of(case)
         if self.walls:
@@ -167,11 +179,26 @@ class Gas:
         if case.run.collapse != "none":
             options |= collapse_of(case)
         begin = self.start(case) if state is None else state
+        options["tracked"] = self.tracked(case, begin) if tracked is None else tracked
         any_law = self.law()  # stands where two walls would meet, which never happens
         laws = [[any_law if one is None else one for one in row] for row in self.laws]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
             return Simulation(self.disks, self.box, laws, begin, **options)
+
+    def tracked(self, case: Case, start: State) -> NDArray[np.int32]:
+        """Disks that have histories, ascending.
+
+        Raises
+        ------
+        InputError
+            If histories are asked for of a region in which no disk starts.
+        """
+        found = case.output.tracked(start.position, seeds.stream(case.run.seed, seeds.HISTORIES))
+        if case.output.tracks and not len(found):
+            region = str(case.output.histories_region)
+            raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
+        return found
 
     def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
         assert self.patch is not None  # `problems` has seen to it

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from .errors import InputError
 
+CHECKPOINT = ".checkpoint.h5"
+
 
 @dataclass(frozen=True)
 class Outputs:
@@ -58,6 +60,11 @@ class Outputs:
             picture=prefix.with_name(f"{prefix.name}.png") if picture else None,
         )
 
+    @property
+    def checkpoint(self) -> Path:
+        """From what `ifrdem resume` goes on; there while the run is not done."""
+        return checkpoint_of(self.trajectory)
+
     def check(self, *, force: bool) -> None:
         """Refuse what would overwrite files (unless `force`), or cannot be written.
 
@@ -72,6 +79,11 @@ class Outputs:
         """Bytes of each file that is there."""
         paths = [path for path in (self.trajectory, self.picture) if path is not None and path.exists()]
         return {path: path.stat().st_size for path in paths}
+
+
+def checkpoint_of(trajectory: Path) -> Path:
+    """The checkpoint that belongs to a trajectory, NAME.checkpoint.h5 for NAME.h5."""
+    return trajectory.with_name(trajectory.name.removesuffix(".h5") + CHECKPOINT)
 
 
 def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:

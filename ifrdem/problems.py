@@ -30,10 +30,10 @@ WIDEST_RATIO = math.sqrt(CROWD) - 1.25
 with a quarter of their diameter to spare, which is the least that the engine lists beyond contact."""
 
 
-def problems(draft: Draft, folder: Path) -> list[Problem]:
+def problems(draft: Draft, folder: Path, *, start: bool = True) -> list[Problem]:
     """What is wrong with a case beyond types and ranges, as far as its valid sections tell.
 
-    A start file's path begins at `folder`.
+    A start file's path begins at `folder`. Without `start`, it is looked at no more.
     """
     found = [*_wrong_names(draft), *_wrong_radii(draft)]
     species = draft.known_species()
@@ -54,9 +54,12 @@ def problems(draft: Draft, folder: Path) -> list[Problem]:
             found += wrong_walls
             walls = () if wrong_walls else tuple(walls_of(draft.wall))
             room = Room(box, walls)
-            found += _wrong_room(draft, species, radius, None if patch is None else Room(patch, walls))
+            if start:
+                found += _wrong_room(draft, species, radius, None if patch is None else Room(patch, walls))
             found += _wrong_open(draft, box, patch)
         found += problems_of_output(draft, len(radius), box)
+        if not start:
+            return found
         found += _wrong_scan(draft, species, box)
         found += _wrong_start(draft, species, radius, None if box is None else room, folder)
     return found

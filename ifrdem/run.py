@@ -11,57 +11,40 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from . import backend, check, plot, scan_picture, table_picture
+from .cadence import Span
 from .case import IMPACT_SCAN, UNITS, Case
 from .case_file import CaseFile
+from .course import Course
+from .errors import EngineError, InputError
 from .estimate import Estimate
+from .events import Events
 from .gas import Gas
-from .observables import Measure
+from .observables import MECHANISMS, Measure
 from .outputs import Outputs
 from .progress import Progress
-from .state import State
-from .trajectory_writer import TrajectoryWriter
-
-
-class Interrupted(KeyboardInterrupt):
-    """The run was interrupted; the message says what is left of it."""
+from .queued_writer import QueuedWriter
+from .recorder import Ledger, Recorder
+from .simulation import Simulation
+from .status import Status
+from .stops import Stopped, Stops
+from .trajectory_writer import TrajectoryError, TrajectoryWriter
 
 
 @dataclass
-class Ledger:
-    """The first and the latest measure in the trajectory of a run, and how many frames it has."""
+class Job:
+    """A run that is under way, from its beginning or from a checkpoint."""
 
-    first: Measure | None = None
-    latest: Measure | None = None
-    frames: int = 0
-
-    def dissipated(self, measure: Measure) -> float:
-        """Energy that collisions have taken since the first frame [energy]."""
-        assert self.first is not None
-        return self.first.unspent - measure.unspent
-
-    def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
-        """What is written of the whole gas at a frame; see `estimate.OBSERVABLES`."""
-        if self.first is None:
-            self.first = measure
-        return {
-            "translational_energy": measure.translational_energy,
-            "rotational_energy": measure.rotational_energy,
-            "energy": measure.energy,
-            "temperature": measure.temperature,
-            "rotational_temperature": measure.rotational_temperature,
-            "momentum": measure.momentum,
-            "potential_energy": measure.potential_energy,
-            "energy_input": measure.energy_input,
-            "wall_work": measure.wall_work,
-            "wall_heat": measure.wall_heat,
-            # What is missing of what was there and what forces and walls put in was dissipated.
-            "dissipated_energy": self.dissipated(measure),
-            "collisions": measure.collisions,
-            "wall_hits": measure.wall_hits,
-        }
+    file: CaseFile
+    gas: Gas
+    outputs: Outputs
+    simulation: Simulation
+    course: Course
+    ledger: Ledger
+    writer: QueuedWriter
+    device: str
+    pending: Events | None = None
 
 
 def run(
@@ -69,6 +52,7 @@ def run(
     outputs: Outputs,
     *,
     force: bool = False,
+    max_hours: float | None = None,
     say: Callable[[str], None] = print,
     warn: Callable[[str], None] = print,
 ) -> None:
@@ -84,6 +68,8 @@ def run(
         Where to write.
     force : bool
         Replace files that exist.
+    max_hours : float, optional
+        Real time after which it stops with a checkpoint [hours].
     say, warn : callable
         Take the lines to show.
 
@@ -91,8 +77,11 @@ def run(
     ------
     InputError
         If the case, the device or the outputs cannot be used.
-    Interrupted
-        If the user interrupts it. The trajectory keeps the frames so far.
+    Stopped
+        If it was stopped by a signal or the limit of time. A checkpoint is there; the trajectory keeps the frames so
+        far.
+    KeyboardInterrupt
+        If the user interrupts it twice, or before it has begun. The trajectory keeps the frames so far.
     EngineError, TrajectoryError
         If the engine or the disk fails. The trajectory keeps the frames so far.
     """
@@ -102,61 +91,173 @@ def run(
     check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, case.start.positions)
     began = time.perf_counter()
     gas = Gas.from_case(case, file.folder)
-    device = next(each for each in backend.available() if each.arch == case.run.arch)
-    used = case.run.threads or backend.cores()
-    how = f", {used} used" if case.run.arch == "cpu" else ""
-    if case.run.precision != "f64":
-        how += f", computing in {case.run.precision}"
     estimate = Estimate.of(gas, case)
     check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
-    say(check.summary(case, gas, estimate, f"{device.arch}: {device.description}{how}"))
+    say(check.summary(case, gas, estimate, how(case)))
     for text in gas.warnings:
         warn(text)
-
-    ledger = Ledger()
     try:
-        simulation = gas.simulation(case)
-        with TrajectoryWriter(
-            outputs.trajectory,
-            gas.disks,
-            gas.box,
-            fields=case.output.fields,
-            parameters=_record(file, gas, f"{device.arch}: {device.description}"),
-            units=UNITS[case.run.units],
-            precision=case.output.precision,
-            compression=case.output.compression,
-            force=force,
-            walls=gas.walls,
-        ) as writer:
-
-            def keep(state: State, measure: Measure) -> None:
-                writer.write(state, ledger.observables(measure))
-                ledger.latest = measure  # only now is the frame safe
-                ledger.frames += 1
-
-            with Progress(
-                gas.disks.n,
-                t_end=case.run.t_end,
-                collisions_per_disk=case.run.collisions_per_disk,
-                unit=UNITS[case.run.units]["time"] if case.run.units == "SI" else "",
-            ) as progress:
-                simulation.run(
-                    t_end=case.run.t_end,
-                    collisions_per_disk=case.run.collisions_per_disk,
-                    frames=case.output.frames,
-                    observers=[keep],
-                    progress=progress,
-                )
-        ran = time.perf_counter() - began
-        if outputs.picture is not None:
-            _draw(case, gas)(outputs.trajectory, outputs.picture)
+        state = gas.start(case)
+        tracked = gas.tracked(case, state)
+        simulation = gas.simulation(case, state, tracked=tracked)
     except KeyboardInterrupt:
-        raise Interrupted(_remains(outputs.trajectory, ledger)) from None
-    say(_closing(case, gas, ledger, ran, time.perf_counter() - began, progress.collisions_per_second))
-    if simulation.statistics.elastic:
-        say(f"  {simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
-    for path, size in outputs.sizes().items():
+        raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
+    if force:  # the checkpoint of the trajectory that is replaced is of no use
+        outputs.checkpoint.unlink(missing_ok=True)
+    writer = TrajectoryWriter(
+        outputs.trajectory,
+        gas.disks,
+        gas.box,
+        fields=case.output.fields,
+        parameters=_record(file, gas, device_of(case)),
+        units=UNITS[case.run.units],
+        precision=case.output.precision,
+        compression=case.output.compression,
+        force=force,
+        walls=gas.walls,
+    )
+    with QueuedWriter(writer) as queue:
+        if len(tracked):
+            queue.begin_histories(tracked, state)
+        span = Span.to(
+            gas.disks.n, simulation.time, simulation.collisions,
+            t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
+        )  # fmt: skip
+        course = Course(span, case.output.frame_cadence, case.output.series_cadence)
+        job = Job(file, gas, outputs, simulation, course, Ledger(), queue, device_of(case))
+        rate = drive(job, max_hours=max_hours, say=say, warn=warn)
+    finish(job, began, rate, say)
+
+
+def how(case: Case) -> str:
+    """What computes, for the summary of a run."""
+    used = case.run.threads or backend.cores()
+    text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
+    return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
+
+
+def device_of(case: Case) -> str:
+    """The device of a case."""
+    device = next(each for each in backend.available() if each.arch == case.run.arch)
+    return f"{device.arch}: {device.description}"
+
+
+def drive(
+    job: Job, *, max_hours: float | None, say: Callable[[str], None], warn: Callable[[str], None]
+) -> float:
+    """Run to the end, writing all that the case wants; returns collisions per second of real time.
+
+    Raises
+    ------
+    Stopped, KeyboardInterrupt, EngineError, TrajectoryError
+        As `run`.
+    """
+    case, simulation = job.file.case, job.simulation
+    recorder = Recorder(
+        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending
+    )
+    status = Status(
+        job.outputs.trajectory,
+        name=case.run.name,
+        t_end=case.run.t_end,
+        collisions_per_disk_end=case.run.collisions_per_disk,
+        device=job.device,
+    )
+    stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
+    n = job.gas.disks.n
+    progress = Progress(
+        n,
+        t_end=case.run.t_end,
+        collisions_per_disk=case.run.collisions_per_disk,
+        unit=UNITS[case.run.units]["time"] if case.run.units == "SI" else "",
+    )
+
+    def tell(time: float, collisions: int) -> None:
+        progress(time, collisions)
+        status.update(
+            time=time,
+            collisions=collisions,
+            collisions_per_disk=2.0 * collisions / max(n, 1),
+            fraction=progress.fraction,
+            collisions_per_second=progress.collisions_per_second,
+            eta_seconds=progress.seconds_left,
+            frames=len(job.writer),
+            series_rows=job.writer.series_rows,
+        )
+
+    def row(measure: Measure) -> None:
+        recorder.row(measure)
+        status.update(
+            temperature=measure.temperature,
+            rotational_temperature=measure.rotational_temperature,
+            energy=measure.energy,
+            dissipated_energy=job.ledger.dissipated(measure),
+            ledger_residual=job.ledger.relative_residual(measure),
+        )
+
+    def between() -> None:
+        recorder.between(simulation.time)
+        stops.check()
+        if stops.checkpoint_due:
+            save(job, recorder)
+            stops.stored()
+
+    try:
+        with stops, progress:
+            simulation.follow(
+                job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between
+            )
+        job.writer.flush()
+    except Stopped as stop:
+        save(job, recorder)
+        text = _remains(job, str(stop))
+        status.finish("interrupted", text)
+        raise Stopped(text, stop.status) from None
+    except KeyboardInterrupt:
+        text = _remains(job, "stopped at once")
+        status.finish("interrupted", text)
+        raise KeyboardInterrupt(text) from None
+    except (EngineError, TrajectoryError, InputError) as error:
+        status.finish("failed", str(error))
+        raise
+    job.outputs.checkpoint.unlink(missing_ok=True)
+    status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
+    status.finish("done")
+    return progress.collisions_per_second
+
+
+def save(job: Job, recorder: Recorder) -> None:
+    """Write a checkpoint, after all that was given to the trajectory is committed."""
+    job.writer.flush()
+    pending = recorder.pending
+    arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
+    arrays["tracked"] = job.simulation.tracked
+    extra = {
+        "name": job.file.case.run.name,
+        "case": job.file.text,
+        "case_path": str(job.file.path.resolve()),
+        "overrides": list(job.file.overrides),
+        "case_in_full": job.file.case.model_dump_json(),
+        "trajectory": job.outputs.trajectory.name,
+        "course": job.course.to_record(),
+        "ledger": job.ledger.to_record(),
+        "seen": job.writer.seen,
+    }
+    job.simulation.save_checkpoint(job.outputs.checkpoint, extra, arrays)
+
+
+def finish(job: Job, began: float, rate: float, say: Callable[[str], None]) -> None:
+    """Draw the picture, and say what the run did; it began at this time (`perf_counter`)."""
+    ran = time.perf_counter() - began
+    if job.outputs.picture is not None:
+        _draw(job.file.case, job.gas)(job.outputs.trajectory, job.outputs.picture)
+    say(_closing(job.file.case, job.gas, job.ledger, ran, time.perf_counter() - began, rate))
+    if job.simulation.statistics.elastic:
+        say(f"  {job.simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
+    for path, size in job.outputs.sizes().items():
         say(f"  {path} ({check.size(size)})")
+    if job.writer.compressor:
+        say(f"  compressed by {job.writer.compressor}")
 
 
 def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
@@ -172,13 +273,17 @@ def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
     return plot.driven if case.force else plot.cooling
 
 
-def _remains(trajectory: Path, ledger: Ledger) -> str:
-    if ledger.frames == 0 or ledger.latest is None:
-        return "interrupted before the first frame: nothing was written"
-    return (
-        f"interrupted: {trajectory} holds the {ledger.frames} frames so far, "
+def _remains(job: Job, reason: str) -> str:
+    ledger, trajectory = job.ledger, job.outputs.trajectory
+    if len(job.writer) == 0 or ledger.latest is None:
+        return f"{reason} before the first frame: nothing was written"
+    text = (
+        f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
         f"to t = {ledger.latest.time:.6g} and {ledger.latest.collisions} collisions"
     )
+    if job.outputs.checkpoint.exists():
+        text += f"\nto go on: ifrdem resume {trajectory}"
+    return text
 
 
 def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate: float) -> str:
@@ -212,6 +317,15 @@ def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate
         lines.append(f"  {put_in}collisions dissipated {lost:.6g}{energy}")
     elif first.energy > 0.0:
         lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
+    residual = ledger.relative_residual(last)
+    if residual is not None and last.dissipated is not None:
+        shares = zip(MECHANISMS, last.dissipated, strict=True)
+        parts = ", ".join(f"{name.replace('_', ' ')} {part:.4g}" for name, part in shares if part != 0.0)
+        if parts:
+            lines.append(f"  by mechanism: {parts}{energy}")
+        lines.append(
+            f"  the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
+        )
     if first.energy > 0.0:
         # Against the momentum that the disks' typical speed would add up to, all one way.
         scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))

@@ -11,7 +11,7 @@ import numpy as np
 
 from .errors import InputError
 
-POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION = range(6)
+POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
 """What random numbers are drawn for."""
 
 

@@ -165,6 +165,11 @@ class Simulation:
             )
         return Tracking(ids, disks, self._laws, [*walls, *sides(box)])
 
+    @property
+    def tracked(self) -> NDArray[np.int32]:
+        """Disks of which every collision is kept, ascending."""
+        return np.empty(0, dtype=np.int32) if self._tracking is None else self._tracking.ids
+
     def take_events(self) -> Events:
         """Every collision of tracked disks since the last call, or the start, and what forces did to them."""
         if self._tracking is None:
@@ -261,7 +266,12 @@ class Simulation:
             np.sum(self.disks.mass[movable] * (state.position[movable] @ np.array(self._engine.gravity)))
         )
 
-    def save_checkpoint(self, path: str | os.PathLike[str], extra: Mapping[str, Any] | None = None) -> None:
+    def save_checkpoint(
+        self,
+        path: str | os.PathLike[str],
+        extra: Mapping[str, Any] | None = None,
+        arrays: Mapping[str, NDArray[Any]] | None = None,
+    ) -> None:
         """Write all that decides the future, to the last bit, into a file of its own: it appears whole or not at all.
 
         Events of tracked disks that nobody has taken are not in it.
@@ -272,6 +282,8 @@ class Simulation:
             The file; an existing one is replaced.
         extra : mapping, optional
             What else belongs there: anything that JSON knows.
+        arrays : mapping, optional
+            And arrays, by names that begin with "extra_".
 
         Raises
         ------
@@ -285,7 +297,9 @@ class Simulation:
             "first": self._first,
             "extra": dict(extra or {}),
         }
-        checkpoint.write(path, snapshot.take(self._engine), meta)
+        state = self.state
+        plain = {f"state_{name}": getattr(state, name) for name in ("position", "velocity", "spin")}
+        checkpoint.write(path, {**snapshot.take(self._engine), **plain, **(arrays or {})}, meta)
 
     def load_checkpoint(self, path: str | os.PathLike[str]) -> dict[str, Any]:
         """Go on from where `save_checkpoint` was called, bitwise as if nothing had been between; returns `extra`.
@@ -406,7 +420,7 @@ class Simulation:
                     between()
             course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
             self._observe(observers)
-            if between is not None:
+            if between is not None and not end.reached(self.time, self.collisions):
                 between()
         if not self._judged:
             self._report_gain()

@@ -1,0 +1,100 @@
+"""How a run is stopped from outside: Ctrl-C, SIGTERM, a limit of real time. It then ends in good order."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any
+
+INTERRUPTED = 130  # what shells use for SIGINT
+TERMINATED = 143
+TIME_IS_UP = 3  # --maxh; as `cli.UNFINISHED`
+
+
+class Stopped(Exception):
+    """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
+
+    def __init__(self, reason: str, status: int) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+class Stops:
+    """Listens for reasons to stop, and for the next checkpoint; a context manager.
+
+    The first Ctrl-C or SIGTERM is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops at
+    once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
+
+    Parameters
+    ----------
+    max_hours : float, optional
+        Real time after which the run stops [hours].
+    every_minutes : float
+        Real time between two checkpoints [minutes]; the first one is due at once.
+    warn : callable
+        Takes a line to show when a signal comes.
+    clock : callable
+        Seconds of real time; another one in tests.
+    """
+
+    def __init__(
+        self,
+        *,
+        max_hours: float | None = None,
+        every_minutes: float = 10.0,
+        warn: Callable[[str], None] = print,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._warn, self._clock = warn, clock
+        self._reason: Stopped | None = None
+        self._began = clock()
+        self._stored = -math.inf  # a run that is killed soon can go on too
+        self._limit = None if max_hours is None else 3600.0 * max_hours
+        self._max_hours = max_hours
+        self._every = 60.0 * every_minutes
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Stops:
+        if threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                self._before[number] = signal.signal(number, self._heard)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        self._before = {}
+
+    def check(self) -> None:
+        """Raise `Stopped` if there is a reason to."""
+        if self._limit is not None and self._clock() - self._began >= self._limit and self._reason is None:
+            self._reason = Stopped(f"{self._max_hours:g} hours are up (--maxh)", TIME_IS_UP)
+        if self._reason is not None:
+            raise self._reason
+
+    @property
+    def checkpoint_due(self) -> bool:
+        """Whether it is time for a checkpoint."""
+        return self._clock() - self._stored >= self._every
+
+    def stored(self) -> None:
+        """Take note that a checkpoint was written."""
+        self._stored = self._clock()
+
+    def _heard(self, number: int, _frame: FrameType | None) -> None:
+        if number == signal.SIGINT:
+            if self._reason is not None:
+                raise KeyboardInterrupt
+            self._reason = Stopped("interrupted", INTERRUPTED)
+            self._warn(
+                "interrupted: the run stops after this epoch, with a checkpoint; Ctrl-C again stops it at once"
+            )
+        elif self._reason is None:
+            self._reason = Stopped("terminated (SIGTERM)", TERMINATED)
+            self._warn("terminated: the run stops after this epoch, with a checkpoint")
