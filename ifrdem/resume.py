@@ -101,7 +101,7 @@ def resume(
         )
     if not as_begun:
         _refuse_changed(path, extra)
-    case = Case.model_validate_json(extra["case_in_full"])
+    case = Case.model_validate_json(extra["case_as_set"])
     if threads is not None:
         case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
     trajectory = path.with_name(extra["trajectory"])

@@ -237,7 +237,8 @@ def save(job: Job, recorder: Recorder) -> None:
         "case": job.file.text,
         "case_path": str(job.file.path.resolve()),
         "overrides": list(job.file.overrides),
-        "case_in_full": job.file.case.model_dump_json(),
+        # Without defaults: keys that exclude each other must not stand side by side.
+        "case_as_set": job.file.case.model_dump_json(exclude_unset=True),
         "trajectory": job.outputs.trajectory.name,
         "course": job.course.to_record(),
         "ledger": job.ledger.to_record(),

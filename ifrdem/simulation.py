@@ -403,6 +403,8 @@ class Simulation:
         if course.next_frame == 0:
             course.next_frame = 1
             self._observe(observers)
+            if between is not None:
+                between()
         while not end.reached(self.time, self.collisions) or course.next_frame == 1:
             frame = frames.due(course.next_frame)
             while not frame.reached(self.time, self.collisions):

@@ -1,0 +1,268 @@
+"""A run that was stopped goes on to the same file, bit for bit, as one that never was."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from ifrdem import cli, run
+from ifrdem.stops import Stopped, Stops
+
+pytestmark = pytest.mark.unoptimised
+
+CASE = """
+[run]
+name = "gas"
+seed = 3
+t_end = 2.0
+units = "reduced"
+
+[box]
+packing_fraction = 0.3
+
+[[material]]
+name = "coin"
+e_n = 0.87
+e_t = -0.88
+mu = 0.21
+
+[[species]]
+name = "coins"
+number = 400
+material = "coin"
+mass = 1.0
+diameter = 1.0
+speed_rms = 1.4
+
+[[force]]
+kind = "kicks"
+step = 0.05
+power = 0.5
+
+[output]
+frames = 12
+fields = ["position", "velocity", "angular_velocity", "collisions", "image", "last_partner"]
+series = 70
+histories_sample = 20
+picture = false
+"""
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Every dataset and attribute of a trajectory but the time and place of its writing."""
+    found: dict[str, bytes] = {}
+
+    def take(name: str, item: h5py.Dataset | h5py.Group) -> None:
+        for key, value in item.attrs.items():
+            found[f"{name}@{key}"] = str(np.asarray(value).tolist()).encode()
+        if isinstance(item, h5py.Dataset) and name not in ("parameters/started", "parameters/threads"):
+            found[name] = np.asarray(item[()]).tobytes() if item.shape else str(item[()]).encode()
+
+    with h5py.File(path, "r") as file:
+        file.visititems(take)
+    return found
+
+
+def same(one: Path, other: Path) -> None:
+    a, b = contents(one), contents(other)
+    assert a.keys() == b.keys()
+    assert [name for name in a if a[name] != b[name]] == []
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The trajectory of the run that nobody stopped; the case stands beside it."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "gas.toml").write_text(CASE)
+    assert cli.main(["run", str(folder / "gas.toml"), "-o", f"{folder}/"]) == 0
+    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.status.json", "gas.toml"]
+    return folder / "gas.h5"
+
+
+@pytest.fixture
+def stopping(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Stops the run after so many looks at the signals, the first of the list; the run after it by the second ..."""
+    plan: list[int] = []
+
+    def check(self: Stops) -> None:
+        if plan:
+            plan[0] -= 1
+            if plan[0] < 0:
+                plan.pop(0)
+                raise Stopped("interrupted", 130)
+
+    monkeypatch.setattr(Stops, "check", check)
+    return plan
+
+
+SAVE = run.save
+
+
+def save_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the first checkpoint is written: what comes after it is lost, as if the run were killed."""
+    calls: list[int] = []
+
+    def first_only(job: run.Job, recorder: run.Recorder) -> None:
+        calls.append(1)
+        if len(calls) == 1:
+            SAVE(job, recorder)
+
+    monkeypatch.setattr(run, "save", first_only)
+
+
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, stopping, threads, capsys):
+    case = whole.parent / "gas.toml"
+    stopping += [0, 5, 13, 40]  # in the very beginning, and later
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--set", f"run.threads={threads}"]) == 130
+    told = capsys.readouterr().err
+    assert "gas.h5 holds the 1 frames so far" in told
+    assert f"ifrdem resume {tmp_path / 'gas.h5'}" in told
+    for _ in range(3):
+        assert cli.main(["resume", str(tmp_path)]) == 130
+    assert cli.main(["resume", str(tmp_path / "gas.h5")]) == 0
+    assert "energy ledger closes to" in capsys.readouterr().out
+    made = contents(tmp_path / "gas.h5")
+    expected = contents(whole)
+    # The command line's own words are in the record.
+    differ = {name for name in made if made[name] != expected[name]}
+    assert differ <= {"parameters/overrides", "parameters/case_in_full"}
+    assert not (tmp_path / "gas.checkpoint.h5").exists()
+
+
+def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monkeypatch, stopping):
+    """Killed long after its checkpoint: what was committed since stays, and the run that goes on finds the same."""
+    case = whole.parent / "gas.toml"
+    stopping += [60]
+    save_once(monkeypatch)
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
+    with h5py.File(tmp_path / "gas.h5") as file:
+        frames = len(file["particles/all/box/edges/step"])
+        rows = len(file["timeseries/step"])
+    assert frames > 3
+    assert rows > 10
+    monkeypatch.setattr(run, "save", SAVE)
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_a_file_that_was_changed_is_not_gone_on_with(whole, tmp_path, monkeypatch, stopping, capsys):
+    case = whole.parent / "gas.toml"
+    stopping += [30]
+    save_once(monkeypatch)
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
+    monkeypatch.setattr(run, "save", SAVE)
+    with h5py.File(tmp_path / "gas.h5", "r+") as file:
+        file["particles/all/velocity/value_2d"][2, 17, 0] += np.float32(1e-3)
+    capsys.readouterr()
+    assert cli.main(["resume", str(tmp_path)]) == 1
+    told = capsys.readouterr().err
+    assert "velocity" in told
+    assert "17" in told
+
+
+def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, capsys):
+    case = tmp_path / "gas.toml"
+    case.write_text(CASE)
+    stopping += [20]
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
+    case.write_text(CASE.replace("mu = 0.21", "mu = 0.3"))
+    capsys.readouterr()
+    assert cli.main(["resume", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert "-mu = 0.21; +mu = 0.3" in told
+    assert "--as-begun" in told
+    assert cli.main(["resume", str(tmp_path), "--as-begun"]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_what_cannot_go_on_is_refused_with_the_reason(whole, tmp_path, capsys):
+    for place, reason in (
+        (str(whole), "the run is done, or was killed in its very beginning"),
+        (str(whole.parent), "no run can go on here"),
+        (str(tmp_path / "none"), "there is no such file or folder"),
+    ):
+        assert cli.main(["resume", place]) == 2
+        assert reason in capsys.readouterr().err
+    (tmp_path / "a.checkpoint.h5").write_text("x")
+    (tmp_path / "b.checkpoint.h5").write_text("x")
+    assert cli.main(["resume", str(tmp_path)]) == 2
+    assert "name one of a.h5, b.h5" in capsys.readouterr().err
+    (tmp_path / "a.h5").write_text("x")
+    assert cli.main(["resume", str(tmp_path / "a.h5")]) == 2
+    assert "damaged, or no checkpoint" in capsys.readouterr().err
+    for hours in ("0", "-1", "many", "inf"):
+        assert cli.main(["resume", str(tmp_path), "--maxh", hours]) == 2
+        assert f"--maxh {hours}" in capsys.readouterr().err
+
+
+def launched(case: Path, *options: str) -> subprocess.Popen[str]:
+    environment = {**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"}
+    command = [sys.executable, "-m", "ifrdem", "run", str(case), "-o", f"{case.parent}/", *options]
+    return subprocess.Popen(
+        command, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+    )
+
+
+def wait_for_frames(folder: Path, count: int, process: subprocess.Popen[str]) -> None:
+    status = folder / "gas.status.json"
+    for _ in range(3000):
+        written = (json.loads(status.read_text())["frames"] or 0) if status.exists() else 0
+        if written >= count and (folder / "gas.checkpoint.h5").exists():
+            return
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.02)
+    raise AssertionError("the run does not get on")
+
+
+LONG = CASE.replace("t_end = 2.0", "t_end = 400.0").replace("frames = 12", "frames = 4000")
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "word"),
+    [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")],
+)
+def test_signals_end_a_run_with_a_checkpoint(tmp_path, number, status, word):
+    (tmp_path / "gas.toml").write_text(LONG)
+    process = launched(tmp_path / "gas.toml")
+    wait_for_frames(tmp_path, 3, process)
+    process.send_signal(number)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == status
+    assert f"{word}: the run stops after this epoch, with a checkpoint" in told
+    assert "to go on: ifrdem resume" in told
+    assert (tmp_path / "gas.checkpoint.h5").exists()
+    content = json.loads((tmp_path / "gas.status.json").read_text())
+    assert content["state"] == "interrupted"
+
+
+def test_a_killed_run_goes_on_to_the_same_file(whole, tmp_path):
+    """SIGKILL at moments of its life drawn at random; the checkpoint is the one of the beginning."""
+    rng = random.Random(5)
+    case = tmp_path / "gas.toml"
+    case.write_text(CASE)
+    process = launched(case)
+    wait_for_frames(tmp_path, rng.randint(1, 4), process)
+    process.kill()
+    process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_max_hours_stop_a_run_that_can_go_on(whole, tmp_path, capsys):
+    case = whole.parent / "gas.toml"
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--maxh", "1e-9"]) == 3
+    assert "1e-09 hours are up (--maxh)" in capsys.readouterr().err
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
