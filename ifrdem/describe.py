@@ -1,5 +1,20 @@
 """What a trajectory file holds, as text for people."""
 
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from . import h5md, history, views
+from .box import Box
+from .errors import InputError
+from .trajectory import Trajectory
+
+
 def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
     """What a trajectory file holds, as text for people.
 
@@ -19,6 +34,9 @@ def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
         lines = [f"{path}: trajectory of ifrdem, H5MD {'.'.join(map(str, h5md.H5MD_VERSION))}"]
         lines += _describe_gas(trajectory)
         lines += _describe_fields(trajectory)
+        lines += _describe_series(trajectory)
+        lines += _describe_histories(trajectory)
+        lines += _describe_beside(trajectory.path)
         lines += _describe_names("units", trajectory.units, full=full)
         record = {
             k: v for k, v in trajectory.parameters.items() if k != "units" and not k.startswith("units/")
@@ -83,6 +101,78 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
     for name, values in trajectory.observables.items():
         lines.append(f"  {name:<24}{values.dtype}{_shape(values.shape[1:])}")
     return lines
+
+
+def _describe_series(trajectory: Trajectory) -> list[str]:
+    series, lines = trajectory.series, []
+    if len(series):
+        rows = len(series.time)
+        span = f", time {series.time[0]:.6g} to {series.time[-1]:.6g}" if rows else ""
+        lines.append(f"series ({rows} rows{span})")
+        for name in series:
+            value, columns = series[name], series.columns(name)
+            named = f": {', '.join(columns)}" if columns else ""
+            lines.append(f"  {name:<24}{value.dtype}{_shape(value.shape[1:])}{named}")
+    ledger = ledger_residual(trajectory)
+    if ledger is not None:
+        worst, scale = ledger
+        share = f", {worst / scale:.1e} of the largest energy in it" if scale > 0.0 else ""
+        unit = trajectory.with_unit("", "energy")
+        lines.append(f"energy ledger closes to {worst:.3g}{unit}{share}")
+    return lines
+
+
+def ledger_residual(trajectory: Trajectory) -> tuple[float, float] | None:
+    """The largest absolute residual of the energy ledger, and the largest energy in it [energy]; None without ledger.
+
+    The ledger is the series `ledger_residual`: what was there at the start and was put in since, less what was
+    dissipated and what is there.
+    """
+    series = trajectory.series
+    if "ledger_residual" not in series or len(series.time) == 0:
+        return None
+    worst = float(np.max(np.abs(series["ledger_residual"])))
+    parts = [name for name in ("energy", "dissipated_energy", "energy_input", "wall_work") if name in series]
+    return worst, max((float(np.max(np.abs(series[name]))) for name in parts), default=0.0)
+
+
+def _describe_histories(trajectory: Trajectory) -> list[str]:
+    ids = trajectory.tracked
+    if len(ids) == 0:
+        return []
+    events, end = history.committed(trajectory.file)
+    some = ", ".join(map(str, ids[:8])) + (", ..." if len(ids) > 8 else "")
+    start = float(trajectory.file[f"{history.GROUP}/start/time"][()])
+    until = trajectory.with_unit(f"{end:.6g}", "time")
+    return [
+        f"histories of {len(ids)} disks ({some})",
+        f"  events            {events}, time {start:.6g} to {until}",
+    ]
+
+
+def _describe_beside(path: Path) -> list[str]:
+    """Files that belong to the trajectory."""
+    name = path.name.removesuffix(".h5")
+    lines = []
+    checkpoint = path.with_name(f"{name}.checkpoint.h5")
+    if checkpoint.exists():
+        lines.append(f"  checkpoint        {checkpoint.name} ({_bytes(checkpoint.stat().st_size)})")
+    status = path.with_name(f"{name}.status.json")
+    if status.exists():
+        lines.append(f"  status            {status.name}: {_status(status)}")
+    for view in views.paths(path):
+        if view.exists():
+            lines.append(f"  view              {view.name}")
+    return ["beside it", *lines] if lines else []
+
+
+def _status(path: Path) -> str:
+    try:
+        status = json.loads(path.read_text(encoding="utf-8"))
+        state, message = str(status["state"]), str(status.get("message") or "")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path} cannot be read as the status of a run: {error}") from None
+    return f"{state}, {message}" if message else state
 
 
 def _describe_names(title: str, names: Mapping[str, object], *, full: bool) -> list[str]:

@@ -115,9 +115,7 @@ class History:
 
     def __repr__(self) -> str:
         """Whose it is, how much, and from when to when."""
-        return (
-            f"<History of disk {self.disk}: {self.collisions} collisions, t = {self.start:.6g} to {self.end:.6g}>"
-        )
+        return f"<History of disk {self.disk}: {self.collisions} collisions, t = {self.start:.6g} to {self.end:.6g}>"
 
     @property
     def collisions(self) -> int:
@@ -181,9 +179,7 @@ class History:
             )
         return at, np.searchsorted(self._path.time, at, side="right") - 1
 
-    def _flight(
-        self, t: ArrayLike
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+    def _flight(self, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
         """Times, the places in the plane of which the latest event's box is a part, and the number of that event."""
         at, event = self._find(t)
         since = (at - self._path.time[event])[..., None]

@@ -95,7 +95,9 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     attributes = {key: value for key, value in trajectory.parameters.items() if key != "case"}
     found = xarray.Dataset(data, coords=coordinates, attrs=attributes)
     for name, variable in found.variables.items():
-        if unit := trajectory.units.get(_QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")):
+        if unit := trajectory.units.get(
+            _QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")
+        ):
             variable.attrs["units"] = unit
     return found
 
@@ -113,9 +115,7 @@ _QUANTITIES = {
 """The units' name of each quantity that has a unit of its own."""
 
 
-def _axes(
-    name: str, value: NDArray, names: tuple[str, ...], coordinates: dict[str, Any]
-) -> tuple[str, ...]:
+def _axes(name: str, value: NDArray, names: tuple[str, ...], coordinates: dict[str, Any]) -> tuple[str, ...]:
     """Names of the axes behind the first."""
     if value.ndim == 2 and names:
         dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")
@@ -141,6 +141,4 @@ def _lazy(xarray: Any, stored: h5py.Dataset, frames: int) -> Any:
                 key, self.shape, indexing.IndexingSupport.BASIC, lambda parts: damage.read(stored, parts)
             )
 
-    return xarray.Variable(
-        ("time", "disk", "axis")[: stored.ndim], indexing.LazilyIndexedArray(Stored())
-    )
+    return xarray.Variable(("time", "disk", "axis")[: stored.ndim], indexing.LazilyIndexedArray(Stored()))

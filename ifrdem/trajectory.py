@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Literal, overload
 
 import h5py
 import numpy as np
@@ -161,9 +161,7 @@ class Trajectory(Sequence[Frame]):
         except (OSError, RuntimeError, KeyError) as error:
             if isinstance(error, InputError):
                 raise
-            raise DamageError(
-                f"{path} is damaged: {error}; `ifrdem repair` keeps what is whole"
-            ) from error
+            raise DamageError(f"{path} is damaged: {error}; `ifrdem repair` keeps what is whole") from error
         self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
         self.observables = Series(file["observables"], self.times, "observable", path)
         self.series = Series(rows, moments, "series", path)
@@ -301,7 +299,9 @@ class Trajectory(Sequence[Frame]):
         disk = operator.index(disk)
         n = self.disks.n
         if not 0 <= disk < n:
-            raise FrameError(f"disk {disk} of {self.path}: there are {n} disks{f' (0 to {n - 1})' if n else ''}")
+            raise FrameError(
+                f"disk {disk} of {self.path}: there are {n} disks{f' (0 to {n - 1})' if n else ''}"
+            )
         return disk
 
     def to_pandas(

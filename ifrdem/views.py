@@ -1,10 +1,10 @@
 """Views of a trajectory for other people's tools: small files beside it that point at its data and copy none of them.
 
-NAME.vtkhdf is a temporal PolyData of VTK's HDF format (version 2.0, https://docs.vtk.org/en/latest/vtk_file_formats/
-vtkhdf_file_format), for ParaView, PyVista and vtkHDFReader: points with z = 0, a vertex cell each, and as point data the
-stored fields (vectors with z = 0), radius, mass, material and id. NAME.nc follows the AMBER convention
-(https://ambermd.org/netcdf/nctraj.xhtml) in NetCDF-4, for OVITO, xarray and ASE: coordinates, velocities, and the other
-fields by their names; cell lengths are 0 where the box is not periodic, as ASE wants it.
+NAME.vtkhdf is a temporal PolyData of VTK's HDF format (version 2.0, "VTKHDF File Format" on docs.vtk.org), for
+ParaView, PyVista and vtkHDFReader: points with z = 0, a vertex cell each, and as point data the stored fields (vectors
+with z = 0), radius, mass, material and id. NAME.nc follows the AMBER convention (ambermd.org/netcdf/nctraj.xhtml) in
+NetCDF-4, for OVITO, xarray and ASE: coordinates, velocities, and the other fields by their names; cell lengths are 0
+where the box is not periodic, as ASE wants it.
 
 The data are virtual datasets of HDF5 that name NAME.h5 without a folder: move the files together. A view shows the
 frames that were committed when it was made. Where HDF5 cannot reach NAME.h5 (moved away, or locked by a run that still
@@ -14,7 +14,7 @@ writes it), floats read as nan and counts as -2147483648.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -50,7 +50,9 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     made = paths(path)
     with Trajectory(path) as trajectory:
         if len(trajectory) == 0 or trajectory.disks.n == 0 or "position" not in trajectory.fields:
-            missing = "frames" if len(trajectory) == 0 else "disks" if trajectory.disks.n == 0 else "positions"
+            missing = (
+                "frames" if len(trajectory) == 0 else "disks" if trajectory.disks.n == 0 else "positions"
+            )
             raise InputError(f"{path}: a view needs {missing}, and there are none")
         for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
             _write(place, trajectory, fill)
@@ -73,7 +75,7 @@ def _write(place: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Traje
 def _view(
     group: h5py.Group, name: str, trajectory: Trajectory, source: str, shape: tuple[int, ...]
 ) -> h5py.Dataset:
-    """A virtual dataset of a dataset of the trajectory, in another shape of as many numbers; two become three, z = 0."""
+    """A virtual dataset of one of the trajectory, in another shape of as many numbers; vectors get z = 0."""
     stored = trajectory.file[source]
     origin = h5py.VirtualSource(trajectory.path.name, source, shape=stored.shape, dtype=stored.dtype)
     layout = h5py.VirtualLayout(shape=shape, dtype=stored.dtype)
@@ -159,7 +161,10 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
 
     units = trajectory.units
     attach(file.create_dataset("time", data=trajectory.times), "frame", unit=units.get("time"))
-    lengths = [side if one else 0.0 for side, one in zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)]
+    lengths = [
+        side if one else 0.0
+        for side, one in zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
+    ]
     cell = file.create_dataset("cell_lengths", data=np.tile([*lengths, 0.0], (frames, 1)))
     attach(cell, "frame", "cell_spatial", unit=units.get("length"))
     angles = file.create_dataset("cell_angles", data=np.full((frames, 3), 90.0))

@@ -82,7 +82,9 @@ def add_series(path: Path, rows: int = 7) -> dict[str, np.ndarray]:
     with h5py.File(path, "r+") as file:
         group = file.create_group("timeseries")
         group.create_dataset("step", data=np.arange(rows), maxshape=(None,), chunks=(64,))
-        group.create_dataset("time", data=np.append(0.02 * np.arange(rows), 9.0), maxshape=(None,), chunks=(64,))
+        group.create_dataset(
+            "time", data=np.append(0.02 * np.arange(rows), 9.0), maxshape=(None,), chunks=(64,)
+        )
         for name, value in series.items():
             one = group.create_group(name)
             for shared in ("step", "time"):
@@ -106,7 +108,13 @@ def add_histories(
     with h5py.File(path, "r+") as file:
         group = file.create_group("histories")
         group["tracked"] = np.array(tracked, dtype=np.int32)
-        for name, dtype in (("time", "f8"), ("position", "f8"), ("velocity", "f8"), ("spin", "f8"), ("image", "i4")):
+        for name, dtype in (
+            ("time", "f8"),
+            ("position", "f8"),
+            ("velocity", "f8"),
+            ("spin", "f8"),
+            ("image", "i4"),
+        ):
             group[f"start/{name}"] = np.asarray(start[name], dtype=dtype)
         for i, (name, dtype) in enumerate((("events", np.int64), ("time", np.float64))):
             column = np.array([commit[i] for commit in commits], dtype=dtype)
