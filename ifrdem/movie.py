@@ -87,7 +87,7 @@ class Scene:
             extend="both" if colour == "spin" and not self._is_map else "max",
         )  # fmt: skip
         bar.set_label(self._label())
-        figure.suptitle(plot.title(trajectory))
+        figure.suptitle(plot.gas(trajectory))
         self._title = axes.set_title("$t$ = 0")
         self._canvas.draw()
         figure.set_layout_engine("none")  # it stays as it is now

@@ -22,7 +22,7 @@ from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
 from ifrdem.observables import measure
 from ifrdem.room import Room
-from ifrdem.trajectory import Trajectory, describe
+from ifrdem.trajectory import Trajectory
 from ifrdem.walls import Motion, Wall, from_json, to_json
 
 pytestmark = pytest.mark.unoptimised
