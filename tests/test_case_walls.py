@@ -18,6 +18,7 @@ from ifrdem.case import Case
 from ifrdem.case_walls import MOTIONS, SHAPES, MotionSection, WallSection
 from ifrdem.cli import main
 from ifrdem.collapse import Collapse
+from ifrdem.describe import describe
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
 from ifrdem.observables import measure

@@ -128,9 +128,9 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
 
     write(tmp_path / "run.h5")
     monkeypatch.setitem(sys.modules, "pandas", None)  # importing it fails now
-    with Trajectory(tmp_path / "run.h5") as trajectory:
-        with pytest.raises(InputError, match=r'pandas is not installed: pip install "ifrdem\[analysis\]"'):
-            trajectory.to_pandas()
+    missing = pytest.raises(InputError, match=r'pandas is not installed: pip install "ifrdem\[analysis\]"')
+    with Trajectory(tmp_path / "run.h5") as trajectory, missing:
+        trajectory.to_pandas()
 
 
 def test_a_disk_is_followed_over_the_frames(tmp_path):

@@ -195,7 +195,8 @@ def test_every_column_comes_back_and_contact_points_lie_on_the_rim(tmp_path):
         angle = rng.uniform(0.0, 7.0)
         each |= {
             "time": 0.1 * i, "id": TRACKED[i % 3], "partner": int(rng.integers(-3, 7)),
-            "image": rng.integers(-3, 3, 2), "normal": [math.cos(angle), math.sin(angle)], "regime": int(rng.integers(-1, 10)),
+            "image": rng.integers(-3, 3, 2), "normal": [math.cos(angle), math.sin(angle)],
+            "regime": int(rng.integers(-1, 10)),
         }  # fmt: skip
         events.append(each)
     add_histories(path, TRACKED, start_of(7), events, [(30, 5.0)])
@@ -216,15 +217,16 @@ def test_events_that_are_not_committed_do_not_count(tmp_path):
     path = tmp_path / "run.h5"
     start, events, corners = random_flight(BOX, 8)
     write(path, n=7)
-    add_histories(path, TRACKED, start, events, [(12, 30.0), (25, 60.0)])
+    end = 0.5 * (corners[25, 0] + corners[26, 0])
+    add_histories(path, TRACKED, start, events, [(12, corners[12, 0]), (25, end)])
     with Trajectory(path) as trajectory:
         whole = trajectory.history(4)
     assert len(whole) == 25
-    assert whole.end == 60.0
-    before = corners[24, 0]
-    assert np.allclose(whole.unwrapped(before), corners[24, 1:3], rtol=0.0, atol=1e-10)
-    for t in (0.999, 60.001, math.nan):
-        with pytest.raises(InputError, match=r"t = .*: the history of disk 4 is known from 1 to 60"):
+    assert whole.end == end
+    middle = 0.5 * (corners[25, 1:3] + corners[26, 1:3])
+    assert np.allclose(whole.unwrapped(end), middle, rtol=0.0, atol=1e-10)
+    for t in (0.999, np.nextafter(end, np.inf), math.nan):
+        with pytest.raises(InputError, match=r"t = .*: the history of disk 4 is known from 1 to "):
             whole.position([2.0, t])
 
 
