@@ -162,7 +162,9 @@ def _describe_beside(path: Path) -> list[str]:
         lines.append(f"  status            {status.name}: {_status(status)}")
     for view in views.paths(path):
         if view.exists():
-            lines.append(f"  view              {view.name}")
+            old = view.stat().st_mtime_ns < path.stat().st_mtime_ns
+            stale = ", older than the trajectory: `ifrdem views` renews it" if old else ""
+            lines.append(f"  view              {view.name}{stale}")
     return ["beside it", *lines] if lines else []
 
 

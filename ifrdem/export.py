@@ -125,7 +125,7 @@ def _empty(trajectory: Trajectory) -> dict[str, NDArray]:
 def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     disks, box = trajectory.disks, trajectory.box
     constant: dict[str, NDArray] = {"radius": disks.radius, "mass": disks.mass, "material": disks.material}
-    species = np.char.add("M", disks.material.astype(str))
+    species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
     with place.open("w", encoding="utf-8") as file:
         for index in frames:
             columns, kinds = [species], ["species:S:1"]

@@ -151,7 +151,7 @@ class Scene:
         picture = np.asarray(self._canvas.buffer_rgba())
         picture[self._rows, self._columns, :3] = pixels[::-1]
         self._draw_above(frame.time)
-        return picture[..., :3]
+        return picture[..., :3].copy()
 
     def _numbers(self, values: NDArray[np.float64]) -> NDArray[np.intp]:
         part = (values - self._low) / (self._high - self._low)
@@ -232,7 +232,7 @@ def write(
         pictures.send(None)
         try:
             for index in progress(frames):
-                pictures.send(np.ascontiguousarray(scene.draw(index)))
+                pictures.send(scene.draw(index))
         finally:
             pictures.close()
         if not aside.exists() or aside.stat().st_size == 0:

@@ -37,7 +37,7 @@ def columns(name: str, value: NDArray, names: tuple[str, ...] = ()) -> Iterator[
     if value.ndim == 1:
         yield name, value
         return
-    flat = value.reshape(len(value), -1)
+    flat = value.reshape(len(value), int(np.prod(value.shape[1:])))
     ends = names or (AXES if flat.shape[1] == 2 else tuple(map(str, range(flat.shape[1]))))
     for end, column in zip(ends, flat.T, strict=True):
         yield f"{name}_{end}", column
