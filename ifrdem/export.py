@@ -26,7 +26,7 @@ def export(
     to: str,
     frames: Sequence[int],
     *,
-    progress: Callable[[Iterable[int]], Iterable[int]] = iter,
+    progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> None:
     """Write frames of a trajectory to a file; memory holds one frame at a time.
 

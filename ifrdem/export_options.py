@@ -66,14 +66,12 @@ def act(options: argparse.Namespace) -> int:
     with Trajectory(options.file) as trajectory:
         frames = frame_numbers.chosen(options.frames, len(trajectory))
         out = place(options, f".{options.to}")
-        from tqdm import tqdm
-
         export.export(
             trajectory,
             out,
             options.to,
             frames,
-            progress=lambda each: tqdm(each, desc="export", unit="frame", leave=False, disable=None),
+            progress=frame_numbers.counted("export"),
         )
     print(f"wrote {out}: {len(frames)} frame{'' if len(frames) == 1 else 's'}", flush=True)
     return 0

@@ -1,8 +1,14 @@
-"""The option --frames of verbs that go through a trajectory."""
+"""Verbs that go through a trajectory: their option --frames, and how far they are."""
 
 from __future__ import annotations
 
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TextIO
+
 from .errors import InputError
+from .progress import clock_face
 
 
 def chosen(text: str | None, frames: int) -> range:
@@ -41,3 +47,31 @@ def chosen(text: str | None, frames: int) -> range:
         span = f"0 to {frames - 1}" if frames else "none"
         raise InputError(f"--frames {text}: names none of the {frames} frames ({span})")
     return found
+
+
+def counted(
+    what: str,
+    *,
+    stream: TextIO | None = None,
+    interval: float = 5.0,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Callable[[Sequence[int]], Iterable[int]]:
+    """What wraps frames to show how far one is: a bar on a terminal, elsewhere a line every `interval` seconds."""
+    out = sys.stderr if stream is None else stream
+
+    def bar(frames: Sequence[int]) -> Iterable[int]:
+        from tqdm import tqdm
+
+        return tqdm(frames, desc=what, unit="frame", leave=False, file=out)
+
+    def lines(frames: Sequence[int]) -> Iterator[int]:
+        began = printed = clock()
+        for done, frame in enumerate(frames):
+            now = clock()
+            if now - printed >= interval and done:
+                left = clock_face((now - began) / done * (len(frames) - done))
+                print(f"{what}: {done} of {len(frames)} frames, ETA {left}", file=out, flush=True)
+                printed = now
+            yield frame
+
+    return bar if out.isatty() else lines

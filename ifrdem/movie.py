@@ -194,7 +194,7 @@ def write(
     fps: int = 25,
     size: tuple[int, int] = (1200, 1080),
     colour: str = "spin",
-    progress: Callable[[Iterable[int]], Iterable[int]] = iter,
+    progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> None:
     """Write a movie (H.264 in MP4), a picture a frame.
 

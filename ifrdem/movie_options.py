@@ -49,8 +49,6 @@ def act(options: argparse.Namespace) -> int:
     with Trajectory(options.file) as trajectory:
         frames = frame_numbers.chosen(options.frames, len(trajectory))
         out = place(options, ".mp4")
-        from tqdm import tqdm
-
         movie.write(
             trajectory,
             out,
@@ -58,7 +56,7 @@ def act(options: argparse.Namespace) -> int:
             fps=fps,
             size=size,
             colour=options.colour,
-            progress=lambda each: tqdm(each, desc="movie", unit="frame", leave=False, disable=None),
+            progress=frame_numbers.counted("movie"),
         )
     print(f"wrote {out}: {len(frames)} pictures, {len(frames) / fps:.3g} s", flush=True)
     return 0

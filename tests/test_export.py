@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from ifrdem.box import Box
 from ifrdem.cli import main
 from ifrdem.errors import InputError
 from ifrdem.export import export
-from ifrdem.frame_numbers import chosen
+from ifrdem.frame_numbers import chosen, counted
 from ifrdem.trajectory import Trajectory
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning")
@@ -154,6 +155,16 @@ def test_wrong_choices_of_frames_are_refused(text):
 def test_choices_without_frames_are_refused(text):
     with pytest.raises(InputError, match=r"names none of the 10 frames \(0 to 9\)"):
         chosen(text, 10)
+
+
+def test_plain_lines_say_how_far_it_is_and_how_long_it_takes():
+    """Each look at the clock finds 2 s gone: 6 s after the beginning 2 frames are done, so 8 take 24 s more."""
+    stream, seconds = io.StringIO(), iter(range(-2, 1000, 2))
+    show = counted("export", stream=stream, interval=5.0, clock=lambda: float(next(seconds)))
+    assert list(show(range(10, 20))) == list(range(10, 20))
+    lines = stream.getvalue().splitlines()
+    assert len(lines) == 3
+    assert lines[0] == "export: 2 of 10 frames, ETA 0:24"
 
 
 def test_the_verb_writes_beside_the_trajectory_and_keeps_what_is_there(run, capsys):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 
@@ -147,6 +148,8 @@ def test_angles_are_marked_where_the_file_holds_them(tmp_path, monkeypatch):
         assert colour_at(picture, scene, 12.0, 10.0).tolist() != [255, 255, 255]
 
 
+# imageio-ffmpeg's reader leaves its pipes to the garbage collector.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("colour", movie.COLOURS)
 def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys):
     import imageio_ffmpeg
@@ -169,6 +172,8 @@ def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys
         # what compression leaves of the picture: a mean difference of some grey levels
         assert np.abs(scene.draw(3).astype(int) - shown[2]).mean() < 6.0
     assert sorted(os.listdir(tmp_path)) == ["run.h5", "run.mp4"]
+    del pictures
+    gc.collect()
 
 
 def test_wrong_options_are_refused_before_work(tmp_path, capsys):
