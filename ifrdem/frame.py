@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from . import damage
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ class Frame:
         InputError
             If the file does not hold it (also a KeyError), or it cannot be read (`damage.DamageError`).
         """
-        value = damage.read(self._trajectory.dataset(name), self.index)
+        value = self._trajectory.read(name, self.index)
         return value.astype(np.float64) if value.dtype.kind == "f" else value
 
     @property

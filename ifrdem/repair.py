@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import h5md, history
+from . import damage, h5md, history
 from .damage import DamageError
 from .errors import InputError
 from .trajectory import Trajectory
@@ -167,9 +167,9 @@ def _leading(dataset: h5py.Dataset, rows: int, whole: int | None) -> int:
 
 def _readable(dataset: h5py.Dataset, selection: object, whole: int | None) -> bool:
     try:
-        dataset[selection]
+        damage.read(dataset, selection)
         return whole is None or _inside(dataset, selection, whole)
-    except (OSError, RuntimeError):
+    except DamageError:
         return False
 
 

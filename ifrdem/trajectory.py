@@ -6,11 +6,11 @@ import json
 import operator
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import h5py
 import numpy as np
@@ -42,6 +42,8 @@ __all__ = [
     "TrajectoryError",
     "TrajectoryWriter",
 ]
+
+Result = TypeVar("Result")
 
 # A run may be writing just while its file is opened: how often to try again, and the pause between [s].
 _ATTEMPTS, _PAUSE = 5, 0.05
@@ -124,25 +126,51 @@ class Trajectory(Sequence[Frame]):
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
+        self._open()
+        try:
+            self._again(self._read_head)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _open(self) -> None:
+        self._file, self._written_to = _open(self.path)
+
+    def _again(self, act: Callable[[], Result]) -> Result:
+        """Do it; while a run writes, open the file again if only half of what it did is seen, and do it again."""
         for attempt in range(_ATTEMPTS):
-            self._file, written_to = _open(self.path)
             try:
-                self._read_head()
-                return
-            except InputError:  # a run that writes: half of what it is doing is there
-                self._file.close()
-                if not written_to or attempt == _ATTEMPTS - 1:
+                return act()
+            except (InputError, OSError, RuntimeError, KeyError) as error:
+                known = isinstance(error, InputError) and not isinstance(error, DamageError)
+                if known or not self._written_to or attempt == _ATTEMPTS - 1:
                     raise
-                time.sleep(_PAUSE)
-            except BaseException:
-                self._file.close()
-                raise
+            time.sleep(_PAUSE)
+            self._file.close()
+            self._open()
+        raise AssertionError("the last attempt returns or raises")
+
+    def read(self, name: str, selection: Any = ()) -> NDArray:
+        """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
+
+        Raises
+        ------
+        InputError
+            If the file does not hold the field, or it cannot be read (`DamageError`).
+        """
+        return self._again(lambda: damage.read(self.dataset(name), selection))
+
+    def _read_at(self, path: str, selection: Any) -> NDArray:
+        if not self._file:
+            raise InputError(f"{self.path} is closed: nothing can be read from it")
+        return self._again(lambda: damage.read(self._file[path], selection))
 
     def _read_head(self) -> None:
         """Read everything but the frames."""
         file, path = self._file, str(self.path)
         try:
             h5md.check_layout(file, path)
+            self._fields = h5md.stored_fields(file)
             self._frames = len(file[f"{h5md.EDGES}/step"])
             self.times: NDArray[np.float64] = damage.read(file[f"{h5md.EDGES}/time"], slice(0, self._frames))
             self.times.flags.writeable = False
@@ -163,8 +191,8 @@ class Trajectory(Sequence[Frame]):
                 raise
             raise DamageError(f"{path} is damaged: {error}; `ifrdem repair` keeps what is whole") from error
         self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
-        self.observables = Series(file["observables"], self.times, "observable", path)
-        self.series = Series(rows, moments, "series", path)
+        self.observables = Series(file["observables"], self.times, "observable", self._read_at)
+        self.series = Series(rows, moments, "series", self._read_at)
 
     def refresh(self) -> int:
         """Open the file again to see what a run has added; returns the number of new frames.
@@ -173,7 +201,8 @@ class Trajectory(Sequence[Frame]):
         """
         before = self._frames
         self._file.close()
-        Trajectory.__init__(self, self.path)
+        self._open()
+        self._again(self._read_head)
         return self._frames - before
 
     def _read_parameter(self, name: str, item: h5py.Dataset | h5py.Group) -> None:
@@ -231,7 +260,7 @@ class Trajectory(Sequence[Frame]):
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the per-disk fields in the file."""
-        return h5md.stored_fields(self._file)
+        return self._fields
 
     def dataset(self, name: str) -> h5py.Dataset:
         """The stored data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
@@ -265,7 +294,7 @@ class Trajectory(Sequence[Frame]):
         fields: dict[str, NDArray] = {}
         self.dataset("position")  # says that it is missing
         for name in self.fields:
-            value = damage.read(self.dataset(name), (slice(0, self._frames), disk))
+            value = self.read(name, (slice(0, self._frames), disk))
             fields[name] = value.astype(np.float64) if value.dtype.kind == "f" else value
         position = fields["position"]
         if unwrapped := "image" in fields:
@@ -286,13 +315,9 @@ class Trajectory(Sequence[Frame]):
             If there is no such disk, or it is not tracked (the message says which are), or the file is damaged.
         """
         gravity = json.loads(str(self.parameters.get("gravity", "[0.0, 0.0]")))
-        return history.read(
-            self._file,
-            str(self.path),
-            self._checked_disk(disk),
-            box=self.box,
-            radius=self.disks.radius,
-            gravity=gravity,
+        disk, radius, path = self._checked_disk(disk), self.disks.radius, str(self.path)
+        return self._again(
+            lambda: history.read(self._file, path, disk, box=self.box, radius=radius, gravity=gravity)
         )
 
     def _checked_disk(self, disk: int) -> int:

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from layout_files import BOX, FIELDS, MECHANISMS, add_series, some_disks, some_state, write
+from test_trajectory import child
 
 from ifrdem.box import Box
 from ifrdem.damage import DamageError
@@ -96,8 +97,11 @@ def test_data_sets_of_xarray_are_lazy_and_equal_the_frames(tmp_path, monkeypatch
 
     write(tmp_path / "run.h5", n=6, frames=4, units={"length": "m", "time": "s", "energy": "J"})
     add_series(tmp_path / "run.h5")
+    with h5py.File(tmp_path / "run.h5", "r+") as file:  # an uncommitted frame behind the last
+        file["particles/all/position/value_2d"].resize(5, axis=0)
     with Trajectory(tmp_path / "run.h5") as trajectory:
         data = trajectory.to_xarray()
+        assert data.position.shape == (4, 6, 2)
         read = damage.read
         selections = []
 
@@ -208,6 +212,29 @@ def test_refresh_sees_what_a_run_has_added(tmp_path):
             assert np.array_equal(frame.position, some_state(5, 0).position.astype(np.float32))
 
 
+def test_refresh_follows_a_run_in_another_process(tmp_path):
+    """The run holds a lock, and writes while its file is opened and read."""
+    path = tmp_path / "run.h5"
+    with child(path, 40, pause=3) as process:
+        assert process.stdout is not None
+        assert process.stdin is not None
+        assert process.stdout.read(3) == b"..."
+        with Trajectory(path) as trajectory:
+            assert len(trajectory) == 3
+            process.stdin.close()  # it goes on, as fast as it can
+            rng = np.random.default_rng(1)
+            for _ in range(20):
+                process.stdout.read(1)
+                trajectory.refresh()
+                # The tree of chunks grows and splits meanwhile: no frame may be read as zeros.
+                for index in (len(trajectory) - 1, *rng.integers(0, len(trajectory), 20)):
+                    given = some_state(40, int(index)).position.astype(np.float32)
+                    assert np.array_equal(trajectory[index].position, given)
+                assert np.array_equal(trajectory.observables["energy"], 0.5 * np.arange(len(trajectory)))
+            assert len(trajectory) >= 20
+        process.kill()
+
+
 def flip(path: Path, name: str, index: int) -> None:
     """Change bytes in the middle of a chunk of a compressed dataset."""
     with h5py.File(path) as file:
@@ -235,6 +262,23 @@ def test_a_damaged_chunk_is_named_and_the_other_frames_are_read(tmp_path):
             trajectory.to_xarray().velocity.values  # noqa: B018
         with pytest.raises(DamageError, match="velocity"):
             trajectory.disk(0)
+
+
+def test_a_lost_chunk_is_noticed(tmp_path):
+    """HDF5 reads chunks that were never written as zeros."""
+    path = tmp_path / "run.h5"
+    write(path, frames=2)
+    with h5py.File(path, "r+") as file:
+        for name in ("step", "time", "value"):
+            file[f"particles/all/box/edges/{name}"].resize(3, axis=0)
+        for name in ("position", "velocity", "image"):
+            file[f"particles/all/{name}/value_2d"].resize(3, axis=0)
+        for name in ("angular_velocity", "collisions"):
+            file[f"particles/all/{name}/value"].resize(3, axis=0)
+    with Trajectory(path) as trajectory:
+        trajectory[1].position  # noqa: B018 the reading is the act
+        with pytest.raises(DamageError, match=r"position/value_2d cannot be read \(a chunk is missing"):
+            trajectory[2].position  # noqa: B018
 
 
 def test_a_closed_trajectory_says_so(tmp_path):

@@ -149,7 +149,10 @@ def test_ovito_s_reader_of_netcdf_finds_its_names(run):
 def test_views_hold_no_copy_of_the_data(tmp_path):
     n, frames = 20_000, 4
     write(tmp_path / "run.h5", n=n, frames=frames, fields=("position", "velocity"))
-    for place in write_views(tmp_path / "run.h5"):
+    vtkhdf, nc = write_views(tmp_path / "run.h5")
+    for place, name in ((vtkhdf, "VTKHDF/Points"), (nc, "coordinates")):
+        with h5py.File(place) as file:  # a name without a folder: they can be moved together
+            assert {each.file_name for each in file[name].virtual_sources()} == {"run.h5", "."}
         # The positions alone take 640 kB. VTK wants two lists of the cells and ids, 20 bytes a disk.
         assert place.stat().st_size < 30_000 + (20 * n if place.suffix == ".vtkhdf" else 0)
 
