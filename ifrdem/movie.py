@@ -74,7 +74,7 @@ class Scene:
         )
         self._low, self._high = low, high
 
-        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, layout="constrained")
+        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, layout="compressed")
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
         axes.set_xlim(*self._region[0])

@@ -162,7 +162,7 @@ def draw_walls(axes: Axes, trajectory: Trajectory, time: float) -> None:
     """Draw the walls where they are at this time, with arrows along moving surfaces; thick sides are walls too."""
     for periodic, sides in zip(trajectory.box.periodic, (("left", "right"), ("bottom", "top")), strict=True):
         for side in sides:
-            axes.spines[side].set_linewidth(0.8 if periodic else 2.5)
+            axes.spines[side].set_linewidth(0.8 if periodic or trajectory.box.is_open else 2.5)
     for wall in trajectory.walls:
         _wall(axes, wall, max(trajectory.box.lengths), time)
 

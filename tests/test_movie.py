@@ -195,3 +195,14 @@ def test_wrong_options_are_refused_before_work(tmp_path, capsys):
         pytest.raises(InputError, match="no field 'angular_velocity'"),
     ):
         movie.write(trajectory, tmp_path / "bare.mp4", range(3))
+
+
+def test_disks_have_the_temperature_of_their_peculiar_velocity(tmp_path):
+    """m c^2 / 2: mass 2 and velocity (3, 4) make 25; at y = 15, 5 above the middle, the flow of rate 0.4 is (2, 0)."""
+    for box, expected in ((BOX, 25.0), (Box((30.0, 20.0), shear_rate=0.4), 1.0 + 16.0)):
+        disks = Disks(1, mass=2.0, radius=1.0)
+        with TrajectoryWriter(tmp_path / "run.h5", disks, box, precision="f8", force=True) as writer:
+            writer.write(State([[5.0, 15.0]], [[3.0, 4.0]], [0.0]))
+        with Trajectory(tmp_path / "run.h5") as trajectory:
+            scene = movie.Scene(trajectory, [0], (600, 500), "temperature")
+            assert scene._values(0).tolist() == pytest.approx([expected], rel=1e-15)
