@@ -252,8 +252,10 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
 def _openable(path: Path, say: Callable[[str], object]) -> tuple[Path, int | None]:
     """A file that HDF5 opens: the given one, or a copy whose missing end is filled up; and how much of it is real."""
     try:
-        with h5py.File(path, "r", locking=False):
+        with h5py.File(path, "r"):
             return path, None
+    except BlockingIOError:
+        raise InputError(f"{path}: a run is writing it; what it has committed can be read as it is") from None
     except OSError as error:
         if error.errno:
             raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error

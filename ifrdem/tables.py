@@ -6,11 +6,9 @@ import importlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import damage
 from .errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -76,7 +74,7 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     for name in trajectory.fields:
         stored = trajectory.dataset(name)
         dims = ("time", "disk", "axis")[: stored.ndim]
-        data[name] = (dims, _lazy(xarray, stored, len(trajectory)))
+        data[name] = (dims, _lazy(xarray, trajectory, name))
     for name in ("radius", "mass", "k", "material"):
         data[name] = ("disk", getattr(trajectory.disks, name))
     coordinates: dict[str, Any] = {
@@ -126,19 +124,21 @@ def _axes(name: str, value: NDArray, names: tuple[str, ...], coordinates: dict[s
     return tuple(f"{name}_{axis}" for axis in range(1, value.ndim))
 
 
-def _lazy(xarray: Any, stored: h5py.Dataset, frames: int) -> Any:
-    """Stored data that xarray reads when it needs them."""
+def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
+    """A stored field that xarray reads when it needs it."""
     from xarray.backends import BackendArray
     from xarray.core import indexing
 
+    stored = trajectory.dataset(name)
+
     class Stored(BackendArray):
         def __init__(self) -> None:
-            self.shape = (frames, *stored.shape[1:])
+            self.shape = (len(trajectory), *stored.shape[1:])
             self.dtype = stored.dtype
 
         def __getitem__(self, key: Any) -> Any:
             return indexing.explicit_indexing_adapter(
-                key, self.shape, indexing.IndexingSupport.BASIC, lambda parts: damage.read(stored, parts)
+                key, self.shape, indexing.IndexingSupport.BASIC, lambda parts: trajectory.read(name, parts)
             )
 
     return xarray.Variable(("time", "disk", "axis")[: stored.ndim], indexing.LazilyIndexedArray(Stored()))

@@ -8,7 +8,8 @@ where the box is not periodic, as ASE wants it.
 
 The data are virtual datasets of HDF5 that name NAME.h5 without a folder: move the files together. A view shows the
 frames that were committed when it was made. Where HDF5 cannot reach NAME.h5 (moved away, or locked by a run that still
-writes it), floats read as nan and counts as -2147483648.
+writes it), floats read as nan and counts as -2147483648. Neither format knows a sheared box: the images that tools make
+of one above and below are at the wrong places.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from layout_files import BOX, some_disks, some_state, write
+from test_frame import flip
 
 from ifrdem.box import Box
 from ifrdem.cli import main
@@ -199,3 +200,20 @@ def test_fields_that_are_needed_and_not_stored_are_named(tmp_path):
         .read_text()
         .startswith("frame,time,id,velocity_x,velocity_y")
     )
+
+
+def test_damaged_data_end_a_command_with_a_message_and_no_file(tmp_path, capsys):
+    path = tmp_path / "run.h5"
+    write(path, n=300, frames=3, compression="gzip")
+    flip(path, "particles/all/position/value_2d", 1)
+    for arguments in (
+        ["export", "--to", "extxyz"],
+        ["export", "--to", "gsd"],
+        ["movie", "--size", "320x300"],
+    ):
+        assert main([arguments[0], str(path), *arguments[1:]]) == 2
+        error = capsys.readouterr().err
+        assert "run.h5 is damaged: /particles/all/position/value_2d cannot be read" in error
+        assert "Traceback" not in error
+    assert os.listdir(tmp_path) == ["run.h5"]
+    assert main(["export", str(path), "--to", "extxyz", "--frames", "0"]) == 0  # that one is whole

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from layout_files import FIELDS, add_histories, add_series, some_state, write
 from test_frame import flip
+from test_trajectory import child
 
 from ifrdem.cli import main
 from ifrdem.errors import InputError
@@ -193,6 +194,18 @@ def test_what_cannot_be_repaired_is_said_with_what_can_be_done(tmp_path):
     with pytest.raises(InputError, match="no frame of 2 is whole"):
         repair(path, tmp_path / "whole.h5", say=lambda line: None)
     assert sorted(os.listdir(tmp_path)) == ["other.h5", "run.checkpoint.h5", "run.h5"]
+
+
+def test_a_file_that_a_run_is_writing_is_left_alone(tmp_path):
+    path = tmp_path / "run.h5"
+    with child(path, 40, pause=3) as process:
+        assert process.stdout is not None
+        assert process.stdout.read(3) == b"..."
+        with pytest.raises(InputError, match="a run is writing it"):
+            repair(path, path)
+        process.kill()
+    with Trajectory(path) as trajectory:
+        assert len(trajectory) == 3
 
 
 def test_the_verb_writes_beside_or_in_place_and_renews_views(tmp_path, capsys):
