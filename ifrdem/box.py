@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,14 +138,20 @@ class Box:
         flow[..., 0] = self.shear_rate * (position[..., 1] - 0.5 * self.lengths[1])
         return flow
 
-    def image_above(self, time: float) -> float:
-        """How far along x the image above lies at a time [time]: shear_rate Ly t, in [0, Lx) [length]."""
+    @overload
+    def image_above(self, time: float) -> float: ...
+    @overload
+    def image_above(self, time: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def image_above(self, time: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
+        """How far along x the image above lies at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
         return self.shear_rate * self.lengths[1] * time % self.lengths[0]
 
-    def wrap(self, position: NDArray[np.float64], time: float = 0.0) -> NDArray[np.float64]:
+    def wrap(
+        self, position: NDArray[np.float64], time: float | NDArray[np.float64] = 0.0
+    ) -> NDArray[np.float64]:
         """Positions [length], shape (..., 2), moved by whole boxes into [0, Lx) x [0, Ly) where periodic.
 
-        In a sheared box that depends on the `time` [time].
+        In a sheared box that depends on the `time` [time], a number or an array (...).
         """
         if self.is_open:
             return np.array(position, dtype=np.float64)
@@ -171,13 +178,18 @@ class Box:
         return difference - np.where(self.periodic, lengths * np.round(difference / lengths), 0.0)
 
     def unwrap(
-        self, position: NDArray[np.float64], image: NDArray[np.int32], time: float = 0.0
+        self,
+        position: NDArray[np.float64],
+        image: NDArray[np.int32],
+        time: float | NDArray[np.float64] = 0.0,
     ) -> NDArray[np.float64]:
-        """Places on paths without jumps [length], shape (n, 2): of positions in the box and the boxes travelled.
+        """Places on paths without jumps [length], shape (..., 2): of positions in the box and the boxes travelled.
 
         position + image * lengths; in a sheared box, the box above lies shear_rate Ly t further along x, and the path
-        is that of a disk that goes on into faster and faster flow.
+        is that of a disk that goes on into faster and faster flow. The time is a number or an array (...).
         """
+        if self.is_open:
+            return np.array(position, dtype=np.float64)
         unwrapped = position + image * np.asarray(self.lengths)
         unwrapped[..., 0] += image[..., 1] * (self.shear_rate * self.lengths[1] * time)
         return unwrapped

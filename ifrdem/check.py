@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from . import backend
 from .case import Case
+from .describe import describe_sides
 from .engine_limits import BYTES_PER_DISK
 from .errors import InputError
 from .estimate import OBSERVABLES, Estimate, disk_bytes
 from .gas import Gas
 from .report_walls import lines_of_walls
-from .trajectory import describe_sides
 
 HOST_BYTES_PER_DISK = 300
 """What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""

@@ -10,7 +10,16 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import __version__, fit_options, tail_options
+from . import (
+    __version__,
+    export_options,
+    fit_options,
+    history_options,
+    movie_options,
+    repair_options,
+    tail_options,
+    views_options,
+)
 from .arguments import Parser
 from .errors import EngineError, InputError, nearest
 
@@ -179,6 +188,11 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     info = verbs.add_parser("info", help="say what a trajectory holds", allow_abbrev=False)
     info.add_argument("file", metavar="FILE", help="a trajectory (.h5)")
     info.set_defaults(act=_info)
+    history_options.add_to(verbs)
+    views_options.add_to(verbs)
+    export_options.add_to(verbs)
+    movie_options.add_to(verbs)
+    repair_options.add_to(verbs)
 
     new = verbs.add_parser(
         "new",
@@ -411,7 +425,7 @@ def _fit(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from .trajectory import describe
+    from .describe import describe
 
     _say(describe(options.file))
     return 0

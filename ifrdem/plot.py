@@ -146,17 +146,22 @@ def _draw(
 
 def title(trajectory: Trajectory) -> str:
     """What stands above a picture of a run."""
+    text, n = gas(trajectory), trajectory.disks.n
+    if "collisions" in trajectory.observables and n:
+        text += f", {2.0 * float(trajectory.observables['collisions'][-1]) / n:.3g} collisions per disk"
+    return text
+
+
+def gas(trajectory: Trajectory) -> str:
+    """Name, number of disks and packing fraction of a run."""
     disks = trajectory.disks
     name = trajectory.parameters.get("name", trajectory.path.stem)
     where = "open box"
     if not trajectory.box.is_open:
         where = f"packing fraction {trajectory.room.packing_fraction(disks.radius):.3g}"
-    text = f"{name}: {disks.n} disks, {where}"
-    if "collisions" in trajectory.observables and disks.n:
-        text += f", {2.0 * float(trajectory.observables['collisions'][-1]) / disks.n:.3g} collisions per disk"
     if trajectory.room.all_walls:
-        text = text.replace("packing fraction", "packing fraction between walls")
-    return text
+        where = where.replace("packing fraction", "packing fraction between walls")
+    return f"{name}: {disks.n} disks, {where}"
 
 
 def save(figure: Figure, path: Path) -> None:

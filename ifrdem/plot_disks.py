@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 # Diverging, dark in the middle, so that disks without spin show on white; orange is counter-clockwise.
 SPINS = ("#56B4E9", "#2A6A99", "#333333", "#A84A00", "#FF9A3D")
+DENSITIES = "cividis"
 WALL, POST, HOT = "#000000", "#999999", "#CC79A7"
 
 MOST_DISKS = 100_000
@@ -36,7 +37,7 @@ def last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel(with_unit("$x$", units.get("length")))
     axes.set_ylabel(with_unit("$y$", units.get("length")))
-    _walls(axes, trajectory, frame.time)
+    draw_walls(axes, trajectory, frame.time)
     if "position" not in trajectory.fields:
         axes.set_title("the file holds no positions")
         return
@@ -72,7 +73,7 @@ def _disks(
     from matplotlib.colors import LinearSegmentedColormap
 
     radius = trajectory.disks.radius
-    position, owner = _with_images(position, radius, trajectory.box, time)
+    position, owner = with_images(position, radius, trajectory.box, time)
     # A heavy tail of fast spins must not wash out all others: colours are full from the 95th percentile on.
     limit = float(np.quantile(np.abs(spin), 0.95)) if len(spin) else 0.0
     limit = limit if limit > 0.0 else 1.0
@@ -97,8 +98,26 @@ def _disks(
 
 def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64]) -> float:
     """Draw the local area fraction and return the mean side of its cells [length]."""
-    radius = trajectory.disks.radius
     region = shown_region(trajectory, position)
+    covered = area_fraction(trajectory, position, region)
+    drawn = axes.imshow(
+        covered.T,
+        origin="lower",
+        extent=(*region[0], *region[1]),
+        cmap=DENSITIES,
+        vmin=0.0,
+        vmax=float(np.quantile(covered, 0.999)),
+        interpolation="nearest",
+    )
+    figure.colorbar(drawn, ax=axes, extend="max", shrink=0.85).set_label("area fraction")
+    return cell_side(covered, region)
+
+
+def area_fraction(
+    trajectory: Trajectory, position: NDArray[np.float64], region: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The part that disks cover of each cell of a region [length], shape (2, 2): cells along x and along y."""
+    radius = trajectory.disks.radius
     lengths = np.ptp(region, axis=1)
     cell = MAP_CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
     counts = [int(np.clip(round(side / cell), 1, 1000)) for side in lengths]
@@ -109,21 +128,15 @@ def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDAr
         range=[(low, high) for low, high in region],
         weights=np.pi * radius**2,
     )
-    covered *= counts[0] * counts[1] / float(np.prod(lengths))
-    drawn = axes.imshow(
-        covered.T,
-        origin="lower",
-        extent=(*region[0], *region[1]),
-        cmap="cividis",
-        vmin=0.0,
-        vmax=float(np.quantile(covered, 0.999)),
-        interpolation="nearest",
-    )
-    figure.colorbar(drawn, ax=axes, extend="max", shrink=0.85).set_label("area fraction")
-    return float(np.sqrt(np.prod(lengths) / (counts[0] * counts[1])))
+    return covered * counts[0] * counts[1] / float(np.prod(lengths))
 
 
-def _with_images(
+def cell_side(covered: NDArray[np.float64], region: NDArray[np.float64]) -> float:
+    """Mean side of the cells of `area_fraction` [length]."""
+    return float(np.sqrt(np.prod(np.ptp(region, axis=1)) / covered.size))
+
+
+def with_images(
     position: NDArray[np.float64], radius: NDArray[np.float64], box: Box, time: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Positions with the periodic images of disks that a side cuts, and which disk each of them is."""
@@ -145,11 +158,11 @@ def _with_images(
     return position, owner
 
 
-def _walls(axes: Axes, trajectory: Trajectory, time: float) -> None:
+def draw_walls(axes: Axes, trajectory: Trajectory, time: float) -> None:
     """Draw the walls where they are at this time, with arrows along moving surfaces; thick sides are walls too."""
     for periodic, sides in zip(trajectory.box.periodic, (("left", "right"), ("bottom", "top")), strict=True):
         for side in sides:
-            axes.spines[side].set_linewidth(0.8 if periodic else 2.5)
+            axes.spines[side].set_linewidth(0.8 if periodic or trajectory.box.is_open else 2.5)
     for wall in trajectory.walls:
         _wall(axes, wall, max(trajectory.box.lengths), time)
 

@@ -2,145 +2,95 @@
 
 from __future__ import annotations
 
+import json
 import operator
 import os
-from collections.abc import Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import overload
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, overload
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import h5md, walls
+from . import damage, h5md, history, tables, walls
 from .box import Box
+from .damage import DamageError
 from .errors import InputError, nearest
+from .frame import SPIN, Frame, FrameError, NameMissing
+from .history import History
 from .room import Room
+from .series import Series
 from .state import Disks
 from .trajectory_writer import TrajectoryError, TrajectoryWriter
 
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
 __all__ = [
+    "DamageError",
+    "DiskPath",
     "Frame",
     "FrameError",
+    "History",
     "NameMissing",
     "Trajectory",
     "TrajectoryError",
     "TrajectoryWriter",
-    "describe",
 ]
 
+Result = TypeVar("Result")
 
-class FrameError(InputError, IndexError):
-    """A frame number outside the trajectory."""
-
-
-class NameMissing(InputError, KeyError):
-    """A name that the file does not hold."""
-
-    __str__ = Exception.__str__  # KeyError would put its message into quotes
+# A run may be writing just while its file is opened: how often to try again, and the pause between [s].
+_ATTEMPTS, _PAUSE = 5, 0.05
 
 
-class Frame:
-    """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
+@dataclass(frozen=True, eq=False)
+class DiskPath:
+    """One disk over the frames of a trajectory.
 
     Attributes
     ----------
-    index : int
-        Number of the frame, from 0.
-    time : float
-        Its time [time].
+    disk : int
+        Its id.
+    time : array (F,)
+        Times of the frames [time].
+    fields : dict
+        What is stored of it, by name: shape (F,) or (F, 2).
+    position : array (F, 2)
+        Its centres [length]; on a path without jumps where the file holds images (`unwrapped`), else inside the box.
+    unwrapped : bool
+        Whether positions are those of a path without jumps.
     """
 
-    def __init__(self, trajectory: Trajectory, index: int) -> None:
-        self._trajectory = trajectory
-        self.index = index
-
-    def __repr__(self) -> str:
-        """Which frame of how many, and when."""
-        trajectory = self._trajectory
-        return (
-            f"<Frame {self.index} of {len(trajectory)}: {trajectory.disks.n} disks at "
-            f"t = {trajectory.with_unit(f'{self.time:.6g}', 'time')}>"
-        )
-
-    def field(self, name: str) -> NDArray:
-        """A stored field by its name in the file, shape (n,) or (n, 2).
-
-        Raises
-        ------
-        InputError
-            If the file does not hold it (also a KeyError).
-        """
-        value = self._trajectory.dataset(name)[self.index]
-        return value if h5md.FIELDS[name].count else value.astype(np.float64)
-
-    @property
-    def time(self) -> float:
-        """The time [time]."""
-        return float(self._trajectory.times[self.index])
-
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """Centres [length], shape (n, 2), inside the box; anywhere in the plane if that is open."""
-        return self.field("position")
-
-    @property
-    def velocity(self) -> NDArray[np.float64]:
-        """Velocities in the lab [length/time], shape (n, 2)."""
-        return self.field("velocity")
-
-    @property
-    def peculiar_velocity(self) -> NDArray[np.float64]:
-        """Velocities relative to the mean flow of a sheared box [length/time], shape (n, 2); in others the same."""
-        if self._trajectory.box.shear_rate == 0.0:
-            return self.velocity
-        return self.velocity - self._trajectory.box.flow(self.position)
-
-    @property
-    def spin(self) -> NDArray[np.float64]:
-        """Angular velocities, counter-clockwise [rad/time], shape (n,)."""
-        return self.field("angular_velocity")
-
-    @property
-    def collisions(self) -> NDArray[np.int32]:
-        """Collisions that each disk has had, shape (n,)."""
-        return self.field("collisions")
-
-    @property
-    def image(self) -> NDArray[np.int32]:
-        """How often each disk has left the box through each side, shape (n, 2); see `Box.unwrap`."""
-        return self.field("image")
-
-
-class Observables(Mapping[str, NDArray]):
-    """Whole-gas quantities by name: arrays over the frames, shape (frames, ...), read when asked for."""
-
-    def __init__(self, file: h5py.File, frames: int) -> None:
-        self._group = file["observables"]
-        self._frames = frames
+    disk: int
+    time: NDArray[np.float64]
+    fields: dict[str, NDArray]
+    position: NDArray[np.float64]
+    unwrapped: bool
 
     def __getitem__(self, name: str) -> NDArray:
-        names = list(self)
-        if name not in names:
+        name = SPIN if name == "spin" else name
+        if name not in self.fields:
             raise NameMissing(
-                f"{self._group.file.filename} holds no observable {name!r}: "
-                f"there are {', '.join(names) or 'none'}{nearest(name, names)}"
+                f"the file holds no field {name!r}: there are {', '.join(self.fields)}{nearest(name, self.fields)}"
             )
-        return self._group[name]["value"][: self._frames]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._group)
+        return self.fields[name]
 
     def __len__(self) -> int:
-        return len(self._group)
+        """Number of frames."""
+        return len(self.time)
 
 
 class Trajectory(Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
-    Only committed frames count. A file that a run is still writing can be read; frames added after opening
-    are seen by opening again.
+    Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen
+    after `refresh`. Files of layout 1.0 lack series and histories.
 
     Parameters
     ----------
@@ -160,8 +110,10 @@ class Trajectory(Sequence[Frame]):
     parameters : dict
         The run's record by name (case text, seed, versions/<package>, units/<quantity>, ...). In reduced
         units there is one parameter `units`, "reduced".
-    observables : mapping
-        Whole-gas quantities, name -> array over the frames.
+    observables : Series
+        Whole-gas quantities by name, over the frames.
+    series : Series
+        Whole-gas quantities by name, over times of their own; empty if the run had none.
 
     Raises
     ------
@@ -169,29 +121,89 @@ class Trajectory(Sequence[Frame]):
         If the file is not there, not HDF5, damaged, not H5MD, or not ours; the message says what is missing.
     """
 
+    observables: Series
+    series: Series
+
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        self._file = _open(self.path)
+        self._open()
         try:
-            h5md.check_layout(self._file, str(path))
-            self._frames = len(self._file[f"{h5md.EDGES}/step"])
-            self.times: NDArray[np.float64] = self._file[f"{h5md.EDGES}/time"][: self._frames]
+            self._again(self._read_head)
+        except BaseException:
+            self._file.close()
+            raise
+
+    def _open(self) -> None:
+        self._file, self._written_to = _open(self.path)
+
+    def _again(self, act: Callable[[], Result]) -> Result:
+        """Do it; while a run writes, open the file again if only half of what it did is seen, and do it again."""
+        for attempt in range(_ATTEMPTS):
+            try:
+                return act()
+            except (InputError, OSError, RuntimeError, KeyError) as error:
+                known = isinstance(error, InputError) and not isinstance(error, DamageError)
+                if known or not self._written_to or attempt == _ATTEMPTS - 1:
+                    raise
+            time.sleep(_PAUSE)
+            self._file.close()
+            self._open()
+        raise AssertionError("the last attempt returns or raises")
+
+    def read(self, name: str, selection: Any = ()) -> NDArray:
+        """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
+
+        Raises
+        ------
+        InputError
+            If the file does not hold the field, or it cannot be read (`DamageError`).
+        """
+        return self._again(lambda: damage.read(self.dataset(name), selection))
+
+    def _read_at(self, path: str, selection: Any) -> NDArray:
+        if not self._file:
+            raise InputError(f"{self.path} is closed: nothing can be read from it")
+        return self._again(lambda: damage.read(self._file[path], selection))
+
+    def _read_head(self) -> None:
+        """Read everything but the frames."""
+        file, path = self._file, str(self.path)
+        try:
+            h5md.check_layout(file, path)
+            self._fields = h5md.stored_fields(file)
+            self._frames = len(file[f"{h5md.EDGES}/step"])
+            self.times: NDArray[np.float64] = damage.read(file[f"{h5md.EDGES}/time"], slice(0, self._frames))
             self.times.flags.writeable = False
-            particles = self._file[h5md.PARTICLES]
-            mass, radius, k, material = (particles[name][()] for name in ("mass", "radius", "k", "material"))
-            self.disks = Disks(len(mass), mass=mass, radius=radius, k=k, material=material)
+            particles = file[h5md.PARTICLES]
+            columns = {name: damage.read(particles[name]) for name in ("mass", "radius", "k", "material")}
+            self.disks = Disks(len(columns["mass"]), **columns)
             lengths = particles["box"].attrs["lengths"]
             sides = [str(one) for one in particles["box"].attrs["boundary"]]
             periodic = (sides[0] == "periodic", sides[1] == "periodic")
             shear_rate = float(particles["box"].attrs.get("shear_rate", 0.0))
             self.box = Box((float(lengths[0]), float(lengths[1])), periodic, shear_rate)
             self.parameters: dict[str, str | int | float] = {}
-            self._file["parameters"].visititems(self._read_parameter)
-            self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
-        except BaseException:
-            self._file.close()
-            raise
-        self.observables = Observables(self._file, self._frames)
+            file["parameters"].visititems(self._read_parameter)
+            rows = file.get("timeseries")
+            moments = np.zeros(0) if rows is None else damage.read(rows["time"], slice(0, len(rows["step"])))
+        except (OSError, RuntimeError, KeyError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise DamageError(f"{path} is damaged: {error}; `ifrdem repair` keeps what is whole") from error
+        self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
+        self.observables = Series(file["observables"], self.times, "observable", self._read_at)
+        self.series = Series(rows, moments, "series", self._read_at)
+
+    def refresh(self) -> int:
+        """Open the file again to see what a run has added; returns the number of new frames.
+
+        Frames stay valid; keep no datasets of before.
+        """
+        before = self._frames
+        self._file.close()
+        self._open()
+        self._again(self._read_head)
+        return self._frames - before
 
     def _read_parameter(self, name: str, item: h5py.Dataset | h5py.Group) -> None:
         if isinstance(item, h5py.Dataset):
@@ -205,6 +217,11 @@ class Trajectory(Sequence[Frame]):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    @property
+    def file(self) -> h5py.File:
+        """The open file, for what has no name here."""
+        return self._file
 
     @property
     def room(self) -> Room:
@@ -243,7 +260,7 @@ class Trajectory(Sequence[Frame]):
     @property
     def fields(self) -> tuple[str, ...]:
         """Names of the per-disk fields in the file."""
-        return h5md.stored_fields(self._file)
+        return self._fields
 
     def dataset(self, name: str) -> h5py.Dataset:
         """The stored data of a field, to read across frames: `dataset("position")[:, 7]` is a disk's path.
@@ -253,14 +270,86 @@ class Trajectory(Sequence[Frame]):
         Raises
         ------
         InputError
-            If the file does not hold it (also a KeyError).
+            If the file does not hold it (also a KeyError), or is closed.
         """
+        if not self._file:
+            raise InputError(f"{self.path} is closed: nothing can be read from it")
+        name = SPIN if name == "spin" else name
         if name not in self.fields:
             raise NameMissing(
                 f"{self.path} holds no field {name!r}: "
                 f"there are {', '.join(self.fields)}{nearest(name, self.fields)}"
             )
         return h5md.field_dataset(self._file, name)
+
+    def disk(self, disk: int) -> DiskPath:
+        """The stored path of a disk over the frames; `history` is exact between them, if the disk is tracked.
+
+        Raises
+        ------
+        InputError
+            If there is no such disk, the file holds no positions, or it is damaged.
+        """
+        disk = self._checked_disk(disk)
+        fields: dict[str, NDArray] = {}
+        self.dataset("position")  # says that it is missing
+        for name in self.fields:
+            value = self.read(name, (slice(0, self._frames), disk))
+            fields[name] = value.astype(np.float64) if value.dtype.kind == "f" else value
+        position = fields["position"]
+        if unwrapped := "image" in fields:
+            position = self.box.unwrap(position, fields["image"], self.times)
+        return DiskPath(disk, self.times, fields, position, unwrapped)
+
+    @property
+    def tracked(self) -> NDArray[np.int32]:
+        """Ids of the disks that have a `history`, ascending; none if the run tracked none."""
+        return history.tracked(self._file)
+
+    def history(self, disk: int) -> History:
+        """Every collision of a tracked disk, and where it was at any time between them.
+
+        Raises
+        ------
+        InputError
+            If there is no such disk, or it is not tracked (the message says which are), or the file is damaged.
+        """
+        gravity = json.loads(str(self.parameters.get("gravity", "[0.0, 0.0]")))
+        disk, radius, path = self._checked_disk(disk), self.disks.radius, str(self.path)
+        return self._again(
+            lambda: history.read(self._file, path, disk, box=self.box, radius=radius, gravity=gravity)
+        )
+
+    def _checked_disk(self, disk: int) -> int:
+        disk = operator.index(disk)
+        n = self.disks.n
+        if not 0 <= disk < n:
+            raise FrameError(
+                f"disk {disk} of {self.path}: there are {n} disks{f' (0 to {n - 1})' if n else ''}"
+            )
+        return disk
+
+    def to_pandas(
+        self, which: Literal["series", "observables", "frame"] = "series", index: int = -1
+    ) -> pandas.DataFrame:
+        """A table: `series` or `observables` by time, or the disks of the frame `index` by id; vectors as _x, _y.
+
+        Raises
+        ------
+        InputError
+            If `which` is another word, there is no such frame, or pandas is not installed.
+        """
+        return tables.to_pandas(self, which, index)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Fields, observables and series with named axes; fields are read when computed with, from the open file.
+
+        Raises
+        ------
+        InputError
+            If xarray is not installed.
+        """
+        return tables.to_xarray(self)
 
     def with_unit(self, text: str, quantity: str) -> str:
         """A text with the unit of a quantity behind it; unchanged in reduced units."""
@@ -273,141 +362,22 @@ class Trajectory(Sequence[Frame]):
         return {k.removeprefix(prefix): str(v) for k, v in self.parameters.items() if k.startswith(prefix)}
 
 
-def _open(path: Path) -> h5py.File:
+def _open(path: Path) -> tuple[h5py.File, bool]:
+    """The file, and whether a run is writing it."""
     if not os.path.exists(path):
         raise InputError(f"{path}: there is no such file")
     if os.path.isdir(path):
         raise InputError(f"{path} is a folder: a trajectory file is needed")
     try:
         try:
-            return h5py.File(path, "r")
+            return h5py.File(path, "r"), False
         except BlockingIOError:  # a run is writing it
-            return h5py.File(path, "r", locking=False)
+            return h5py.File(path, "r", locking=False), True
     except OSError as error:
         if error.errno:
             raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
         if h5py.is_hdf5(path):
-            raise InputError(f"{path} is a damaged HDF5 file: {error}") from error
+            raise DamageError(
+                f"{path} is a damaged HDF5 file: {error}; `ifrdem repair` says what can be done"
+            ) from error
         raise InputError(f"{path} is not an HDF5 file") from error
-
-
-def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
-    """What a trajectory file holds, as text for people.
-
-    Parameters
-    ----------
-    path : str or path
-        The file.
-    full : bool
-        Give long parameters (the case text) whole instead of by their number of lines.
-
-    Raises
-    ------
-    InputError
-        As `Trajectory`.
-    """
-    with Trajectory(path) as trajectory:
-        lines = [f"{path}: trajectory of ifrdem, H5MD {'.'.join(map(str, h5md.H5MD_VERSION))}"]
-        lines += _describe_gas(trajectory)
-        lines += _describe_fields(trajectory)
-        lines += _describe_names("units", trajectory.units, full=full)
-        record = {
-            k: v for k, v in trajectory.parameters.items() if k != "units" and not k.startswith("units/")
-        }
-        lines += _describe_names("parameters", record, full=full)
-    return "\n".join(lines)
-
-
-def _describe_gas(trajectory: Trajectory) -> list[str]:
-    disks, box, times = trajectory.disks, trajectory.box, trajectory.times
-    length, time, mass = (
-        f" {trajectory.units[name]}" if name in trajectory.units else ""
-        for name in ("length", "time", "mass")
-    )
-    lines = [f"  size on disk      {_bytes(trajectory.path.stat().st_size)}"]
-    span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""
-    lines.append(f"  frames            {len(trajectory)}{span}")
-    if "units" in trajectory.parameters:
-        lines.append(f"  units             {trajectory.parameters['units']}")
-    lines.append(f"  disks             {disks.n}")
-    for name, values, unit in (
-        ("radius", disks.radius, length),
-        ("mass", disks.mass, mass),
-        ("k", disks.k, ""),
-    ):
-        if disks.n:
-            low, high = float(values.min()), float(values.max())
-            lines.append(
-                f"  {name:<18}" + (f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}") + unit
-            )
-    if disks.n:
-        lines.append(f"  materials         {len(np.unique(disks.material))}")
-    if box.is_open:
-        lines.append("  box               open: positions are plain, never wrapped")
-    else:
-        lines.append(
-            f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {describe_sides(box)}"
-        )
-    if trajectory.walls:
-        shapes = [wall.shape for wall in trajectory.walls]
-        counts = ", ".join(f"{shapes.count(shape)} {shape}" for shape in dict.fromkeys(shapes))
-        lines.append(f"  walls             {counts}")
-    if not box.is_open:
-        lines.append(f"  packing fraction  {trajectory.room.packing_fraction(disks.radius):.4f}")
-    return lines
-
-
-def _describe_fields(trajectory: Trajectory) -> list[str]:
-    lines = ["fields (per disk and frame)"]
-    for name in trajectory.fields:
-        dataset = trajectory.dataset(name)
-        frame = int(np.prod(dataset.shape[1:])) * dataset.dtype.itemsize
-        filters = f", {dataset.compression}" if dataset.compression else ""
-        stored = _bytes(dataset.id.get_storage_size())
-        lines.append(
-            f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, "
-            f"{_bytes(frame)} a frame, {stored} stored{filters}"
-        )
-        if len(dataset) > len(trajectory):
-            lines[-1] += f", {len(dataset) - len(trajectory)} uncommitted"
-    lines.append("observables (per frame)")
-    for name, values in trajectory.observables.items():
-        lines.append(f"  {name:<24}{values.dtype}{_shape(values.shape[1:])}")
-    return lines
-
-
-def _describe_names(title: str, names: Mapping[str, object], *, full: bool) -> list[str]:
-    lines = [title] if names else []
-    for name, value in names.items():
-        text = str(value).rstrip("\n")
-        rows = text.splitlines()
-        if len(rows) <= 1 and (full or len(text) <= 80):
-            lines.append(f"  {name:<18}{text}")
-        elif full:
-            lines += [f"  {name}", *(f"    {row}" for row in rows)]
-        else:
-            lines.append(f"  {name:<18}{rows[0][:50]} ... ({len(rows)} lines, {len(text)} characters)")
-    return lines
-
-
-def _shape(shape: tuple[int, ...]) -> str:
-    return f" x {' x '.join(map(str, shape))}" if shape else ""
-
-
-def _bytes(count: float) -> str:
-    for unit in ("B", "kB", "MB", "GB"):
-        if count < 1000:
-            return f"{count:.3g} {unit}"
-        count /= 1000
-    return f"{count:.3g} TB"
-
-
-def describe_sides(box: Box) -> str:
-    """What stands at the sides of a box, in words."""
-    if box.shear_rate:
-        return f"periodic, sheared at the rate {box.shear_rate:.6g}"
-    if box.periodic[0] == box.periodic[1]:
-        return "periodic" if box.periodic[0] else "between walls"
-    return (
-        f"periodic in {'x' if box.periodic[0] else 'y'}, between walls in {'y' if box.periodic[0] else 'x'}"
-    )

@@ -18,11 +18,12 @@ from ifrdem.case import Case
 from ifrdem.case_walls import MOTIONS, SHAPES, MotionSection, WallSection
 from ifrdem.cli import main
 from ifrdem.collapse import Collapse
+from ifrdem.describe import describe
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
 from ifrdem.observables import measure
 from ifrdem.room import Room
-from ifrdem.trajectory import Trajectory, describe
+from ifrdem.trajectory import Trajectory
 from ifrdem.walls import Motion, Wall, from_json, to_json
 
 pytestmark = pytest.mark.unoptimised

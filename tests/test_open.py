@@ -12,6 +12,7 @@ from gases import COIN, mixture, start
 
 from ifrdem import open_space, placement
 from ifrdem.box import Box
+from ifrdem.describe import describe
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
 from ifrdem.forces import TableFriction
@@ -19,7 +20,7 @@ from ifrdem.law import IFRLaw
 from ifrdem.observables import measure
 from ifrdem.simulation import Simulation
 from ifrdem.state import Disks, State
-from ifrdem.trajectory import Trajectory, describe
+from ifrdem.trajectory import Trajectory
 from ifrdem.trajectory_writer import TrajectoryWriter
 from ifrdem.walls import Wall
 

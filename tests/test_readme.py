@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import layout_files
 import numpy as np
 import pytest
 
@@ -159,3 +160,34 @@ def test_costs_of_a_size_ratio_are_those_that_check_prints() -> None:
     row = re.search(r"^\| N = 1e4, relative \|(.*)\|$", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
     assert row is not None
     assert [float(cell) for cell in row[1].split("|")] == list(check.COST_OF_RATIO.values())
+
+
+def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    path = Path("cooling.h5")
+    layout_files.write(path, n=20, frames=3)
+    layout_files.add_series(path)
+    state = layout_files.some_state(20, 0)
+    start = {
+        "time": 0.0,
+        **{name: getattr(state, name)[[7]] for name in ("position", "velocity", "spin", "image")},
+    }
+    events = [{"time": 0.1 * i, "id": 7, "impulse": [i, 0.0]} for i in range(5)]
+    layout_files.add_histories(path, [7], start, events, [(5, 0.5)])
+    found: dict[str, Any] = {"ifrdem": ifrdem}
+    exec(compile(block("reading"), "README.md", "exec"), found)
+    assert found["speeds"].shape == (20,)
+    assert found["path"].shape == (3, 2)
+    assert found["energy"].shape == found["t"].shape == found["sliding"].shape == (7,)
+    assert found["where"].shape == (2, 2)
+    assert found["strongest"] == 0.4
+    for line in block("tools").splitlines():
+        words = line.partition("#")[0].split()
+        assert words.pop(0) == "ifrdem"
+        assert cli.main(words) == 0, line
+    made = {each.name for each in tmp_path.iterdir()} - {"cooling.h5"}
+    # `repair` says that the last row of the series is not committed
+    assert made == {
+        "cooling.vtkhdf", "cooling.nc", "cooling.gsd", "cooling.mp4", "seven.csv", "cooling.repaired.h5",
+        "cooling.repaired.vtkhdf", "cooling.repaired.nc",
+    }  # fmt: skip

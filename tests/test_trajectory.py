@@ -17,11 +17,12 @@ import pytest
 import ifrdem
 from ifrdem.box import Box
 from ifrdem.case import UNITS
+from ifrdem.describe import describe
 from ifrdem.errors import InputError
 from ifrdem.frame_rows import FrameRows
 from ifrdem.rows import Rows
 from ifrdem.state import Disks, State
-from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter, describe
+from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
 
 BOX = Box((30.0, 20.0))
 FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")

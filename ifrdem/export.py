@@ -1,0 +1,201 @@
+"""Trajectories in the formats of other codes: copies, unlike `views`."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import tables
+from .errors import InputError, nearest
+from .history import History
+from .trajectory import Trajectory
+
+FORMATS = ("gsd", "extxyz", "csv")
+EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what ASE and OVITO call them
+
+
+def export(
+    trajectory: Trajectory,
+    place: str | os.PathLike[str],
+    to: str,
+    frames: Sequence[int],
+    *,
+    progress: Callable[[Sequence[int]], Iterable[int]] = iter,
+) -> None:
+    """Write frames of a trajectory to a file; memory holds one frame at a time.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    place : path
+        The file to write: it appears whole or not at all, and replaces one that is there.
+    to : {"gsd", "extxyz", "csv"}
+        gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box; spins and
+        times as logged quantities `particles/angular_velocity` and `time`. extxyz: extended XYZ with z = 0 and every
+        stored field. csv: a line a disk and frame, with a header. The last two keep every digit that is stored.
+    frames : sequence of int
+        Which, in this order.
+    progress : callable
+        Wraps the frames, to show how far it is.
+
+    Raises
+    ------
+    InputError
+        If the format is none of these, a field it needs is not stored, a package is missing, or it cannot be written.
+    """
+    if to not in FORMATS:
+        raise InputError(f"--to {to}: allowed are {', '.join(FORMATS)}{nearest(to, FORMATS)}")
+    writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv}
+    if to != "csv":
+        trajectory.dataset("position")  # says that it is missing
+    write_aside(Path(place), lambda aside: writers[to](trajectory, aside, progress(frames)))
+
+
+def write_aside(place: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` write a file beside its place, and rename it into place."""
+    aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
+    try:
+        write(aside)
+        os.replace(aside, place)
+    except OSError as error:
+        raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def write_history(history: History, place: Path) -> None:
+    """A disk's events as CSV with a header, a line an event; every digit is kept."""
+    found: dict[str, NDArray] = {}
+    for name, value in history.columns.items():
+        ends = ("n", "t") if name == "impulse" else ()
+        found.update(tables.columns(name, value, ends))
+    write_aside(
+        place, lambda aside: _rows(aside, list(found), [np.column_stack([*map(_texts, found.values())])])
+    )
+
+
+def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray]) -> None:
+    with place.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        for block in blocks:
+            writer.writerows(block.tolist())
+
+
+def _texts(column: NDArray) -> NDArray:
+    """Numbers as the shortest texts from which they come back."""
+    return column.astype(str)
+
+
+def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray]:
+    """The fields of a frame in the precision in which they are stored."""
+    frame = trajectory[index]
+    return {name: frame[name].astype(trajectory.dataset(name).dtype) for name in trajectory.fields}
+
+
+def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
+    n = trajectory.disks.n
+    names = [end for name, value in _empty(trajectory).items() for end, _ in tables.columns(name, value)]
+
+    def blocks() -> Iterable[NDArray]:
+        ids = np.arange(n).astype(str)
+        for index in frames:
+            flat = [
+                _texts(column)
+                for name, value in _stored(trajectory, index).items()
+                for _, column in tables.columns(name, value)
+            ]
+            head = [np.full(n, str(index)), np.full(n, repr(float(trajectory.times[index]))), ids]
+            yield np.column_stack([*head, *flat])
+
+    _rows(place, ["frame", "time", "id", *names], blocks())
+
+
+def _empty(trajectory: Trajectory) -> dict[str, NDArray]:
+    """No disks, in the shapes of the fields."""
+    return {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
+
+
+def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
+    disks, box = trajectory.disks, trajectory.box
+    constant: dict[str, NDArray] = {"radius": disks.radius, "mass": disks.mass, "material": disks.material}
+    species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
+    with place.open("w", encoding="utf-8") as file:
+        for index in frames:
+            columns, kinds = [species], ["species:S:1"]
+            for name, value in {**_stored(trajectory, index), **constant}.items():
+                vector = value.ndim == 2
+                kind = "I" if value.dtype.kind == "i" else "R"
+                kinds.append(f"{EXTXYZ_NAMES.get(name, name)}:{kind}:{3 if vector else 1}")
+                columns += [_texts(column) for column in (value.T if vector else [value])]
+                if vector:
+                    columns.append(np.full(disks.n, "0"))
+            time = float(trajectory.times[index])
+            cell = ""
+            if not box.is_open:
+                above = box.image_above(time) if box.shear_rate else 0.0
+                width, height = box.lengths
+                cell = f'Lattice="{width!r} 0 0 {above!r} {height!r} 0 0 0 1" '
+            periodic = " ".join("T" if one else "F" for one in (*box.periodic, False))
+            file.write(
+                f'{disks.n}\n{cell}Properties={":".join(kinds)} pbc="{periodic}" time={time!r} frame={index}\n'
+            )
+            file.writelines(
+                f"{' '.join(row)}\n" for row in zip(*(each.tolist() for each in columns), strict=True)
+            )
+
+
+def _gsd(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
+    hoomd = tables.needed("gsd.hoomd", "export")
+    with hoomd.open(str(place), "w") as file:
+        for index in frames:
+            file.append(_snapshot(hoomd, trajectory, index))
+
+
+def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
+    """A frame in HOOMD's schema: the box about the origin, Lz = 0 and dimensions = 2."""
+    frame, disks, box = trajectory[index], trajectory.disks, trajectory.box
+    n = disks.n
+    flat = np.zeros((n, 3), dtype=np.float32)
+    snapshot = hoomd.Frame()
+    snapshot.configuration.step = index
+    snapshot.configuration.dimensions = 2
+    position = frame.position
+    if box.is_open:  # HOOMD knows no open plane: a square about all of them
+        middle = (position.min(axis=0) + position.max(axis=0)) / 2.0 if n else np.zeros(2)
+        side = float(np.ptp(position, axis=0).max() + 2.0 * disks.radius.max()) if n else 1.0
+        lengths, tilt = np.array([side, side]), 0.0
+    else:
+        middle, lengths = 0.5 * np.asarray(box.lengths), np.asarray(box.lengths)
+        above = box.image_above(frame.time) if box.shear_rate else 0.0
+        tilt = (above - lengths[0] * round(above / lengths[0])) / lengths[1]
+    place = position - middle
+    if tilt:  # into HOOMD's parallelogram
+        place[:, 0] -= lengths[0] * np.round((place[:, 0] - tilt * place[:, 1]) / lengths[0])
+    flat[:, :2] = place
+    snapshot.configuration.box = [*lengths, 0.0, tilt, 0.0, 0.0]
+    particles = snapshot.particles
+    particles.N, particles.position = n, flat
+    particles.mass, particles.diameter = disks.mass, 2.0 * disks.radius
+    particles.typeid = disks.material
+    particles.types = [f"M{i}" for i in range(int(disks.material.max()) + 1)] if n else []
+    inertia = np.zeros((n, 3), dtype=np.float32)
+    inertia[:, 2] = disks.inertia
+    particles.moment_inertia = inertia
+    for name in ("velocity", "image"):
+        # Images of a sheared box are counted along other axes than those of the parallelogram.
+        if name in trajectory.fields and not (name == "image" and box.shear_rate):
+            value = np.zeros((n, 3), dtype=np.float32 if name == "velocity" else np.int32)
+            value[:, :2] = frame[name]
+            setattr(particles, name, value)
+    snapshot.log["time"] = np.array([frame.time])
+    for name in trajectory.fields:
+        if name not in ("position", "velocity", "image"):
+            snapshot.log[f"particles/{name}"] = frame[name]
+    return snapshot

@@ -1,0 +1,127 @@
+"""A frame of a trajectory: where the disks were at one time, read when asked for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from .trajectory import Trajectory
+
+SPIN = "angular_velocity"
+"""What H5MD calls the spin; both names are understood."""
+
+
+class FrameError(InputError, IndexError):
+    """A frame number outside the trajectory."""
+
+
+class NameMissing(InputError, KeyError):
+    """A name that the file does not hold."""
+
+    __str__ = Exception.__str__  # KeyError would put its message into quotes
+
+
+class AttributeMissing(NameMissing, AttributeError):
+    """The same, asked for as an attribute."""
+
+
+class Frame:
+    """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
+
+    Every stored field is there by its name, as `frame["velocity"]` and as `frame.velocity`; "spin" is another name of
+    "angular_velocity".
+
+    Attributes
+    ----------
+    index : int
+        Number of the frame, from 0.
+    time : float
+        Its time [time].
+    """
+
+    def __init__(self, trajectory: Trajectory, index: int) -> None:
+        self._trajectory = trajectory
+        self.index = index
+
+    def __repr__(self) -> str:
+        """Which frame of how many, and when."""
+        trajectory = self._trajectory
+        return (
+            f"<Frame {self.index} of {len(trajectory)}: {trajectory.disks.n} disks at "
+            f"t = {trajectory.with_unit(f'{self.time:.6g}', 'time')}>"
+        )
+
+    def __getitem__(self, name: str) -> NDArray:
+        """The same as `field`."""
+        return self.field(name)
+
+    def __getattr__(self, name: str) -> NDArray:
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in self._trajectory.fields:
+            try:
+                self._trajectory.dataset(name)
+            except NameMissing as error:
+                raise AttributeMissing(str(error)) from None
+        return self.field(name)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self._trajectory.fields})
+
+    def field(self, name: str) -> NDArray:
+        """A stored field by its name in the file, shape (n,) or (n, 2).
+
+        Raises
+        ------
+        InputError
+            If the file does not hold it (also a KeyError), or it cannot be read (`damage.DamageError`).
+        """
+        value = self._trajectory.read(name, self.index)
+        return value.astype(np.float64) if value.dtype.kind == "f" else value
+
+    @property
+    def time(self) -> float:
+        """The time [time]."""
+        return float(self._trajectory.times[self.index])
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """Centres [length], shape (n, 2), inside the box; anywhere in the plane if that is open."""
+        return self.field("position")
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocities in the lab [length/time], shape (n, 2)."""
+        return self.field("velocity")
+
+    @property
+    def peculiar_velocity(self) -> NDArray[np.float64]:
+        """Velocities relative to the mean flow of a sheared box [length/time], shape (n, 2); in others the same."""
+        if self._trajectory.box.shear_rate == 0.0:
+            return self.velocity
+        return self.velocity - self._trajectory.box.flow(self.position)
+
+    @property
+    def spin(self) -> NDArray[np.float64]:
+        """Angular velocities, counter-clockwise [rad/time], shape (n,)."""
+        return self.field(SPIN)
+
+    @property
+    def collisions(self) -> NDArray[np.int32]:
+        """Collisions that each disk has had, shape (n,)."""
+        return self.field("collisions")
+
+    @property
+    def image(self) -> NDArray[np.int32]:
+        """How often each disk has left the box through each side, shape (n, 2); see `Box.unwrap`."""
+        return self.field("image")
+
+    @property
+    def unwrapped(self) -> NDArray[np.float64]:
+        """Places on paths without jumps [length], shape (n, 2); the file must hold `image`."""
+        return self._trajectory.box.unwrap(self.position, self.image, self.time)

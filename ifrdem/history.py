@@ -1,0 +1,282 @@
+"""The whole history of a tracked disk: its collisions, and where it was at any time between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import damage
+from .box import Box
+from .errors import InputError, nearest
+from .frame import NameMissing
+
+GROUP = "histories"
+
+COLUMNS = {
+    "time": (),
+    "partner": (),
+    "position": (2,),
+    "image": (2,),
+    "normal": (2,),
+    "velocity_before": (2,),
+    "velocity_after": (2,),
+    "spin_before": (),
+    "spin_after": (),
+    "partner_velocity_before": (2,),
+    "partner_velocity_after": (2,),
+    "partner_spin_before": (),
+    "partner_spin_after": (),
+    "impulse": (2,),
+    "psi": (),
+    "regime": (),
+}
+"""What is stored of each event beside the disk's id, and its shape."""
+
+KICK = -1
+"""Partner of an event that is no collision: a force changed the disk's velocity or spin."""
+
+_BLOCK = 16384 * 16  # rows that are looked through at once: whole chunks
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """Every event of one disk in the order of time, and its exact path.
+
+    Columns are there by their names, as `history["psi"]` and as `history.psi`; but `history.position(t)` is where the
+    disk was at any time t, and `history["position"]` where it was at its events. `len` counts events.
+
+    Attributes
+    ----------
+    disk : int
+        Id of the disk.
+    start, end : float
+        Times between which its path is known [time]: when tracking began, and up to when all is committed.
+    columns : dict
+        The columns by name, read-only:
+    time : array (E,)
+        Times of its events [time].
+    partner : array (E,)
+        Id of the other disk; -2 - w for wall w (`Trajectory.walls`, then the sides of the box); -1 no collision: a
+        force changed the disk's velocity or spin (a kick).
+    position : array (E, 2)
+        Centre of the disk then [length], inside the box.
+    image : array (E, 2)
+        Box lengths travelled, as in a frame.
+    normal : array (E, 2)
+        Unit vector from the disk's centre to the partner's, or to the wall; 0 for a kick.
+    contact_point : array (E, 2)
+        position + radius * normal [length].
+    velocity_before, velocity_after : array (E, 2)
+        Of the disk [length/time].
+    spin_before, spin_after : array (E,)
+        Of the disk [rad/time].
+    partner_velocity_before, partner_velocity_after : array (E, 2)
+    partner_spin_before, partner_spin_after : array (E,)
+        The same of the partner; of a wall its velocity at the contact, and no spin.
+    impulse : array (E, 2)
+        Impulses that the disk gives along normal n and t = (-n_y, n_x): (P_n, P_t) [mass length/time].
+    psi : array (E,)
+        Angle of impact between the relative velocity of the centres and the line of centres [rad], 0 to pi/2.
+    regime : array (E,)
+        As `Regime`; -1 not known, 0 a kick or separating, 9 elastic by a remedy for collapse.
+    """
+
+    disk: int
+    start: float
+    end: float
+    columns: dict[str, NDArray] = field(repr=False)
+    _box: Box = field(repr=False)
+    _gravity: NDArray[np.float64] = field(repr=False)
+    _path: _Path = field(repr=False)
+
+    def __getitem__(self, name: str) -> NDArray:
+        if name not in self.columns:
+            raise NameMissing(
+                f"a history has no column {name!r}: there are {', '.join(self.columns)}"
+                f"{nearest(str(name), self.columns)}"
+            )
+        return self.columns[name]
+
+    def __getattr__(self, name: str) -> NDArray:
+        columns = self.__dict__.get("columns", {})
+        if name in columns:
+            return columns[name]
+        raise AttributeError(f"a history has no {name!r}{nearest(name, [*columns, *type(self).__dict__])}")
+
+    def __len__(self) -> int:
+        """Number of events, kicks included."""
+        return len(self.columns["time"])
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.columns})
+
+    def __repr__(self) -> str:
+        """Whose it is, how much, and from when to when."""
+        return f"<History of disk {self.disk}: {self.collisions} collisions, t = {self.start:.6g} to {self.end:.6g}>"
+
+    @property
+    def collisions(self) -> int:
+        """Number of collisions, with disks and walls."""
+        return int(np.count_nonzero(self["partner"] != KICK))
+
+    @property
+    def free_times(self) -> NDArray[np.float64]:
+        """Times between successive collisions [time], shape (collisions - 1,)."""
+        return np.diff(self["time"][self["partner"] != KICK])
+
+    @property
+    def mean_free_time(self) -> float:
+        """Mean time between successive collisions [time]; nan with less than two."""
+        times = self.free_times
+        return float(times.mean()) if len(times) else float("nan")
+
+    def position(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Centre at times t [time] of any shape (...): inside the box [length], shape (..., 2). Exact.
+
+        Raises
+        ------
+        InputError
+            If a time is not between `start` and `end`.
+        """
+        at, place, _ = self._flight(t)
+        return self._box.wrap(place, at)
+
+    def unwrapped(self, t: ArrayLike) -> NDArray[np.float64]:
+        """The same on a path without jumps: what `Box.unwrap` makes of position and image."""
+        at, place, event = self._flight(t)
+        return self._box.unwrap(place, self._path.image[event], at)
+
+    def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Velocity in the lab at times t [length/time], shape (..., 2); after the event at the time of one."""
+        at, place, event = self._flight(t)
+        since = at - self._path.time[event]
+        velocity = self._path.velocity[event] + since[..., None] * self._gravity
+        if self._box.shear_rate:  # who leaves a sheared box above comes in below, so much slower
+            height = self._box.lengths[1]
+            velocity[..., 0] -= np.floor(place[..., 1] / height) * self._box.shear_rate * height
+        return velocity
+
+    def spin(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Spin at times t [rad/time], shape (...); after the event at the time of one."""
+        _, event = self._find(t)
+        return self._path.spin[event]
+
+    def angle(self, t: ArrayLike) -> NDArray[np.float64]:
+        """How far the disk has turned since tracking began, at times t [rad], shape (...)."""
+        at, event = self._find(t)
+        return self._path.angle[event] + self._path.spin[event] * (at - self._path.time[event])
+
+    def _find(self, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        at = np.asarray(t, dtype=np.float64)
+        wrong = ~((at >= self.start) & (at <= self.end))
+        if wrong.any():
+            raise InputError(
+                f"t = {at[wrong].flat[0] if at.ndim else float(at):.17g}: the history of disk {self.disk} is known "
+                f"from {self.start:.17g} to {self.end:.17g}"
+            )
+        return at, np.searchsorted(self._path.time, at, side="right") - 1
+
+    def _flight(self, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
+        """Times, the places in the plane of which the latest event's box is a part, and the number of that event."""
+        at, event = self._find(t)
+        since = (at - self._path.time[event])[..., None]
+        place = self._path.position[event] + since * (
+            self._path.velocity[event] + 0.5 * since * self._gravity
+        )
+        return at, place, event
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Where the flights of a disk begin: the start of tracking, then after each event."""
+
+    time: NDArray[np.float64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    spin: NDArray[np.float64]
+    image: NDArray[np.int32]
+    angle: NDArray[np.float64]
+
+
+def tracked(file: h5py.File) -> NDArray[np.int32]:
+    """Ids of the disks whose histories a file holds, ascending."""
+    if GROUP not in file:
+        return np.zeros(0, dtype=np.int32)
+    return damage.read(file[f"{GROUP}/tracked"])
+
+
+def committed(file: h5py.File) -> tuple[int, float]:
+    """How many events of all disks are committed, and up to when histories are complete [time]."""
+    group = file[f"{GROUP}/committed"]
+    rows = len(group["events"])  # grows last
+    if rows == 0:
+        return 0, float(damage.read(file[f"{GROUP}/start/time"]))
+    return int(damage.read(group["events"], rows - 1)), float(damage.read(group["time"], rows - 1))
+
+
+def read(
+    file: h5py.File, path: str, disk: int, *, box: Box, radius: NDArray[np.float64], gravity: ArrayLike
+) -> History:
+    """The history of a disk. Memory holds its own events, and a block of those of all.
+
+    Raises
+    ------
+    InputError
+        If the file has no histories, or not of this disk; the message says of which, or how to ask for them.
+    """
+    if not 0 <= disk < len(radius):
+        raise InputError(f"disk {disk} of {path}: there are {len(radius)} disks, 0 to {len(radius) - 1}")
+    if GROUP not in file:
+        raise InputError(
+            f"{path} holds no histories: `histories` under [output] of the case (output.histories) names the disks "
+            "to track, and the run must be made again"
+        )
+    ids = tracked(file)
+    place = int(np.searchsorted(ids, disk))
+    if place == len(ids) or ids[place] != disk:
+        near = int(ids[np.argmin(np.abs(ids.astype(np.int64) - disk))]) if len(ids) else None
+        some = ", ".join(map(str, ids[:5])) + (", ..." if len(ids) > 5 else "")
+        raise InputError(
+            f"disk {disk} of {path} is not tracked: {len(ids)} of {len(radius)} disks are ({some})"
+            + ("" if near is None else f"; the nearest is {near}")
+        )
+    count, end = committed(file)
+    columns = _events(file, disk, count)
+    start = {
+        name: damage.read(file[f"{GROUP}/start/{name}"], place if name != "time" else ())
+        for name in ("time", "position", "velocity", "spin", "image")
+    }
+    time = np.concatenate([[float(start["time"])], columns["time"]])
+    spin = np.concatenate([[start["spin"]], columns["spin_after"]])
+    flights = _Path(
+        time=time,
+        position=np.concatenate([start["position"][None], columns["position"]]),
+        velocity=np.concatenate([start["velocity"][None], columns["velocity_after"]]),
+        spin=spin,
+        image=np.concatenate([start["image"][None], columns["image"]]),
+        angle=np.concatenate([[0.0], np.cumsum(spin[:-1] * np.diff(time))]),
+    )
+    columns["contact_point"] = columns["position"] + radius[disk] * columns["normal"]
+    for column in columns.values():
+        column.flags.writeable = False
+    return History(disk, float(time[0]), end, columns, box, np.asarray(gravity, dtype=np.float64), flights)
+
+
+def _events(file: h5py.File, disk: int, count: int) -> dict[str, NDArray]:
+    """The columns of a disk's events among the first `count` of all."""
+    events = file[f"{GROUP}/events"]
+    found: dict[str, list[NDArray]] = {
+        name: [np.zeros((0, *tail), dtype=events[name].dtype)] for name, tail in COLUMNS.items()
+    }
+    for first in range(0, count, _BLOCK):
+        last = min(first + _BLOCK, count)
+        mine = np.flatnonzero(damage.read(events["id"], slice(first, last)) == disk)
+        if len(mine) == 0:
+            continue
+        rows = slice(first + int(mine[0]), first + int(mine[-1]) + 1)
+        for name in COLUMNS:
+            found[name].append(damage.read(events[name], rows)[mine - mine[0]])
+    return {name: np.concatenate(parts) for name, parts in found.items()}

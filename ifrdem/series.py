@@ -1,0 +1,77 @@
+"""Whole-gas quantities of a trajectory over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import nearest
+from .frame import NameMissing
+
+
+class Series(Mapping[str, NDArray]):
+    """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
+
+    A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`.
+
+    Attributes
+    ----------
+    time : array (rows,)
+        Times of the rows [time].
+    """
+
+    def __init__(
+        self,
+        group: h5py.Group | None,
+        time: NDArray[np.float64],
+        kind: str,
+        read: Callable[[str, slice], NDArray],
+    ) -> None:
+        self._kind = kind
+        self._path = "" if group is None else str(group.name)
+        self._read = read
+        self._columns: dict[str, tuple[str, ...]] = {}
+        for name, item in () if group is None else group.items():
+            if isinstance(item, h5py.Group):
+                columns = item.attrs.get("columns", ())
+                self._columns[name] = tuple(
+                    one.decode() if isinstance(one, bytes) else str(one) for one in columns
+                )
+        self.time = time
+
+    def __getitem__(self, name: str) -> NDArray:
+        whole, _, column = str(name).partition("/")
+        columns = self.columns(whole)
+        value = self._read(f"{self._path}/{whole}/value", slice(0, len(self.time)))
+        if not column:
+            return value
+        if column not in columns:
+            raise NameMissing(
+                f"{self._kind} {whole!r} of the file has no column {column!r}: "
+                f"there are {', '.join(columns) or 'none'}{nearest(column, columns)}"
+            )
+        return value[:, columns.index(column)]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._columns
+
+    def columns(self, name: str) -> tuple[str, ...]:
+        """Names of the columns of a quantity; empty if it has none."""
+        if name not in self._columns:
+            raise NameMissing(
+                f"the file holds no {self._kind} {name!r}: "
+                f"there are {', '.join(self) or 'none'}{nearest(str(name), self)}"
+            )
+        return self._columns[name]
+
+    def __repr__(self) -> str:
+        return f"<{self._kind} of {len(self.time)} rows: {', '.join(self) or 'none'}>"

@@ -1,0 +1,186 @@
+"""Views of a trajectory for other people's tools: small files beside it that point at its data and copy none of them.
+
+NAME.vtkhdf is a temporal PolyData of VTK's HDF format (version 2.0, "VTKHDF File Format" on docs.vtk.org), for
+ParaView, PyVista and vtkHDFReader: points with z = 0, a vertex cell each, and as point data the stored fields (vectors
+with z = 0), radius, mass, material and id. NAME.nc follows the AMBER convention (ambermd.org/netcdf/nctraj.xhtml) in
+NetCDF-4, for OVITO, xarray and ASE: coordinates, velocities, and the other fields by their names; cell lengths are 0
+where the box is not periodic, as ASE wants it.
+
+The data are virtual datasets of HDF5 that name NAME.h5 without a folder: move the files together. A view shows the
+frames that were committed when it was made. Where HDF5 cannot reach NAME.h5 (moved away, or locked by a run that still
+writes it), floats read as nan and counts as -2147483648. Neither format knows a sheared box: the images that tools make
+of one above and below are at the wrong places.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from . import h5md
+from .errors import InputError
+from .trajectory import Trajectory
+
+CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
+TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")
+# Axes of an AMBER file that have no values of their own, and their names in netCDF-4's own notation.
+ZEROS = "zeros"  # the group of what fills z
+NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
+
+
+def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
+    """Where the views of a trajectory are: NAME.vtkhdf and NAME.nc."""
+    whole = Path(trajectory)
+    name = whole.name.removesuffix(".h5")
+    return whole.with_name(f"{name}.vtkhdf"), whole.with_name(f"{name}.nc")
+
+
+def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
+    """Write the views of a trajectory beside it, replacing those that are there; returns their paths.
+
+    Raises
+    ------
+    InputError
+        If the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a view cannot
+        be written. Each view appears whole or not at all.
+    """
+    made = paths(path)
+    with Trajectory(path) as trajectory:
+        if len(trajectory) == 0 or trajectory.disks.n == 0 or "position" not in trajectory.fields:
+            missing = (
+                "frames" if len(trajectory) == 0 else "disks" if trajectory.disks.n == 0 else "positions"
+            )
+            raise InputError(f"{path}: a view needs {missing}, and there are none")
+        for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
+            _write(place, trajectory, fill)
+    return made
+
+
+def _write(place: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Trajectory], None]) -> None:
+    aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
+    try:
+        # netCDF-4 wants the order of creation to be kept.
+        with h5py.File(aside, "w", track_order=True) as file:
+            fill(file, trajectory)
+        os.replace(aside, place)
+    except (OSError, RuntimeError) as error:
+        raise InputError(f"view {place} cannot be written: {error}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def _view(
+    group: h5py.Group, name: str, trajectory: Trajectory, source: str, shape: tuple[int, ...]
+) -> h5py.Dataset:
+    """A virtual dataset of one of the trajectory, in another shape of as many numbers; vectors get z = 0."""
+    stored = trajectory.file[source]
+    origin = h5py.VirtualSource(trajectory.path.name, source, shape=stored.shape, dtype=stored.dtype)
+    layout = h5py.VirtualLayout(shape=shape, dtype=stored.dtype)
+    chosen = origin if stored.ndim == 1 else origin[: len(trajectory)]
+    if stored.ndim == 3:
+        layout[..., :2] = chosen
+        # Numbers of z that were never written take no room and read as 0.
+        zeros = group.file.require_dataset(f"{ZEROS}/{stored.dtype.str[1:]}", shape[:-1], stored.dtype)
+        layout[..., 2] = h5py.VirtualSource(".", zeros.name, shape=zeros.shape, dtype=zeros.dtype)
+    else:
+        layout[...] = chosen
+    nothing = np.nan if stored.dtype.kind == "f" else np.iinfo(stored.dtype).min
+    return group.create_virtual_dataset(name, layout, fillvalue=nothing)
+
+
+def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
+    frames, n = len(trajectory), trajectory.disks.n
+    root = file.create_group("VTKHDF")
+    root.attrs["Version"] = np.array((2, 0), dtype=np.int64)
+    root.attrs.create("Type", np.bytes_("PolyData"))  # a text of fixed length
+    _view(root, "Points", trajectory, h5md.field_dataset(trajectory.file, "position").name, (frames * n, 3))
+    root["NumberOfPoints"] = np.full(frames, n, dtype=np.int64)
+    for name in TOPOLOGIES:
+        cells = n if name == "Vertices" else 0
+        group = root.create_group(name)
+        # One set of cells, to which all frames point.
+        group["NumberOfCells"] = np.full(frames, cells, dtype=np.int64)
+        group["NumberOfConnectivityIds"] = np.full(frames, cells, dtype=np.int64)
+        group["Connectivity"] = np.arange(cells, dtype=np.int64)
+        group["Offsets"] = np.arange(cells + 1, dtype=np.int64)
+    data = root.create_group("PointData")
+    steps = root.create_group("Steps")
+    steps.attrs["NSteps"] = np.int64(frames)
+    steps["Values"] = trajectory.times
+    steps["PartOffsets"] = np.arange(frames, dtype=np.int64)
+    steps["NumberOfParts"] = np.ones(frames, dtype=np.int64)
+    steps["PointOffsets"] = np.arange(frames, dtype=np.int64) * n
+    for name in ("CellOffsets", "ConnectivityIdOffsets"):
+        steps[name] = np.zeros((frames, len(TOPOLOGIES)), dtype=np.int64)
+    offsets = steps.create_group("PointDataOffsets")
+    for name in trajectory.fields:
+        if name == "position":
+            continue
+        stored = trajectory.dataset(name)
+        tail = (3,) if stored.ndim == 3 else ()
+        _view(data, name, trajectory, trajectory.dataset(name).name, (frames * n, *tail))
+        offsets[name] = np.arange(frames, dtype=np.int64) * n
+    for name in CONSTANT:
+        _view(data, name, trajectory, f"{h5md.PARTICLES}/{name}", (n,))
+        offsets[name] = np.zeros(frames, dtype=np.int64)
+    data["id"] = np.arange(n, dtype=np.int32)
+    offsets["id"] = np.zeros(frames, dtype=np.int64)
+
+
+def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
+    frames, n = len(trajectory), trajectory.disks.n
+    for name, value in (
+        ("Conventions", "AMBER"),
+        ("ConventionVersion", "1.0"),
+        ("program", "ifrdem"),
+        ("programVersion", str(trajectory.parameters.get("versions/ifrdem", "unknown"))),
+        ("title", str(trajectory.parameters.get("name", trajectory.path.stem))),
+    ):
+        file.attrs.create(name, np.bytes_(value.encode()))
+    axes: dict[str, h5py.Dataset] = {}
+    for number, (name, length) in enumerate(
+        (("frame", frames), ("spatial", 3), ("atom", n), ("cell_spatial", 3), ("cell_angular", 3))
+    ):
+        if name in ("spatial", "cell_spatial"):
+            labels = list("xyz" if name == "spatial" else "abc")
+            axes[name] = file.create_dataset(name, data=np.array(labels, dtype="S1"))
+            axes[name].make_scale(name)
+        else:
+            axes[name] = file.create_dataset(name, shape=(length,), dtype=">f4")
+            axes[name].make_scale(f"{NO_VALUES}{length:10d}")
+        axes[name].attrs["_Netcdf4Dimid"] = np.int32(number)
+
+    def attach(variable: h5py.Dataset, *names: str, unit: str | None = None) -> None:
+        for axis, name in zip(variable.dims, names, strict=True):
+            axis.attach_scale(axes[name])
+        if unit is not None:
+            variable.attrs.create("units", np.bytes_(unit.encode()))
+
+    units = trajectory.units
+    attach(file.create_dataset("time", data=trajectory.times), "frame", unit=units.get("time"))
+    lengths = [
+        side if one else 0.0
+        for side, one in zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
+    ]
+    cell = file.create_dataset("cell_lengths", data=np.tile([*lengths, 0.0], (frames, 1)))
+    attach(cell, "frame", "cell_spatial", unit=units.get("length"))
+    angles = file.create_dataset("cell_angles", data=np.full((frames, 3), 90.0))
+    attach(angles, "frame", "cell_angular", unit="degree")
+    names = {"position": "coordinates", "velocity": "velocities"}
+    for name in trajectory.fields:
+        tail = (3,) if trajectory.dataset(name).ndim == 3 else ()
+        view = _view(
+            file, names.get(name, name), trajectory, trajectory.dataset(name).name, (frames, n, *tail)
+        )
+        unit = units.get({"position": "length"}.get(name, ""))
+        attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
+    for zeros in file[ZEROS].values():
+        attach(zeros, "frame", "atom")
+    for name in CONSTANT:
+        # ASE takes `atom_types` for numbers of chemical elements, so materials keep their own name.
+        view = _view(file, name, trajectory, f"{h5md.PARTICLES}/{name}", (n,))
+        attach(view, "atom", unit=units.get({"radius": "length"}.get(name, name)))
