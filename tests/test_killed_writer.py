@@ -41,6 +41,8 @@ FORKS = """
 import json, os, sys
 sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests"]
 import test_killed_writer
+from ifrdem import deflate, h5md
+deflate._isal(), h5md.package_versions()  # so that no child has to look for them
 assert "taichi" not in sys.modules
 for line in sys.stdin:
     pid = os.fork()
