@@ -3,10 +3,10 @@
 HDF5 flushes its metadata by address. When the index of a dataset's chunks splits, the node that points to new ones
 is then written before them: a process killed in between leaves a file whose committed frames cannot be found. Here,
 what goes into new space is written at once, and what changes space in use waits until the flush and goes last: first
-the superblock, which says how far the file reaches, then what points to other metadata, parents before children. A
-parent that knows a new child early is harmless, because the old one still holds what has moved. Only a new name in
-a group that exists changes two pieces that must fit, its heap's head and body: groups are added before the first
-frame where possible.
+the superblock, which says how far the file reaches, then the indexes, parents before children, then the numbers of
+rows. A parent that knows a new child early is harmless, because the old one still holds what has moved. Only a new
+name in a group that exists changes two pieces that must fit, its heap's head and body: groups are added before the
+first frame where possible.
 """
 
 from __future__ import annotations
@@ -158,11 +158,16 @@ class OrderedFile:
 
 
 def _order(data: bytes) -> tuple[int, int]:
-    """When a piece is written: the superblock, heaps, what has no mark, trees from the root down, groups' leaves."""
+    """When a piece is written: see the numbers. Pieces of one number keep HDF5's order: data, then their headers."""
     if data.startswith(_SUPERBLOCK):
         return 0, 0
-    if data.startswith(b"HEAP"):
+    if data.startswith(b"HEAP"):  # of names
         return 1, 0
-    if data.startswith(b"TREE"):
-        return 3, -data[5]  # the level of the node; leaves have 0
-    return (4, 0) if data.startswith(b"SNOD") else (2, 0)
+    if data.startswith(
+        b"TREE\x01"
+    ):  # of chunks, from the root down; the sixth byte is the level, 0 for leaves
+        return 2, -data[5]
+    if data.startswith(b"TREE"):  # of the names in a group
+        return 4, -data[5]
+    # Without a mark: names, numbers, and headers of datasets, which say how many rows there are.
+    return (5, 0) if data.startswith(b"SNOD") else (3, 0)
