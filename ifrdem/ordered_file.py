@@ -20,6 +20,9 @@ try:
 except ImportError:  # not on Windows
     fcntl = None  # type: ignore[assignment]
 
+MOST_HELD = 2**26
+"""Bytes for new space that are held back at most, to be written as one."""
+
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
 
 
@@ -56,6 +59,10 @@ class OrderedFile:
         self._size = os.fstat(self._descriptor).st_size
         self._in_use = self._size
         self._waiting: dict[int, bytes] = {}
+        # Pieces for new space, in order; the next usually begins where the last ends.
+        self._new: list[tuple[int, bytes]] = []
+        self._new_size = 0
+        self._new_end = self._size
 
     def fileno(self) -> int:
         """The descriptor."""
@@ -76,7 +83,7 @@ class OrderedFile:
         data = os.pread(self._descriptor, len(view), self._at)
         view[: len(data)] = data
         view[len(data) :] = bytes(len(view) - len(data))
-        for start, held in self._waiting.items():
+        for start, held in (*self._new, *self._waiting.items()):
             low, high = max(start, self._at), min(start + len(held), self._at + len(view))
             if low < high:
                 view[low - self._at : high - self._at] = held[low - start : high - start]
@@ -90,13 +97,13 @@ class OrderedFile:
         return bytes(data)
 
     def write(self, buffer: bytes) -> int:
-        """Write at the present place: at once into new space, at the next flush into space in use."""
+        """Write at the present place: it reaches the disk at the next flush, or before where that is new space."""
         view = memoryview(buffer).cast("B")
         old = max(0, min(len(view), self._in_use - self._at))
         if old:
             self._wait(self._at, bytes(view[:old]))
         if old < len(view):
-            self._write(view[old:], self._at + old)
+            self._put(self._at + old, bytes(view[old:]))
         self._at += len(view)
         self._size = max(self._size, self._at)
         return len(view)
@@ -111,10 +118,11 @@ class OrderedFile:
 
     def flush(self) -> None:
         """Write what waits, in an order that leaves a good file whenever it ends."""
+        self._write_new()
         for start, data in sorted(self._waiting.items(), key=lambda item: _order(item[1])):
             self._write(memoryview(data), start)
         self._waiting.clear()
-        self._in_use = max(self._in_use, self._size)
+        self._in_use = self._new_end = max(self._in_use, self._size)
 
     def close(self) -> None:
         """Write what waits, give back reserved room, and let go of the file."""
@@ -127,6 +135,29 @@ class OrderedFile:
         finally:
             os.close(self._descriptor)
             self._descriptor = -1
+
+    def _put(self, start: int, data: bytes) -> None:
+        """Take a piece for new space. Pieces that follow each other are written as one.
+
+        A thread beside a run gets its turn only between two kernels of Taichi, and gives it up with every writing: the
+        250 chunks of a frame of 1e6 disks must not be 250 writings.
+        """
+        follows = start == self._new_end and self._new_size + len(data) <= MOST_HELD
+        if not follows:
+            self._write_new()
+        if start < self._new_end:  # it may replace one that came before
+            self._write(memoryview(data), start)
+            return
+        self._new.append((start, data))
+        self._new_size += len(data)
+        self._new_end = start + len(data)
+
+    def _write_new(self) -> None:
+        """Write the pieces for new space."""
+        if self._new:
+            self._write(memoryview(b"".join(data for _, data in self._new)), self._new[0][0])
+            self._new.clear()
+            self._new_size = 0
 
     def _wait(self, start: int, data: bytes) -> None:
         end = start + len(data)
