@@ -6,7 +6,6 @@ HDF5's own deflate takes some ten times longer and one thread. What comes out is
 
 from __future__ import annotations
 
-import importlib.metadata
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
@@ -27,6 +26,13 @@ def _isal() -> ModuleType | None:
     except ImportError:
         return None
     return isal_zlib
+
+
+def isal_version() -> str:
+    """Version of the package isal."""
+    import isal
+
+    return str(isal.__version__)
 
 
 class Deflate:
@@ -52,8 +58,7 @@ class Deflate:
             return
         threads = threads or min(MOST_THREADS, backend.cores())
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="deflate")
-        version = importlib.metadata.version("isal")
-        self.description = f"isal {version}, {threads} thread{'' if threads == 1 else 's'}"
+        self.description = f"isal {isal_version()}, {threads} thread{'' if threads == 1 else 's'}"
 
     @property
     def available(self) -> bool:

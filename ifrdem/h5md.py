@@ -36,6 +36,7 @@ because MDAnalysis refuses units that are not in its list.
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import platform
 import re
@@ -336,6 +337,7 @@ def _check_series(file: h5py.File, path: str) -> None:
             raise InputError(f"{path} is damaged: time series {name} holds {held} of {steps} rows")
 
 
+@functools.cache
 def package_versions() -> dict[str, str]:
     """Versions of what a run's numbers depend on, without importing any of it."""
     # The package itself lies above this module, so it is looked up and not imported.

@@ -95,7 +95,7 @@ class HistoryWriter:
         known = rows.known(count)
         if known < count and columns["time"][known] < self._complete_to:
             raise TrajectoryError(
-                f"{self._output.path}: the event of disk {columns['id'][known]} at t = {columns['time'][known]} is not "
+                f"the event of disk {columns['id'][known]} at t = {columns['time'][known]} is not "
                 f"in the file, whose histories are complete up to t = {self._complete_to}"
             )
         self._output.reserve(rows.room(count) + self._commits.room(1))
@@ -103,7 +103,7 @@ class HistoryWriter:
         end = rows.at + count
         if end < rows.committed and float(rows.datasets["time"][end]) < time:
             raise TrajectoryError(
-                f"{self._output.path}: event {end} of its histories, at t = {rows.datasets['time'][end]}, is missing "
+                f"event {end} of its histories, at t = {rows.datasets['time'][end]}, is missing "
                 f"among those up to t = {time}"
             )
         if end > rows.committed or time > self._complete_to:
@@ -125,12 +125,10 @@ class HistoryWriter:
     def _compare_start(self, tracked: NDArray, time: float, start: Mapping[str, NDArray]) -> None:
         group = self._output.file[HISTORIES]
         if not np.array_equal(group["tracked"][()], tracked):
-            raise TrajectoryError(
-                f"{self._output.path} has histories of other disks than these {len(tracked)}"
-            )
+            raise TrajectoryError(f"it has histories of other disks than these {len(tracked)}")
         for name, values in (("time", np.float64(time)), *start.items()):
             if group[f"start/{name}"][()].tobytes() != values.tobytes():
-                raise TrajectoryError(f"{self._output.path} has histories that began with another {name}")
+                raise TrajectoryError(f"it has histories that began with another {name}")
 
     def _checked(self, events: Mapping[str, ArrayLike], time: float) -> dict[str, NDArray]:
         missing = [name for name in COLUMNS if name not in events]

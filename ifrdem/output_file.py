@@ -7,12 +7,14 @@ import errno
 import os
 import secrets
 import shutil
+import weakref
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import h5py
 
 from .errors import InputError
+from .ordered_file import OrderedFile
 
 
 class TrajectoryError(RuntimeError):
@@ -35,15 +37,25 @@ class OutputFile:
         Whether writing has failed; nothing is written any more then.
     """
 
-    def __init__(self, file: h5py.File, path: Path, present: Path, *, replaces: bool, new: bool) -> None:
+    def __init__(
+        self,
+        file: h5py.File,
+        raw: OrderedFile | None,
+        path: Path,
+        present: Path,
+        *,
+        replaces: bool,
+        new: bool,
+    ) -> None:
         self.file = file
+        self._raw = raw
         self.path = path
         self.failed = False
         self._present = present
         self._replaces = replaces
         self._removable = new
-        # A second descriptor of the file, to reserve room and to give back what was not used.
-        self._descriptor = os.dup(file.id.get_vfd_handle()) if os.name == "posix" else None
+        # HDF5 must not call a file of Python's once Python is gone: one that was not closed is closed before.
+        self._at_exit = weakref.finalize(self, _close, file, raw)
 
     @classmethod
     def create(
@@ -59,19 +71,18 @@ class OutputFile:
         path = Path(os.path.realpath(given))
         replaces = _check_output(path, given, force=force)
         present = _create_empty(path, given)
-        file = None
+        file, raw = None, None
         try:
+            raw = _ordered(present)
             # The default libver: files written with "latest" do not open after a kill.
-            file = h5py.File(present, "w")
+            file = h5py.File(raw or present, "w")
             fill(file)
             file.flush()
-            output = cls(file, path, present, replaces=replaces, new=True)
+            output = cls(file, raw, path, present, replaces=replaces, new=True)
             if not replaces:  # else the old file keeps the place until the first commit
                 output.publish()
         except (OSError, RuntimeError, ValueError, TypeError) as error:
-            if file is not None:
-                with contextlib.suppress(OSError, RuntimeError):
-                    file.close()
+            _close(file, raw)
             present.unlink(missing_ok=True)
             raise InputError(f"output {os.fspath(given)} cannot be written: {error}") from error
         return output
@@ -88,16 +99,19 @@ class OutputFile:
         path = Path(os.path.realpath(given))
         if not os.path.isfile(path):
             raise InputError(f"{os.fspath(given)}: there is no such file to go on with")
+        raw = None
         try:
-            file = h5py.File(path, "r+")
+            raw = _ordered(path)
+            file = h5py.File(raw or path, "r+")
         except BlockingIOError as error:
             raise InputError(
                 f"{os.fspath(given)} is open elsewhere: a run is writing it, or a program holds it"
             ) from error
-        except OSError as error:
-            reason = os.strerror(error.errno) if error.errno else str(error)
+        except (OSError, RuntimeError) as error:
+            _close(None, raw)
+            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
             raise InputError(f"{os.fspath(given)} cannot be written further: {reason}") from error
-        return cls(file, path, path, replaces=False, new=False)
+        return cls(file, raw, path, path, replaces=False, new=False)
 
     def __bool__(self) -> bool:
         """Whether it is open."""
@@ -128,8 +142,8 @@ class OutputFile:
         OSError
             If the disk is full, or somebody has deleted or replaced the file.
         """
-        if self._descriptor is not None:
-            own = os.fstat(self._descriptor)
+        if self._raw is not None:
+            own = os.fstat(self._raw.fileno())
             try:
                 there = os.stat(self._present)
             except FileNotFoundError:
@@ -137,14 +151,14 @@ class OutputFile:
             if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
                 raise FileNotFoundError("somebody has replaced it meanwhile")
         size = self.file.id.get_filesize()
-        if self._descriptor is None or not hasattr(os, "posix_fallocate"):
+        if self._raw is None or not hasattr(os, "posix_fallocate"):
             if shutil.disk_usage(self._present.parent).free < room:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
             return
         if own.st_size >= size + room:  # reserved before
             return
         try:
-            os.posix_fallocate(self._descriptor, size, room)
+            os.posix_fallocate(self._raw.fileno(), size, room)
         except OSError as error:
             if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # some file systems cannot reserve
                 raise
@@ -164,13 +178,17 @@ class OutputFile:
             raise TrajectoryError(f"{self.path} is closed: {what} cannot be added")
         try:
             yield
-        except TrajectoryError:
+        except TrajectoryError as error:
             self.failed = True
-            raise
-        except (OSError, RuntimeError) as error:
+            raise TrajectoryError(f"{self.path}: {error}") from error
+        except (OSError, RuntimeError) as caught:
             self.failed = True
-            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-            raise TrajectoryError(f"{self.path}: {what} could not be written ({reason}); {kept()}") from error
+            # HDF5 passes on only that there was an error.
+            first = (self._raw and self._raw.error) or caught
+            reason = os.strerror(first.errno) if isinstance(first, OSError) and first.errno else str(first)
+            raise TrajectoryError(
+                f"{self.path}: {what} could not be written ({reason}); {kept()}"
+            ) from caught
 
     def close(self, drop: Callable[[], None], *, keep: bool) -> None:
         """Close the file.
@@ -194,10 +212,9 @@ class OutputFile:
             if not self.failed:
                 drop()
                 self.file.flush()
-            size = self.file.id.get_filesize()
             self.file.close()
-            if self._descriptor is not None and os.fstat(self._descriptor).st_size > size:
-                os.ftruncate(self._descriptor, size)
+            if self._raw is not None:
+                self._raw.close()
             if keep:
                 self.publish()
         except (OSError, RuntimeError) as error:
@@ -205,11 +222,21 @@ class OutputFile:
                 self.failed = True
                 raise TrajectoryError(f"{self.path} could not be closed: {error}") from error
         finally:
-            if self._descriptor is not None:
-                os.close(self._descriptor)
-                self._descriptor = None
+            self._at_exit()
             if not keep:
                 self._present.unlink(missing_ok=True)
+
+
+def _ordered(path: Path) -> OrderedFile | None:
+    """The file below HDF5; None where the system has no writing at a place (Windows), and HDF5 opens it itself."""
+    return OrderedFile(path) if hasattr(os, "pwrite") else None
+
+
+def _close(file: h5py.File | None, raw: OrderedFile | None) -> None:
+    for one in (file, raw):
+        if one is not None:
+            with contextlib.suppress(OSError, RuntimeError):
+                one.close()
 
 
 def _check_output(path: Path, given: str | os.PathLike[str], *, force: bool) -> bool:

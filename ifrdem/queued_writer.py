@@ -27,6 +27,9 @@ class QueuedWriter:
 
     Use it as a context manager: leaving it writes all that waits, and closes the file.
 
+    Taichi holds Python's lock while a kernel runs, so that beside kernels the thread gets on between them: some 15
+    turns a frame, and a few hundred if 1e6 disks are compressed. It does so at full speed where the run waits for it.
+
     Parameters
     ----------
     writer : TrajectoryWriter

@@ -133,7 +133,7 @@ class Rows:
         where = np.unravel_index(int(np.argmax(different)) // stored.dtype.itemsize, stored.shape)
         row, *place = (int(index) for index in where)
         raise TrajectoryError(
-            f"{dataset.file.filename}: {self.what} {self.at + row}, computed again, differs from the file: "
+            f"{self.what} {self.at + row}, computed again, differs from the file: "
             f"{self._place(name, place)} is {values[where]}, the file holds {stored[where]}. "
             "This is not the same run: the file is kept as it is"
         )

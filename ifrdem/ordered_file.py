@@ -1,0 +1,204 @@
+"""What HDF5 writes, put on the disk in an order in which every beginning of it is a good file.
+
+HDF5 flushes its metadata by address. When the index of a dataset's chunks splits, the node that points to new ones
+is then written before them: a process killed in between leaves a file whose committed frames cannot be found. Here,
+what goes into new space is written at once, and what changes space in use waits until the flush and goes last: first
+the superblock, which says how far the file reaches, then the indexes, parents before children, then the numbers of
+rows. A parent that knows a new child early is harmless, because the old one still holds what has moved. Only a new
+name in a group that exists changes two pieces that must fit, its heap's head and body: groups are added before the
+first frame where possible.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
+
+MOST_HELD = 2**26
+"""Bytes for new space that are held back at most, to be written as one."""
+
+_SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
+
+
+class OrderedFile:
+    """A file for HDF5's driver of Python objects. Only its process can write it: it holds a lock.
+
+    Parameters
+    ----------
+    path : str or path
+        A file that exists.
+
+    Attributes
+    ----------
+    error : OSError or None
+        The latest failure: HDF5 passes on only that there was one.
+
+    Raises
+    ------
+    BlockingIOError
+        If another process has locked the file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.error: OSError | None = None
+        self._descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
+        try:
+            if fcntl is not None:
+                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(self._descriptor)
+            raise
+        self._at = 0
+        # The file's size to HDF5: room that is reserved behind it does not count.
+        self._size = os.fstat(self._descriptor).st_size
+        self._in_use = self._size
+        self._waiting: dict[int, bytes] = {}
+        # Pieces for new space, in order; the next usually begins where the last ends.
+        self._new: list[tuple[int, bytes]] = []
+        self._new_size = 0
+        self._new_end = self._size
+
+    def fileno(self) -> int:
+        """The descriptor."""
+        return self._descriptor
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Move; from the start or from the end."""
+        self._at = offset + (self._size if whence == os.SEEK_END else 0)
+        return self._at
+
+    def tell(self) -> int:
+        """Where reading and writing go on."""
+        return self._at
+
+    def readinto(self, buffer: bytearray) -> int:
+        """Fill a buffer from the present place; zeros beyond the end."""
+        view = memoryview(buffer).cast("B")
+        data = os.pread(self._descriptor, len(view), self._at)
+        view[: len(data)] = data
+        view[len(data) :] = bytes(len(view) - len(data))
+        for start, held in (*self._new, *self._waiting.items()):
+            low, high = max(start, self._at), min(start + len(held), self._at + len(view))
+            if low < high:
+                view[low - self._at : high - self._at] = held[low - start : high - start]
+        self._at += len(view)
+        return len(view)
+
+    def read(self, size: int) -> bytes:
+        """The next bytes; h5py takes for a file what can do this."""
+        data = bytearray(size)
+        self.readinto(data)
+        return bytes(data)
+
+    def write(self, buffer: bytes) -> int:
+        """Write at the present place: it reaches the disk at the next flush, or before where that is new space."""
+        view = memoryview(buffer).cast("B")
+        old = max(0, min(len(view), self._in_use - self._at))
+        if old:
+            self._wait(self._at, bytes(view[:old]))
+        if old < len(view):
+            self._put(self._at + old, bytes(view[old:]))
+        self._at += len(view)
+        self._size = max(self._size, self._at)
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the size; a file that is to be shorter is cut when it is closed."""
+        self._size = self._at if size is None else size
+        if os.fstat(self._descriptor).st_size < self._size:
+            with self._noting():
+                os.ftruncate(self._descriptor, self._size)
+        return self._size
+
+    def flush(self) -> None:
+        """Write what waits, in an order that leaves a good file whenever it ends."""
+        self._write_new()
+        for start, data in sorted(self._waiting.items(), key=lambda item: _order(item[1])):
+            self._write(memoryview(data), start)
+        self._waiting.clear()
+        self._in_use = self._new_end = max(self._in_use, self._size)
+
+    def close(self) -> None:
+        """Write what waits, give back reserved room, and let go of the file."""
+        if self._descriptor < 0:
+            return
+        try:
+            self.flush()
+            with self._noting():
+                os.ftruncate(self._descriptor, self._size)
+        finally:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def _put(self, start: int, data: bytes) -> None:
+        """Take a piece for new space. Pieces that follow each other are written as one.
+
+        A thread beside a run gets its turn only between two kernels of Taichi, and gives it up with every writing: the
+        250 chunks of a frame of 1e6 disks must not be 250 writings.
+        """
+        follows = start == self._new_end and self._new_size + len(data) <= MOST_HELD
+        if not follows:
+            self._write_new()
+        if start < self._new_end:  # it may replace one that came before
+            self._write(memoryview(data), start)
+            return
+        self._new.append((start, data))
+        self._new_size += len(data)
+        self._new_end = start + len(data)
+
+    def _write_new(self) -> None:
+        """Write the pieces for new space."""
+        if self._new:
+            self._write(memoryview(b"".join(data for _, data in self._new)), self._new[0][0])
+            self._new.clear()
+            self._new_size = 0
+
+    def _wait(self, start: int, data: bytes) -> None:
+        end = start + len(data)
+        for place, held in list(self._waiting.items()):
+            if place < end and start < place + len(
+                held
+            ):  # they overlap: one piece of both, the new one above
+                low, high = min(place, start), max(place + len(held), end)
+                whole = bytearray(high - low)
+                whole[place - low : place - low + len(held)] = held
+                whole[start - low : start - low + len(data)] = data
+                del self._waiting[place]
+                start, data, end = low, bytes(whole), high
+        self._waiting[start] = data
+
+    def _write(self, view: memoryview, place: int) -> None:
+        with self._noting():
+            while len(view):
+                done = os.pwrite(self._descriptor, view, place)
+                view, place = view[done:], place + done
+
+    @contextlib.contextmanager
+    def _noting(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            self.error = error
+            raise
+
+
+def _order(data: bytes) -> tuple[int, int]:
+    """When a piece is written: see the numbers. Pieces of one number keep HDF5's order: data, then their headers."""
+    if data.startswith(_SUPERBLOCK):
+        return 0, 0
+    if data.startswith(b"HEAP"):  # of names
+        return 1, 0
+    if data.startswith(
+        b"TREE\x01"
+    ):  # of chunks, from the root down; the sixth byte is the level, 0 for leaves
+        return 2, -data[5]
+    if data.startswith(b"TREE"):  # of the names in a group
+        return 4, -data[5]
+    # Without a mark: names, numbers, and headers of datasets, which say how many rows there are.
+    return (5, 0) if data.startswith(b"SNOD") else (3, 0)

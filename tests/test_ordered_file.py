@@ -1,0 +1,167 @@
+"""The order in which a trajectory reaches the disk: whatever a kill cuts off, what was committed is there."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from test_trajectory import BOX, some_disks, some_state
+from trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
+
+from ifrdem import h5md, history_columns
+from ifrdem.errors import InputError
+from ifrdem.ordered_file import OrderedFile
+from ifrdem.output_file import OutputFile
+from ifrdem.trajectory import TrajectoryWriter
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "pwrite"), reason="HDF5 writes by itself here")
+
+N = 40
+CUT_FROM, FRAMES = (
+    58,
+    70,
+)  # the index of a field's chunks splits at 64 frames, and with chunks of one row, of all others
+
+
+def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, monkeypatch):
+    """A kill leaves the writes up to some moment. By HDF5 alone, 11 moments at each split lose all frames."""
+    monkeypatch.setattr(h5md, "CHUNK_ROWS", 1)
+    monkeypatch.setattr(history_columns, "CHUNK_EVENTS", 50)
+    writes: list[tuple[int, bytes]] = []
+    write = OrderedFile._write
+
+    def record(self: OrderedFile, view: memoryview, place: int) -> None:
+        writes.append((place, bytes(view)))
+        write(self, view, place)
+
+    monkeypatch.setattr(OrderedFile, "_write", record)
+    commits = []  # writes, frames, rows, batches
+    with TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX) as writer:
+        writer.begin_histories(TRACKED, some_state(N, 0))
+        for number in range(FRAMES):
+            writer.write_series(0.1 * number, row(number), SERIES_COLUMNS)
+            commits.append((len(writes), number, number + 1, number))
+            writer.write_histories(*batch(number))
+            commits.append((len(writes), number, number + 1, number + 1))
+            writer.write(some_state(N, number), {"energy": 0.5 * number})
+            commits.append((len(writes), number + 1, number + 1, number + 1))
+    states = [some_state(N, number).velocity.astype(np.float32) for number in range(FRAMES)]
+    psi = np.concatenate([batch(number)[0]["psi"] for number in range(FRAMES)])
+    image = bytearray()
+    committed, cut = commits[0], 0
+    for number, (place, data) in enumerate(writes, 1):
+        image.extend(bytes(max(0, place + len(data) - len(image))))
+        image[place : place + len(data)] = data
+        while commits and commits[0][0] <= number:
+            committed = commits.pop(0)
+        if committed[1] < CUT_FROM:
+            continue
+        cut += 1
+        with h5py.File(io.BytesIO(bytes(image)), "r") as file:
+            frames = len(file["particles/all/position/step"])
+            rows = len(file["timeseries/step"])
+            events = int(file["histories/committed/events"][-1])
+            assert frames >= committed[1]
+            assert rows >= committed[2]
+            assert events >= 50 * committed[3]
+            assert np.array_equal(file["particles/all/velocity/value_2d"][:frames], states[:frames])
+            assert np.array_equal(file["observables/energy/value"][:frames], 0.5 * np.arange(frames))
+            assert np.array_equal(file["timeseries/collisions/value"][:rows], 7 * np.arange(rows))
+            assert np.array_equal(file["histories/events/psi"][:events], psi[:events])
+    assert cut > 150
+
+
+def test_the_file_is_what_was_written_where_pieces_overlap(tmp_path):
+    """Random reads and writes against an array, across flushes."""
+    rng = np.random.default_rng(5)
+    path = tmp_path / "file"
+    path.write_bytes(b"")
+    file, expected = OrderedFile(path), np.zeros(4000, np.uint8)
+    end = 0
+    for _ in range(3000):
+        place, length = int(rng.integers(0, 3000)), int(rng.integers(1, 1000))
+        file.seek(place)
+        if rng.random() < 0.5:
+            data = rng.integers(0, 256, length, dtype=np.uint8)
+            file.write(data.tobytes())
+            expected[place : place + length] = data
+            end = max(end, place + length)
+        else:
+            assert file.read(length) == expected[place : place + length].tobytes()
+        if rng.random() < 0.02:
+            file.flush()
+    assert file.seek(0, os.SEEK_END) == end
+    file.close()
+    assert path.read_bytes() == expected[:end].tobytes()
+
+
+def test_space_in_use_changes_only_at_a_flush(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+    file = OrderedFile(path)
+    file.seek(0)
+    file.write(b"newer")
+    assert path.read_bytes()[:3] == b"old"
+    file.flush()
+    assert path.read_bytes() == b"newer"
+    file.close()
+
+
+def test_new_space_is_on_the_disk_before_space_in_use_changes(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+    file = OrderedFile(path)
+    order: list[tuple[int, bytes]] = []
+    file._write = lambda view, place: order.append((place, bytes(view)))  # type: ignore[method-assign]
+    for place, data in ((3, b"aa"), (0, b"new"), (5, b"bb"), (9, b"cc")):
+        file.seek(place)
+        file.write(data)
+    file.flush()
+    assert order == [(3, b"aabb"), (9, b"cc"), (0, b"new")]  # what follows each other is one writing
+
+
+def test_the_superblock_goes_first_and_indexes_go_before_numbers_of_rows(tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(bytes(1000))
+    file = OrderedFile(path)
+    order: list[int] = []
+    file._write = lambda view, place: order.append(place)  # type: ignore[method-assign]
+    pieces = {
+        0: b"SNOD....",
+        50: b"TREE\x00\x00..",  # a leaf of names
+        100: b"TREE\x01\x00..",  # a leaf of chunks; the sixth byte is its level
+        200: b"TREE\x01\x02..",
+        300: b"TREE\x01\x01..",
+        400: b"anything",
+        500: b"HEAP....",
+        600: b"\x89HDF\r\n\x1a\n...",
+    }
+    for place, data in pieces.items():
+        file.seek(place)
+        file.write(data)
+    file.flush()
+    assert order == [600, 500, 200, 300, 100, 400, 50, 0]
+
+
+def test_a_locked_file_is_refused(tmp_path):
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(3), BOX) as writer:
+        writer.write(some_state(3, 0))
+        with pytest.raises(BlockingIOError):
+            OrderedFile(path)
+        with pytest.raises(InputError, match="is open elsewhere"):
+            OutputFile.reopen(path)
+    OutputFile.reopen(path).close(lambda: None, keep=True)
+
+
+def test_reserved_room_is_given_back_at_the_end(tmp_path):
+    path = Path(tmp_path / "run.h5")
+    with TrajectoryWriter(path, some_disks(3), BOX) as writer:
+        writer.write(some_state(3, 0))
+        writer._output.reserve(1_000_000)
+        assert path.stat().st_size > 1_000_000
+    assert path.stat().st_size < 100_000
