@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import __version__, fit_options
+from . import __version__, analyse_options, fit_options, plot_options
 from .arguments import Parser
 from .errors import EngineError, InputError, nearest
 
@@ -147,6 +147,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     fit = verbs.add_parser("fit", help="fit the law's coefficients to measured impacts", allow_abbrev=False)
     fit_options.add_to(fit)
     fit.set_defaults(act=_fit)
+
+    analyse_options.add_to(verbs)
+    plot_options.add_to(verbs)
 
     info = verbs.add_parser("info", help="say what a trajectory holds", allow_abbrev=False)
     info.add_argument("file", metavar="FILE", help="a trajectory (.h5)")
