@@ -142,7 +142,7 @@ def number(row: Row) -> str:
     if not math.isfinite(row.error) or row.error <= 0.0:
         return f"{row.value:.5g}{unit}"
     digits = 1 - math.floor(math.log10(row.error))
-    if -digits >= -4 and abs(row.value) < 1e5 and digits < 8:
+    if digits <= 6 and abs(row.value) < 1e5:
         return f"{row.value:.{max(digits, 0)}f} +- {row.error:.{max(digits, 0)}f}{unit}"
     more = max(1, math.floor(math.log10(max(abs(row.value), row.error) / row.error)) + 1)
     return f"{row.value:.{more}e} +- {row.error:.1e}{unit}"

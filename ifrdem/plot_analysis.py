@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import analysis
+from . import analysis, plot_disks
 from .analysis.outcome import Outcome, unit
-from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, with_unit
+from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, few_labels, from_zero, with_unit
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -20,8 +20,8 @@ MARKERS = "os^Dv<>P"
 
 
 def _unit(trajectory: Trajectory, text: str) -> str | None:
-    """As `outcome.unit`; None in reduced units, as `with_unit` takes it."""
-    return unit(trajectory, text) or None
+    """As `outcome.unit`, with raised twos; None in reduced units, as `with_unit` takes it."""
+    return unit(trajectory, text).replace("^2", "\N{SUPERSCRIPT TWO}") or None
 
 
 def _grid(*every: Any) -> None:
@@ -32,7 +32,7 @@ def _grid(*every: Any) -> None:
 def velocity(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     """Distributions of velocity components and spins, logarithmic, beside Gaussians and their Sonine expansion."""
     left, right = figure.subplots(1, 2, sharey=True)
-    lowest = 1.0
+    lowest, highest = 1.0, 1.0
     for i, (name, found) in enumerate(outcome.result.items()):
         for axes, x, density, error in (
             (left, found.speed, found.density, found.density_error),
@@ -42,6 +42,7 @@ def velocity(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
             if not np.any(seen):
                 continue
             lowest = min(lowest, float(density[seen].min()))
+            highest = max(highest, float(density[seen].max()))
             look = {"color": KINDS[i % 8], "marker": MARKERS[i % 8], "mfc": "none"}
             axes.errorbar(x[seen], density[seen], error[seen], ls="none", ms=4, lw=0.8, label=name, **look)
     x = np.linspace(-5.0, 5.0, 400)
@@ -55,7 +56,7 @@ def velocity(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
         if not axes.lines or not np.isfinite(a2):
             axes.text(0.5, 0.5, "no spins", transform=axes.transAxes, ha="center")
         axes.set_yscale("log")
-        axes.set_ylim(0.3 * lowest, 2.0)
+        axes.set_ylim(0.3 * lowest, 2.0 * highest)
         axes.set_xlim(-5.0, 5.0)
         axes.legend(loc="lower center", frameon=False, fontsize="small")
     left.set_xlabel(r"$c = v_{x,y} / \sqrt{2 T / m}$")
@@ -84,7 +85,7 @@ def pairs(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     for row in outcome.rows:
         if row.name == "g at contact":
             label = f"at contact: {row.value:.3f} $\\pm$ {row.error:.3f}"
-            look = {"color": ROTATION, "marker": "D", "ls": "none", "ms": 6, "mfc": "none"}
+            look: dict[str, Any] = {"color": ROTATION, "marker": "D", "ls": "none", "ms": 6, "mfc": "none"}
             axes.errorbar([1.0], [row.value], [row.error], label=label, **look)
     axes.set_xlim(0.0, float(found.r[-1]) / diameter)
     axes.set_ylim(bottom=0.0)
@@ -132,12 +133,11 @@ def msd(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     slope = 2.0 * found.components * fit.D
     line = value[used].mean() + slope * (t - t[used].mean())
     straight = abs(fit.exponent - 1.0) <= 0.2
-    label = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g}" + (
-        f" {unit(trajectory, 'length^2/time')}" if trajectory.units else ""
-    )
+    in_unit = _unit(trajectory, "length^2/time") or ""
+    label = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {in_unit}".rstrip()
     if not straight:
         label += f"\n(no diffusion: exponent {fit.exponent:.2f})"
-    axes.plot(t[used], line[used], "-", color=ROTATION, lw=1.8, label=label)
+    axes.plot(t[used], line[used], "-", color=ROTATION, lw=2.0, zorder=5, label=label)
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_ylim(0.5 * value.min(), 3.0 * value.max())
@@ -182,13 +182,11 @@ def fields(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     u = np.nan_to_num(found.velocity)
     speed = float(np.sqrt(np.mean(np.sum(u**2, axis=-1))))
     if speed > 0.0:
-        arrows = left.quiver(
+        left.quiver(
             x[where], y[where], u[..., 0][where], u[..., 1][where], color="white", pivot="mid", width=0.003
         )
-        text = f"{speed:.2g} {unit(trajectory, 'length/time')}".strip()
-        left.quiverkey(
-            arrows, 0.82, 1.03, speed, f"flow, rms {text}", labelpos="E", color="black", coordinates="axes"
-        )
+        text = f"{speed:.2g} {_unit(trajectory, 'length/time') or ''}".strip()
+        left.set_title(f"arrows: mean velocity of cells, rms {text}", fontsize="medium")
     T = found.temperature
     high = float(np.nanquantile(T, 0.995)) if np.any(np.isfinite(T)) else 1.0
     drawn = right.imshow(T.T, cmap="inferno", vmin=0.0, vmax=high if high > 0.0 else 1.0, **look)
@@ -208,13 +206,14 @@ def clusters(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     left.plot(found.times, [one.largest for one in found.clusters], "o-", ms=4, mfc="none", color=TRANSLATION)
     left.set_xlabel(with_unit("time $t$", trajectory.units.get("time")))
     left.set_ylabel("share of disks in the largest cluster")
-    left.set_ylim(bottom=0.0)
+    from_zero(left)
     size, count = np.unique(found.clusters[-1].sizes, return_counts=True)
     right.plot(size, count, "o", ms=4, mfc="none", color=ROTATION)
     right.set_xscale("log")
     right.set_yscale("log")
     right.set_xlabel("disks in a cluster")
     right.set_ylabel("clusters, last frame")
+    few_labels(right)
     right.set_title(f"joined where surfaces are nearer than {found.clusters[-1].gap:.3g}", fontsize="medium")
     _grid(left, right)
 
@@ -227,6 +226,9 @@ def psi6(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     position = frame.position
     # Some 4 points of the picture a disk where there are few, and a dot where there are many.
     size = float(np.clip(4e4 / len(position), 0.2, 40.0))
+    (x_low, x_high), (y_low, y_high) = plot_disks.shown_region(trajectory, position)
+    left.set_xlim(x_low, x_high)
+    left.set_ylim(y_low, y_high)
     drawn = left.scatter(
         *position.T, c=value, s=size, lw=0.0, cmap="cividis", vmin=0.0, vmax=1.0, rasterized=True
     )
@@ -261,8 +263,10 @@ def cooling(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     x = np.geomspace(1.0, 1.0 + (t[-1] - t[0]) / haff.t_H, 200)
     time = trajectory.with_unit(f"({haff.t_H:.3g} $\\pm$ {haff.t_H_error:.1g})", "time")
     left.plot(x, haff.T0 / x**2, "--", color=RATIO, lw=1.5, label=f"Haff's law, $t_H$ = {time}")
-    left.set_xscale("log")
-    left.set_yscale("log")
+    if x[-1] > 2.0:  # a shorter stretch has no room for labels of a logarithm
+        left.set_xscale("log")
+        left.set_yscale("log")
+        few_labels(left)
     left.set_xlabel("$1 + (t - t_0) / t_H$")
     left.set_ylabel(with_unit("temperature $T$", trajectory.units.get("energy")))
     left.legend(loc="best", frameon=False)

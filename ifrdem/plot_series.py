@@ -52,10 +52,9 @@ def ledger(figure: Figure, trajectory: Trajectory) -> None:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
     else:
         upper = figure.subplots()
-    when, (kinetic, potential, dissipated) = stored.series(
-        trajectory, "energy", "potential_energy", "dissipated_energy"
-    )
-    present = kinetic + potential
+    when, (present, dissipated) = stored.series(trajectory, "energy", "dissipated_energy")
+    if "potential_energy" in trajectory.observables:
+        present = present + stored.series(trajectory, "potential_energy")[1][0]
     upper.plot(when, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
     upper.plot(when, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
     total = present + dissipated

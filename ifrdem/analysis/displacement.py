@@ -95,9 +95,8 @@ def unwrap(
         return x
     if image is not None:
         when = np.broadcast_to(np.asarray(times, dtype=float), len(x))
-        return np.stack(
-            [box.unwrap(*one, time=float(t)) for *one, t in zip(x, np.asarray(image), when, strict=True)]
-        )
+        every = zip(x, np.asarray(image), when, strict=True)
+        return np.stack([box.unwrap(one, turns, float(t)) for one, turns, t in every])
     if box.shear_rate:
         raise InputError('paths in a sheared box need images: put "image" into output.fields of the case')
     step = box.minimum_image(np.diff(x, axis=0))

@@ -113,9 +113,8 @@ def coarse_grain(
     kernel = _Kernel(width, size, cells, box)
 
     def total(weights: NDArray[np.float64], squared: bool = False) -> NDArray[np.float64]:
-        return kernel.smooth(
-            np.bincount(index, weights, minlength=cells[0] * cells[1]).reshape(cells), squared
-        )
+        put = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64)
+        return kernel.smooth(put.reshape(cells), squared)
 
     one = np.ones(n)
     number, mass_ = total(one), total(m)

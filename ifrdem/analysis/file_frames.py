@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..trajectory import Trajectory
 from . import cluster, distributions, fields, frames, pairs, psi6, stored, structure
-from .outcome import Outcome, Row, kinds, latest, times, unit
+from .outcome import Columns, Outcome, Row, kinds, latest, times, unit
 
 GAP = 0.1
 """Of the mean diameter: the gap below which disks are of one cluster."""
@@ -23,7 +23,9 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
     )
     used = latest(trajectory, chosen)
     disks = trajectory.disks
-    results, rows, table = {}, [], {}
+    results: dict[str, distributions.VelocityDistribution] = {}
+    rows: list[Row] = []
+    table: Columns = {}
     for name, which in kinds(trajectory).items():
         found = distributions.velocity_distribution(
             (trajectory[i].peculiar_velocity[which] for i in used),

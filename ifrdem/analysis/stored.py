@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,11 +62,10 @@ def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], li
     InputError
         If the file has not got one of them.
     """
-    with h5py.File(trajectory.path, "r", locking=False) as file:
-        group = file.get("timeseries")
-        if group is not None and all(name in group for name in names):
-            rows = len(group["step"])
-            return group["time"][:rows], [group[name]["value"][:rows].astype(float) for name in names]
+    group = trajectory._file.get("timeseries")
+    if group is not None and all(name in group for name in names):
+        rows = len(group["step"])
+        return group["time"][:rows], [group[name]["value"][:rows].astype(float) for name in names]
     missing = [name for name in names if name not in trajectory.observables]
     if missing:
         raise InputError(
@@ -85,19 +83,20 @@ def collisions(trajectory: Trajectory) -> Collisions:
     InputError
         If the file has no histories, or no time of them is known.
     """
-    with h5py.File(trajectory.path, "r", locking=False) as file:
-        if "histories" not in file:
-            raise InputError(
-                f"{trajectory.path} holds no histories of collisions: name the disks to track in output.histories of "
-                "the case and run it again"
-            )
-        group = file["histories"]
-        committed = group["committed/events"]
-        if not len(committed):
-            raise InputError(f"{trajectory.path}: its histories are empty so far")
-        rows = int(committed[len(committed) - 1])
-        span = (float(group["start/time"][()]), float(group["committed/time"][len(committed) - 1]))
-        found = {name: group["events"][name][:rows] for name in COLUMNS}
-        tracked = group["tracked"][()]
+    file = trajectory._file
+    if "histories" not in file:
+        raise InputError(
+            f"{trajectory.path} holds no histories of collisions: name the disks to track in output.histories of "
+            "the case and run it again"
+        )
+    group = file["histories"]
+    committed = group["committed/events"]
+    if not len(committed):
+        raise InputError(f"{trajectory.path}: its histories are empty so far")
+    commits = len(committed)  # `events` grows last
+    rows = int(committed[commits - 1])
+    span = (float(group["start/time"][()]), float(group["committed/time"][commits - 1]))
+    found = {name: group["events"][name][:rows] for name in COLUMNS}
+    tracked = group["tracked"][()]
     pair = found["partner"] >= 0
     return Collisions(**{name: column[pair] for name, column in found.items()}, tracked=tracked, span=span)
