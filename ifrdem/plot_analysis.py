@@ -237,7 +237,7 @@ def psi6(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     left.set_xlabel(with_unit("$x$", trajectory.units.get("length")))
     left.set_ylabel(with_unit("$y$", trajectory.units.get("length")))
     left.set_title(f"$t$ = {trajectory.with_unit(f'{frame.time:.4g}', 'time')}", fontsize="medium")
-    right.hist(value, 50, (0.0, 1.0), density=True, color=TRANSLATION)
+    right.hist(value, 50, range=(0.0, 1.0), density=True, color=TRANSLATION)
     right.axvline(value.mean(), color=ROTATION, ls="--", lw=1.5, label=f"mean {value.mean():.3f}")
     right.axvline(
         outcome.result.whole,

@@ -243,7 +243,7 @@ def diffusion_coefficient(
     """Slope of the line of least squares through a mean-square displacement between two lags [time].
 
     By default from a half of the longest lag to its end where the origin is the first frame, and from a tenth of it to
-    a half, which more origins know, where all are.
+    a half, which more origins know, where all are; all lags if these are fewer than 3.
 
     Raises
     ------
@@ -255,6 +255,8 @@ def diffusion_coefficient(
     low = share[0] * longest if first is None else first
     high = share[1] * longest if last is None else last
     used = (msd.lag >= low) & (msd.lag <= high) & (msd.lag > 0.0)
+    if first is None and last is None and np.count_nonzero(used) < 3:
+        used = msd.lag > 0.0  # so few that all are needed
     if np.count_nonzero(used) < 3:
         raise InputError(
             f"{np.count_nonzero(used)} lags from {low:.4g} to {high:.4g}: 3 or more are needed for a fit"

@@ -137,11 +137,11 @@ def velocity_distribution(
         T2, T2_rot = square.mean(), 2.0 * spin_square.mean()  # 2 T and 2 T_rot
         if T2 == 0.0:
             raise InputError("nothing moves: there is no distribution of velocities")
-        counts += np.histogram(c / np.sqrt(T2), edges)[0]
+        counts += np.histogram(c / np.sqrt(T2), bins, (-widest, widest))[0]
         x = square / T2
         y = np.full(len(v), np.nan)
         if T2_rot > 0.0:
-            spin_counts += np.histogram(w / np.sqrt(T2_rot), edges)[0]
+            spin_counts += np.histogram(w / np.sqrt(T2_rot), bins, (-widest, widest))[0]
             y = 2.0 * spin_square / T2_rot  # mean 1, as x
         terms = np.stack((x, y, x * x, y * y, x * y))
         sums = terms if sums is None else sums + terms

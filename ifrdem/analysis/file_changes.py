@@ -15,17 +15,36 @@ from . import cooling, displacement, impact, pressure, stored
 from .outcome import Columns, Outcome, Row, every, times, unit
 
 
-def _motion(trajectory: Trajectory, used: Sequence[int]) -> tuple[str, list[str]]:
-    """Origins of time that suit the frames, and why; frames of a cooling gas have no common mean."""
-    when = trajectory.times[used]
+def _motion(trajectory: Trajectory, chosen: Sequence[int] | None) -> tuple[list[int], str, list[str]]:
+    """Frames and origins of time that suit them, and why: a gas that cools or heats up has no mean over origins.
+
+    All frames if the gas is steady, else their second half if it is steady there, else all from the first one on.
+    """
+    used = every(trajectory, chosen)
     if len(used) < 4:
         raise InputError(f"{trajectory.path}: {len(used)} frames are too few for what changes with time")
-    if np.ptp(np.diff(when)) > displacement.EVEN * np.mean(np.diff(when)):
-        return "first", ["frames are not evenly spaced in time: from the first frame only"]
+    half = used[len(used) // 2 :]
+    if _even(trajectory, used):
+        if _steady(trajectory, used):
+            return used, "all", ["mean over all origins of time"]
+        if chosen is None and len(half) >= 8 and _steady(trajectory, half):
+            return half, "all", ["mean over all origins of time in the second half, where the gas is steady"]
+        return used, "first", ["the temperature changes: from the first frame only"]
+    return used, "first", ["frames are not evenly spaced in time: from the first frame only"]
+
+
+def _even(trajectory: Trajectory, used: list[int]) -> bool:
+    step = np.diff(trajectory.times[used])
+    return bool(np.ptp(step) <= displacement.EVEN * np.mean(step))
+
+
+def _steady(trajectory: Trajectory, used: list[int]) -> bool:
+    """Whether the temperature of the later half differs by less than a tenth from that of the earlier."""
     T = trajectory.observables.get("temperature")
-    if T is not None and np.ptp(T[used]) > 0.2 * np.max(T[used]):
-        return "first", ["the temperature changes: from the first frame only"]
-    return "all", ["mean over all origins of time"]
+    if T is None:
+        return True
+    early, late = (float(np.mean(part)) for part in np.array_split(T[used], 2))
+    return abs(late - early) <= 0.1 * max(early, late)
 
 
 def _parts(
@@ -44,8 +63,7 @@ def _parts(
 
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     stored.need(trajectory, "position")
-    used = every(trajectory, chosen)
-    origins, notes = _motion(trajectory, used)
+    used, origins, notes = _motion(trajectory, chosen)
     box, when = trajectory.box, trajectory.times[used]
     has_image = "image" in trajectory.fields
     if not has_image and not box.is_open:
@@ -79,8 +97,7 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         raise InputError(
             "velocities in the lab of a sheared gas say little: the displacement across the flow is `msd`"
         )
-    used = every(trajectory, chosen)
-    origins, notes = _motion(trajectory, used)
+    used, origins, notes = _motion(trajectory, chosen)
     parts = (v for _, v in _parts(trajectory, used, "velocity"))
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
@@ -188,6 +205,11 @@ def _pressure_by_rate(
 
 
 def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
+    for name in ("energy_input", "wall_work", "wall_heat"):
+        if name in trajectory.observables and np.any(trajectory.observables[name]):
+            raise InputError(
+                f"Haff's law is that of a gas left to itself, and this one is driven ({name} is not 0)"
+            )
     when, (T, T_rot, count) = stored.series(trajectory, "temperature", "rotational_temperature", "collisions")
     used = np.ones(len(when), dtype=bool)
     if chosen is not None:

@@ -48,7 +48,8 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
             f"P(w){mark}": found.spin_density,
             f"P(w) error{mark}": found.spin_density_error,
         }
-    notes = ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
+    notes = [f"of {name}" for name in results if "together" in name]
+    notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
     return Outcome(results, rows, {"": table}, notes, times(trajectory, used))
 
 
@@ -64,21 +65,23 @@ def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     when = trajectory.times[used]
     reach = min(6.0 * diameter, 0.45 * min(box.lengths))
     found = pairs.pair_correlation(_positions(trajectory, used), box, r_max=reach, bins=240, time=when)
-    rows, notes = [], []
-    try:
-        contact = pairs.contact_value(_positions(trajectory, used), box, radius=disks.radius, time=when)
-        rows.append(Row("g at contact", contact.g, contact.error))
-        notes.append(
-            "parabola fitted to ln g up to 1.25 diameters: "
-            f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
-        )
-    except InputError as error:
-        notes.append(f"no contact value: {error}")
+    rows: list[Row] = []
+    notes: list[str] = []
+    if trajectory.room.all_walls:
+        notes.append("walls: no contact value, and g is relative to the mean density of the whole box")
+    else:
+        try:
+            contact = pairs.contact_value(_positions(trajectory, used), box, radius=disks.radius, time=when)
+            rows.append(Row("g at contact", contact.g, contact.error))
+            notes.append(
+                "parabola fitted to ln g up to 1.25 diameters: "
+                f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
+            )
+        except InputError as error:
+            notes.append(f"no contact value: {error}")
     rows.append(
         Row("r of the highest g", float(found.r[np.argmax(found.g)]), unit=unit(trajectory, "length"))
     )
-    if trajectory.room.all_walls:
-        notes.append("relative to the mean density of the whole box")
     return Outcome(
         found,
         rows,
@@ -103,7 +106,10 @@ def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcom
         Row("its k", float(found.k[high]), unit=unit(trajectory, "1/length")),
     ]
     table = {"k": found.k, "S": found.S, "error": found.S_error, "modes": found.modes}
-    return Outcome(found, rows, {"": table}, [], times(trajectory, used))
+    notes = [
+        "errors as if frames were independent: at small k they are not if they follow each other closely"
+    ]
+    return Outcome(found, rows, {"": table}, notes, times(trajectory, used))
 
 
 def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:

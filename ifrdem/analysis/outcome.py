@@ -89,7 +89,7 @@ def times(trajectory: Trajectory, used: Sequence[int]) -> tuple[float, float]:
 
 
 def kinds(trajectory: Trajectory) -> dict[str, NDArray[np.intp]]:
-    """Equal disks that can move, by a name: radius, mass, k and material; all in one if there are many kinds."""
+    """Disks that can move, by what they are: radius, mass, k and material; by material if that makes many kinds."""
     disks = trajectory.disks
     movable = np.flatnonzero(np.isfinite(disks.mass))
     columns = np.stack((disks.material, disks.radius, disks.mass, disks.k), axis=1)[movable]
@@ -97,7 +97,10 @@ def kinds(trajectory: Trajectory) -> dict[str, NDArray[np.intp]]:
     if len(found) == 1:
         return {"all disks": movable}
     if len(found) > MOST_KINDS:
-        return {f"all disks, of {len(found)} kinds": movable}
+        materials = np.unique(disks.material[movable])
+        if not 1 < len(materials) <= MOST_KINDS:
+            return {f"disks of {len(found)} kinds together, as if at one temperature": movable}
+        return {f"material {one}": movable[disks.material[movable] == one] for one in materials}
     return {
         f"material {row[0]:.0f}, R = {trajectory.with_unit(f'{row[1]:.4g}', 'length')}": movable[
             which.ravel() == i

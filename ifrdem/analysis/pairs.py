@@ -44,6 +44,10 @@ class PairCorrelation:
 class ContactValue:
     """g at contact, by extrapolation.
 
+    Of inelastic disks it is not the chi that a rate of collisions shows (`pressure.contact_from_rate`): pairs separate
+    slower than they approach, and are near contact for longer. Without friction, as many separate at e_n times the
+    speed as approach, so that g is (1 + 1 / e_n) / 2 times chi.
+
     Attributes
     ----------
     g, error : float
