@@ -62,7 +62,7 @@ def write(
 
 
 def add_histories(path: Path, count: int = 4000) -> np.ndarray:
-    """Collisions of disks 3, 7 and 20 as layout 1.1 has them, and an uncommitted row; returns psi of each between disks."""
+    """Collisions of disks 3, 7 and 20 as layout 1.1 has them, and an uncommitted row; psi of each between disks."""
     rng = np.random.default_rng(6)
     b = rng.random(count + 1)
     partner = np.where(rng.random(count + 1) < 0.1, -2, 100 + np.arange(count + 1) % 50)
@@ -169,6 +169,13 @@ def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path
     exact = 1.5 * 2.0 * (1.0 - 1.0 / 3.0) / SPAN
     assert pressure.result.kinetic == pytest.approx(300.0 * exact / 1200.0, rel=0.02)
     assert 0.4 < half.result.collisions / len(psi) < 0.5
+    # 100 collisions a disk and time; the mean of sqrt(T) from 0 to 4 is sqrt(1.5) 2 ln(3) / 4.
+    phi = 300.0 * np.pi * 0.2**2 / 1200.0
+    root = np.sqrt(1.5) * np.log(3.0) / 2.0
+    chi = next(row.value for row in pressure.rows if row.name == "g at contact, by the rate of collisions")
+    assert chi == pytest.approx(100.0 * 0.4 * np.sqrt(np.pi) / (8.0 * phi * root), rel=0.01)
+    Z = next(row.value for row in pressure.rows if row.name == "Z by it")
+    assert pytest.approx(1.0 + 1.9 * phi * chi) == Z
 
 
 def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:

@@ -294,7 +294,7 @@ def test_pressure_from_a_few_tracked_disks_is_that_of_all_in_the_mean() -> None:
     found = analysis.pressure_from_impulses(
         np.linspace(0.0, 2.0, 50),
         np.tile([0.6, 0.8], (50, 1)),
-        np.tile([3.0, 0.0], (50, 1)),
+        np.tile([3.0, 0.4], (50, 1)),
         np.full(50, 1.5),
         span=(0.0, 2.0),
         area=10.0,
@@ -305,6 +305,9 @@ def test_pressure_from_a_few_tracked_disks_is_that_of_all_in_the_mean() -> None:
     # 50 x 4 / 2 collisions x 1.5 x 3 / (2 A t) = 11.25
     assert found.collisional == pytest.approx(11.25)
     assert found.kinetic == pytest.approx(4.0)
+    # P_xy - P_yx is what collisions pass of angular momentum, n x J = P_t: 50 x 4 / 2 collisions x 1.5 x 0.4 / (A t).
+    difference = found.collisional_tensor[0, 1] - found.collisional_tensor[1, 0]
+    assert difference == pytest.approx(100 * 1.5 * 0.4 / 20.0)
 
 
 def test_gas_in_molecular_chaos_meets_at_angles_with_the_density_cos_psi(

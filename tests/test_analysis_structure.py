@@ -43,11 +43,11 @@ def fluid() -> tuple[np.ndarray, Box]:
 
 
 def test_pair_correlation_of_an_ideal_gas_is_one_within_its_error() -> None:
-    found = analysis.pair_correlation(ideal_gas(1, 1000, count=5), UNIT, r_max=5.0, bins=50)
+    found = analysis.pair_correlation(ideal_gas(1, 1000, count=5), UNIT, r_max=5.0, bins=200)
     deviation = (found.g - 1.0) / found.g_error
-    # Counts of pairs in an ideal gas are independent: 50 normal deviates; 4 deviations have a chance of 0.3 %.
-    assert np.max(np.abs(deviation)) < 4.0
-    assert np.mean(deviation**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 50.0))
+    # Counts of pairs in an ideal gas are independent: 200 deviates, normal but for the smallest rings (16 pairs).
+    assert np.max(np.abs(deviation)) < 4.5
+    assert np.mean(deviation**2) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 200.0))
 
 
 @pytest.mark.parametrize("shear_rate", [0.0, 0.4])
