@@ -44,7 +44,9 @@ def velocity(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
             lowest = min(lowest, float(density[seen].min()))
             highest = max(highest, float(density[seen].max()))
             look = {"color": KINDS[i % 8], "marker": MARKERS[i % 8], "mfc": "none"}
-            axes.errorbar(x[seen], density[seen], error[seen], ls="none", ms=4, lw=0.8, label=name, **look)
+            axes.errorbar(
+                x[seen], density[seen], error[seen], ls="none", ms=4, lw=0.8, label=name.split(",")[0], **look
+            )
     x = np.linspace(-5.0, 5.0, 400)
     sonine = next(iter(outcome.result.values())).sonine
     for axes, a2, label in ((left, sonine.a20, "a_{20}"), (right, sonine.a02, "a_{02}")):
@@ -56,9 +58,9 @@ def velocity(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
         if not axes.lines or not np.isfinite(a2):
             axes.text(0.5, 0.5, "no spins", transform=axes.transAxes, ha="center")
         axes.set_yscale("log")
-        axes.set_ylim(0.3 * lowest, 2.0 * highest)
+        axes.set_ylim(0.3 * lowest, 60.0 * highest)  # room for the legend
         axes.set_xlim(-5.0, 5.0)
-        axes.legend(loc="lower center", frameon=False, fontsize="small")
+        axes.legend(loc="upper center", frameon=False, fontsize="small")
     left.set_xlabel(r"$c = v_{x,y} / \sqrt{2 T / m}$")
     right.set_xlabel(r"$w = \omega / \sqrt{2 T_\mathrm{rot} / I}$")
     left.set_ylabel("probability density")
@@ -141,6 +143,7 @@ def msd(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_ylim(0.5 * value.min(), 3.0 * value.max())
+    few_labels(axes)
     axes.set_xlabel(with_unit("lag $t$", trajectory.units.get("time")))
     axes.set_ylabel(with_unit(r"$\langle |\Delta r|^2 \rangle$", _unit(trajectory, "length^2")))
     axes.legend(loc="lower right", frameon=False)

@@ -85,7 +85,8 @@ def test_errors_of_sonine_coefficients_know_that_frames_of_the_same_disks_repeat
     assert again.a20_error == pytest.approx(once.a20_error)
     fresh = [maxwellian(seed, 5000) for seed in range(10)]
     ten = analysis.velocity_distribution([v for v, _ in fresh], [w for _, w in fresh]).sonine
-    assert ten.a20_error == pytest.approx(once.a20_error / np.sqrt(10.0), rel=0.2)
+    # 1 / sqrt(n) of 50,000 Gaussian ones; a fourth moment of an influence, which the error has in it, scatters by 5 %.
+    assert ten.a20_error == pytest.approx(1.0 / np.sqrt(50_000.0), rel=0.2)
 
 
 def test_flying_disks_have_a_ballistic_displacement() -> None:
