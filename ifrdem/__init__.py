@@ -28,6 +28,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "TrajectoryWriter": ("trajectory_writer", "TrajectoryWriter"),
     "Motion": ("walls", "Motion"),
     "Wall": ("walls", "Wall"),
+    "analysis": ("analysis", None),
     "bullet": ("bullet", None),
     "collide": ("law", "collide"),
     "forces": ("forces", None),
@@ -56,6 +57,7 @@ __all__ = [
     "TrajectoryWriter",
     "Wall",
     "__version__",
+    "analysis",
     "bullet",
     "coins",
     "collide",
@@ -70,6 +72,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
+    from . import analysis as analysis
     from . import bullet as bullet
     from . import fit as fit
     from . import forces as forces

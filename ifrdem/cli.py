@@ -12,10 +12,12 @@ from pathlib import Path
 
 from . import (
     __version__,
+    analyse_options,
     export_options,
     fit_options,
     history_options,
     movie_options,
+    plot_options,
     repair_options,
     tail_options,
     views_options,
@@ -184,6 +186,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     fit = verbs.add_parser("fit", help="fit the law's coefficients to measured impacts", allow_abbrev=False)
     fit_options.add_to(fit)
     fit.set_defaults(act=_fit)
+
+    analyse_options.add_to(verbs)
+    plot_options.add_to(verbs)
 
     info = verbs.add_parser("info", help="say what a trajectory holds", allow_abbrev=False)
     info.add_argument("file", metavar="FILE", help="a trajectory (.h5)")

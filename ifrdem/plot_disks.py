@@ -26,10 +26,10 @@ MOST_DISKS = 100_000
 MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 30 disks each at phi = 0.25
 
 
-def last_frame(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
-    """The disks of the last frame, coloured by spin, or a map of where they are if they are too many."""
+def last_frame(figure: Any, axes: Axes, trajectory: Trajectory, index: int = -1) -> None:
+    """The disks of the last frame (or another), coloured by spin, or a map of where they are if they are too many."""
     units = trajectory.units
-    frame = trajectory[-1]
+    frame = trajectory[index]
     position = frame.position if "position" in trajectory.fields else np.zeros((1, 2))
     (left, right), (bottom, top) = shown_region(trajectory, position)
     axes.set_xlim(left, right)

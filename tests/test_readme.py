@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem import EnergyWarning, Trajectory, check, cli, shear_theory, template
+from ifrdem import EnergyWarning, Trajectory, analysis, check, cli, shear_theory, template
 from ifrdem.case import Case
 from ifrdem.gas import Gas
 from ifrdem.observables import measure
@@ -54,6 +54,41 @@ def test_python_example_is_the_case_to_the_last_bit(tmp_path: Path, monkeypatch:
         assert a.time == b.time
         for field in ("position", "velocity", "spin", "collisions"):
             np.testing.assert_array_equal(getattr(a, field), getattr(b, field))
+
+
+def test_from_file_to_figure_runs_as_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cases").symlink_to(ROOT / "cases")
+    install, *commands = block("figure").splitlines()
+    assert install == ".venv/bin/pip install '.[analysis]'"
+    less = ["species[0].number=400", "run.collisions_per_disk=8", "output.frames=20"]
+    for command in commands:
+        words = command.removeprefix(".venv/bin/ifrdem ").split()
+        small = [word for one in less for word in ("--set", one)] if words[0] == "run" else []
+        assert cli.main([*words, *small, *(["--no-picture"] if small else [])]) == 0
+    assert (tmp_path / "cooling-velocity.png").is_file()
+    assert (tmp_path / "cooling-analysis" / "cooling.json").is_file()
+    capsys.readouterr()
+    exec(compile(block("analysis"), "README.md", "exec"), {})
+    shown = re.findall(r"= ([-\d.e]+) \+- ([\d.e-]+)", capsys.readouterr().out)
+    a20, contact, t_H = (tuple(map(float, pair)) for pair in shown)
+    assert abs(a20[0]) < 0.3
+    # Enskog's chi at packing fraction 0.25 is 1.58, and inelastic pairs are near contact for longer.
+    assert contact[0] == pytest.approx(1.65, abs=0.25 + 4.0 * contact[1])
+    assert t_H[0] > t_H[1] > 0.0
+    assert (tmp_path / "velocities.png").is_file()
+
+
+def test_readme_table_of_analyses_lists_what_there_is() -> None:
+    shown = re.search(
+        r"\| `ifrdem.analysis` \| finds \|\n(.*?)\n\n", (ROOT / "README.md").read_text(), flags=re.DOTALL
+    )
+    assert shown is not None
+    for row in shown[1].splitlines()[1:]:
+        for name in re.findall(r"`(\w+)`", row.split("|")[1]):
+            assert callable(getattr(analysis, name))
 
 
 def test_walls_example_shakes_coins(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,73 @@
+"""Analyses of granular gases: NumPy arrays in, arrays with errors out; anybody's positions, velocities and spins do.
+
+Lengths, times and masses are in whatever units the arrays are in, temperatures are energies (k_B = 1). g(r), clusters
+and psi_6 need the package freud, S(k) finufft: `pip install "ifrdem[analysis]"`.
+"""
+
+from __future__ import annotations
+
+from .cluster import Clusters
+from .cluster import find as clusters
+from .cooling import HaffFit, RatioFit, haff_fit, ratio_fit
+from .displacement import (
+    Correlation,
+    Diffusion,
+    diffusion_coefficient,
+    mean_square_displacement,
+    unwrap,
+    velocity_autocorrelation,
+)
+from .distributions import (
+    SonineCoefficients,
+    VelocityDistribution,
+    gaussian,
+    sonine_density,
+    velocity_distribution,
+)
+from .fields import Fields, coarse_grain
+from .frames import correlation_time, mean_with_error
+from .impact import Impacts, impacts
+from .pairs import ContactValue, PairCorrelation, contact_value, pair_correlation
+from .pressure import Pressure, compressibility, contact_from_rate
+from .pressure import from_impulses as pressure_from_impulses
+from .psi6 import Hexatic
+from .psi6 import order as hexatic
+from .structure import StructureFactor, structure_factor
+
+__all__ = [
+    "Clusters",
+    "ContactValue",
+    "Correlation",
+    "Diffusion",
+    "Fields",
+    "HaffFit",
+    "Hexatic",
+    "Impacts",
+    "PairCorrelation",
+    "Pressure",
+    "RatioFit",
+    "SonineCoefficients",
+    "StructureFactor",
+    "VelocityDistribution",
+    "clusters",
+    "coarse_grain",
+    "compressibility",
+    "contact_from_rate",
+    "contact_value",
+    "correlation_time",
+    "diffusion_coefficient",
+    "gaussian",
+    "haff_fit",
+    "hexatic",
+    "impacts",
+    "mean_square_displacement",
+    "mean_with_error",
+    "pair_correlation",
+    "pressure_from_impulses",
+    "ratio_fit",
+    "sonine_density",
+    "structure_factor",
+    "unwrap",
+    "velocity_autocorrelation",
+    "velocity_distribution",
+]

@@ -1,0 +1,274 @@
+"""Mean-square displacement and velocity autocorrelation over frames, and the diffusion coefficient."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..box import Box
+from ..errors import InputError, nearest
+from .frames import as_box
+
+ORIGINS = ("all", "first")
+EVEN = 1e-3  # of the mean interval: how far intervals may differ where all origins are used
+
+
+@dataclass(frozen=True, eq=False)
+class Correlation:
+    """A mean over disks at lags in time, such as a mean-square displacement.
+
+    Attributes
+    ----------
+    lag : array (lags,)
+        Lags [time]; the first is 0.
+    value, error : array (lags,)
+        The mean, and its standard error: disks count as independent, lags and origins of a disk do not.
+    covariance : array (lags, lags)
+        Covariance of `value` by the spread over disks: what a fit to it needs.
+    components : int
+        Directions in space that it is the sum of.
+    disks : int
+        How many there were.
+    origins : str
+        "all" or "first".
+    """
+
+    lag: NDArray[np.float64]
+    value: NDArray[np.float64]
+    error: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    components: int
+    disks: int
+    origins: str
+
+
+@dataclass(frozen=True)
+class Diffusion:
+    """A diffusion coefficient from a mean-square displacement.
+
+    Attributes
+    ----------
+    D, error : float
+        Slope over twice the number of directions [length^2/time], and its standard error by the spread over disks.
+    exponent : float
+        Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the
+        fit is too early or the gas cools.
+    lags : tuple of two floats
+        Of the first and the last lag used [time].
+    """
+
+    D: float
+    error: float
+    exponent: float
+    lags: tuple[float, float]
+
+
+def unwrap(
+    position: ArrayLike, box: Box | ArrayLike, *, image: ArrayLike | None = None, times: ArrayLike = 0.0
+) -> NDArray[np.float64]:
+    """Paths without jumps through periodic sides [length], shape (frames, n, 2).
+
+    Parameters
+    ----------
+    position : array (frames, n, 2)
+        Centres in the box [length].
+    image : array (frames, n, 2), optional
+        Box lengths travelled. Without them each step between frames is taken for the shortest possible one; that is
+        refused if steps are so long (root of the mean square above an eighth of the box) that some would be wrong.
+    times : array (frames,), optional
+        Needed for sheared boxes [time].
+
+    Raises
+    ------
+    InputError
+        If steps are too long, or a sheared box has no images.
+    """
+    box = as_box(box)
+    x = np.array(position, dtype=np.float64)
+    if x.ndim != 3 or x.shape[2] != 2:
+        raise InputError(f"positions of shape {x.shape}: (frames, n, 2) is needed")
+    if box.is_open:
+        return x
+    if image is not None:
+        when = np.broadcast_to(np.asarray(times, dtype=float), len(x))
+        every = zip(x, np.asarray(image), when, strict=True)
+        return np.stack([box.unwrap(one, turns, float(t)) for one, turns, t in every])
+    if box.shear_rate:
+        raise InputError('paths in a sheared box need images: put "image" into output.fields of the case')
+    step = box.minimum_image(np.diff(x, axis=0))
+    for axis in (0, 1):
+        rms = float(np.sqrt(np.mean(step[:, :, axis] ** 2))) if step.size else 0.0
+        # Gaussian steps beyond half a box, four times the rms, are 6e-5 of all; uniform ones, which tell nothing, have
+        # an rms of 0.29 boxes.
+        if box.periodic[axis] and rms > box.lengths[axis] / 8.0:
+            raise InputError(
+                f"between frames disks go {rms / box.lengths[axis]:.2g} of the box along {'xy'[axis]}: too far to tell "
+                'how often they went around it; put "image" into output.fields of the case, or write more frames'
+            )
+    return np.concatenate((x[:1], x[:1] + np.cumsum(step, axis=0)))
+
+
+class _Means:
+    """Sums over disks of values at lags, from which mean and covariance of the mean come; a few disks at a time."""
+
+    def __init__(self, lags: int) -> None:
+        self.disks = 0
+        self.sum = np.zeros(lags)
+        self.square = np.zeros((lags, lags))
+
+    def add(self, values: NDArray[np.float64]) -> None:
+        """Add disks, shape (lags, n)."""
+        self.disks += values.shape[1]
+        self.sum += values.sum(axis=1)
+        self.square += values @ values.T
+
+    def correlation(self, lag: NDArray[np.float64], components: int, origins: str) -> Correlation:
+        n = self.disks
+        mean = self.sum / n
+        covariance = np.full_like(self.square, np.nan)
+        if n > 1:
+            covariance = (self.square / n - np.outer(mean, mean)) / (n - 1)
+        error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return Correlation(lag, mean, error, covariance, components, n, origins)
+
+
+def _lags(times: ArrayLike, origins: str, most: int) -> NDArray[np.float64]:
+    """Lags for these times, at most so many; InputError if they do not suit the origins."""
+    t = np.asarray(times, dtype=float)
+    if origins not in ORIGINS:
+        raise InputError(
+            f"origins = {origins!r}: must be one of {', '.join(ORIGINS)}{nearest(origins, ORIGINS)}"
+        )
+    if t.ndim != 1 or len(t) < 2 or np.any(np.diff(t) <= 0.0):
+        raise InputError("2 frames or more at increasing times are needed")
+    if origins == "all" and np.ptp(np.diff(t)) > EVEN * np.mean(np.diff(t)):
+        raise InputError('frames are not evenly spaced in time: origins = "first" is possible, "all" is not')
+    lag = t - t[0]
+    return lag if origins == "first" else lag[: min(len(t), most)]
+
+
+def mean_square_displacement(
+    times: ArrayLike,
+    paths: NDArray[np.float64] | Iterable[NDArray[np.float64]],
+    *,
+    origins: Literal["all", "first"] = "all",
+    most_lags: int = 500,
+) -> Correlation:
+    """<|x(s + t) - x(s)|^2> over disks, and over all frames s or from the first frame only.
+
+    Over all frames by the Fourier transform (V. Calandrini et al., Collection SFN 12, 201 (2011),
+    doi:10.1051/sfn/201112010), which needs frames that are evenly spaced and a gas in a steady state. A gas that cools
+    has no such mean: take "first" there.
+
+    Parameters
+    ----------
+    times : array (frames,)
+        Times of the frames [time].
+    paths : array (frames, n, d), or parts of it for some disks each
+        Unwrapped positions [length] (see `unwrap`); d directions count.
+    most_lags : int
+        Lags at most, from the shortest on, where all origins count.
+
+    Raises
+    ------
+    InputError
+        If times are not even for "all", or shapes do not match.
+    """
+    lag = _lags(times, origins, most_lags)
+    means, components = _Means(len(lag)), 0
+    for path in _parts(paths, len(np.asarray(times))):
+        components = path.shape[2]
+        path = path - path[0]
+        if origins == "first":
+            means.add(np.sum(path**2, axis=2))
+            continue
+        frames = len(path)
+        square = np.concatenate((np.zeros_like(path[:1, :, 0]), np.cumsum(np.sum(path**2, axis=2), axis=0)))
+        step = np.arange(len(lag))
+        # Sums of |x(s)|^2 and |x(s + t)|^2 over the origins s that a lag has.
+        ends = square[frames - step] + (square[frames] - square[step])
+        means.add((ends - 2.0 * _autocorrelation(path)[: len(lag)]) / (frames - step)[:, None])
+    return means.correlation(lag, components, origins)
+
+
+def velocity_autocorrelation(
+    times: ArrayLike,
+    velocity: NDArray[np.float64] | Iterable[NDArray[np.float64]],
+    *,
+    origins: Literal["all", "first"] = "all",
+    most_lags: int = 500,
+) -> Correlation:
+    """<v(s) . v(s + t)> over disks, and over all frames s or the first only [length^2/time^2]; not normalised.
+
+    `velocity` as `paths` of `mean_square_displacement` [length/time]; the rest as there.
+    """
+    lag = _lags(times, origins, most_lags)
+    means, components = _Means(len(lag)), 0
+    for v in _parts(velocity, len(np.asarray(times))):
+        components = v.shape[2]
+        if origins == "first":
+            means.add(np.sum(v * v[0], axis=2))
+        else:
+            means.add(_autocorrelation(v)[: len(lag)] / (len(v) - np.arange(len(lag)))[:, None])
+    return means.correlation(lag, components, origins)
+
+
+def _parts(
+    values: NDArray[np.float64] | Iterable[NDArray[np.float64]], frames: int
+) -> Iterable[NDArray[np.float64]]:
+    found = False
+    for part in [values] if isinstance(values, np.ndarray) else values:
+        if part.ndim != 3 or len(part) != frames:
+            raise InputError(f"an array of shape {part.shape}: (frames, n, d) with {frames} frames is needed")
+        found = True
+        yield np.asarray(part, dtype=np.float64)
+    if not found:
+        raise InputError("no disks")
+
+
+def _autocorrelation(x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum over s of x(s) . x(s + t), shape (frames, n), of x of shape (frames, n, d)."""
+    frames = len(x)
+    transformed = np.fft.rfft(x, 2 * frames, axis=0)
+    return np.fft.irfft(np.sum(np.abs(transformed) ** 2, axis=2), 2 * frames, axis=0)[:frames]
+
+
+def diffusion_coefficient(
+    msd: Correlation, *, first: float | None = None, last: float | None = None
+) -> Diffusion:
+    """Slope of the line of least squares through a mean-square displacement between two lags [time].
+
+    By default from a half of the longest lag to its end where the origin is the first frame, and from a tenth of it to
+    a half, which more origins know, where all are; all lags if these are fewer than 3.
+
+    Raises
+    ------
+    InputError
+        If fewer than 3 lags lie between.
+    """
+    longest = float(msd.lag[-1])
+    share = (0.1, 0.5) if msd.origins == "all" else (0.5, 1.0)
+    low = share[0] * longest if first is None else first
+    high = share[1] * longest if last is None else last
+    used = (msd.lag >= low) & (msd.lag <= high) & (msd.lag > 0.0)
+    if first is None and last is None and np.count_nonzero(used) < 3:
+        used = msd.lag > 0.0  # so few that all are needed
+    if np.count_nonzero(used) < 3:
+        raise InputError(
+            f"{np.count_nonzero(used)} lags from {low:.4g} to {high:.4g}: 3 or more are needed for a fit"
+        )
+    t, value = msd.lag[used], msd.value[used]
+    weight = (t - t.mean()) / np.sum((t - t.mean()) ** 2)  # slope = weight . value
+    variance = float(weight @ msd.covariance[np.ix_(used, used)] @ weight)
+    factor = 2.0 * msd.components
+    exponent = float(np.polyfit(np.log(t), np.log(value), 1)[0]) if np.all(value > 0.0) else float("nan")
+    return Diffusion(
+        D=float(weight @ value) / factor,
+        error=float(np.sqrt(variance)) / factor,
+        exponent=exponent,
+        lags=(float(t[0]), float(t[-1])),
+    )

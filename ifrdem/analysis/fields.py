@@ -1,0 +1,168 @@
+"""Coarse-grained fields: density, velocity and temperatures relative to the local flow."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..box import Box
+from ..errors import InputError
+from .frames import as_box, each
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Fields on a grid of a x b places.
+
+    Attributes
+    ----------
+    x, y : array (a,), (b,)
+        Middles of the cells [length].
+    number : array (a, b)
+        Number density [1/length^2].
+    packing_fraction : array (a, b)
+        Area of the disks in it over area, each counted whole at its centre.
+    velocity : array (a, b, 2)
+        Mean velocity weighted by mass [length/time]; nan where there is nobody.
+    temperature : array (a, b)
+        T = <m |v - u|^2> / 2 relative to the mean velocity u of the place [energy], without bias by the number of
+        disks that u is the mean of; nan where fewer than two are. It contains what u varies by within the place.
+    rotational_temperature : array (a, b)
+        T_rot = <I omega^2> [energy].
+    width : float
+        Standard deviation of the Gaussian [length], 0 for plain cells.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    number: NDArray[np.float64]
+    packing_fraction: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    temperature: NDArray[np.float64]
+    rotational_temperature: NDArray[np.float64]
+    width: float
+
+
+def coarse_grain(
+    position: NDArray[np.float64],
+    velocity: NDArray[np.float64],
+    spin: NDArray[np.float64] | None = None,
+    *,
+    box: Box | ArrayLike,
+    cells: tuple[int, int],
+    mass: ArrayLike = 1.0,
+    radius: ArrayLike = 0.0,
+    inertia: ArrayLike = 0.0,
+    width: float = 0.0,
+) -> Fields:
+    """Fields of one frame, by cells or by Gaussians around each disk.
+
+    With weights phi of the disks at a place (1 in its cell, or the Gaussian of the distance), u = sum m v phi over
+    sum m phi, and T = sum m |v - u|^2 phi / (2 (sum phi - sum m phi^2 / sum m phi)): the bracket makes the mean of T
+    right if velocities are independent and all have one temperature. Weights as in I. Goldhirsch, Granul. Matter 12,
+    239 (2010), doi:10.1007/s10035-010-0181-z.
+
+    Parameters
+    ----------
+    position, velocity : array (n, 2)
+        Centres [length] and velocities [length/time].
+    spin : array (n,), optional
+        Spins [rad/time]; without them, T_rot is 0.
+    box : Box, or two lengths of a periodic one
+        An open one takes what holds all centres.
+    cells : tuple of two ints
+        Cells along x and y.
+    mass, radius, inertia : float or array (n,)
+        Masses, radii [length], moments of inertia.
+    width : float
+        Standard deviation of Gaussians [length]; 0 for plain cells. Each disk is put into its cell and the grid is
+        smoothed, so that cells should be smaller than the width. Beside walls, weights count inside only.
+
+    Raises
+    ------
+    InputError
+        If shapes do not match, cells are not positive, the width is below half a cell, or Gaussians are asked for in a
+        sheared box.
+    """
+    box = as_box(box)
+    (x,), (v,) = each(position), each(velocity)
+    n = len(x)
+    if len(v) != n or (spin is not None and len(spin) != n):
+        raise InputError(f"positions of {n} disks, velocities of {len(v)}: they must match, and spins too")
+    if min(cells) < 1:
+        raise InputError(f"cells = {cells}: 1 or more along each axis are needed")
+    if width and box.shear_rate:
+        raise InputError("Gaussians in a sheared box are not supported: take plain cells, width = 0")
+    low, lengths = np.zeros(2), np.array(box.lengths)
+    if box.is_open:
+        low, lengths = x.min(axis=0), np.maximum(np.ptp(x, axis=0), 1e-300) * (1.0 + 1e-9)
+    size = lengths / cells
+    if width and width < 0.5 * size.max():
+        raise InputError(
+            f"width = {width:g}: cells of {size.max():.4g} are too large for it; take more or a wider one"
+        )
+    place = np.clip(((x - low) / size).astype(np.intp), 0, np.array(cells) - 1)
+    index = place[:, 0] * cells[1] + place[:, 1]
+    m, R, inertia_of = (np.broadcast_to(np.asarray(one, dtype=float), n) for one in (mass, radius, inertia))
+    # A deviation from the mean of all, so that no digits are lost where all drift.
+    drift = np.average(v, axis=0, weights=m) if n else np.zeros(2)
+    w = v - drift
+    omega = np.zeros(n) if spin is None else np.asarray(spin, dtype=float)
+    kernel = _Kernel(width, size, cells, box)
+
+    def total(weights: NDArray[np.float64], squared: bool = False) -> NDArray[np.float64]:
+        put = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64)
+        return kernel.smooth(put.reshape(cells), squared)
+
+    one = np.ones(n)
+    number, mass_ = total(one), total(m)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = np.stack([total(m * w[:, i]) / mass_ for i in (0, 1)], axis=-1)
+        spread = total(m * np.sum(w * w, axis=1)) - mass_ * np.sum(u * u, axis=-1)
+        freedom = number - total(m, squared=True) / mass_
+        enough = freedom > 1e-6 * np.maximum(number, 1e-300)
+        T = np.where(enough, np.maximum(spread, 0.0) / (2.0 * freedom), np.nan)
+        T_rot = total(inertia_of * omega * omega) / number
+    area = float(np.prod(size))
+    return Fields(
+        x=low[0] + (np.arange(cells[0]) + 0.5) * size[0],
+        y=low[1] + (np.arange(cells[1]) + 0.5) * size[1],
+        number=number / area,
+        packing_fraction=total(np.pi * R * R) / area,
+        velocity=u + drift,
+        temperature=T,
+        rotational_temperature=T_rot,
+        width=width,
+    )
+
+
+class _Kernel:
+    """Weights phi on the grid: a Gaussian that sums to 1 over cells, or 1 in the own cell."""
+
+    def __init__(self, width: float, size: NDArray[np.float64], cells: tuple[int, int], box: Box) -> None:
+        self.width, self.size, self.box = width, size, box
+        self.inside = np.ones(cells)
+        if width:
+            self.inside = self._filter(np.ones(cells), width)
+
+    def smooth(self, deposited: NDArray[np.float64], squared: bool) -> NDArray[np.float64]:
+        """Sum of phi, or of phi^2, times what was put into cells."""
+        if not self.width:
+            return deposited
+        if not squared:
+            return self._filter(deposited, self.width) / self.inside
+        # The square of a Gaussian is one of width / sqrt 2, times this.
+        factor = float(np.prod(self.size)) / (4.0 * np.pi * self.width**2)
+        return factor * self._filter(deposited, self.width / np.sqrt(2.0)) / self.inside**2
+
+    def _filter(self, values: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+        from scipy.ndimage import gaussian_filter1d
+
+        for axis in (0, 1):
+            # Being put into the middle of a cell has spread disks by cell^2 / 12 already.
+            sigma = np.sqrt(max(width**2 - self.size[axis] ** 2 / 12.0, 0.0)) / self.size[axis]
+            mode = "wrap" if self.box.periodic[axis] else "constant"
+            values = gaussian_filter1d(values, sigma, axis=axis, mode=mode, truncate=6.0)
+        return values

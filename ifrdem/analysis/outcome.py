@@ -1,0 +1,109 @@
+"""What an analysis found in a file, and what all of them need: which frames, units, kinds of disks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..trajectory import Trajectory
+
+MOST_FRAMES = 20
+"""Frames that are taken unless asked for more, evenly from the second half of a file."""
+MOST_DISKS = 2_000_000
+"""Disks times frames above which fewer are taken: some 30 s of g(r)."""
+MOST_KINDS = 8
+
+Columns = dict[str, NDArray]
+
+
+class Row(NamedTuple):
+    """A number that was found: what it is, its standard error (nan where there is none), its unit ("" for none)."""
+
+    name: str
+    value: float
+    error: float = float("nan")
+    unit: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What an analysis found in a file.
+
+    Attributes
+    ----------
+    result : object
+        What the function of `ifrdem.analysis` returned; a dict of them by kind of disk for velocities.
+    rows : list of Row
+        Numbers for people.
+    tables : dict
+        Name ("" for the only or main one) -> columns by name, of one length.
+    notes : list of str
+        What to know of them.
+    times : tuple of two floats
+        First and last time that was used.
+    """
+
+    result: Any
+    rows: list[Row]
+    tables: dict[str, Columns]
+    notes: list[str]
+    times: tuple[float, float]
+
+
+def latest(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
+    """The frames chosen, or some of the second half, evenly, so that the last is among them."""
+    if len(trajectory) == 0:
+        raise InputError(f"{trajectory.path}: no frame to analyse")
+    if chosen is not None:
+        return list(chosen)
+    last = len(trajectory) - 1
+    most = int(np.clip(MOST_DISKS // max(trajectory.disks.n, 1), 1, MOST_FRAMES))
+    count = min(most, last - last // 2 + 1)
+    return sorted({round(i) for i in np.linspace(last, last // 2, count)}) if count > 1 else [last]
+
+
+def every(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
+    """The frames chosen, or all of them."""
+    if len(trajectory) == 0:
+        raise InputError(f"{trajectory.path}: no frame to analyse")
+    return list(range(len(trajectory))) if chosen is None else list(chosen)
+
+
+def unit(trajectory: Trajectory, text: str) -> str:
+    """A unit such as "length^2/time" in the words of the file; "" in reduced units."""
+    units = trajectory.units
+    if not units:
+        return ""
+    for quantity in ("length", "time", "mass", "energy"):
+        text = text.replace(quantity, units.get(quantity, quantity))
+    return text
+
+
+def times(trajectory: Trajectory, used: Sequence[int]) -> tuple[float, float]:
+    return float(trajectory.times[used[0]]), float(trajectory.times[used[-1]])
+
+
+def kinds(trajectory: Trajectory) -> dict[str, NDArray[np.intp]]:
+    """Disks that can move, by what they are: radius, mass, k and material; by material if that makes many kinds."""
+    disks = trajectory.disks
+    movable = np.flatnonzero(np.isfinite(disks.mass))
+    columns = np.stack((disks.material, disks.radius, disks.mass, disks.k), axis=1)[movable]
+    found, which = np.unique(columns, axis=0, return_inverse=True)
+    if len(found) == 1:
+        return {"all disks": movable}
+    if len(found) > MOST_KINDS:
+        materials = np.unique(disks.material[movable])
+        if not 1 < len(materials) <= MOST_KINDS:
+            return {f"disks of {len(found)} kinds together, as if at one temperature": movable}
+        return {f"material {one}": movable[disks.material[movable] == one] for one in materials}
+    return {
+        f"material {row[0]:.0f}, R = {trajectory.with_unit(f'{row[1]:.4g}', 'length')}": movable[
+            which.ravel() == i
+        ]
+        for i, row in enumerate(found)
+    }

@@ -1,0 +1,129 @@
+"""Pressure: the kinetic part, and what collisions pass on, from impulses or from the rate of collisions.
+
+In two dimensions, each collision passes the impulse J = P_n n + P_t t over the distance sigma n between two centres, so
+that over a time t::
+
+    P_ab A = sum m V_a V_b + (1 / t) sum_c sigma n_a J_b,      p = (P_xx + P_yy) / 2
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError
+from .frames import mean_with_error
+
+BLOCKS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Pressure:
+    """The pressure of a gas, in two dimensions a force on a length [energy/length^2].
+
+    Attributes
+    ----------
+    kinetic : float
+        N T / A.
+    collisional, error : float
+        What collisions pass on, and its standard error, from blocks of time.
+    total : float
+        Their sum.
+    Z : float
+        Compressibility factor p A / (N T).
+    collisional_tensor : array (2, 2)
+        P_ab of collisions: first where to, then which component of the impulse.
+    """
+
+    kinetic: float
+    collisional: float
+    error: float
+    total: float
+    Z: float
+    collisional_tensor: NDArray[np.float64]
+
+
+def from_impulses(
+    time: ArrayLike,
+    normal: ArrayLike,
+    impulse: ArrayLike,
+    distance: ArrayLike,
+    *,
+    span: tuple[float, float],
+    area: float,
+    disks: int,
+    tracked: int,
+    temperature: float,
+) -> Pressure:
+    """Pressure from the collisions of tracked disks with disks, each listed once for every tracked disk in it.
+
+    Of each listed collision, half belongs to the disk that it is listed for; the sum over tracked disks stands for all
+    disks in the ratio of their numbers. That is exact if all are tracked, else right in the mean for a choice at
+    random.
+
+    Parameters
+    ----------
+    time : array (c,)
+        When they happened [time], inside `span`.
+    normal : array (c, 2)
+        Unit vectors from the disk to its partner.
+    impulse : array (c, 2)
+        P_n and P_t that it gives to the partner along n and t = (-n_y, n_x) [mass length/time].
+    distance : array (c,)
+        Of the two centres: the sum of the radii [length].
+    span : tuple of two floats
+        The time that was watched [time].
+    area, disks, tracked : float, int, int
+        Area of the box [length^2], number of all disks and of tracked ones.
+    temperature : float
+        T of the gas, mean over that time [energy].
+
+    Raises
+    ------
+    InputError
+        If the span is empty, or a collision lies outside.
+    """
+    t, n, J, sigma = (np.asarray(one, dtype=float) for one in (time, normal, impulse, distance))
+    begin, end = span
+    if not end > begin:
+        raise InputError(f"span = {span}: the end must be later than the begin")
+    if len(t) and (t.min() < begin or t.max() > end):
+        raise InputError(
+            f"collisions from {t.min():g} to {t.max():g} are outside of the span {begin:g} to {end:g}"
+        )
+    if not 0 < tracked <= disks:
+        raise InputError(f"{tracked} of {disks} disks are tracked: from 1 to all are needed")
+    tangent = np.stack((-n[:, 1], n[:, 0]), axis=1)
+    passed = J[:, :1] * n + J[:, 1:] * tangent
+    virial = 0.5 * disks / tracked * sigma[:, None, None] * n[:, :, None] * passed[:, None, :] / area
+    tensor = virial.sum(axis=0) / (end - begin)
+    block = np.minimum(((t - begin) / (end - begin) * BLOCKS).astype(int), BLOCKS - 1)
+    trace = 0.5 * (virial[:, 0, 0] + virial[:, 1, 1])
+    series = np.bincount(block, trace, minlength=BLOCKS) * BLOCKS / (end - begin)
+    kinetic = disks * temperature / area
+    collisional = 0.5 * float(np.trace(tensor))
+    total = kinetic + collisional
+    Z = total / kinetic if kinetic > 0.0 else math.nan
+    return Pressure(kinetic, collisional, mean_with_error(series)[1], total, Z, tensor)
+
+
+def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -> float:
+    """Z = p A / (N T) of a homogeneous gas of equal disks with the contact value chi: 1 + (1 + e_n) phi chi.
+
+    Disks meet with <P_n> = (1 + e_n) (m / 2) sqrt(pi T / m) at the rate nu = 8 phi chi sqrt(T / (pi m)) / sigma each
+    (`theory.collision_rate`), half a collision a disk, and each passes sigma P_n / 2 to p A: together (1 + e_n) phi chi
+    T a disk. Tangential impulses do not enter. Velocities are Maxwellian and without correlations.
+    """
+    return 1.0 + (1.0 + e_n) * packing_fraction * contact
+
+
+def contact_from_rate(
+    rate: float, *, packing_fraction: float, temperature: float, mass: float, radius: float
+) -> float:
+    """The contact value chi that a collision rate [1/time] of equal disks shows: `theory.collision_rate` inverted."""
+    from ..theory import collision_rate
+
+    return rate / collision_rate(packing_fraction, temperature, mass, radius, g=1.0)

@@ -1,0 +1,90 @@
+"""Bond-orientational order of six neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..box import Box
+from ..errors import InputError, nearest
+from . import libraries
+from .frames import as_box, each, freud_frame
+
+NEIGHBOURS = ("nearest", "voronoi")
+
+
+@dataclass(frozen=True, eq=False)
+class Hexatic:
+    """psi_6 of disk i: the mean of exp(6 i theta) over the directions theta to its neighbours.
+
+    Attributes
+    ----------
+    psi6 : array (n,) of complex
+        Of each disk.
+    local : float
+        Mean of |psi_6|: 1 in a perfect hexagonal lattice.
+    whole : float
+        |mean of psi_6|: 1 if it is a single crystal, about local / sqrt(n) in a fluid.
+    neighbours : str
+        "nearest" or "voronoi".
+    """
+
+    psi6: NDArray[np.complex128]
+    local: float
+    whole: float
+    neighbours: str
+
+
+def order(
+    position: NDArray[np.float64],
+    box: Box | ArrayLike,
+    *,
+    neighbours: Literal["nearest", "voronoi"] = "nearest",
+    time: float = 0.0,
+) -> Hexatic:
+    """psi_6 of one frame, by freud.
+
+    Parameters
+    ----------
+    position : array (n, 2)
+        Centres [length], 7 or more.
+    box : Box, or two lengths of a periodic one
+        Of any kind. Disks at walls count with the neighbours that they have inside.
+    neighbours : {"nearest", "voronoi"}
+        The six nearest, or those across an edge of the Voronoi cell, all alike (a few 1e5 disks
+        at most).
+    time : float
+        Needed for sheared boxes [time].
+
+    Raises
+    ------
+    InputError
+        For fewer than 7 disks, an unknown kind of neighbours, or without freud.
+    """
+    if neighbours not in NEIGHBOURS:
+        raise InputError(
+            f"neighbours = {neighbours!r}: must be one of {', '.join(NEIGHBOURS)}{nearest(neighbours, NEIGHBOURS)}"
+        )
+    box = as_box(box)
+    (x,) = each(position)
+    if len(x) < 7:
+        raise InputError(f"{len(x)} disks: psi_6 needs 7 or more")
+    freud = libraries.load("freud", "psi_6")
+    # Where sides are walls: wide enough to keep images away from all six neighbours.
+    reach = 0.0
+    if not all(box.periodic):
+        reach = 2.0 * float(np.ptp(x, axis=0).max())
+        reach = min(reach, 0.4 * min([side for side in box.periods if side] or [np.inf]))
+    frame = freud_frame(x, box, reach, time, "psi_6")
+    compute = freud.order.Hexatic(k=6)
+    if neighbours == "nearest":
+        compute.compute((frame.box, frame.points), neighbors={"num_neighbors": 6, "exclude_ii": True})
+    else:
+        cells = freud.locality.Voronoi()
+        cells.compute((frame.box, frame.points))
+        compute.compute((frame.box, frame.points), neighbors=cells.nlist)
+    psi6 = np.asarray(compute.particle_order, dtype=np.complex128)
+    return Hexatic(psi6, float(np.abs(psi6).mean()), float(np.abs(psi6.mean())), neighbours)

@@ -1,0 +1,102 @@
+"""What a trajectory file holds for analyses: fields, series, collisions of tracked disks; or which key stores it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..trajectory import Trajectory
+
+COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")
+
+
+@dataclass(frozen=True, eq=False)
+class Collisions:
+    """Collisions of tracked disks with disks, in a window of time; one of two tracked disks is there twice.
+
+    Attributes
+    ----------
+    time, id, partner, normal, impulse, psi, regime : arrays (c, ...)
+        As in the file.
+    tracked : array (m,) of int
+        The disks that are tracked.
+    span : tuple of two floats
+        The time that is known [time].
+    """
+
+    time: NDArray[np.float64]
+    id: NDArray[np.int32]
+    partner: NDArray[np.int32]
+    normal: NDArray[np.float64]
+    impulse: NDArray[np.float64]
+    psi: NDArray[np.float64]
+    regime: NDArray[np.int8]
+    tracked: NDArray[np.int32]
+    span: tuple[float, float]
+
+    @property
+    def once(self) -> NDArray[np.bool_]:
+        """Which of them to take so that each collision is there once, shape (c,)."""
+        return (self.id < self.partner) | ~np.isin(self.partner, self.tracked)
+
+
+def need(trajectory: Trajectory, *fields: str) -> None:
+    """Raise InputError that says which keys of the case would have stored these fields, unless they are there."""
+    missing = [name for name in fields if name not in trajectory.fields]
+    if missing:
+        names = " and ".join(f'"{name}"' for name in missing)
+        raise InputError(
+            f"{trajectory.path} holds no {' and no '.join(missing)} of the disks: put {names} into output.fields of "
+            "the case and run it again"
+        )
+
+
+def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+    """Times, and whole-gas quantities by name: from `timeseries` if the file has it, else at the frames.
+
+    Raises
+    ------
+    InputError
+        If the file has not got one of them.
+    """
+    group = trajectory._file.get("timeseries")
+    if group is not None and all(name in group for name in names):
+        rows = len(group["step"])
+        return group["time"][:rows], [group[name]["value"][:rows].astype(float) for name in names]
+    missing = [name for name in names if name not in trajectory.observables]
+    if missing:
+        raise InputError(
+            f"{trajectory.path} holds no {' and no '.join(missing)}: `ifrdem run` writes them into every file; from "
+            f'Python, file.write(state, {{"{missing[0]}": ...}}) does'
+        )
+    return trajectory.times, [trajectory.observables[name].astype(float) for name in names]
+
+
+def collisions(trajectory: Trajectory) -> Collisions:
+    """Collisions of tracked disks with other disks; those with walls and kicks are left out.
+
+    Raises
+    ------
+    InputError
+        If the file has no histories, or no time of them is known.
+    """
+    file = trajectory._file
+    if "histories" not in file:
+        raise InputError(
+            f"{trajectory.path} holds no histories of collisions: name the disks to track in output.histories of "
+            "the case and run it again"
+        )
+    group = file["histories"]
+    committed = group["committed/events"]
+    if not len(committed):
+        raise InputError(f"{trajectory.path}: its histories are empty so far")
+    commits = len(committed)  # `events` grows last
+    rows = int(committed[commits - 1])
+    span = (float(group["start/time"][()]), float(group["committed/time"][commits - 1]))
+    found = {name: group["events"][name][:rows] for name in COLUMNS}
+    tracked = group["tracked"][()]
+    pair = found["partner"] >= 0
+    return Collisions(**{name: column[pair] for name, column in found.items()}, tracked=tracked, span=span)

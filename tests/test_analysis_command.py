@@ -1,0 +1,336 @@
+"""`ifrdem analyse` and `ifrdem plot`: what they print and write is what the functions find; bad input is named."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from figures import texts
+from matplotlib.figure import Figure
+
+from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, cli, plot_options
+from ifrdem.analyse_options import NAMES, number
+from ifrdem.analysis import catalogue, outcome
+from ifrdem.errors import InputError
+from ifrdem.frames_option import chosen
+
+N, FRAMES, SPAN = 300, 12, 4.0
+BOX = Box((40.0, 30.0))
+
+
+def write(
+    path: Path,
+    *,
+    fields: tuple[str, ...] = ("position", "velocity", "angular_velocity", "collisions", "image"),
+    disks: Disks | None = None,
+    box: Box = BOX,
+    driven: float = 0.0,
+) -> Path:
+    """An ideal gas that flies freely, and cools by Haff's law with t_H = 2 if one believes what is written of it."""
+    disks = Disks(N, mass=1.0, radius=0.2) if disks is None else disks
+    rng = np.random.default_rng(5)
+    begin, velocity = rng.random((disks.n, 2)) * 30.0, rng.normal(size=(disks.n, 2))
+    spin = rng.normal(size=disks.n)
+    laws = json.dumps([[{"e_n": 0.9, "e_t": -1.0, "mu": 0.0, "sticking": "percussion_center", "rho": 0.0}]])
+    parameters = {"name": "made up", "laws": laws}
+    with TrajectoryWriter(path, disks, box, fields=fields, parameters=parameters, units={}) as writer:
+        for time in np.linspace(0.0, SPAN, FRAMES):
+            place = begin + velocity * time + (box.flow(begin) * time if box.shear_rate else 0.0)
+            position = box.wrap(place, time)
+            image = np.zeros_like(place) if box.is_open else np.floor(place / box.lengths)
+            T = 1.5 / (1.0 + time / 2.0) ** 2
+            totals = {
+                "temperature": T,
+                "rotational_temperature": T * (0.8 - 0.6 * np.exp(-time / 2.0)),
+                "collisions": int(disks.n * 100.0 * time / 2.0),
+                "energy": disks.n * T,
+                "translational_energy": disks.n * T,
+                "rotational_energy": 0.1 * disks.n * T,
+                "potential_energy": 0.0,
+                "dissipated_energy": disks.n * (1.5 - T),
+                "energy_input": driven,
+                "wall_work": 0.0,
+                "wall_heat": 0.0,
+            }
+            state = State(position, velocity, spin, time=time, image=image.astype(np.int32))
+            writer.write(state, totals)
+    return path
+
+
+def add_histories(path: Path, count: int = 4000) -> np.ndarray:
+    """Collisions of disks 3, 7 and 20 as layout 1.1 has them, and an uncommitted row; psi of each between disks."""
+    rng = np.random.default_rng(6)
+    b = rng.random(count + 1)
+    partner = np.where(rng.random(count + 1) < 0.1, -2, 100 + np.arange(count + 1) % 50)
+    angle = rng.random(count + 1) * 2.0 * np.pi
+    columns = {
+        "time": np.sort(rng.random(count + 1)) * SPAN,
+        "id": rng.choice([3, 7, 20], count + 1).astype(np.int32),
+        "partner": partner.astype(np.int32),
+        "normal": np.stack((np.cos(angle), np.sin(angle)), axis=1),
+        "impulse": np.tile([2.0, 0.3], (count + 1, 1)),
+        "psi": np.arcsin(b),
+        "regime": np.where(np.arange(count + 1) % 2, 1, 2).astype(np.int8),
+    }
+    # One collision of two tracked disks is there twice.
+    columns["id"][:2], columns["partner"][:2] = (3, 7), (7, 3)
+    columns["time"][-1] = 2.0 * SPAN
+    with h5py.File(path, "r+") as file:
+        group = file.create_group("histories")
+        group["tracked"] = np.array([3, 7, 20], dtype=np.int32)
+        group["start/time"] = 0.0
+        group["committed/events"] = np.array([count // 2, count])
+        group["committed/time"] = np.array([SPAN / 2.0, SPAN, 2.0 * SPAN])
+        for name, column in columns.items():
+            group[f"events/{name}"] = column
+    pair = columns["partner"][:count] >= 0
+    pair[1] = False
+    return columns["psi"][:count][pair]
+
+
+def run(*words: str) -> int:
+    return cli.main(list(words))
+
+
+def table(path: Path) -> dict[str, np.ndarray]:
+    with path.open(newline="") as file:
+        rows = list(csv.reader(file))
+    return {name: np.array([row[i] for row in rows[1:]]) for i, name in enumerate(rows[0])}
+
+
+def test_analyse_prints_and_writes_what_the_file_allows_and_says_what_it_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert run("analyse", "run.h5") == 0
+    shown = capsys.readouterr().out
+    record = json.loads(Path("run-analysis/run.json").read_text())
+    assert set(record["analyses"]) | set(record["not_possible"]) == set(NAMES) == set(catalogue.ANALYSES)
+    assert set(record["not_possible"]) == {"impact"}
+    assert "impact: not possible: run.h5 holds no histories of collisions" in shown
+    assert "output.histories of the case" in shown
+    for found in record["analyses"].values():
+        for file in found["files"]:
+            columns = table(Path("run-analysis") / file)
+            assert len(next(iter(columns.values()))) > 0
+    # The same numbers as by the functions.
+    with Trajectory("run.h5") as trajectory:
+        frames = trajectory[-7:]  # the second half
+        sonine = analysis.velocity_distribution([f.velocity for f in frames], [f.spin for f in frames]).sonine
+    stored = record["analyses"]["velocity"]["values"]["a20"]
+    assert (stored["value"], stored["error"]) == pytest.approx((sonine.a20, sonine.a20_error))
+    cooling = record["analyses"]["cooling"]["values"]
+    assert cooling["t_H"]["value"] == pytest.approx(2.0, rel=1e-6)
+    assert cooling["lag of theta, collisions per disk"]["value"] == pytest.approx(200.0, rel=1e-3)
+    # Free flight: the exponent is 2, and it says that this is no diffusion.
+    assert record["analyses"]["msd"]["values"]["exponent"]["value"] == pytest.approx(2.0, abs=1e-5)
+    assert "the exponent is not 1: this D is no diffusion coefficient" in shown
+    msd = table(Path("run-analysis/run-msd.csv"))
+    with Trajectory("run.h5") as trajectory:
+        speed = float(np.mean(np.sum(trajectory[0].velocity ** 2, axis=1)))
+    np.testing.assert_allclose(
+        msd["msd"].astype(float)[1:], speed * msd["lag"].astype(float)[1:] ** 2, rtol=1e-4
+    )
+
+
+def test_analyse_as_json_and_again_only_by_force(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert run("analyse", "run.h5", "cooling", "--json", "-o", "out") == 0
+    record = json.loads(capsys.readouterr().out)
+    assert list(record["analyses"]) == ["cooling"]
+    assert run("analyse", "run.h5", "cooling", "-o", "out") == 2
+    assert "exists already; --force replaces it" in capsys.readouterr().err
+    assert run("analyse", "run.h5", "cooling", "-o", "out", "--force") == 0
+
+
+def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path) -> None:
+    """Uncommitted rows and walls do not count. Each of those of 3 of 300 disks stands for 100 times sigma P_n / 2."""
+    path = write(tmp_path / "run.h5")
+    psi = add_histories(path)
+    with Trajectory(path) as trajectory:
+        found = catalogue.ANALYSES["impact"].of(trajectory, None)
+        assert found.result.collisions == len(psi)
+        assert found.result.mean_b == pytest.approx(np.sin(psi).mean())
+        assert found.result.p_value > 1e-3
+        pressure = catalogue.ANALYSES["pressure"].of(trajectory, None)
+        half = catalogue.ANALYSES["impact"].of(trajectory, [0, 5])
+    listed = len(psi) + 1
+    expected = 0.5 * 100.0 * listed * 0.4 * 2.0 / (2.0 * 40.0 * 30.0 * SPAN)
+    assert pressure.result.collisional == pytest.approx(expected)
+    # T between frames is taken to be a straight line: a little more than the mean of 1.5 / (1 + t / 2)^2.
+    exact = 1.5 * 2.0 * (1.0 - 1.0 / 3.0) / SPAN
+    assert pressure.result.kinetic == pytest.approx(300.0 * exact / 1200.0, rel=0.02)
+    assert 0.4 < half.result.collisions / len(psi) < 0.5
+    # 100 collisions a disk and time; the mean of sqrt(T) from 0 to 4 is sqrt(1.5) 2 ln(3) / 4.
+    phi = 300.0 * np.pi * 0.2**2 / 1200.0
+    root = np.sqrt(1.5) * np.log(3.0) / 2.0
+    chi = next(row.value for row in pressure.rows if row.name == "g at contact, by the rate of collisions")
+    assert chi == pytest.approx(100.0 * 0.4 * np.sqrt(np.pi) / (8.0 * phi * root), rel=0.01)
+    Z = next(row.value for row in pressure.rows if row.name == "Z by it")
+    assert pytest.approx(1.0 + 1.9 * phi * chi) == Z
+
+
+def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.h5")
+    t = np.linspace(0.0, SPAN, 500)
+    with h5py.File(path, "r+") as file:
+        group = file.create_group("timeseries")
+        group["step"], group["time"] = np.arange(499), t  # the last is not committed
+        for name, values in (
+            ("temperature", 3.0 / (1.0 + t / 5.0) ** 2),
+            ("rotational_temperature", 0.1 + 0.0 * t),
+            ("collisions", np.arange(500) * 10),
+        ):
+            group[f"{name}/value"] = values
+    with Trajectory(path) as trajectory:
+        found = catalogue.ANALYSES["cooling"].of(trajectory, None)
+    haff, _ = found.result
+    assert haff.t_H == pytest.approx(5.0, rel=1e-6)
+    assert len(found.tables[""]["time"]) == 499
+
+
+@pytest.mark.parametrize("what", [name for name in plot_options.PICTURES if name != "mechanisms"])
+def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "run.h5")
+    add_histories(path)
+    with Trajectory(path) as trajectory:
+        figure = plot_options.draw(trajectory, what)
+        assert isinstance(figure, Figure)
+        for axes in figure.axes[:2]:
+            assert axes.get_xlabel() or axes.get_ylabel()
+        said = texts(figure)
+        for word in {
+            "g": "at contact",
+            "velocity": "Gaussian",
+            "impact": "molecular chaos",
+            "msd": "free flight",
+        }.get(what, "").split("|"):
+            assert word in said
+        figure.draw_without_rendering()  # labels that mathtext cannot read fail here
+
+
+def test_plot_writes_a_png_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert run("plot", "run.h5", "energy") == 0
+    assert Path("run-energy.png").read_bytes().startswith(b"\x89PNG")
+    assert run("plot", "run.h5", "energy") == 2
+    assert "exists already" in capsys.readouterr().err
+    assert run("plot", "--list") == 0
+    assert capsys.readouterr().out.count("\n") == len(plot_options.PICTURES)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("analyse", "run.h5", "velocty"), "no analysis is called 'velocty' (did you mean 'velocity'?)"),
+        (
+            ("plot", "run.h5", "temperature"),
+            "no picture is called 'temperature' (did you mean 'temperatures'?)",
+        ),
+        (("plot", "run.h5"), "a trajectory and what to draw of it are needed"),
+        (
+            ("analyse", "run.h5", "impact"),
+            "holds no histories of collisions: name the disks to track in output.hist",
+        ),
+        (("analyse", "no.h5"), "there is no such file"),
+        (("analyse", "run.h5", "--frames", "12"), "run.h5 has 12 frames, 0 to 11"),
+        (("analyse", "run.h5", "--frames", "1:x"), "a frame (5, -1) or a range as in Python"),
+        (("analyse", "run.h5", "--frames", "20:"), "none of the 12 frames"),
+        (("analyse", "run.h5", "-o", "no/where"), "output folder no/where: no does not exist"),
+        (("analyse", "run.h5", "msd", "--frames", "3"), "1 frames are too few for what changes with time"),
+    ],
+)
+def test_bad_input_ends_with_one_message(
+    words: tuple[str, ...],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert run(*words) == 2
+    assert said in capsys.readouterr().err
+    assert not Path("run-analysis").exists()
+
+
+def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.h5", fields=("position",))
+    with Trajectory(path) as trajectory:
+        with pytest.raises(
+            InputError, match=r'put "velocity" and "angular_velocity" into output\.fields of the case'
+        ):
+            catalogue.ANALYSES["velocity"].of(trajectory, None)
+        with pytest.raises(InputError, match=r'put "velocity" into output\.fields'):
+            catalogue.ANALYSES["fields"].of(trajectory, None)
+        assert 'no "image" in the file' in " ".join(catalogue.ANALYSES["msd"].of(trajectory, None).notes)
+
+
+def test_driven_gases_get_no_haff_law_and_walls_no_contact_value(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.h5", driven=3.0, box=Box((40.0, 40.0), periodic=(True, False)))
+    with Trajectory(path) as trajectory:
+        with pytest.raises(InputError, match="this one is driven"):
+            catalogue.ANALYSES["cooling"].of(trajectory, None)
+        with pytest.raises(InputError, match="periodic box only"):
+            catalogue.ANALYSES["pressure"].of(trajectory, None)
+        assert "no contact value" in catalogue.ANALYSES["g"].of(trajectory, None).notes[0]
+
+
+def test_species_are_told_apart_and_immovable_disks_left_out(tmp_path: Path) -> None:
+    radius = np.where(np.arange(N) % 2, 0.2, 0.4)
+    mass = np.where(np.arange(N) % 2, 1.0, 8.0)
+    mass[0] = np.inf
+    path = write(tmp_path / "run.h5", disks=Disks(N, mass=mass, radius=radius, material=np.arange(N) % 2))
+    with Trajectory(path) as trajectory:
+        found = catalogue.ANALYSES["velocity"].of(trajectory, None)
+        assert list(found.result) == ["material 0, R = 0.4", "material 1, R = 0.2"]
+        assert [one.sonine.disks for one in found.result.values()] == [149, 150]
+    many = Disks(N, mass=1.0, radius=np.linspace(0.1, 0.2, N))
+    with Trajectory(write(tmp_path / "many.h5", disks=many)) as trajectory:
+        assert list(outcome.kinds(trajectory)) == ["disks of 300 kinds together, as if at one temperature"]
+
+
+@pytest.mark.parametrize(
+    "box", [Box((40.0, 30.0), shear_rate=0.3), Box.open(), Box((40.0, 40.0), periodic=(False, False))]
+)
+def test_every_kind_of_box_is_analysed_or_refused_with_a_reason(box: Box, tmp_path: Path) -> None:
+    with Trajectory(write(tmp_path / "run.h5", box=box)) as trajectory:
+        done, reasons = [], []
+        for name, one in catalogue.ANALYSES.items():
+            try:
+                one.of(trajectory, None)
+                done.append(name)
+            except InputError as error:
+                reasons.append(str(error))
+        assert all("\n" not in reason and len(reason) > 20 for reason in reasons)
+        assert {"velocity", "msd", "fields", "clusters", "psi6", "cooling"} <= set(done)
+        assert ("g" in done) != box.is_open
+        assert ("S" in done) == all(box.periodic)
+
+
+def test_numbers_are_rounded_to_their_errors() -> None:
+    assert number(outcome.Row("x", 1.23456, 0.0123)) == "1.235 +- 0.012"
+    assert number(outcome.Row("x", 5.9515e-9, 2.03e-12, "J")) == "5.9515e-09 +- 2.0e-12 J"
+    assert number(outcome.Row("x", 12345.6, 230.0)) == "12346 +- 230"
+    assert number(outcome.Row("x", float("nan"))) == "none"
+    assert number(outcome.Row("x", 0.25, unit="m")) == "0.25 m"
+
+
+def test_frames_are_chosen_as_python_does() -> None:
+    assert chosen(None, 10, "x") is None
+    assert chosen("-1", 10, "x") == [9]
+    assert chosen("2:8:3", 10, "x") == [2, 5]
+    assert chosen("8:", 10, "x") == [8, 9]
+    with pytest.raises(InputError):
+        chosen("::-1", 10, "x")
