@@ -43,7 +43,7 @@ from .law import IFRLaw
 
 
 class Disk(NamedTuple):
-    """One of the two: mass [mass], shape number k in I = m R^2 / k, temperatures T and T_rot [energy] (may be arrays)."""
+    """One of the two: mass [mass], shape number k in I = m R^2 / k, temperatures T, T_rot [energy]; or arrays."""
 
     mass: ArrayLike
     k: ArrayLike
@@ -84,9 +84,7 @@ def tangential_averages(
     return h + c * J_1, h**2 + 2.0 * h * c * J_1 + c**2 * J_2
 
 
-def energy_changes(
-    law: IFRLaw, disk: Disk, other: Disk
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def energy_changes(law: IFRLaw, disk: Disk, other: Disk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mean energies [energy] that the motion and the spin of `disk` gain in a collision with `other`.
 
     The two gases may have different temperatures; one at least of the two must move. Derived in the module's text.

@@ -69,7 +69,7 @@ def contact_value(packing_fraction: float) -> float:
 def henderson(packing_fraction: float) -> float:
     """Contact value of equal hard disks by Henderson (1975), (1 - 7 phi / 16) / (1 - phi)^2.
 
-    doi:10.1080/00268977500102511. Within 1e-3 of `contact_value` up to packing fraction 0.3, and 1 % up to 0.6.
+    doi:10.1080/00268977500102511. Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to 0.55.
 
     Raises
     ------
@@ -111,9 +111,8 @@ def crowding_of_mixture(
         g_ij = 1 / (1 - phi) + [g(phi) - 1 / (1 - phi)] (<sigma> / <sigma^2>) sigma_i sigma_j / sigma_ij,
 
     with sigma_ij = R_i + R_j. It gives g(phi) for equal disks, and for a point, sigma_i = 0, the exact 1 / (1 - phi):
-    only the area that is left decides how often a point is hit. With Henderson's g(phi) it is
-    1 / (1 - phi) + (9/16) phi / (1 - phi)^2 (<sigma> / <sigma^2>) sigma_i sigma_j / sigma_ij, which is the contact value
-    of J. T. Jenkins and F. Mancini (1987), doi:10.1115/1.3173036.
+    only the area that is left decides how often a point is hit. With Henderson's g(phi) the bracket is
+    (9/16) phi / (1 - phi)^2.
 
     Parameters
     ----------
@@ -135,7 +134,8 @@ def crowding_of_mixture(
         return 1.0, 0.0
     a = 1.0 / (1.0 - packing_fraction)
     diameter = 2.0 * np.asarray(radius, dtype=np.float64)
-    mean, mean_square = (float(np.average(diameter**power, weights=fraction)) for power in (1, 2))
+    parts = None if fraction is None else np.asarray(fraction, dtype=np.float64)
+    mean, mean_square = (float(np.average(diameter**power, weights=parts)) for power in (1, 2))
     # sigma_i sigma_j / sigma_ij = 4 R_i R_j / (R_i + R_j)
     return a, 4.0 * (g - a) * mean / mean_square
 

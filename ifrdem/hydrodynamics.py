@@ -4,21 +4,20 @@ Symbols: nu collision rate of a disk; z nu the rate at which T falls, l nu that 
 isotropic (`shear_theory.relaxation`); g contact value; n, m, R as everywhere.
 
 *Viscosity.* The kinetic stress of a gas with a velocity gradient G obeys d p_xy/dt = -G c_1 n T - l nu p_xy, c_1 being
-what crowding adds (`shear_theory.crowding`). In a gas that cools p_xy = -eta G falls like sqrt(T), at the rate z nu / 2:
+what crowding adds (`shear_theory.crowding`). In a gas that cools p_xy = -eta G falls like sqrt(T), at z nu / 2:
 eta = (n T / nu) [c_1^2 / (l - z/2) + c_2], with c_2 from disks that touch. For elastic smooth disks it is Enskog's, in
 the first Sonine approximation,
 
     eta = sqrt(m T / pi) / (2 sigma) [1/g + 2 phi + (1 + 8/pi) g phi^2];
 
-D. M. Gass, J. Chem. Phys. 54, 1898 (1971), doi:10.1063/1.1675116, has further approximations, which add 2 %.
+D. M. Gass, J. Chem. Phys. 54, 1898 (1971), has further approximations, which add 2 %.
 
 *Shear modes.* A transverse wave u of wave number k decays at eta k^2 / (n m), thermal velocities at z nu / 2. Where the
 wave decays more slowly, it grows beside them: all k < 1/xi, xi^2 = 2 eta / (n m z nu). Noise feeds it: in a gas that is
 homogeneous and thermal at first, let S be the energy of a mode in units of its thermal share T / 2, at the same time.
-Then dS/dtau = z (1 - k^2 xi^2) S + z k^2 xi^2 in tau, collisions per disk: the noise is what keeps S = 1 without losses.
+Then dS/dtau = z (1 - k^2 xi^2) S + z k^2 xi^2 in tau, collisions per disk: noise is what keeps S = 1 without losses.
 T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997),
-doi:10.1103/PhysRevLett.79.411; I. Goldhirsch and G. Zanetti, Phys. Rev. Lett. 70, 1619 (1993),
-doi:10.1103/PhysRevLett.70.1619.
+doi:10.1103/PhysRevLett.79.411.
 
 *Heat modes.* In a long wave that neither grows nor decays beside T the pressure is uniform and nothing flows, so that
 density and temperature differ by factors 1 + r and 1 + q with r p_n + q p_T = 0; losses go with n g n T^(3/2). What a
@@ -126,9 +125,9 @@ def _losses(law: IFRLaw, k: float, theta: float) -> tuple[float, float]:
 def thermal_conductivity(packing_fraction: float, T: float, mass: float, radius: float) -> float:
     """Heat conductivity kappa [1/time] (k_B = 1) of elastic smooth disks by Enskog's theory.
 
-    In the first Sonine approximation (2/sigma) sqrt(T / (pi m)) [1/g + 3 phi + (9/4 + 4/pi) g phi^2]: dilute, four times
-    eta / m; crowded, what drives the kinetic heat flux and what is passed on are each 1 + (3/2) phi g times as much, and
-    touching disks pass on (4/pi) g phi^2. D. M. Gass (1971), as in the module's text, has some 3 % more.
+    In the first Sonine approximation (2/sigma) sqrt(T / (pi m)) [1/g + 3 phi + (9/4 + 4/pi) g phi^2]: dilute, four
+    times eta / m; crowded, what drives the kinetic heat flux and what is passed on are each 1 + (3/2) phi g times as
+    much, and touching disks pass on (4/pi) g phi^2. Gass (1971), as in the module's text, has some 3 % more.
 
     Parameters
     ----------

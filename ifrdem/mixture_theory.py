@@ -6,8 +6,7 @@ species meet; every disk of species i then has
 
     dT_i/dt = sum_j w_ij <dE_i>_j,    dT_rot,i/dt = 2 sum_j w_ij <dE_rot,i>_j.
 
-For disks of constant roughness these are the production rates of A. Santos, Phys. Rev. E 98, 012904 (2018),
-doi:10.1103/PhysRevE.98.012904 (arXiv:1803.04290).
+A. Santos, arXiv:1803.04290, has the same for disks of constant roughness.
 """
 
 from __future__ import annotations
@@ -132,11 +131,12 @@ class Mixture:
         if not isinstance(law, IFRLaw):
             material = kinds[:, 3].astype(int)
             if material.max() >= len(law):
-                raise InputError(f"law table: a square table of at least {material.max() + 1} materials is needed")
+                raise InputError(
+                    f"law table: a square table of at least {material.max() + 1} materials is needed"
+                )
             table = [[law[a][b] for b in material] for a in material]
-        mixture = cls(
-            *kinds[:, :2].T, table, packing_fraction, k=kinds[:, 2], fraction=number, contact=contact
-        )
+        mass, radius, k, _ = kinds.T
+        mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
         return mixture, np.asarray(which, dtype=np.int64).ravel()
 
     def _table(self, law: IFRLaw | Sequence[Sequence[IFRLaw]]) -> tuple[tuple[IFRLaw, ...], ...]:
@@ -167,7 +167,7 @@ class Mixture:
         return mixture_contact_values(self.packing_fraction, self.radius, self.fraction, self.contact)
 
     def collision_rates(self, T: ArrayLike) -> NDArray[np.float64]:
-        """Collisions of a disk of species i with species j per time [1/time], shape (s, s), at T [energy], shape (s,)."""
+        """Collisions of a disk of species i with species j per time [1/time], shape (s, s), at T (s,) [energy]."""
         return mixture_collision_rates(T, self.mass, self.radius, self.number_density, self.contact_values())
 
 
@@ -274,7 +274,7 @@ def mixture_cooling(
         return _unpacked(np.tile(start, (len(when), 1)).T, mean0, s)
 
     def slope(_: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives, by rate0 t, of ln(T/T0) of all disks, T_i/T, T_rot,i/T and collisions: of order 1 over decades."""
+        """Derivatives, by rate0 t, of ln(T/T0) of all disks, T_i/T, T_rot,i/T and collisions: all of order 1."""
         part, part_rot = np.maximum(y[1 : 1 + s], 0.0), np.maximum(y[1 + s : 1 + 2 * s], 0.0)
         speed = math.exp(0.5 * y[0])
         often = mixture.collision_rates(part * mean0) / rate0  # at T = T0; rates go with sqrt(T)

@@ -89,6 +89,8 @@ def prediction(
     known = [drive for drive in drives if drive is not None]
     if len(known) < len(drives):
         kinds = ", ".join(str(force.get("kind")) for force in forces)
-        raise InputError(f"forces = {kinds}: kinetic theory knows linear ones only (kicks, spin_kicks, drag, langevin)")
+        raise InputError(
+            f"forces = {kinds}: kinetic theory knows linear ones only (kicks, spin_kicks, drag, langevin)"
+        )
     found = mixture_theory.mixture_driven(mixture, known, T0, T_rot0, times)
     return Prediction("driven", *found.mean(mixture), found)

@@ -1,4 +1,4 @@
-r"""How far from Gaussian velocities of smooth disks are: the coefficient a_2 of Sonine's expansion, and what it changes.
+r"""How far from Gaussian velocities of smooth disks are: the coefficient a_2 of Sonine's expansion.
 
 Symbols: c = v / sqrt(2 T / m); f(c) = exp(-c^2) / pi [1 + a_2 S_2(c^2)], S_2(x) = x^2/2 - 2 x + 1, so that
 <c^4> = 2 (1 + a_2), or a_2 = <v^4> / (2 <v^2>^2) - 1. e_n is the normal restitution; spins do not matter.
@@ -8,9 +8,9 @@ T. P. C. van Noije and M. H. Ernst, Granul. Matter 1, 57 (1998), doi:10.1007/s10
 
     mu_4 = T_1 + a_2 T_2,  T_1 = d + 3/2 + e^2,  T_2 = (3/32) (10 d + 39 + 10 e^2) + (d - 1) / (1 - e).
 
-In the cooling gas c keeps its distribution although v does not: mu_4 = (d + 2) (1 + a_2) mu_2. Where white noise makes up
-for what collisions take, it adds to <v^4> in proportion to <v^2>: mu_4 = (d + 2) mu_2. Each is one linear equation for
-a_2; both have e^2 - 1/2 on the right.
+In the cooling gas c keeps its distribution although v does not: mu_4 = (d + 2) (1 + a_2) mu_2. Where white noise
+makes up for what collisions take, it adds to <v^4> in proportion to <v^2>: mu_4 = (d + 2) mu_2. Each is one linear
+equation for a_2; both have e^2 - 1/2 on the right.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _D = 2  # dimensions
 def sonine_coefficient(velocity: ArrayLike) -> float:
     """a_2 = <v^4> / (2 <v^2>^2) - 1 of velocities, shape (n, 2): 0 for Gaussian ones; nan where nothing moves.
 
-    Of n independent Gaussian velocities it scatters by 1 / sqrt(n), around 1 + a_2 = n / (n + 1). To see it, let x = c^2,
-    which has the density exp(-x): to first order in the scatter, a_2 is the mean of x^2/2 - 2 x + 1, of variance 1; and
-    shares x_i / sum x are Dirichlet's, with mean squares 2 / (n (n + 1)).
+    Of n independent Gaussian velocities it scatters by 1 / sqrt(n), around 1 + a_2 = n / (n + 1). To see it, let
+    x = c^2, which has the density exp(-x): to first order in the scatter, a_2 is the mean of x^2/2 - 2 x + 1, of
+    variance 1; and shares x_i / sum x are Dirichlet's, with mean squares 2 / (n (n + 1)).
     """
     v = np.asarray(velocity, dtype=np.float64)
     v2 = np.sum(v**2, axis=-1)

@@ -2,8 +2,8 @@
 
 `contact_values` and `collision_rates`: crowding, pressure, how often disks meet. `collision_averages`: what a collision
 by the IFR law changes on average. `cooling_theory`: equal disks that cool, Haff's law. `mixture_theory`: any number of
-species. `driven_theory`, `shear_theory`: what heats, what flows. `sonine_theory`: how far from Gaussian. `hydrodynamics`:
-for how long, and in which boxes, a cooling gas stays homogeneous. `prediction`: the theory that belongs to a gas.
+species. `driven_theory`, `shear_theory`: what heats, what flows. `sonine_theory`: how far from Gaussian.
+`hydrodynamics`: for how long, and in which boxes, a cooling gas stays homogeneous. `prediction`: what belongs to a gas.
 Which laws can add energy: `IFRLaw.admissibility`.
 """
 
