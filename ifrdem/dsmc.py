@@ -149,7 +149,7 @@ class DSMC:
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
-        self._batch = max(n // (20 if drive else 2), _LEAST)
+        self._batch = max(n // (4 if drive else 2), _LEAST)
         self._make_arrays(start, compiled(kind), coefficient_table(laws))
         self.time = 0.0
         self.collisions = 0
@@ -384,7 +384,7 @@ class DSMC:
 
     def _measure(self) -> dict[str, Any]:
         record, disks, which = self._record(), self.disks, self._species
-        drift = disks.mass @ record[:, :2] / disks.mass.sum()
+        drift = np.sum(disks.mass[:, None] * record[:, :2], axis=0) / disks.mass.sum()
         # Scaled so that their squares are twice the energies: disks of different masses can be summed up.
         c = np.sqrt(disks.mass)[:, None] * (record[:, :2] - drift)
         W = np.sqrt(disks.inertia) * record[:, 2]

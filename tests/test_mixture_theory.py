@@ -138,10 +138,10 @@ def test_species_that_are_alike_cool_like_one(law: IFRLaw) -> None:
 
 def test_elastic_rough_species_exchange_energy_until_all_four_temperatures_agree() -> None:
     law = IFRLaw(e_n=1.0, e_t=0.0, mu=1e9, sticking="contact_point")
-    mixture = Mixture([1.0, 20.0], [0.5, 0.9], law, 0.2, fraction=[3.0, 1.0])
+    mixture = Mixture([1.0, 4.0], [0.5, 0.9], law, 0.2, fraction=[3.0, 1.0])
     x = mixture.fraction
     T0, T_rot0 = np.array([2.0, 0.0]), np.array([0.5, 4.0])
-    found = mixture_cooling(mixture, T0, T_rot0, [0.0, 1e4])
+    found = mixture_cooling(mixture, T0, T_rot0, [0.0, 200.0])
     # Energy T + T_rot / 2 of a disk is kept, 1.5 T at the end.
     energy = float(x @ (T0 + 0.5 * T_rot0))
     np.testing.assert_allclose([*found.T[-1], *found.T_rot[-1]], energy / 1.5, rtol=1e-7)
@@ -255,7 +255,7 @@ class Sticky(CollisionLaw):
             {"law": [[COIN, COIN], [IFRLaw(e_n=0.5, e_t=-0.8, mu=0.2), COIN]]},
             r"\[1\]\[0\] and \[0\]\[1\] differ",
         ),
-        ({"law": IFRLaw(e_n=0.999, e_t=0.9, mu=0.01, sticking="contact_point", k=1e-3)}, "would add energy"),
+        ({"law": IFRLaw(e_n=0.99, e_t=0.0, mu=0.5, k=1.0)}, "would add energy"),
         ({"mass": [1.0, -2.0]}, r"mass\[1\] = -2\.0"),
         ({"mass": [1.0, 2.0, 3.0], "radius": [0.5, 0.4]}, "one number per species"),
         ({"packing_fraction": 0.95}, "packing fraction = 0.95"),
