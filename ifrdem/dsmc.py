@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,51 +21,14 @@ from .collision_law import CollisionLaw, checked_class, compiled
 from .contact_values import Contact, checked_packing_fraction, crowding_of_mixture
 from .driven_theory import Drive
 from .errors import EngineError, InputError
+from .law import IFRLaw
 from .law_table import check_energy, coefficient_table, law_table
-from .sonine_theory import sonine_coefficient
+from .relaxation import Checkpoint, Relaxation, sample
 from .state import Disks, State
 
 MARGIN = 1.15  # how much faster than the fastest disk one may become before a batch is cut short
 _LEAST = 32  # candidates of a batch, so that the last collisions of a sample do not take hundreds of launches
 _ROUNDS = 4  # between two looks at what is left to settle
-
-
-@dataclass(frozen=True)
-class Relaxation:
-    """How a homogeneous gas changed; q samples, s species.
-
-    Attributes
-    ----------
-    time : array (q,)
-        [time].
-    collisions_per_disk : array (q,)
-        Twice the collisions over the number of disks.
-    T, T_rot : array (q,)
-        m <v^2> / 2, relative to the mean velocity, and I <w^2>, of all disks [energy].
-    a_2, a_2_rot : array (q,)
-        <c^4> / (2 <c^2>^2) - 1 with c^2 = m v^2, and <W^4> / (3 <W^2>^2) - 1 with W^2 = I w^2: 0 for Gaussians at one
-        temperature; nan where nothing moves.
-    T_of, T_rot_of, a_2_of, a_2_rot_of, collisions_per_disk_of : array (q, s)
-        The same of each species.
-    energy : array (q,)
-        Kinetic energy of all disks, with spins [energy].
-    energy_input : array (q,)
-        What the drive has given since the start, less what it took [energy].
-    """
-
-    time: NDArray[np.float64]
-    collisions_per_disk: NDArray[np.float64]
-    T: NDArray[np.float64]
-    T_rot: NDArray[np.float64]
-    a_2: NDArray[np.float64]
-    a_2_rot: NDArray[np.float64]
-    T_of: NDArray[np.float64]
-    T_rot_of: NDArray[np.float64]
-    a_2_of: NDArray[np.float64]
-    a_2_rot_of: NDArray[np.float64]
-    collisions_per_disk_of: NDArray[np.float64]
-    energy: NDArray[np.float64]
-    energy_input: NDArray[np.float64]
 
 
 class DSMC:
@@ -102,10 +64,15 @@ class DSMC:
         If shapes do not fit, a disk is immovable, there are fewer than two, the law could add energy for the disks
         present, the packing fraction is impossible, or the device is not there.
 
+    Warns
+    -----
+    EnergyWarning
+        As `Simulation`: a law of one's own may add energy.
+
     Notes
     -----
     A drive acts over half a batch before and after its collisions, so that its error is of second order in a batch of
-    0.02 collisions per disk; without one there is no error but that of a finite number of disks, and of rounding.
+    0.1 collisions per disk; without one there is no error but that of a finite number of disks, and of rounding.
     Disks of very different sizes or speeds make most drawn pairs come to nothing: right, but slow.
     """
 
@@ -150,7 +117,13 @@ class DSMC:
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
         self._batch = max(n // (4 if drive else 2), _LEAST)
-        self._make_arrays(start, compiled(kind), coefficient_table(laws))
+        table = coefficient_table(laws)
+        self._make_arrays(start, compiled(kind), table)
+        if kind is not IFRLaw:  # whether it adds energy is not known
+            from .law_trial import try_on
+
+            fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
+            try_on(kind, table, disks, [], fastest or 1.0)
         self.time = 0.0
         self.collisions = 0
         self.energy_input = 0.0
@@ -225,6 +198,34 @@ class DSMC:
     def collisions_of_disks(self) -> NDArray[np.int32]:
         """Collisions that each disk has had, shape (n,)."""
         return np.asarray(self._hits.to_numpy(), dtype=np.int32)
+
+    def checkpoint(self) -> Checkpoint:
+        """The present state. Another gas of the same disks, law, seed and drive that resumes it goes on bit by bit."""
+        record = self._record()
+        return Checkpoint(
+            record[:, :2].copy(), record[:, 2].copy(), self.collisions_of_disks, self.time, self.energy_input,
+            self._batches, self._kicks,
+        )  # fmt: skip
+
+    def resume(self, state: Checkpoint) -> None:
+        """Go on from a checkpoint.
+
+        Raises
+        ------
+        InputError
+            If it has another number of disks.
+        """
+        if len(state.spin) != self.disks.n:
+            raise InputError(
+                f"the checkpoint has {len(state.spin)} disks, this gas {self.disks.n}: they must agree"
+            )
+        record = self._record()
+        record[:, :2], record[:, 2] = state.velocity, state.spin
+        self._disk.from_numpy(np.ascontiguousarray(record, dtype=self._real))
+        self._hits.from_numpy(state.collisions_of_disks.astype(np.int32))
+        self.collisions = int(np.sum(state.collisions_of_disks, dtype=np.int64)) // 2
+        self.time, self.energy_input = state.time, state.energy_input
+        self._batches, self._kicks = state.batches, state.kicks
 
     def run(
         self,
@@ -383,29 +384,8 @@ class DSMC:
         self.energy_input += math.fsum(self._gains)
 
     def _measure(self) -> dict[str, Any]:
-        record, disks, which = self._record(), self.disks, self._species
-        drift = np.sum(disks.mass[:, None] * record[:, :2], axis=0) / disks.mass.sum()
-        # Scaled so that their squares are twice the energies: disks of different masses can be summed up.
-        c = np.sqrt(disks.mass)[:, None] * (record[:, :2] - drift)
-        W = np.sqrt(disks.inertia) * record[:, 2]
-        hits = self.collisions_of_disks
-        members = [which == each for each in range(int(which.max()) + 1)]
-        of = [_moments(c[own], W[own]) for own in members]
-        all_ = _moments(c, W)
-        energy = 0.5 * float(np.sum(disks.mass * np.sum(record[:, :2] ** 2, axis=1)) + np.sum(W**2))
-        return {
+        record = self._record()
+        return sample(self.disks, record[:, :2], record[:, 2], self.collisions_of_disks, self._species) | {
             "time": self.time,
-            "collisions_per_disk": 2.0 * self.collisions / disks.n,
-            **all_,
-            **{f"{name}_of": np.array([each[name] for each in of]) for name in all_},
-            "collisions_per_disk_of": np.array([float(np.mean(hits[own])) for own in members]),
-            "energy": energy,
             "energy_input": self.energy_input,
         }
-
-
-def _moments(c: NDArray[np.float64], W: NDArray[np.float64]) -> dict[str, float]:
-    """Temperatures and fourth cumulants of velocities times sqrt(m) and spins times sqrt(I)."""
-    T, T_rot = 0.5 * float(np.mean(np.sum(c**2, axis=1))), float(np.mean(W**2))
-    a_2_rot = float(np.mean((W**2 / T_rot) ** 2)) / 3.0 - 1.0 if T_rot > 0.0 else math.nan
-    return {"T": T, "T_rot": T_rot, "a_2": sonine_coefficient(c), "a_2_rot": a_2_rot}

@@ -13,7 +13,7 @@ from ifrdem.collision_law import CollisionLaw
 from ifrdem.driven_theory import Drive, driven
 from ifrdem.dsmc import DSMC
 from ifrdem.errors import EngineError, InputError
-from ifrdem.law import IFRLaw
+from ifrdem.law import EnergyWarning, IFRLaw
 from ifrdem.mixture_theory import Mixture, mixture_cooling
 from ifrdem.sonine_theory import cooling_factor, cooling_sonine, heated_sonine
 from ifrdem.state import Disks
@@ -95,7 +95,9 @@ def test_heated_smooth_disks_follow_the_driven_theory() -> None:
     found = gas(n, SMOOTH, drive=drive).run(t_end=6.0, samples=30)
     late = slice(12, None)
     T, _, _ = driven(SMOOTH, 1.0, 0.5, 2.0, 0.2, drive, 1.0, 0.0, found.time)
-    np.testing.assert_allclose(found.T, T, rtol=0.06)  # 1 / sqrt(n), and as much from each unit of time's kicks
+    np.testing.assert_allclose(
+        found.T, T, rtol=0.06
+    )  # 1 / sqrt(n), and as much from each unit of time's kicks
     assert T[-1] > 2.4
     # What is lost, with the noise of what was given taken out: (1 - e^2) / 2 of T at each collision, and 3/16 a_2.
     # Six runs with 10^4 disks scattered by 0.5 %.
@@ -159,6 +161,39 @@ def test_a_batch_that_makes_a_disk_too_fast_is_cut_and_loses_nothing(monkeypatch
     # 350 collisions each, whose effects add up: eight pairs of runs to a later time scattered by 7 % and 5 %.
     assert few == pytest.approx(many, rel=0.25)
     assert cold == pytest.approx(warm, rel=0.25)
+
+
+class Wood(CollisionLaw):
+    """Smooth disks of restitution e, as a law of one's own."""
+
+    coefficients = ("e",)
+
+    @staticmethod
+    def collide(pair, coefficients):
+        return (1.0 + coefficients[0]) * pair.m_n * pair.g_n, 0.0, 0.0
+
+
+def test_a_law_of_one_s_own_runs_and_is_tried_for_energy() -> None:
+    ifr = gas(200, SMOOTH)
+    with pytest.warns(EnergyWarning, match="none did"):
+        own = gas(200, Wood(e=0.8))
+    for one in (ifr, own):
+        one.run(collisions_per_disk=2.0, samples=1)
+    np.testing.assert_array_equal(ifr.velocity, own.velocity)
+
+
+def test_a_gas_resumed_from_a_checkpoint_goes_on_bit_by_bit() -> None:
+    given = {"drive": Drive(power=1.0, spin_power=0.2), "T_rot": 0.5}
+    whole, first, second = (gas(300, COIN, **given) for _ in range(3))
+    whole.run(t_end=2.0, samples=2)
+    first.run(t_end=1.0, samples=1)
+    second.resume(first.checkpoint())
+    found = second.run(t_end=2.0, samples=1)
+    for name in ("velocity", "spin", "collisions_of_disks", "time", "collisions", "energy_input"):
+        np.testing.assert_array_equal(getattr(second, name), getattr(whole, name))
+    assert found.time.tolist() == [1.0, 2.0]
+    with pytest.raises(InputError, match="checkpoint has 300 disks"):
+        gas(200, COIN).resume(first.checkpoint())
 
 
 def test_seeds_differ_and_repeat() -> None:
