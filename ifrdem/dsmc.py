@@ -116,7 +116,7 @@ class DSMC:
         largest = float(disks.radius.max())
         self._section = 2.0 * a * largest + b * largest**2  # the largest g_ij sigma_ij
         self._crowding = np.array([a, b, 0.0, 0.0], dtype=self._real)
-        self._batch = max(n // (4 if drive else 2), _LEAST)
+        self._batch = max(n // (4 if drive else 1), _LEAST)
         table = coefficient_table(laws)
         self._make_arrays(start, compiled(kind), table)
         if kind is not IFRLaw:  # whether it adds energy is not known
