@@ -256,11 +256,14 @@ def shear_mode_time(
     box: tuple[float, float],
     T0: float,
     *,
-    share: float = 0.1,
+    share: float = 0.02,
     k: float = 2.0,
     theta: float | None = None,
 ) -> ShearModes:
     """When growing shear modes hold `share` of the thermal energy in a periodic box: until about then theory holds.
+
+    In simulations of 5,700 disks at packing fraction 0.2 (smooth with e_n = 0.8, and coins) T was 3 % above that of a
+    homogeneous gas where the share was 0.02, and 13 % where it was 0.06; from 0.1 on modes grow more slowly than here.
 
     Parameters
     ----------

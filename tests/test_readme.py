@@ -124,9 +124,9 @@ def test_dsmc_example_prints_temperatures_that_agree(capsys: pytest.CaptureFixtu
         for part in temperatures.split("theory")
     )
     assert len(found) == len(expected) == 4
-    # T within 3 %; T_rot, whose distribution is not Gaussian by then, within 15 %.
+    # T within 3 %; T_rot, whose distribution is not Gaussian by then, within 20 %.
     np.testing.assert_allclose(found[:2], expected[:2], rtol=0.03)
-    np.testing.assert_allclose(found[2:], expected[2:], rtol=0.15)
+    np.testing.assert_allclose(found[2:], expected[2:], rtol=0.2)
     assert "ShearModes(collisions_per_disk=" in lengths
 
 
