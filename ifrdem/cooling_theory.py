@@ -187,7 +187,9 @@ def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> NDArray[np.fl
     return T0 / (1.0 + np.asarray(times, dtype=np.float64) / haff_time(e_n, rate0)) ** 2
 
 
-def rough_rates(theta: ArrayLike, e_n: float, beta: float, k: float) -> tuple[ArrayLike, ArrayLike]:
+def rough_rates(
+    theta: ArrayLike, e_n: float, beta: float, k: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(dT / T, dT_rot / T) per collision of disks of constant roughness beta, at theta = T_rot / T.
 
     Every collision reverses the slip to -beta times itself: the limit mu -> infinity of the law that sticks at the

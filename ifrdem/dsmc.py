@@ -5,6 +5,9 @@ What comes out is what a gas does that stays homogeneous and uncorrelated, with 
 tails, cumulants, spins that depend on velocities. The method is G. A. Bird's (Molecular Gas Dynamics and the Direct
 Simulation of Gas Flows, Oxford 1994), without a time step: pairs are drawn at the highest rate that may come, and
 collide with the probability that makes it theirs, one after the other (Kac's process of N disks).
+
+Seen: 20,000 coins of 1 pta at packing fraction 0.02, 8 collisions per disk after a start without spin, T = 1: T_rot is
+0.0779 in an event-driven simulation, 0.0782 here, and 0.0831 by the theory of Gaussians (T: 0.167, 0.167, 0.165).
 """
 
 from __future__ import annotations

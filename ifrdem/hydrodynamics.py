@@ -29,9 +29,11 @@ a = 1 + d ln g / d ln phi and p_T / p_n = 1 / (1 + d ln Z / d ln phi). Longer wa
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from .collision_averages import checked_law
@@ -185,9 +187,10 @@ def clustering_length(e_n: float, radius: float, packing_fraction: float) -> flo
         return math.inf
     step = 1e-4
 
-    def slope(f: object) -> float:
+    def slope(f: Callable[[float], float]) -> float:
+        """d ln f / d ln phi."""
         low, high = (packing_fraction * math.exp(sign * step) for sign in (-1.0, 1.0))
-        return (math.log(f(high)) - math.log(f(low))) / (2.0 * step)  # type: ignore[operator]
+        return (math.log(f(high)) - math.log(f(low))) / (2.0 * step)
 
     drive = (1.0 + slope(contact_value)) / (1.0 + slope(compressibility)) - 0.5
     if drive <= 0.0:
@@ -236,7 +239,7 @@ def _growing(
     box: tuple[float, float],
     k: float,
     theta: float | None,
-) -> tuple[np.ndarray, float]:
+) -> tuple[NDArray[np.float64], float]:
     """1 - k^2 xi^2 of all waves for which it is positive, and how many disks the box holds."""
     checked_positive(box_x=box[0], box_y=box[1])
     longest = shear_length(law, radius, packing_fraction, k=k, theta=theta)

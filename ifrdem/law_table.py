@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .collision_law import CollisionLaw, checked_class
 from .errors import InputError
@@ -66,6 +67,6 @@ def check_energy(laws: list[list[CollisionLaw]], disks: Disks, of_walls: Iterabl
             laws[int(a)][material].check(k_a, k_a)
 
 
-def coefficient_table(laws: list[list[CollisionLaw]]) -> np.ndarray:
+def coefficient_table(laws: list[list[CollisionLaw]]) -> NDArray[np.float64]:
     """The coefficients as kernels take them, shape (M, M, c). A law without any has a column of zeros."""
     return np.array([[one.table_row() or (0.0,) for one in row] for row in laws])
