@@ -16,6 +16,7 @@ __version__ = "0.1.0"
 _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Box": ("box", "Box"),
     "CollisionLaw": ("collision_law", "CollisionLaw"),
+    "DSMC": ("dsmc", "DSMC"),
     "Disks": ("state", "Disks"),
     "EnergyWarning": ("law", "EnergyWarning"),
     "EngineError": ("errors", "EngineError"),
@@ -42,6 +43,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
 }
 
 __all__ = [
+    "DSMC",
     "Box",
     "CollisionLaw",
     "Disks",
@@ -85,6 +87,7 @@ if TYPE_CHECKING:
     from .box import Box
     from .coins import coins
     from .collision_law import CollisionLaw
+    from .dsmc import DSMC
     from .errors import EngineError, InputError
     from .law import EnergyWarning, IFRLaw, Regime, collide
     from .simulation import Simulation

@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from . import theory
+from .collision_rates import collision_rate
+from .cooling_theory import checked_times, cooling_rates
 from .errors import InputError
 from .law import IFRLaw
 
@@ -90,7 +91,7 @@ class _Balance:
 
     def __call__(self, T: float, T_rot: float) -> tuple[float, float]:
         """(dT/dt, dT_rot/dt) [energy/time], T > 0."""
-        cooling = theory.cooling_rates(
+        cooling = cooling_rates(
             T,
             T_rot,
             law=self.law,
@@ -148,7 +149,7 @@ def steady_state(
         return balance(T, 0.0 if math.isnan(T_rot) else T_rot)[0] / T
 
     # From a temperature of the order of magnitude that the drive sets, look for a change of sign on both sides.
-    rate = theory.collision_rate(packing_fraction, 1.0, mass, radius)
+    rate = collision_rate(packing_fraction, 1.0, mass, radius)
     most = max(drive.power, drive.spin_power)
     if most <= 0.0 or rate <= 0.0:
         return None
@@ -199,7 +200,7 @@ def driven(
         As `theory.cooling_rates`, if the times decrease or are negative, or nothing moves (T0 = 0) and only spins, if
         any, are driven: without motion there are no collisions.
     """
-    when = theory.checked_times(times)
+    when = checked_times(times)
     if not (0.0 <= T0 < math.inf and 0.0 <= T_rot0 < math.inf):
         raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: finite numbers of 0 or more are needed")
     balance = _Balance(law, mass, radius, k, packing_fraction, drive)
@@ -213,7 +214,7 @@ def driven(
         # From rest, a gas passes temperatures at which nothing collides yet.
         T, T_rot = max(float(y[0]), 1e-9), max(float(y[1]), 0.0)
         dT, dT_rot = balance(scale * T, scale * T_rot)
-        collisions = theory.collision_rate(packing_fraction, scale * T, mass, radius)
+        collisions = collision_rate(packing_fraction, scale * T, mass, radius)
         return dT / scale, dT_rot / scale, collisions
 
     solution = solve_ivp(

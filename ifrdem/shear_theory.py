@@ -30,7 +30,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from . import theory
+from .collision_rates import collision_rate
+from .contact_values import contact_value
+from .cooling_theory import changes_per_collision, checked_times
 from .errors import InputError
 from .law import IFRLaw
 
@@ -85,9 +87,12 @@ def relaxation(theta: float, law: IFRLaw, k: float) -> float:
     return -math.sqrt(2.0 * math.pi) / 4.0 * average
 
 
-def _crowding(packing_fraction: float, e_n: float) -> tuple[float, float]:
-    """By how much more kinetic stress counts, and what touching disks add to it in units of g T / nu."""
-    crowd = packing_fraction * theory.contact_value(packing_fraction)
+def crowding(packing_fraction: float, e_n: float) -> tuple[float, float]:
+    """By how much more kinetic stress counts, and what touching disks add to it in units of g T / nu.
+
+    Multiply kinetic stress by the first when it is driven and when it is passed on; see the module's text.
+    """
+    crowd = packing_fraction * contact_value(packing_fraction)
     return 1.0 + 0.5 * (1.0 + e_n) * crowd, 0.5 * (1.0 + e_n) * (8.0 / math.pi) * crowd**2
 
 
@@ -118,16 +123,16 @@ def steady_state(
         If the law has rolling friction, the shear rate is 0 or a property is not positive.
     """
     _check(law, shear_rate)
-    nu = theory.collision_rate(packing_fraction, 1.0, mass, radius)  # at T = 1
+    nu = collision_rate(packing_fraction, 1.0, mass, radius)  # at T = 1
     smooth = law.mu == 0.0 and law.e_t == -1.0
     theta = 0.0 if smooth else _steady_theta(law, k)
     if theta is None:
         return None
-    z = -float(theory.changes_per_collision(np.asarray(theta), law, k)[0])
+    z = -float(changes_per_collision(np.asarray(theta), law, k)[0])
     ell = relaxation(theta, law, k)
     if not 0.0 < z < ell:
         return None
-    more, contact = _crowding(packing_fraction, law.e_n)
+    more, contact = crowding(packing_fraction, law.e_n)
     T = shear_rate**2 * (more**2 * (1.0 - z / ell) / ell + contact) / (z * nu**2)
     return T, math.nan if smooth else theta * T
 
@@ -136,7 +141,7 @@ def _steady_theta(law: IFRLaw, k: float) -> float | None:
     """T_rot / T at which collisions leave T_rot alone while T is held; None if there is none up to 1e6."""
 
     def rotation(log_theta: float) -> float:
-        return float(theory.changes_per_collision(np.asarray(math.exp(log_theta)), law, k)[1])
+        return float(changes_per_collision(np.asarray(math.exp(log_theta)), law, k)[1])
 
     low, high = -30.0, math.log(1e6)
     if rotation(low) <= 0.0 or rotation(high) >= 0.0:
@@ -175,13 +180,13 @@ def sheared(
         As `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
     """
     _check(law, shear_rate)
-    when = theory.checked_times(times)
+    when = checked_times(times)
     if not (math.isfinite(T0) and T0 > 0.0 and math.isfinite(T_rot0) and T_rot0 >= 0.0):
         raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: T0 > 0 and T_rot0 >= 0 are needed")
     if len(when) == 0 or when[-1] == 0.0:
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
-    nu0 = theory.collision_rate(packing_fraction, T0, mass, radius)
-    more, contact = _crowding(packing_fraction, law.e_n)
+    nu0 = collision_rate(packing_fraction, T0, mass, radius)
+    more, contact = crowding(packing_fraction, law.e_n)
     g = shear_rate
 
     def slope(_: float, y: NDArray[np.float64]) -> tuple[float, ...]:
@@ -190,7 +195,7 @@ def sheared(
         T = max(T, 1e-12)
         nu = nu0 * math.sqrt(T)
         theta = max(T_rot, 0.0) / T
-        change, turn = (float(one) for one in theory.changes_per_collision(np.asarray(theta), law, k))
+        change, turn = (float(one) for one in changes_per_collision(np.asarray(theta), law, k))
         ell = relaxation(theta, law, k)
         stress = more * p_xy - contact * g * T / nu
         return (

@@ -21,6 +21,7 @@ from .engine import Collisions, Engine
 from .errors import InputError
 from .events import Events, Tracking, checked_ids
 from .law import EnergyWarning, IFRLaw
+from .law_table import check_energy, coefficient_table, law_table
 from .observables import Measure, from_totals, measure
 from .placement import check_no_overlap
 from .state import Disks, State
@@ -126,12 +127,11 @@ class Simulation:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
         remedy = Collapse(collapse, contact_time, velocity_cutoff)
         materials = max((wall.material for wall in walls), default=0)
-        self._laws = _law_table(law, disks, materials)
+        self._laws = law_table(law, disks, materials)
         kind = checked_class(self._laws)
-        _check_energy(self._laws, disks, [*walls, *sides(box)])
+        check_energy(self._laws, disks, (wall.material for wall in [*walls, *sides(box)]))
         check_no_overlap(box, disks.radius, state.position, time=state.time)
-        # A law without coefficients has a column of zeros: Taichi has no empty arrays.
-        table = np.array([[one.table_row() or (0.0,) for one in row] for row in self._laws])
+        table = coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, disks, box, walls)
         self.has_ledger = ledger
         self._engine = Engine(
@@ -504,43 +504,3 @@ class Simulation:
             "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
             "dissipated": lost, "regimes": regimes,
         }  # fmt: skip
-
-
-def _law_table(
-    law: CollisionLaw | Sequence[Sequence[CollisionLaw]], disks: Disks, most_of_walls: int
-) -> list[list[CollisionLaw]]:
-    materials = max(int(disks.material.max()) if disks.n else 0, most_of_walls) + 1
-    if isinstance(law, CollisionLaw):
-        return [[law] * materials for _ in range(materials)]
-    if not isinstance(law, Sequence):
-        checked_class([[law]])  # refuses it by name
-    table = [list(row) for row in law]
-    if len(table) < materials or any(len(row) != len(table) for row in table):
-        raise InputError(f"law table: a square table of at least {materials} materials is needed")
-    for a, row in enumerate(table):
-        for b, one in enumerate(row):
-            if one.table_row() != table[b][a].table_row():
-                raise InputError(f"law table: [{a}][{b}] and [{b}][{a}] differ; a pair has one law")
-    return table
-
-
-def _check_energy(laws: list[list[CollisionLaw]], disks: Disks, walls: Sequence[Wall]) -> None:
-    """Refuse a law that could add energy for a pair that is there.
-
-    Of disks with one k and material, the lightest and the heaviest decide: see `pairing`.
-    """
-    kinds, which = np.unique(np.stack([disks.material, disks.k], axis=1), axis=0, return_inverse=True)
-    lightest, heaviest = np.full(len(kinds), np.inf), np.zeros(len(kinds))
-    np.minimum.at(lightest, which.ravel(), disks.mass)
-    np.maximum.at(heaviest, which.ravel(), disks.mass)
-    for one, (a, k_a) in enumerate(kinds):
-        for other in range(one, len(kinds)):
-            b, k_b = kinds[other]
-            for m_a, m_b in {(lightest[one], heaviest[other]), (heaviest[one], lightest[other])}:
-                if math.isinf(m_a) and math.isinf(m_b):
-                    continue  # neither moves: they never meet
-                laws[int(a)][int(b)].check(k_a, k_b, m_a, m_b)
-    for material in {wall.material for wall in walls}:
-        for a, k_a in kinds:
-            # Beside a wall's infinite mass, the pair's mean k is the disk's own.
-            laws[int(a)][material].check(k_a, k_a)

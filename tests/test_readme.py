@@ -152,6 +152,20 @@ def test_open_example_flies_apart(capsys: pytest.CaptureFixture[str]) -> None:
     assert float(extent) > 1e9
 
 
+def test_dsmc_example_prints_temperatures_that_agree(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block("dsmc"), "README.md", "exec"), {})
+    temperatures, lengths = capsys.readouterr().out.splitlines()
+    found, expected = (
+        [float(number) for number in re.findall(r"[0-9.]+(?:e-\d+)?", part)]
+        for part in temperatures.split("theory")
+    )
+    assert len(found) == len(expected) == 4
+    # T within 3 %; T_rot, whose distribution is not Gaussian by then, within 20 %.
+    np.testing.assert_allclose(found[:2], expected[:2], rtol=0.03)
+    np.testing.assert_allclose(found[2:], expected[2:], rtol=0.2)
+    assert "ShearModes(collisions_per_disk=" in lengths
+
+
 def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:
     assert block("run").endswith("&& .venv/bin/pip install . && .venv/bin/ifrdem run cases/cooling.toml\n")
     assert (ROOT / "cases" / "cooling.toml").is_file()

@@ -19,12 +19,17 @@ from ifrdem.placement import hexagonal_positions, maxwellian, random_positions
 from ifrdem.state import Disks, State
 from ifrdem.theory import (
     VIRIAL,
+    changes_per_collision,
     collision_rate,
     contact_value,
     cooling,
     cooling_rates,
+    cooling_ratio,
     haff,
+    haff_time,
+    henderson,
     mean_free_path,
+    rough_rates,
 )
 
 ALUMINIUM_COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
@@ -52,6 +57,7 @@ def test_contact_value_agrees_with_henderson() -> None:
     # fluid of moderate density.
     for phi in np.linspace(0.01, 0.3, 10):
         assert contact_value(phi) == pytest.approx((1 - 7 * phi / 16) / (1 - phi) ** 2, rel=1e-3)
+        assert henderson(phi) == pytest.approx((1 - 7 * phi / 16) / (1 - phi) ** 2, rel=1e-15)
 
 
 def test_collision_rates_at_two_densities() -> None:
@@ -185,6 +191,40 @@ def test_endless_friction_at_the_contact_point_is_constant_roughness(e_t: float,
     pair_rotation = 2.0 * k * h**2 * (T + k * T_rot) - 2.0 * k * h * T_rot
     expected = (0.5 * nu * pair_translation, nu * pair_rotation)  # half a pair's each; energies T, T_rot / 2
     np.testing.assert_allclose(rates, expected, rtol=1e-12)  # 1/mu = 1e-9 enters squared
+
+
+@pytest.mark.parametrize(("e_t", "k"), [(-1.0, 2.0), (-0.4, 2.0), (0.0, 1.0)])
+def test_closed_form_of_constant_roughness_is_the_limit_of_endless_friction(e_t: float, k: float) -> None:
+    theta = np.array([0.0, 0.4, 3.0])
+    law = IFRLaw(e_n=0.8, e_t=e_t, mu=1e9, sticking="contact_point", k=k)
+    expected = changes_per_collision(theta, law, k)
+    np.testing.assert_allclose(rough_rates(theta, 0.8, 1.0 + e_t, k), expected, rtol=1e-12, atol=1e-15)
+
+
+def test_rotation_of_a_cooling_gas_tends_to_the_ratio_of_rough_disks() -> None:
+    """Disks of constant roughness: theta solves a quadratic.
+
+    With q = (1 + beta) / (2 (1 + k)), dT_rot / T_rot = dT / T reads
+    2 k (q^2 (1/theta + k) - q) = -(1 - e^2)/2 + q^2 (1 + k theta) - q; times theta, a quadratic in theta.
+    """
+    e, beta, k = 0.9, 0.6, 2.0
+    q = (1.0 + beta) / (2.0 * (1.0 + k))
+    roots = np.roots([
+        k * q**2,
+        -0.5 * (1 - e**2) + q**2 - q - 2 * k * (k * q**2 - q),
+        -2 * k * q**2,
+    ])  # fmt: skip
+    law = IFRLaw(e_n=e, e_t=beta - 1.0, mu=1e9, sticking="contact_point")
+    assert cooling_ratio(law, k) == pytest.approx(float(roots[roots > 0.0][0]), rel=1e-9)
+    T, T_rot, _ = cooling(law, 1.0, 0.5, k, 0.2, 1.0, 0.0, [1e5])
+    assert T_rot[0] / T[0] == pytest.approx(float(roots[roots > 0.0][0]), rel=1e-6)
+    assert cooling_ratio(SMOOTH, 2.0) is None  # nothing changes the spins
+
+
+def test_haff_s_time_is_when_a_quarter_is_left() -> None:
+    assert haff(3.0, 0.9, 2.0, haff_time(0.9, 2.0)) == pytest.approx(0.75, rel=1e-15)
+    assert haff_time(1.0, 2.0) == math.inf
+    np.testing.assert_array_equal(haff(3.0, 1.0, 2.0, [0.0, 1e9]), 3.0)
 
 
 def test_perfectly_rough_elastic_disks_exchange_energy_until_both_temperatures_agree() -> None:

@@ -1,0 +1,175 @@
+"""Contact values: how much crowding raises the rate of collisions of hard disks, alike or not, and their pressure.
+
+Symbols: phi packing fraction, sigma = 2 R diameter, g pair correlation at contact, Z = P / (n T) of the elastic gas.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import InputError, nearest
+
+VIRIAL = (
+    1.0,
+    4.0 / 3.0 - math.sqrt(3.0) / math.pi,
+    2.0 - 9.0 * math.sqrt(3.0) / (2.0 * math.pi) + 10.0 / math.pi**2,
+    0.33355604,
+    0.1988425,
+    0.1148728,
+    0.0649930,
+    0.0362193,
+    0.0199537,
+)
+"""B_2 ... B_10 of hard disks, B_i / B_2^(i-1): Clisby and McCoy (2006), doi:10.1007/s10955-005-8080-0."""
+
+# (1 - phi)^2 g as a series in 2 phi to the same order. g itself grows like (1 - phi)^-2, and its bare series
+# is 1e-4 too small at phi = 0.3 and 3.5 % at 0.6; this product is almost constant and its series is not.
+_RESUMMED = np.convolve(VIRIAL, (1.0, -1.0, 0.25))[: len(VIRIAL)]
+
+CONTACT = ("virial", "henderson", "dilute")
+Contact = Literal["virial", "henderson", "dilute"]
+"""Where the contact value of equal disks comes from; "dilute" is g = 1, Boltzmann's gas."""
+
+
+def checked_packing_fraction(value: float) -> float:
+    """The value, if disks can cover that part of the area; InputError if not."""
+    densest = math.pi / (2.0 * math.sqrt(3.0))
+    if not 0.0 <= value <= densest:
+        raise InputError(f"packing fraction = {value}: must lie between 0 and {densest:.4f}")
+    return float(value)
+
+
+def checked_positive(**values: float) -> None:
+    """InputError that names the first value that is not a positive finite number."""
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{name} = {value}: a positive finite number is needed")
+
+
+def contact_value(packing_fraction: float) -> float:
+    """Pair correlation g of equal hard disks at contact: how much crowding raises the collision rate.
+
+    From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about
+    1e-5 at packing fraction 0.3 and 1e-4 at 0.5, if the spread of other resummations of the same series
+    tells; near freezing (0.70) the real fluid orders and its g is smaller.
+
+    Raises
+    ------
+    InputError
+        If the packing fraction is not between 0 and 0.9069.
+    """
+    phi = checked_packing_fraction(packing_fraction)
+    return float(np.polynomial.polynomial.polyval(2.0 * phi, _RESUMMED)) / (1.0 - phi) ** 2
+
+
+def henderson(packing_fraction: float) -> float:
+    """Contact value of equal hard disks by Henderson (1975), (1 - 7 phi / 16) / (1 - phi)^2.
+
+    doi:10.1080/00268977500102511. Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to 0.55.
+
+    Raises
+    ------
+    InputError
+        As `contact_value`.
+    """
+    phi = checked_packing_fraction(packing_fraction)
+    return (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
+
+
+def of_equal_disks(packing_fraction: float, contact: Contact = "virial") -> float:
+    """The contact value of equal disks by one of `CONTACT`.
+
+    Raises
+    ------
+    InputError
+        If there is no such, or as `contact_value`.
+    """
+    if contact not in CONTACT:
+        raise InputError(
+            f"contact = '{contact}': allowed are {', '.join(CONTACT)}{nearest(str(contact), CONTACT)}"
+        )
+    if contact == "dilute":
+        checked_packing_fraction(packing_fraction)
+        return 1.0
+    return henderson(packing_fraction) if contact == "henderson" else contact_value(packing_fraction)
+
+
+def crowding_of_mixture(
+    packing_fraction: float,
+    radius: ArrayLike,
+    fraction: ArrayLike | None = None,
+    contact: Contact = "virial",
+) -> tuple[float, float]:
+    """The two numbers (a, b) [1, 1/length] of which contact values are made: g_ij = a + b R_i R_j / (R_i + R_j).
+
+    A. Santos, S. B. Yuste and M. Lopez de Haro, Mol. Phys. 96, 1 (1999), arXiv:cond-mat/0204246, in two dimensions:
+
+        g_ij = 1 / (1 - phi) + [g(phi) - 1 / (1 - phi)] (<sigma> / <sigma^2>) sigma_i sigma_j / sigma_ij,
+
+    with sigma_ij = R_i + R_j. It gives g(phi) for equal disks, and for a point, sigma_i = 0, the exact 1 / (1 - phi):
+    only the area that is left decides how often a point is hit. With Henderson's g(phi) the bracket is
+    (9/16) phi / (1 - phi)^2.
+
+    Parameters
+    ----------
+    packing_fraction : float
+    radius : array_like (s,)
+        Radii [length], of species or of disks.
+    fraction : array_like (s,), optional
+        What part of all disks each is; alike without it.
+    contact : {"virial", "henderson", "dilute"}
+        g(phi) of equal disks; "dilute" makes all contact values 1.
+
+    Raises
+    ------
+    InputError
+        As `of_equal_disks`.
+    """
+    g = of_equal_disks(packing_fraction, contact)
+    if contact == "dilute":
+        return 1.0, 0.0
+    a = 1.0 / (1.0 - packing_fraction)
+    diameter = 2.0 * np.asarray(radius, dtype=np.float64)
+    parts = None if fraction is None else np.asarray(fraction, dtype=np.float64)
+    mean, mean_square = (float(np.average(diameter**power, weights=parts)) for power in (1, 2))
+    # sigma_i sigma_j / sigma_ij = 4 R_i R_j / (R_i + R_j)
+    return a, 4.0 * (g - a) * mean / mean_square
+
+
+def mixture_contact_values(
+    packing_fraction: float,
+    radius: ArrayLike,
+    fraction: ArrayLike | None = None,
+    contact: Contact = "virial",
+) -> NDArray[np.float64]:
+    """Contact values g_ij of hard disks of different sizes, shape (s, s); see `crowding_of_mixture`."""
+    a, b = crowding_of_mixture(packing_fraction, radius, fraction, contact)
+    R = np.asarray(radius, dtype=np.float64)
+    return a + b * R[:, None] * R / (R[:, None] + R)
+
+
+def compressibility(
+    packing_fraction: float,
+    radius: ArrayLike = (1.0,),
+    fraction: ArrayLike | None = None,
+    contact: Contact = "virial",
+) -> float:
+    """Z = P / (n T) of elastic hard disks of one or several sizes: 1 + (pi/2) n sum_ij x_i x_j sigma_ij^2 g_ij.
+
+    The virial theorem in two dimensions; n sum_i x_i sigma_i^2 = 4 phi / pi. For equal disks it is 1 + 2 phi g.
+
+    Parameters
+    ----------
+    packing_fraction, radius, fraction, contact
+        As for `crowding_of_mixture`; without radii, equal disks.
+    """
+    R = np.asarray(radius, dtype=np.float64)
+    x = np.full(len(R), 1.0) if fraction is None else np.asarray(fraction, dtype=np.float64)
+    x = x / x.sum()
+    g = mixture_contact_values(packing_fraction, R, x, contact)
+    density = packing_fraction / (math.pi * float(np.sum(x * R**2)))
+    return 1.0 + 0.5 * math.pi * density * float(x @ (g * (R[:, None] + R) ** 2) @ x)

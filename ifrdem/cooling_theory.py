@@ -1,0 +1,231 @@
+"""Kinetic theory of a homogeneous gas of equal disks: how it cools.
+
+Enskog's picture: before they touch, two disks are uncorrelated but for the crowding factor g, their
+velocities and spins are Gaussian with temperatures T = m <v^2> / 2 and T_rot = I <w^2> (energies, k_B = 1),
+and nothing depends on the place. A gas that cools leaves this picture after some collisions per disk: density
+and velocity patterns grow, spins correlate with velocities, and tails become heavier than Gaussian.
+
+Symbols: m mass, R radius, sigma = 2 R, I = m R^2 / k, phi packing fraction.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from .collision_averages import Disk, checked_law, energy_changes
+from .collision_rates import collision_rate
+from .contact_values import checked_positive
+from .errors import InputError
+from .law import IFRLaw
+
+
+def changes_per_collision(
+    theta: ArrayLike, law: IFRLaw, k: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Relative changes (dT / T, dT_rot / T) per collision of a disk, at theta = T_rot / T.
+
+    Derived in `cooling_rates`.
+    """
+    disk = Disk(1.0, k, 1.0, np.asarray(theta, dtype=np.float64))
+    translation, rotation = energy_changes(law, disk, disk)
+    return translation, 2.0 * rotation  # energies T and T_rot / 2
+
+
+def _check(law: IFRLaw, mass: float, radius: float, k: float) -> None:
+    checked_positive(mass=mass, radius=radius, k=k)
+    checked_law(law)
+
+
+def cooling_rates(
+    T: ArrayLike,
+    T_rot: ArrayLike,
+    *,
+    law: IFRLaw,
+    mass: float,
+    radius: float,
+    k: float,
+    number_density: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    r"""Rates (dT/dt, dT_rot/dt) [energy/time] at which a homogeneous gas of equal disks cools.
+
+    Parameters
+    ----------
+    T, T_rot : array_like
+        Translational and rotational temperature, m <v^2> / 2 and I <w^2> [energy]; shapes that broadcast.
+    law : IFRLaw
+        The collision law, without rolling friction.
+    mass, radius, k : float
+        Of one disk [mass], [length], I = m R^2 / k.
+    number_density : float
+        Disks per area [1/length^2].
+
+    Raises
+    ------
+    InputError
+        If the law has rolling friction, a property is not positive, or T <= 0 or T_rot < 0.
+
+    Notes
+    -----
+    `collision_averages` gives what a collision changes. For equal disks m_n = m/2, V = 2 T / m and a_i = 1/2; with
+    theta = T_rot / T, S = 1 + k theta, c = 1/2 (percussion centre) or 1 / (1 + k) (contact point), and halves of its
+    averages, gamma = c/2, eta = h/2 = (1 + e_t) / (2 (1 + k)),
+
+        kappa = mu (1 + e_n) / (c sqrt(S)),  J_1 = kappa / sqrt(1 + kappa^2),  J_2 = 2 kappa^2 (1 - J_1),
+        A = eta + gamma J_1,   B = eta^2 + 2 eta gamma J_1 + gamma^2 J_2.
+
+    Each disk collides at the rate nu and has the energies T and T_rot / 2:
+
+        dT/dt = (nu/2) T [-(1 - e_n^2) - 2 A + 2 S B],   dT_rot/dt = 2 k nu T [S B - theta A].
+    """
+    _check(law, mass, radius, k)
+    translational = np.asarray(T, dtype=np.float64)
+    rotational = np.asarray(T_rot, dtype=np.float64)
+    if not (np.all(translational > 0.0) and np.all(rotational >= 0.0)):
+        raise InputError("temperatures: T > 0 and T_rot >= 0 are needed")
+    rate = collision_rate(number_density * math.pi * radius**2, 1.0, mass, radius) * np.sqrt(translational)
+    translation, rotation = changes_per_collision(rotational / translational, law, k)
+    return rate * translational * translation, rate * translational * rotation
+
+
+def checked_times(times: ArrayLike) -> NDArray[np.float64]:
+    """Times [time] as an array of shape (steps,); InputError unless they are finite, 0 or more, and do not decrease."""
+    when = np.asarray(times, dtype=np.float64)
+    if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
+        raise InputError("times: finite numbers of 0 or more in increasing order are needed, shape (steps,)")
+    return when
+
+
+def cooling(
+    law: IFRLaw,
+    mass: float,
+    radius: float,
+    k: float,
+    packing_fraction: float,
+    T0: float,
+    T_rot0: float,
+    times: ArrayLike,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Temperatures of a homogeneous gas of equal disks as it cools: `cooling_rates` integrated.
+
+    Parameters
+    ----------
+    law, mass, radius, k
+        As for `cooling_rates`.
+    packing_fraction : float
+        Part of the area that the disks cover.
+    T0, T_rot0 : float
+        Temperatures at time 0, T0 > 0 and T_rot0 >= 0 [energy].
+    times : array_like (steps,)
+        Times since the start [time], 0 or more and not decreasing.
+
+    Returns
+    -------
+    T, T_rot, collisions_per_disk : arrays (steps,)
+        [energy], [energy], and the collisions each disk has had on average (each pair's counts for both).
+
+    Raises
+    ------
+    InputError
+        As `cooling_rates`, or if the times decrease or are negative.
+    """
+    _check(law, mass, radius, k)
+    when = checked_times(times)
+    if not (math.isfinite(T0) and T0 > 0.0 and math.isfinite(T_rot0) and T_rot0 >= 0.0):
+        raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: T0 > 0 and T_rot0 >= 0 are needed")
+    rate0 = collision_rate(packing_fraction, T0, mass, radius)
+    if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
+        return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
+
+    def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float]:
+        """Derivatives of ln(T/T0), theta and collisions per disk by rate0 t: all of order 1, over decades."""
+        log_T, theta, _collisions = y
+        translation, rotation = changes_per_collision(np.asarray(max(theta, 0.0)), law, k)
+        speed = math.exp(0.5 * log_T)
+        return speed * float(translation), speed * float(rotation - theta * translation), speed
+
+    solution = solve_ivp(
+        slope,
+        (0.0, rate0 * when[-1]),
+        (0.0, T_rot0 / T0, 0.0),
+        method="DOP853",
+        t_eval=rate0 * when,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    if not solution.success:
+        raise RuntimeError(f"the cooling equations could not be integrated: {solution.message}")
+    log_T, theta, collisions = solution.y
+    T = T0 * np.exp(log_T)
+    return T, theta * T, collisions
+
+
+def haff_time(e_n: float, rate0: float) -> float:
+    """Haff's time t_H [time] of smooth equal disks, 4 / ((1 - e_n^2) rate0): infinite for elastic ones.
+
+    Each collision of a disk takes (1 - e_n^2) / 2 of its temperature, at a rate nu = rate0 sqrt(T / T0):
+    dT/dt = -(1 - e_n^2) nu T / 2, of which T0 / (1 + t / t_H)^2 is the solution. Haff (1983),
+    doi:10.1017/S0022112083003419.
+
+    Parameters
+    ----------
+    rate0 : float
+        Collisions per disk and time at time 0 [1/time], from `collision_rate`.
+    """
+    return math.inf if e_n == 1.0 else 4.0 / ((1.0 - e_n**2) * rate0)
+
+
+def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> NDArray[np.float64]:
+    """Temperature of smooth equal disks [energy]: Haff's law T0 / (1 + t / t_H)^2, shape of `times`.
+
+    The special case mu = 0, e_t = -1 of `cooling_rates`; t_H and rate0 as in `haff_time`.
+    """
+    return T0 / (1.0 + np.asarray(times, dtype=np.float64) / haff_time(e_n, rate0)) ** 2
+
+
+def rough_rates(
+    theta: ArrayLike, e_n: float, beta: float, k: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(dT / T, dT_rot / T) per collision of disks of constant roughness beta, at theta = T_rot / T.
+
+    Every collision reverses the slip to -beta times itself: the limit mu -> infinity of the law that sticks at the
+    contact point, with beta = 1 + e_t. With P_t = m q g_t, q = (1 + beta) / (2 (1 + k)), the averages over colliding
+    pairs <g_t^2> = 2 (T + k T_rot) / m, <g_t v_t> = 2 T / m and <g_t R (w_i + w_j)> = 2 k T_rot / m, the pair's motion
+    gains P_t^2/m - P_t v_t and its spins k P_t^2/m - P_t R (w_i + w_j) beside the normal loss (1 - e_n^2) T. These are
+    the equations of S. Luding, M. Huthmann, S. McNamara and A. Zippelius, Phys. Rev. E 58, 3416 (1998),
+    doi:10.1103/PhysRevE.58.3416.
+    """
+    theta = np.asarray(theta, dtype=np.float64)
+    q = (1.0 + beta) / (2.0 * (1.0 + k))
+    translation = -0.5 * (1.0 - e_n**2) + q**2 * (1.0 + k * theta) - q
+    rotation = 2.0 * k * (q**2 * (1.0 + k * theta) - q * theta)
+    return translation, rotation
+
+
+def cooling_ratio(law: IFRLaw, k: float) -> float | None:
+    """theta = T_rot / T to which a cooling gas tends by the theory; None where it has no such limit up to 1e6.
+
+    There theta stays: dT_rot / T_rot = dT / T. In simulations of some laws spins get tails that are heavier than
+    Gaussian, and another theta.
+
+    Raises
+    ------
+    InputError
+        As `cooling_rates`.
+    """
+    checked_positive(k=k)
+    checked_law(law)
+
+    def drift(log_theta: float) -> float:
+        theta = math.exp(log_theta)
+        translation, rotation = changes_per_collision(theta, law, k)
+        return float(rotation / theta - translation)
+
+    low, high = -30.0, math.log(1e6)
+    if drift(low) <= 0.0 or drift(high) >= 0.0:
+        return None
+    return math.exp(brentq(drift, low, high, xtol=1e-13))

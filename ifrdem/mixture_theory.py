@@ -1,0 +1,341 @@
+"""Kinetic theory of a homogeneous gas of several species of disks: their temperatures as it cools, or is driven.
+
+The picture of `cooling_theory`, with a translational and a rotational temperature for every species: nothing makes
+them agree where collisions dissipate. `collision_averages` says what a collision changes, `collision_rates` how often
+species meet; every disk of species i then has
+
+    dT_i/dt = sum_j w_ij <dE_i>_j,    dT_rot,i/dt = 2 sum_j w_ij <dE_rot,i>_j.
+
+A. Santos, arXiv:1803.04290, has the same for disks of constant roughness.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from .collision_averages import Disk, checked_law, energy_changes
+from .collision_rates import mixture_collision_rates
+from .contact_values import Contact, checked_packing_fraction, mixture_contact_values
+from .cooling_theory import checked_times
+from .driven_theory import Drive
+from .errors import InputError
+from .law import IFRLaw
+from .state import Disks
+
+MOST_SPECIES = 64  # every pair of them is summed at every step
+
+
+def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    column = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    wrong = ~(np.isfinite(column) & (column > 0.0))
+    if column.ndim != 1 or len(column) == 0:
+        raise InputError(f"{name} has shape {column.shape}: one number per species, shape (s,), is needed")
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise InputError(f"{name}[{i}] = {column[i]}: a positive finite number is needed")
+    return column
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """What a homogeneous gas of s species is made of.
+
+    Parameters
+    ----------
+    mass, radius : array_like (s,)
+        Of one disk of each species [mass], [length].
+    law : IFRLaw or sequence of sequences of IFRLaw
+        One for all pairs, or a symmetric table [species][species]. Without rolling friction.
+    packing_fraction : float
+        Part of the area that all disks together cover.
+    k : array_like (s,)
+        Shape numbers in I = m R^2 / k.
+    fraction : array_like (s,), optional
+        What part of all disks each species is, in any unit (numbers of disks do); equal parts without it.
+    contact : {"virial", "henderson", "dilute"}
+        Contact values: see `contact_values.crowding_of_mixture`.
+
+    Raises
+    ------
+    InputError
+        If a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`, has
+        rolling friction, or differs between [i][j] and [j][i]; or the packing fraction or `contact` is impossible.
+    """
+
+    mass: NDArray[np.float64]
+    radius: NDArray[np.float64]
+    law: tuple[tuple[IFRLaw, ...], ...]
+    packing_fraction: float
+    k: NDArray[np.float64]
+    fraction: NDArray[np.float64]
+    contact: Contact
+
+    def __init__(
+        self,
+        mass: ArrayLike,
+        radius: ArrayLike,
+        law: IFRLaw | Sequence[Sequence[IFRLaw]],
+        packing_fraction: float,
+        *,
+        k: ArrayLike = 2.0,
+        fraction: ArrayLike | None = None,
+        contact: Contact = "virial",
+    ) -> None:
+        columns = {"mass": mass, "radius": radius, "k": k, "fraction": 1.0 if fraction is None else fraction}
+        found = {name: _column(name, value) for name, value in columns.items()}
+        try:
+            s = np.broadcast_shapes(*(column.shape for column in found.values()))[0]
+        except ValueError:
+            shapes = ", ".join(f"{name} {len(column)}" for name, column in found.items())
+            raise InputError(f"mixture: {shapes}: one number per species is needed") from None
+        if s > MOST_SPECIES:
+            raise InputError(f"mixture: {s} species; {MOST_SPECIES} at most (ifrdem.dsmc has no such limit)")
+        for name, column in found.items():
+            object.__setattr__(self, name, np.array(np.broadcast_to(column, s)))
+        object.__setattr__(self, "fraction", self.fraction / self.fraction.sum())
+        object.__setattr__(self, "packing_fraction", checked_packing_fraction(packing_fraction))
+        object.__setattr__(self, "contact", contact)
+        self.contact_values()  # refuses an unknown `contact`
+        object.__setattr__(self, "law", self._table(law))
+
+    @classmethod
+    def of(
+        cls,
+        disks: Disks,
+        law: IFRLaw | Sequence[Sequence[IFRLaw]],
+        packing_fraction: float,
+        *,
+        contact: Contact = "virial",
+    ) -> tuple[Mixture, NDArray[np.int64]]:
+        """The mixture of these disks, whose `law` is a table of materials, and each disk's species, shape (n,).
+
+        Disks are of one species if mass, radius, k and material agree.
+
+        Raises
+        ------
+        InputError
+            As the class, or if a disk is immovable, or there are none.
+        """
+        if disks.n == 0 or not disks.movable.all():
+            raise InputError("mixture: disks of finite mass are needed, one at least")
+        columns = np.stack([disks.mass, disks.radius, disks.k, disks.material.astype(np.float64)], axis=1)
+        kinds, which, number = np.unique(columns, axis=0, return_inverse=True, return_counts=True)
+        table = law
+        if not isinstance(law, IFRLaw):
+            material = kinds[:, 3].astype(int)
+            if material.max() >= len(law):
+                raise InputError(
+                    f"law table: a square table of at least {material.max() + 1} materials is needed"
+                )
+            table = [[law[a][b] for b in material] for a in material]
+        mass, radius, k, _ = kinds.T
+        mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
+        return mixture, np.asarray(which, dtype=np.int64).ravel()
+
+    def _table(self, law: IFRLaw | Sequence[Sequence[IFRLaw]]) -> tuple[tuple[IFRLaw, ...], ...]:
+        s = self.species
+        rows = [[law] * s for _ in range(s)] if not isinstance(law, Sequence) else [list(row) for row in law]
+        if len(rows) != s or any(len(row) != s for row in rows):
+            raise InputError(f"law table: {s} rows of {s} laws, one for each pair of species, are needed")
+        for i in range(s):
+            for j in range(i + 1):
+                checked_law(rows[i][j])
+                if rows[i][j].table_row() != rows[j][i].table_row():
+                    raise InputError(f"law table: [{i}][{j}] and [{j}][{i}] differ; a pair has one law")
+                rows[i][j].check(self.k[i], self.k[j], self.mass[i], self.mass[j])
+        return tuple(tuple(row) for row in rows)
+
+    @property
+    def species(self) -> int:
+        """How many species there are."""
+        return len(self.mass)
+
+    @property
+    def number_density(self) -> NDArray[np.float64]:
+        """Disks of each species per area [1/length^2], shape (s,)."""
+        return self.fraction * self.packing_fraction / (math.pi * float(self.fraction @ self.radius**2))
+
+    def contact_values(self) -> NDArray[np.float64]:
+        """g_ij, shape (s, s)."""
+        return mixture_contact_values(self.packing_fraction, self.radius, self.fraction, self.contact)
+
+    def collision_rates(self, T: ArrayLike) -> NDArray[np.float64]:
+        """Collisions of a disk of species i with species j per time [1/time], shape (s, s), at T (s,) [energy]."""
+        return mixture_collision_rates(T, self.mass, self.radius, self.number_density, self.contact_values())
+
+
+class MixtureTemperatures(NamedTuple):
+    """Temperatures of the species of a mixture over time.
+
+    Attributes
+    ----------
+    T, T_rot : array (steps, s)
+        [energy].
+    collisions_per_disk : array (steps, s)
+        Collisions that a disk of each species has had on average.
+    """
+
+    T: NDArray[np.float64]
+    T_rot: NDArray[np.float64]
+    collisions_per_disk: NDArray[np.float64]
+
+    def mean(self, mixture: Mixture) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """T, T_rot and collisions of all disks together, shape (steps,) each, as `observables.measure` has them."""
+        x = mixture.fraction
+        return self.T @ x, self.T_rot @ x, self.collisions_per_disk @ x
+
+
+def mixture_cooling_rates(
+    mixture: Mixture, T: ArrayLike, T_rot: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Rates (dT_i/dt, dT_rot,i/dt) [energy/time], shape (s,) each, at which species of a mixture change by collisions.
+
+    Parameters
+    ----------
+    mixture : Mixture
+    T, T_rot : array_like (s,)
+        Temperatures m <v^2> / 2 and I <w^2> of each species [energy], 0 or more.
+
+    Raises
+    ------
+    InputError
+        If shapes do not fit or a temperature is negative.
+    """
+    T, T_rot = _temperatures(mixture, T, T_rot)
+    return _rates(mixture, T, T_rot, mixture.collision_rates(T))
+
+
+def _temperatures(
+    mixture: Mixture, T: ArrayLike, T_rot: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    found = []
+    for name, value in (("T", T), ("T_rot", T_rot)):
+        try:
+            column = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), mixture.species))
+        except ValueError:
+            raise InputError(
+                f"{name} has shape {np.shape(value)}: a number for each of {mixture.species} species is needed"
+            ) from None
+        if not np.all(np.isfinite(column) & (column >= 0.0)):
+            raise InputError(f"{name} = {column}: finite numbers of 0 or more are needed")
+        found.append(column)
+    return found[0], found[1]
+
+
+def _rates(
+    mixture: Mixture, T: NDArray[np.float64], T_rot: NDArray[np.float64], often: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    s = mixture.species
+    translation, rotation = np.zeros(s), np.zeros(s)
+    disks = [Disk(*each) for each in zip(mixture.mass, mixture.k, T, T_rot, strict=True)]
+    for i in range(s):
+        for j in range(s):
+            if often[i, j] > 0.0:  # not where both are at rest: they never meet
+                gains = energy_changes(mixture.law[i][j], disks[i], disks[j])
+                translation[i] += often[i, j] * gains[0]
+                rotation[i] += often[i, j] * 2.0 * gains[1]
+    return translation, rotation
+
+
+def mixture_cooling(
+    mixture: Mixture, T0: ArrayLike, T_rot0: ArrayLike, times: ArrayLike
+) -> MixtureTemperatures:
+    """Temperatures of the species of a mixture as it cools: `mixture_cooling_rates` integrated.
+
+    Parameters
+    ----------
+    mixture : Mixture
+    T0, T_rot0 : array_like (s,)
+        Temperatures at time 0 [energy], 0 or more; one species at least moves.
+    times : array_like (steps,)
+        Times since the start [time], 0 or more and not decreasing.
+
+    Raises
+    ------
+    InputError
+        As `mixture_cooling_rates`, if nothing moves, or if the times decrease or are negative.
+    """
+    when = checked_times(times)
+    T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
+    s, x = mixture.species, mixture.fraction
+    mean0 = float(x @ T0)
+    if mean0 == 0.0:
+        raise InputError("T0 = 0 for all species: nothing moves")
+    rate0 = float(x @ mixture.collision_rates(T0).sum(axis=1))
+    start = np.concatenate([[0.0], T0 / mean0, T_rot0 / mean0, np.zeros(s)])
+    if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
+        return _unpacked(np.tile(start, (len(when), 1)).T, mean0, s)
+
+    def slope(_: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives, by rate0 t, of ln(T/T0) of all disks, T_i/T, T_rot,i/T and collisions: all of order 1."""
+        part, part_rot = np.maximum(y[1 : 1 + s], 0.0), np.maximum(y[1 + s : 1 + 2 * s], 0.0)
+        speed = math.exp(0.5 * y[0])
+        often = mixture.collision_rates(part * mean0) / rate0  # at T = T0; rates go with sqrt(T)
+        translation, rotation = _rates(mixture, part, part_rot, often)
+        change = float(x @ translation)
+        return speed * np.concatenate(
+            [[change], translation - part * change, rotation - part_rot * change, often.sum(axis=1)]
+        )
+
+    solution = solve_ivp(
+        slope, (0.0, rate0 * when[-1]), start, method="DOP853", t_eval=rate0 * when, rtol=1e-10, atol=1e-12
+    )
+    if not solution.success:
+        raise RuntimeError(f"the cooling equations could not be integrated: {solution.message}")
+    return _unpacked(solution.y, mean0, s)
+
+
+def _unpacked(y: NDArray[np.float64], mean0: float, s: int) -> MixtureTemperatures:
+    mean = mean0 * np.exp(y[0])
+    return MixtureTemperatures((mean * y[1 : 1 + s]).T, (mean * y[1 + s : 1 + 2 * s]).T, y[1 + 2 * s :].T)
+
+
+def mixture_driven(
+    mixture: Mixture, drives: Sequence[Drive], T0: ArrayLike, T_rot0: ArrayLike, times: ArrayLike
+) -> MixtureTemperatures:
+    """Temperatures of the species of a driven mixture: as `mixture_cooling`, with a `Drive` for each species.
+
+    Raises
+    ------
+    InputError
+        As `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
+    """
+    when = checked_times(times)
+    T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
+    s = mixture.species
+    if len(drives) != s:
+        raise InputError(f"drives: {len(drives)} for {s} species; one each is needed")
+    power, spin_power, rate, spin_rate = (
+        np.array([getattr(each, name) for each in drives])
+        for name in ("power", "spin_power", "rate", "spin_rate")
+    )
+    if not T0.any() and not power.any():
+        raise InputError("T0 = 0 and no power: nothing moves")
+    if len(when) == 0:
+        return MixtureTemperatures(np.empty((0, s)), np.empty((0, s)), np.empty((0, s)))
+    scale = max(float(T0.max()), float((power + spin_power).max() * when[-1]))
+
+    def slope(_: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+        # From rest, a gas passes temperatures at which nothing collides yet.
+        T, T_rot = scale * np.maximum(y[:s], 1e-9), scale * np.maximum(y[s : 2 * s], 0.0)
+        often = mixture.collision_rates(T)
+        translation, rotation = _rates(mixture, T, T_rot, often)
+        dT = power - 2.0 * rate * T + translation
+        dT_rot = 2.0 * (spin_power - spin_rate * T_rot) + rotation
+        return np.concatenate([dT / scale, dT_rot / scale, often.sum(axis=1)])
+
+    solution = solve_ivp(
+        slope, (0.0, max(float(when[-1]), 1e-300)), np.concatenate([T0 / scale, T_rot0 / scale, np.zeros(s)]),
+        method="LSODA", t_eval=when, rtol=1e-9, atol=1e-12,
+    )  # fmt: skip
+    if not solution.success:
+        raise RuntimeError(f"the equations of the driven mixture could not be integrated: {solution.message}")
+    y = solution.y
+    return MixtureTemperatures(scale * y[:s].T, scale * y[s : 2 * s].T, y[2 * s :].T)

@@ -1,0 +1,96 @@
+"""What kinetic theory says of a gas, whatever it is: one species or several, cooling, driven or sheared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import mixture_theory, shear_theory
+from .driven_theory import Drive
+from .errors import InputError
+from .law import IFRLaw
+from .mixture_theory import Mixture, MixtureTemperatures
+from .state import Disks
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Temperatures of a homogeneous gas over time.
+
+    Attributes
+    ----------
+    kind : {"cooling", "driven", "sheared"}
+    T, T_rot, collisions_per_disk : array (steps,)
+        Of all disks [energy], [energy], as `observables.measure` has them.
+    species : MixtureTemperatures or None
+        The same of each species, in the order of `Mixture.of`; None in a sheared gas.
+    """
+
+    kind: Literal["cooling", "driven", "sheared"]
+    T: NDArray[np.float64]
+    T_rot: NDArray[np.float64]
+    collisions_per_disk: NDArray[np.float64]
+    species: MixtureTemperatures | None = None
+
+
+def prediction(
+    disks: Disks,
+    law: IFRLaw | Sequence[Sequence[IFRLaw]],
+    packing_fraction: float,
+    T0: ArrayLike,
+    T_rot0: ArrayLike,
+    times: ArrayLike,
+    *,
+    forces: Iterable[Mapping[str, Any]] = (),
+    shear_rate: float = 0.0,
+) -> Prediction:
+    """What kinetic theory says of a gas: the theory that belongs to it is chosen here.
+
+    Parameters
+    ----------
+    disks : Disks
+        Disks are of one species if mass, radius, k and material agree; `mixture_theory.MOST_SPECIES` at most.
+    law : IFRLaw or sequence of sequences of IFRLaw
+        One for all, or a table [material][material].
+    packing_fraction : float
+    T0, T_rot0 : float or array_like (s,)
+        Temperatures at time 0 [energy], of all or of each species in the order of `Mixture.of`.
+    times : array_like (steps,)
+        Times since the start [time].
+    forces : iterable of mappings
+        Forces as a case has them (`driven_theory.Drive.of`).
+    shear_rate : float
+        Of a mean flow [1/time].
+
+    Raises
+    ------
+    InputError
+        If no theory here describes such a gas (rolling friction, a force that is not linear, a sheared mixture, forces
+        in a flow), or as the theories do.
+    """
+    mixture, _ = Mixture.of(disks, law, packing_fraction)
+    forces = list(forces)
+    if shear_rate != 0.0:
+        if forces or mixture.species > 1:
+            what = "forces" if forces else f"{mixture.species} species"
+            raise InputError(f"shear_rate = {shear_rate}: no theory of a sheared gas with {what}")
+        one = (mixture.law[0][0], float(mixture.mass[0]), float(mixture.radius[0]), float(mixture.k[0]))
+        start = (float(np.ravel(T0)[0]), float(np.ravel(T_rot0)[0]))
+        return Prediction("sheared", *shear_theory.sheared(*one, packing_fraction, shear_rate, *start, times))
+    if not forces:
+        found = mixture_theory.mixture_cooling(mixture, T0, T_rot0, times)
+        return Prediction("cooling", *found.mean(mixture), found)
+    inertia = mixture.mass * mixture.radius**2 / mixture.k
+    drives = [Drive.of(forces, float(m), float(i)) for m, i in zip(mixture.mass, inertia, strict=True)]
+    known = [drive for drive in drives if drive is not None]
+    if len(known) < len(drives):
+        kinds = ", ".join(str(force.get("kind")) for force in forces)
+        raise InputError(
+            f"forces = {kinds}: kinetic theory knows linear ones only (kicks, spin_kicks, drag, langevin)"
+        )
+    found = mixture_theory.mixture_driven(mixture, known, T0, T_rot0, times)
+    return Prediction("driven", *found.mean(mixture), found)

@@ -1,0 +1,231 @@
+"""DSMC against conservation laws, kinetic theory where it is exact, published cumulants; the same on any threads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from ifrdem import backend, dsmc, placement
+from ifrdem.collision_law import CollisionLaw
+from ifrdem.driven_theory import Drive, driven
+from ifrdem.dsmc import DSMC
+from ifrdem.errors import EngineError, InputError
+from ifrdem.law import EnergyWarning, IFRLaw
+from ifrdem.mixture_theory import Mixture, mixture_cooling
+from ifrdem.sonine_theory import cooling_factor, heated_sonine
+from ifrdem.state import Disks
+from ifrdem.theory import collision_rate, cooling, haff
+
+pytestmark = pytest.mark.unoptimised
+
+COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+ELASTIC_ROUGH = IFRLaw(e_n=1.0, e_t=0.0, mu=1e9, sticking="contact_point")  # g_t' = -g_t
+SMOOTH = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def ended() -> Iterator[None]:
+    yield
+    backend.stop()
+
+
+def gas(n: int, law: IFRLaw, *, T_rot: float = 0.0, **given) -> DSMC:
+    """n equal disks of mass 1, diameter 1 at T = 1 and phi = 0.2."""
+    disks = Disks(n, 1.0, 0.5)
+    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=5)
+    spin = placement.gaussian_spins(n, spin_rms=math.sqrt(T_rot * 8.0), seed=5)  # I = 1/8
+    return DSMC(disks, law, 0.2, velocity, spin, **({"seed": 2, "threads": 1} | given))
+
+
+def test_elastic_collisions_keep_energy_and_momentum_and_share_it_out() -> None:
+    start = gas(3000, ELASTIC_ROUGH)
+    found = start.run(collisions_per_disk=30.0, samples=3)
+    np.testing.assert_allclose(found.energy, found.energy[0], rtol=1e-12)  # 45,000 collisions of round-off
+    np.testing.assert_allclose(start.velocity.sum(axis=0), 0.0, atol=1e-10)
+    # T + T_rot / 2 = 1 at the start: both 2/3 at the end, within 4 of 1 / sqrt(n) and sqrt(2 / n).
+    assert found.T[-1] == pytest.approx(2.0 / 3.0, rel=4.0 / math.sqrt(3000))
+    assert found.T_rot[-1] == pytest.approx(2.0 / 3.0, rel=4.0 * math.sqrt(2.0 / 3000))
+    assert abs(found.a_2[-1]) < 4.0 / math.sqrt(3000)
+
+
+def test_a_gas_in_equilibrium_collides_at_enskog_s_rate() -> None:
+    n = 4000
+    found = gas(n, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)).run(t_end=10.0, samples=1)
+    assert found.time[-1] == 10.0
+    # (n - 1) / n of it, because a disk does not meet itself. Counting 2.9e4 collisions leaves 0.6 %.
+    expected = 10.0 * collision_rate(0.2, 1.0, 1.0, 0.5) * (1.0 - 1.0 / n)
+    assert found.collisions_per_disk[-1] == pytest.approx(expected, rel=0.02)
+    of_disks = gas(n, COIN)
+    of_disks.run(t_end=1.0, samples=1)
+    assert of_disks.collisions_of_disks.sum() == 2 * of_disks.collisions
+
+
+def test_young_coins_cool_by_the_closed_form() -> None:
+    """Half a collision per disk: velocities are Gaussian still; the theory is exact but for the sample's size."""
+    found = gas(40_000, COIN).run(collisions_per_disk=0.5, samples=1)
+    T, T_rot, tau = cooling(COIN, 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, found.time)
+    # 10^4 collisions: 1 % of their number, and some 2 % of what they change.
+    assert found.collisions_per_disk[-1] == pytest.approx(tau[-1], rel=0.03)
+    assert found.T[-1] - 1.0 == pytest.approx(T[-1] - 1.0, rel=0.05)
+    assert found.T_rot[-1] == pytest.approx(T_rot[-1], rel=0.05)
+    assert T_rot[-1] > 0.05
+
+
+def test_smooth_disks_follow_haff_with_the_cumulant_that_theory_says() -> None:
+    """e = 0.8: a_2 = -0.0260 (`sonine_theory`), and losses that are 1 + 3/16 a_2 of a Gaussian's."""
+    n = 20_000
+    found = gas(n, SMOOTH).run(collisions_per_disk=30.0, samples=30)
+    later = found.collisions_per_disk > 8.0
+    # a_2 scatters by 1 / sqrt(n) and forgets it in 2 collisions per disk: 22 samples leave 0.003, three of which:
+    assert np.mean(found.a_2[later]) == pytest.approx(-0.0260, abs=0.009)
+    rate0 = collision_rate(0.2, 1.0, 1.0, 0.5) * float(cooling_factor(-0.0260))
+    expected = haff(1.0, 0.8, rate0, found.time)
+    np.testing.assert_allclose(found.T, expected, rtol=0.03)  # T falls to 1 / 200
+    assert found.T[-1] < 0.01
+    np.testing.assert_array_equal(found.T_rot, 0.0)
+
+
+def test_heated_smooth_disks_follow_the_driven_theory() -> None:
+    n = 5000
+    drive = Drive(power=1.0)
+    found = gas(n, SMOOTH, drive=drive).run(t_end=6.0, samples=30)
+    late = slice(12, None)
+    T, _, _ = driven(SMOOTH, 1.0, 0.5, 2.0, 0.2, drive, 1.0, 0.0, found.time)
+    np.testing.assert_allclose(
+        found.T, T, rtol=0.06
+    )  # 1 / sqrt(n), and as much from each unit of time's kicks
+    assert T[-1] > 2.4
+    # What is lost, with the noise of what was given taken out: (1 - e^2) / 2 of T at each collision, and 3/16 a_2.
+    # Six runs with 10^4 disks scattered by 0.5 %.
+    lost = np.ptp((found.energy_input - found.energy)[late][[0, -1]]) / n / np.ptp(found.time[late])
+    rate = collision_rate(0.2, 1.0, 1.0, 0.5) * np.mean(found.T[late] ** 1.5)
+    expected = 0.18 * rate * float(cooling_factor(heated_sonine(0.8)))
+    assert lost == pytest.approx(expected, rel=0.03)
+
+
+def test_a_heat_bath_alone_brings_disks_to_its_temperature() -> None:
+    bath = Drive(power=2.0 * 0.5 * 3.0, rate=0.5, spin_power=0.5 * 2.0, spin_rate=0.5)  # T = 3, T_rot = 2
+    found = gas(4_000, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), drive=bath).run(t_end=8.0, samples=1)
+    assert found.T[-1] == pytest.approx(3.0, rel=0.06)  # 1 / sqrt(n), and exp(-8)
+    assert found.T_rot[-1] == pytest.approx(2.0, rel=0.09)
+    gained = found.energy[-1] - found.energy[0]  # elastic: all of it is the bath's
+    assert found.energy_input[-1] == pytest.approx(gained, rel=1e-10)
+
+
+def test_species_of_a_young_mixture_follow_the_mixture_theory() -> None:
+    n = 30_000
+    big = np.arange(n) % 3 == 0
+    disks = Disks(n, np.where(big, 5.0, 1.0), np.where(big, 1.0, 0.5), material=big.astype(np.int32))
+    rough = IFRLaw(e_n=0.7, e_t=-0.6, mu=0.5)
+    laws = [[COIN, rough], [rough, IFRLaw(e_n=0.95, e_t=-0.9, mu=0.1, sticking="contact_point")]]
+    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=5)
+    found = DSMC(disks, laws, 0.3, velocity, seed=4, threads=1).run(collisions_per_disk=1.0, samples=1)
+    mixture, which = Mixture.of(disks, laws, 0.3)
+    assert which[0] == 1  # big ones
+    theory = mixture_cooling(mixture, 1.0, 0.0, found.time)
+    np.testing.assert_allclose(found.collisions_per_disk_of[-1], theory.collisions_per_disk[-1], rtol=0.03)
+    assert theory.collisions_per_disk[-1, 1] > 1.05 * theory.collisions_per_disk[-1, 0]
+    np.testing.assert_allclose(found.T_of[-1] - 1.0, theory.T[-1] - 1.0, rtol=0.08)
+    np.testing.assert_allclose(found.T_rot_of[-1], theory.T_rot[-1], rtol=0.06)
+
+
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+@pytest.mark.skipif(backend.cores() < 2, reason="one core only")
+def test_one_and_two_threads_give_the_same_bits(precision: str) -> None:
+    ends = []
+    for threads in (1, 2):
+        one = gas(4000, COIN, threads=threads, precision=precision, T_rot=1.0)
+        found = one.run(collisions_per_disk=3.0, samples=2)
+        ends.append((one.velocity, one.spin, one.collisions_of_disks, found.time, found.energy))
+    for a, b in zip(*ends, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert np.abs(ends[0][0].sum(axis=0)).max() < (1e-10 if precision == "f64" else 0.05)
+
+
+def test_a_batch_that_makes_a_disk_too_fast_is_cut_and_loses_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Hot spins speed up cold disks. With so wide a margin that nothing is cut, as many collisions are seen."""
+    ends = []
+    for margin in (1.15, 30.0):
+        monkeypatch.setattr(dsmc, "MARGIN", margin)
+        hot = gas(4000, ELASTIC_ROUGH, T_rot=200.0)
+        found = hot.run(t_end=0.1, samples=1)
+        np.testing.assert_allclose(found.energy, found.energy[0], rtol=1e-12)
+        ends.append((found.collisions_per_disk[-1], found.T[-1], hot.cut_for_speed))
+    (few, cold, cut), (many, warm, uncut) = ends
+    assert cut > 2
+    assert uncut == 0
+    # 350 collisions each, whose effects add up: eight pairs of runs to a later time scattered by 7 % and 5 %.
+    assert few == pytest.approx(many, rel=0.25)
+    assert cold == pytest.approx(warm, rel=0.25)
+
+
+class Wood(CollisionLaw):
+    """Smooth disks of restitution e, as a law of one's own."""
+
+    coefficients = ("e",)
+
+    @staticmethod
+    def collide(pair, coefficients):
+        return (1.0 + coefficients[0]) * pair.m_n * pair.g_n, 0.0, 0.0
+
+
+def test_a_law_of_one_s_own_runs_and_is_tried_for_energy() -> None:
+    ifr = gas(200, SMOOTH)
+    with pytest.warns(EnergyWarning, match="none did"):
+        own = gas(200, Wood(e=0.8))
+    for one in (ifr, own):
+        one.run(collisions_per_disk=2.0, samples=1)
+    np.testing.assert_array_equal(ifr.velocity, own.velocity)
+
+
+def test_a_gas_resumed_from_a_checkpoint_goes_on_bit_by_bit() -> None:
+    given = {"drive": Drive(power=1.0, spin_power=0.2), "T_rot": 0.5}
+    whole, first, second = (gas(300, COIN, **given) for _ in range(3))
+    whole.run(t_end=2.0, samples=2)
+    first.run(t_end=1.0, samples=1)
+    second.resume(first.checkpoint())
+    found = second.run(t_end=2.0, samples=1)
+    for name in ("velocity", "spin", "collisions_of_disks", "time", "collisions", "energy_input"):
+        np.testing.assert_array_equal(getattr(second, name), getattr(whole, name))
+    assert found.time.tolist() == [1.0, 2.0]
+    with pytest.raises(InputError, match="checkpoint has 300 disks"):
+        gas(200, COIN).resume(first.checkpoint())
+
+
+def test_seeds_differ_and_repeat() -> None:
+    ends = [gas(200, COIN, seed=seed) for seed in (1, 1, 2)]
+    for one in ends:
+        one.run(collisions_per_disk=2.0, samples=1)
+    np.testing.assert_array_equal(ends[0].velocity, ends[1].velocity)
+    assert not np.array_equal(ends[0].velocity, ends[2].velocity)
+
+
+def test_impossible_gases_are_refused() -> None:
+    two = Disks(2, 1.0, 0.5)
+    still = np.zeros((2, 2))
+    for disks, law, given, message in (
+        (Disks(1, 1.0, 0.5), COIN, {"velocity": [[1.0, 0.0]]}, "two at least"),
+        (Disks(2, [1.0, math.inf], 0.5), COIN, {"velocity": still}, "finite mass"),
+        (two, COIN, {"velocity": [[1.0, 0.0]]}, "velocity has shape"),
+        (two, COIN, {"velocity": still, "species": [1]}, "species has shape"),
+        (two, CollisionLaw(), {"velocity": still}, "with a method collide"),
+        (two, COIN, {"velocity": still, "contact": "dilut"}, "'dilute'"),
+        (Disks(2, 1.0, 0.5, k=1.0), [[COIN, COIN], [SMOOTH, COIN]], {"velocity": still}, "differ"),
+    ):
+        with pytest.raises(InputError, match=message):
+            DSMC(disks, law, 0.2, **given)
+    with pytest.raises(InputError, match="disks do not meet"):
+        DSMC(two, COIN, 0.0, still)
+    at_rest = DSMC(two, COIN, 0.2, still)
+    with pytest.raises(EngineError, match="nothing moves"):
+        at_rest.run(t_end=1.0)
+    for end in ({}, {"t_end": 1.0, "collisions_per_disk": 1.0}):
+        with pytest.raises(InputError, match="exactly one"):
+            at_rest.run(**end)
+    with pytest.raises(InputError, match="lies in the past"):
+        at_rest.run(t_end=-1.0)
+    with pytest.raises(InputError, match="increasing order"):
+        at_rest.run(t_end=1.0, samples=[0.5, 0.2])

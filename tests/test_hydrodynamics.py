@@ -1,0 +1,156 @@
+"""Viscosity, conductivity and the lengths of a cooling gas against Enskog's numbers and a linear system of modes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from ifrdem.contact_values import compressibility, contact_value
+from ifrdem.errors import InputError
+from ifrdem.hydrodynamics import (
+    clustering_length,
+    shear_length,
+    shear_mode_energy,
+    shear_mode_time,
+    shear_viscosity,
+    thermal_conductivity,
+)
+from ifrdem.law import IFRLaw
+from ifrdem.theory import collision_rate, cooling_rates, cooling_ratio
+
+COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+SMOOTH = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+
+
+@pytest.mark.parametrize("phi", [1e-9, 0.1, 0.4, 0.6])
+def test_elastic_transport_coefficients_are_enskog_s(phi: float) -> None:
+    """Gass (1971): eta = 1.022 eta_0 [1/g + b n + 0.8729 g (b n)^2], kappa = 1.029 kappa_0 [1/g + ... 0.8718 ...].
+
+    b n = 2 phi; 1.022 and 1.029 are what higher Sonine approximations add to the first, which is here.
+    """
+    g, m, T, R = contact_value(phi), 1.7, 2.3, 0.4
+    eta_0 = math.sqrt(m * T / math.pi) / (4.0 * R)
+    eta = shear_viscosity(phi, T, m, R)
+    assert eta == pytest.approx(eta_0 * (1 / g + 2 * phi + 0.8729 * 1.022 * g * (2 * phi) ** 2), rel=0.01)
+    kappa_0 = math.sqrt(T / (math.pi * m)) / R
+    kappa = thermal_conductivity(phi, T, m, R)
+    assert kappa == pytest.approx(kappa_0 * (1 / g + 3 * phi + 0.8718 * 1.029 * g * (2 * phi) ** 2), rel=0.02)
+    if phi < 1e-6:  # Eucken's factor in two dimensions
+        assert kappa * m / eta == pytest.approx(4.0, rel=1e-6)
+
+
+def test_viscosity_of_a_dilute_cooling_gas_is_that_of_kinetic_theory() -> None:
+    """eta = n T / (l nu - zeta / 2) of smooth disks.
+
+    l nu / nu_0 and zeta / nu_0 in two dimensions from J. J. Brey, J. W. Dufty, C. S. Kim and A. Santos, Phys. Rev. E
+    58, 4638 (1998), without a_2: (3/4) (1 - e + (2/3) d) (1 + e) / d and (1 - e^2) / d * (d + 2) / 4 with
+    nu_0 = n T / eta_0 = nu of a disk.
+    """
+    e, d = 0.8, 2
+    law = IFRLaw(e_n=e, e_t=-1.0, mu=0.0)
+    eta_0 = shear_viscosity(1e-9, 1.0, 1.0, 0.5)
+    ell = 0.75 * (1.0 - e + 2.0 / 3.0 * d) * (1.0 + e) / d
+    zeta = (d + 2) / (4.0 * d) * (1.0 - e**2)
+    assert shear_viscosity(1e-9, 1.0, 1.0, 0.5, law=law) / eta_0 == pytest.approx(
+        1.0 / (ell - 0.5 * zeta), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("law", [SMOOTH, COIN])
+def test_a_wave_of_the_shear_length_decays_just_as_fast_as_thermal_velocities(law: IFRLaw) -> None:
+    phi, R, m, T = 0.3, 0.5, 2.0, 0.7
+    theta = 0.0 if law is SMOOTH else cooling_ratio(law, 2.0)
+    n = phi / (math.pi * R**2)
+    length = shear_length(law, R, phi)
+    wave = shear_viscosity(phi, T, m, R, law=law) / (n * m) * (2.0 * math.pi / length) ** 2
+    T_rate, T_rot_rate = cooling_rates(T, theta * T, law=law, mass=m, radius=R, k=2.0, number_density=n)
+    assert wave == pytest.approx(-0.5 * float(T_rate) / T, rel=1e-9)
+    if law is COIN:  # and T_rot / T stays
+        assert float(T_rot_rate) / theta == pytest.approx(float(T_rate), rel=1e-8)
+
+
+def test_lengths_scale_with_the_disks_and_diverge_where_nothing_is_lost() -> None:
+    assert shear_length(SMOOTH, 5.0, 0.2) == pytest.approx(10.0 * shear_length(SMOOTH, 0.5, 0.2), rel=1e-12)
+    assert shear_length(IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), 0.5, 0.2) == math.inf
+    assert clustering_length(1.0, 0.5, 0.2) == math.inf
+    for e in (0.99, 0.999):  # xi goes with 1 / sqrt(1 - e^2)
+        law = IFRLaw(e_n=e, e_t=-1.0, mu=0.0)
+        assert shear_length(law, 0.5, 0.2) * math.sqrt(1.0 - e**2) == pytest.approx(
+            shear_length(SMOOTH, 0.5, 0.2) * math.sqrt(0.19), rel=0.04
+        )
+        assert clustering_length(e, 0.5, 0.2) > shear_length(law, 0.5, 0.2)
+
+
+def test_the_heat_mode_of_the_clustering_length_neither_grows_nor_decays() -> None:
+    """Linear equations of density r, velocity w along the wave, and temperature q, in units of n, sqrt(T), T:
+
+    dr/dt = -i k w,  dw/dt = (z/2) w - i k (p_n r + p_T q) / m - nu_l k^2 w,
+    dq/dt = -z [a r + q/2] - i k P w - D k^2 q,  P = p / (n T) = Z, p_n = T d(nZ)/dn, p_T = Z.
+    """
+    phi, R, e = 0.25, 0.5, 0.95
+    n, nu = phi / (math.pi * R**2), collision_rate(phi, 1.0, 1.0, R)
+    h = 1e-5
+    Z = compressibility(phi)
+    dZ = (compressibility(phi + h) - compressibility(phi - h)) / (2 * h)
+    dg = (contact_value(phi + h) - contact_value(phi - h)) / (2 * h)
+    z = 0.5 * (1 - e**2) * nu
+    p_n, a = Z + phi * dZ, 1.0 + phi * dg / contact_value(phi)
+    D, nu_l = thermal_conductivity(phi, 1.0, 1.0, R) / n, 2.0 * shear_viscosity(phi, 1.0, 1.0, R) / n
+
+    def growth(length: float) -> float:
+        k = 2.0 * math.pi / length
+        matrix = np.array([
+            [0.0, -1j * k, 0.0],
+            [-1j * k * p_n, 0.5 * z - nu_l * k**2, -1j * k * Z],
+            [-z * a, -1j * k * Z, -0.5 * z - D * k**2],
+        ])  # fmt: skip
+        values = np.linalg.eigvals(matrix)
+        return float(values[np.argmin(np.abs(values.imag))].real)  # not the sound modes
+
+    critical = clustering_length(e, R, phi)
+    assert growth(critical) == pytest.approx(0.0, abs=1e-7 * z)
+    assert growth(1.05 * critical) > 0.0 > growth(0.95 * critical)
+
+
+def test_energy_of_shear_modes_solves_its_equation() -> None:
+    """dS/dtau = z (1 - q) S + z q from S = 1, q = k^2 xi^2, summed over the waves of the box, by small steps."""
+    R, phi, box = 0.5, 0.2, (90.0, 70.0)
+    z = 0.5 * 0.19
+    length = shear_length(SMOOTH, R, phi)
+    number = phi * box[0] * box[1] / (math.pi * R**2)
+    total, tau, steps = 0.0, 40.0, 20_000
+    for i in range(-9, 10):
+        for j in range(-9, 10):
+            q = (i * length / box[0]) ** 2 + (j * length / box[1]) ** 2
+            if 0.0 < q < 1.0:
+                S = 1.0
+                for _ in range(steps):
+                    middle = S + 0.5 * tau / steps * z * ((1.0 - q) * S + q)
+                    S += tau / steps * z * ((1.0 - q) * middle + q)
+                total += S - 1.0
+    expected = total / (2.0 * number)
+    assert shear_mode_energy(tau, SMOOTH, R, phi, box) == pytest.approx(expected, rel=1e-5)
+    found = shear_mode_time(SMOOTH, 1.0, R, phi, box, 1.0, share=expected)
+    assert found.collisions_per_disk == pytest.approx(tau, rel=1e-5)
+    # Haff: tau = (2 / z) ln(1 + t z nu_0 / 2), t_H = 4 / ((1 - e^2) nu_0) = 2 / (z nu_0)
+    t_H = 4.0 / (0.19 * collision_rate(phi, 1.0, 1.0, R))
+    assert found.time == pytest.approx(t_H * math.expm1(0.5 * z * tau), rel=1e-5)
+
+
+def test_a_box_below_the_shear_length_has_no_growing_modes() -> None:
+    length = shear_length(COIN, 0.5, 0.3)
+    small = (0.99 * length, 0.99 * length)
+    assert shear_mode_energy(1e3, COIN, 0.5, 0.3, small) == 0.0
+    assert shear_mode_time(COIN, 1.0, 0.5, 0.3, small, 1.0).time == math.inf
+    assert shear_mode_time(COIN, 1.0, 0.5, 0.3, (1.01 * length, length), 1.0).time < math.inf
+
+
+def test_what_is_not_known_is_refused() -> None:
+    with pytest.raises(InputError, match=r"rho = 0\.01"):
+        shear_length(IFRLaw(e_n=0.9, e_t=-0.8, mu=0.2, rho=0.01), 0.5, 0.2)
+    with pytest.raises(InputError, match=r"packing_fraction = 0\.0"):
+        clustering_length(0.9, 0.5, 0.0)
+    with pytest.raises(InputError, match="theta = -1"):
+        shear_length(COIN, 0.5, 0.2, theta=-1.0)
