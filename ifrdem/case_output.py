@@ -113,6 +113,12 @@ class OutputSection(Section):
         "written when a run is interrupted",
         examples=[10.0],
     )
+    views: bool = Field(
+        default=True,
+        description="write NAME.vtkhdf and NAME.nc at the end, by which ParaView, OVITO and others read NAME.h5 [true "
+        "or false]; they need positions",
+        examples=[True],
+    )
     picture: bool = Field(
         default=True, description="draw NAME.png at the end [true or false]", examples=[True]
     )

@@ -332,7 +332,9 @@ def _run(options: argparse.Namespace) -> int:
 
     file = case_file.read(shipped.find(options.case), overrides)
     picture = file.case.output.picture and not options.no_picture
-    outputs = Outputs.plan(file.case.run.name, options.output, picture=picture)
+    output = file.case.output
+    views = output.views and "position" in output.fields
+    outputs = Outputs.plan(file.case.run.name, options.output, picture=picture, views=views)
     outputs.check(force=options.force)  # before the imports below, which take a second
 
     from .run import run

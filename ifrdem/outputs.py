@@ -11,18 +11,23 @@ from pathlib import Path
 from .errors import InputError
 
 CHECKPOINT = ".checkpoint.h5"
+VIEWS = (".vtkhdf", ".nc")
+"""Endings of the files that let other programs read a trajectory (`views.py`)."""
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """Paths of a run's files; `picture` is None if none is drawn."""
+    """Paths of a run's files; `picture` is None if none is drawn, `views` (`views.py`) are none or two."""
 
     trajectory: Path
     picture: Path | None
+    views: tuple[Path, ...] = ()
 
     @classmethod
-    def plan(cls, name: str, place: str | None = None, *, picture: bool = True) -> Outputs:
-        """NAME.h5 and NAME.png in a folder, or with a prefix.
+    def plan(
+        cls, name: str, place: str | None = None, *, picture: bool = True, views: bool = False
+    ) -> Outputs:
+        """NAME.h5, NAME.png and NAME.vtkhdf, NAME.nc in a folder, or with a prefix.
 
         Parameters
         ----------
@@ -58,6 +63,7 @@ class Outputs:
         return cls(
             trajectory=prefix.with_name(f"{prefix.name}.h5"),
             picture=prefix.with_name(f"{prefix.name}.png") if picture else None,
+            views=tuple(prefix.with_name(prefix.name + ending) for ending in VIEWS) if views else (),
         )
 
     @property
@@ -73,12 +79,15 @@ class Outputs:
         InputError
             With a line for each thing that is wrong. Nothing is left behind.
         """
-        check_files([path for path in (self.trajectory, self.picture) if path is not None], force=force)
+        check_files(self._paths, force=force)
 
     def sizes(self) -> dict[Path, int]:
         """Bytes of each file that is there."""
-        paths = [path for path in (self.trajectory, self.picture) if path is not None and path.exists()]
-        return {path: path.stat().st_size for path in paths}
+        return {path: path.stat().st_size for path in self._paths if path.exists()}
+
+    @property
+    def _paths(self) -> list[Path]:
+        return [path for path in (self.trajectory, self.picture, *self.views) if path is not None]
 
 
 def checkpoint_of(trajectory: Path) -> Path:

@@ -112,7 +112,10 @@ def resume(
     began = time.perf_counter()
     file = CaseFile(Path(extra["case_path"]), extra["case"], tuple(extra["overrides"]), case)
     gas = Gas.from_case(case, start=False)
-    outputs = Outputs(trajectory, trajectory.with_suffix(".png") if picture and case.output.picture else None)
+    outputs = Outputs.plan(
+        case.run.name, str(trajectory), picture=picture and case.output.picture,
+        views=case.output.views and "position" in case.output.fields,
+    )  # fmt: skip
     pending = _events(arrays)
     ledger = Ledger.from_record(extra["ledger"])
     course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)

@@ -30,6 +30,7 @@ from .simulation import Simulation
 from .status import Status
 from .stops import Stopped, Stops
 from .trajectory_writer import TrajectoryError, TrajectoryWriter
+from .views import write_views
 
 
 @dataclass
@@ -250,6 +251,8 @@ def save(job: Job, recorder: Recorder) -> None:
 def finish(job: Job, began: float, rate: float, say: Callable[[str], None]) -> None:
     """Draw the picture, and say what the run did; it began at this time (`perf_counter`)."""
     ran = time.perf_counter() - began
+    if job.outputs.views:
+        write_views(job.outputs.trajectory)
     if job.outputs.picture is not None:
         _draw(job.file.case, job.gas)(job.outputs.trajectory, job.outputs.picture)
     say(_closing(job.file.case, job.gas, job.ledger, ran, time.perf_counter() - began, rate))

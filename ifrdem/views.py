@@ -23,6 +23,7 @@ import numpy as np
 
 from . import h5md
 from .errors import InputError
+from .outputs import VIEWS
 from .trajectory import Trajectory
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
@@ -36,7 +37,8 @@ def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
     """Where the views of a trajectory are: NAME.vtkhdf and NAME.nc."""
     whole = Path(trajectory)
     name = whole.name.removesuffix(".h5")
-    return whole.with_name(f"{name}.vtkhdf"), whole.with_name(f"{name}.nc")
+    vtkhdf, nc = (whole.with_name(name + ending) for ending in VIEWS)
+    return vtkhdf, nc
 
 
 def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
