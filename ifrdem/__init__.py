@@ -19,6 +19,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Disks": ("state", "Disks"),
     "EnergyWarning": ("law", "EnergyWarning"),
     "EngineError": ("errors", "EngineError"),
+    "History": ("history", "History"),
     "IFRLaw": ("law", "IFRLaw"),
     "InputError": ("errors", "InputError"),
     "Regime": ("law", "Regime"),
@@ -38,6 +39,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "plot": ("plot", None),
     "radii": ("radii", None),
     "theory": ("theory", None),
+    "views": ("views", None),
 }
 
 __all__ = [
@@ -46,6 +48,7 @@ __all__ = [
     "Disks",
     "EnergyWarning",
     "EngineError",
+    "History",
     "IFRLaw",
     "InputError",
     "Motion",
@@ -67,6 +70,7 @@ __all__ = [
     "plot",
     "radii",
     "theory",
+    "views",
 ]
 
 if TYPE_CHECKING:
@@ -79,10 +83,12 @@ if TYPE_CHECKING:
     from . import plot as plot
     from . import radii as radii
     from . import theory as theory
+    from . import views as views
     from .box import Box
     from .coins import coins
     from .collision_law import CollisionLaw
     from .errors import EngineError, InputError
+    from .history import History
     from .law import EnergyWarning, IFRLaw, Regime, collide
     from .simulation import Simulation
     from .state import Disks, State
