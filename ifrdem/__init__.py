@@ -20,6 +20,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Disks": ("state", "Disks"),
     "EnergyWarning": ("law", "EnergyWarning"),
     "EngineError": ("errors", "EngineError"),
+    "History": ("history", "History"),
     "IFRLaw": ("law", "IFRLaw"),
     "InputError": ("errors", "InputError"),
     "Regime": ("law", "Regime"),
@@ -40,6 +41,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "plot": ("plot", None),
     "radii": ("radii", None),
     "theory": ("theory", None),
+    "views": ("views", None),
 }
 
 __all__ = [
@@ -49,6 +51,7 @@ __all__ = [
     "Disks",
     "EnergyWarning",
     "EngineError",
+    "History",
     "IFRLaw",
     "InputError",
     "Motion",
@@ -71,6 +74,7 @@ __all__ = [
     "plot",
     "radii",
     "theory",
+    "views",
 ]
 
 if TYPE_CHECKING:
@@ -84,11 +88,13 @@ if TYPE_CHECKING:
     from . import plot as plot
     from . import radii as radii
     from . import theory as theory
+    from . import views as views
     from .box import Box
     from .coins import coins
     from .collision_law import CollisionLaw
     from .dsmc import DSMC
     from .errors import EngineError, InputError
+    from .history import History
     from .law import EnergyWarning, IFRLaw, Regime, collide
     from .simulation import Simulation
     from .state import Disks, State

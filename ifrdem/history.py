@@ -211,9 +211,9 @@ def tracked(file: h5py.File) -> NDArray[np.int32]:
 def committed(file: h5py.File) -> tuple[int, float]:
     """How many events of all disks are committed, and up to when histories are complete [time]."""
     group = file[f"{GROUP}/committed"]
-    rows = len(group["events"])  # grows last
+    rows = len(group["events"])  # grows last; the first row is that of the start
     if rows == 0:
-        return 0, float(damage.read(file[f"{GROUP}/start/time"]))
+        raise damage.DamageError(f"{file.filename} is damaged: its histories have no commit")
     return int(damage.read(group["events"], rows - 1)), float(damage.read(group["time"], rows - 1))
 
 

@@ -230,6 +230,14 @@ def test_events_that_are_not_committed_do_not_count(tmp_path):
             whole.position([2.0, t])
 
 
+def test_histories_without_a_commit_are_damaged(tmp_path):
+    path = tmp_path / "run.h5"
+    write(path, n=7)
+    add_histories(path, TRACKED, start_of(7), [], [])
+    with pytest.raises(InputError, match="its histories have no commit"), Trajectory(path) as trajectory:
+        trajectory.history(1)
+
+
 def test_long_histories_are_read_in_blocks(tmp_path, monkeypatch):
     path = tmp_path / "run.h5"
     write(path, n=7)
@@ -252,7 +260,7 @@ def test_disks_without_history_are_told_apart(tmp_path):
         pytest.raises(InputError, match=r"holds no histories: .*output\.histories"),
     ):
         trajectory.history(1)
-    add_histories(path, TRACKED, start_of(7), [], [])
+    add_histories(path, TRACKED, start_of(7), [], [(0, 0.0)])
     with Trajectory(path) as trajectory:
         with pytest.raises(
             InputError, match=r"disk 3 of .* is not tracked: 3 of 7 disks are \(1, 4, 6\); the nearest is 4"
