@@ -83,7 +83,7 @@ class HistoryWriter:
         size = sum(column.components * np.dtype(column.dtype).itemsize for column in START.values())
         self._output.reserve(len(tracked) * size + (len(COLUMNS) + 8) * 8192)
         create(self._output.file, tracked, float(state.time), start)
-        self._output.file.flush()
+        self._output.flush()
         self._open()
 
     def write(self, events: Mapping[str, ArrayLike], time: float) -> None:
@@ -108,9 +108,9 @@ class HistoryWriter:
             )
         if end > rows.committed or time > self._complete_to:
             self._commits.add({"time": np.array([time])})
-            self._output.file.flush()
+            self._output.flush()
             self._commits.mark(np.array([end]))
-            self._output.file.flush()
+            self._output.flush()
             self._commits.confirm(1)
             self._complete_to = time
         rows.confirm(count)

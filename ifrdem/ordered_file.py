@@ -37,7 +37,8 @@ class OrderedFile:
     Attributes
     ----------
     error : OSError or None
-        The latest failure: HDF5 passes on only that there was one.
+        The first failure. It is not raised, because HDF5 cannot be told of it in the middle of its work: nothing is
+        written any more, and whoever writes looks here after each flush.
 
     Raises
     ------
@@ -80,7 +81,9 @@ class OrderedFile:
     def readinto(self, buffer: bytearray) -> int:
         """Fill a buffer from the present place; zeros beyond the end."""
         view = memoryview(buffer).cast("B")
-        data = os.pread(self._descriptor, len(view), self._at)
+        data = b""
+        with self._noting():
+            data = os.pread(self._descriptor, len(view), self._at)
         view[: len(data)] = data
         view[len(data) :] = bytes(len(view) - len(data))
         for start, held in (*self._new, *self._waiting.items()):
@@ -128,13 +131,12 @@ class OrderedFile:
         """Write what waits, give back reserved room, and let go of the file."""
         if self._descriptor < 0:
             return
-        try:
-            self.flush()
+        self.flush()
+        if self.error is None:
             with self._noting():
                 os.ftruncate(self._descriptor, self._size)
-        finally:
-            os.close(self._descriptor)
-            self._descriptor = -1
+        os.close(self._descriptor)
+        self._descriptor = -1
 
     def _put(self, start: int, data: bytes) -> None:
         """Take a piece for new space. Pieces that follow each other are written as one.
@@ -175,7 +177,7 @@ class OrderedFile:
 
     def _write(self, view: memoryview, place: int) -> None:
         with self._noting():
-            while len(view):
+            while len(view) and self.error is None:
                 done = os.pwrite(self._descriptor, view, place)
                 view, place = view[done:], place + done
 
@@ -184,8 +186,7 @@ class OrderedFile:
         try:
             yield
         except OSError as error:
-            self.error = error
-            raise
+            self.error = self.error or error
 
 
 def _order(data: bytes) -> tuple[int, int]:

@@ -77,8 +77,8 @@ class OutputFile:
             # The default libver: files written with "latest" do not open after a kill.
             file = h5py.File(raw or present, "w")
             fill(file)
-            file.flush()
             output = cls(file, raw, path, present, replaces=replaces, new=True)
+            output.flush()
             if not replaces:  # else the old file keeps the place until the first commit
                 output.publish()
         except (OSError, RuntimeError, ValueError, TypeError) as error:
@@ -183,12 +183,24 @@ class OutputFile:
             raise TrajectoryError(f"{self.path}: {error}") from error
         except (OSError, RuntimeError) as caught:
             self.failed = True
-            # HDF5 passes on only that there was an error.
-            first = (self._raw and self._raw.error) or caught
-            reason = os.strerror(first.errno) if isinstance(first, OSError) and first.errno else str(first)
+            reason = (
+                os.strerror(caught.errno) if isinstance(caught, OSError) and caught.errno else str(caught)
+            )
             raise TrajectoryError(
                 f"{self.path}: {what} could not be written ({reason}); {kept()}"
             ) from caught
+
+    def flush(self) -> None:
+        """Have all that was written on its way to the disk.
+
+        Raises
+        ------
+        OSError
+            If something could not be written. Nothing reaches the file any more then.
+        """
+        self.file.flush()
+        if self._raw is not None and self._raw.error is not None:
+            raise self._raw.error
 
     def close(self, drop: Callable[[], None], *, keep: bool) -> None:
         """Close the file.
@@ -211,10 +223,12 @@ class OutputFile:
         try:
             if not self.failed:
                 drop()
-                self.file.flush()
+                self.flush()
             self.file.close()
             if self._raw is not None:
                 self._raw.close()
+                if self._raw.error is not None and not self.failed:
+                    raise self._raw.error
             if keep:
                 self.publish()
         except (OSError, RuntimeError) as error:

@@ -78,9 +78,9 @@ class SeriesWriter:
         new = rows.known(1) == 0
         rows.add({"time": np.array([float(time)]), **{name: value[None] for name, value in row.items()}})
         if new:
-            self._output.file.flush()
+            self._output.flush()
             rows.mark(np.array([rows.at]))
-            self._output.file.flush()
+            self._output.flush()
         rows.confirm(1)
         self._last_time = float(time)
 

@@ -173,9 +173,11 @@ class TrajectoryWriter:
             writer = cls.__new__(cls)
             writer._begin(output, disks, box, frames, series_rows, events)
             writer._drop_uncommitted()
-            output.file.flush()
-        except BaseException:
+            output.flush()
+        except BaseException as error:
             output.close(lambda: None, keep=True)
+            if isinstance(error, OSError | RuntimeError):
+                raise InputError(f"{os.fspath(path)} cannot be gone on with: {error}") from error
             raise
         return writer
 
@@ -288,9 +290,9 @@ class TrajectoryWriter:
             if new:
                 for view in self._empty_views:
                     view.resize(rows.committed + 1, axis=0)
-                self._output.file.flush()
+                self._output.flush()
                 rows.mark(np.array([rows.at]))
-                self._output.file.flush()
+                self._output.flush()
             rows.confirm(1)
             self._last_time = state.time
             self._output.publish()

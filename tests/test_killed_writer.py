@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import json
 import os
@@ -22,7 +23,7 @@ from trajectory_parts import SERIES_COLUMNS, TRACKED, row
 from trajectory_parts import batch as new_batch
 
 from ifrdem.history_columns import COLUMNS
-from ifrdem.output_file import OutputFile
+from ifrdem.ordered_file import OrderedFile
 from ifrdem.queued_writer import QueuedWriter
 from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
 
@@ -270,21 +271,30 @@ def test_a_file_that_is_deleted_or_replaced_meanwhile_is_said(tmp_path, queued):
     assert path.read_text() == "other"  # what stands there now is somebody else's
 
 
-def test_a_disk_that_fails_in_the_middle_of_a_frame_leaves_the_frames_before(tmp_path, monkeypatch):
+@pytest.mark.parametrize("writes", range(8))
+def test_a_disk_that_fails_in_the_middle_of_a_frame_leaves_what_was_before(tmp_path, monkeypatch, writes):
+    """From some write on nothing reaches the disk any more, not even when the file is closed."""
     path = tmp_path / "run.h5"
+    left, write = [10**9], OrderedFile._write
+
+    def fail(self: OrderedFile, view: memoryview, place: int) -> None:
+        if left[0] == 0:
+            self.error = self.error or OSError(errno.EIO, os.strerror(errno.EIO))
+            return
+        left[0] -= 1
+        write(self, view, place)
+
+    monkeypatch.setattr(OrderedFile, "_write", fail)
     with TrajectoryWriter(path, some_disks(3), BOX) as writer:
+        writer.begin_histories(TRACKED[:1], some_state(3, 0))
         writer.write(some_state(3, 0), {"energy": 0.0})
-        writer.write_series(0.0, row(0))
-
-        def fail(self: OutputFile, room: int) -> None:
-            raise OSError(30, "Read-only file system")
-
-        monkeypatch.setattr(OutputFile, "reserve", fail)
+        writer.write_series(0.0, row(0), SERIES_COLUMNS)
+        left[0] = writes
         with pytest.raises(
-            TrajectoryError,
-            match=r"a frame could not be written \(Read-only file system\); the 1 frames and 1 rows of the series b",
+            TrajectoryError, match=r"\(Input/output error\); the 1 frames and 1 rows of the series before"
         ):
             writer.write(some_state(3, 1), {"energy": 0.5})
         with pytest.raises(TrajectoryError, match="closed: a row of the series cannot be added"):
             writer.write_series(0.1, row(1))
+    monkeypatch.undo()
     assert assert_whole(path, 3, "fs") == (1, 1, 0)
