@@ -10,8 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from . import frames_option
 from .errors import InputError, nearest
 from .outputs import check_files
@@ -170,11 +168,7 @@ def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Pat
             with path.open("w", newline="", encoding="utf-8") as file:
                 rows = csv.writer(file)
                 rows.writerow(table)
-                rows.writerows(zip(*(_plain(column) for column in table.values()), strict=True))
+                rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
         summary.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"output {error.filename or folder}: cannot be written: {error.strerror}") from error
-
-
-def _plain(column: np.ndarray) -> list[Any]:
-    return column.tolist()

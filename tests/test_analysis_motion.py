@@ -386,3 +386,17 @@ def test_fit_of_the_ratio_finds_end_and_lag() -> None:
         fit = analysis.ratio_fit(x, exact + 0.02 * noise(seed, 120, 0.5))
         pulls += [(fit.theta_end - 0.9) / fit.theta_end_error, (fit.lag - 3.0) / fit.lag_error]
     assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.5
+
+
+def test_frames_that_do_not_match_are_refused() -> None:
+    v, omega = maxwellian(1, 10)
+    with pytest.raises(InputError, match="different numbers of frames"):
+        analysis.velocity_distribution([v, v], [omega])
+    with pytest.raises(InputError, match="spins of 9"):
+        analysis.velocity_distribution(v, omega[:9])
+    with pytest.raises(InputError, match="fewer times than frames"):
+        analysis.structure_factor([v, v], (9.0, 9.0), k_max=3.0, time=[0.0])
+    with pytest.raises(InputError, match="not finite"):
+        analysis.structure_factor(v * np.nan, (9.0, 9.0), k_max=3.0)
+    with pytest.raises(InputError, match="they must match"):
+        analysis.unwrap([v, v], (9.0, 9.0), image=np.zeros((2, 9, 2), dtype=np.int32))

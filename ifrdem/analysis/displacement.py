@@ -94,6 +94,10 @@ def unwrap(
     if box.is_open:
         return x
     if image is not None:
+        if np.shape(image) != x.shape:
+            raise InputError(
+                f"images of shape {np.shape(image)} for positions of shape {x.shape}: they must match"
+            )
         when = np.broadcast_to(np.asarray(times, dtype=float), len(x))
         every = zip(x, np.asarray(image), when, strict=True)
         return np.stack([box.unwrap(one, turns, float(t)) for one, turns, t in every])

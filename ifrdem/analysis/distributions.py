@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -125,7 +126,9 @@ def velocity_distribution(
     root_mass, root_inertia = np.sqrt(np.asarray(mass, float)), np.sqrt(np.asarray(inertia, float))
     sums: NDArray[np.float64] | None = None
     frames = 0
-    for v, omega in zip(each(velocity), each(spin, 1), strict=True):
+    for v, omega in itertools.zip_longest(each(velocity), each(spin, 1)):
+        if v is None or omega is None:
+            raise InputError("velocities and spins have different numbers of frames")
         if len(v) != len(omega) or len(v) < 2:
             raise InputError(
                 f"velocities of {len(v)} disks, spins of {len(omega)}: as many, 2 or more, are needed"

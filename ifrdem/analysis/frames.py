@@ -47,6 +47,7 @@ def times_of(time: float | Iterable[float]) -> Iterator[float]:
         while True:
             yield float(time)
     yield from (float(one) for one in time)
+    raise InputError("there are fewer times than frames")
 
 
 class FreudFrame(NamedTuple):
