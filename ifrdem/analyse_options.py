@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import frames_option
+from . import frame_numbers
 from .errors import InputError, nearest
 from .outputs import check_files
 
@@ -73,7 +73,9 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
     from .trajectory import Trajectory
 
     with Trajectory(options.file) as trajectory:
-        chosen = frames_option.chosen(options.frames, len(trajectory), trajectory.path)
+        chosen = (
+            None if options.frames is None else list(frame_numbers.chosen(options.frames, len(trajectory)))
+        )
         stem = trajectory.path.stem
         folder = Path(options.output) if options.output else Path(f"{stem}-analysis")
         if not folder.parent.is_dir():

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import frames_option
+from . import frame_numbers
 from .errors import InputError, nearest
 from .outputs import check_files
 
@@ -86,7 +86,9 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
     from .trajectory import Trajectory
 
     with Trajectory(options.file) as trajectory:
-        chosen = frames_option.chosen(options.frames, len(trajectory), trajectory.path)
+        chosen = (
+            None if options.frames is None else list(frame_numbers.chosen(options.frames, len(trajectory)))
+        )
         path = Path(options.output or f"{trajectory.path.stem}-{options.what}.png")
         check_files([path], force=options.force)
         from . import plot

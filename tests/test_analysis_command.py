@@ -16,7 +16,7 @@ from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, cl
 from ifrdem.analyse_options import NAMES, number
 from ifrdem.analysis import catalogue, outcome
 from ifrdem.errors import InputError
-from ifrdem.frames_option import chosen
+from ifrdem.history_columns import COLUMNS, START
 
 N, FRAMES, SPAN = 300, 12, 4.0
 BOX = Box((40.0, 30.0))
@@ -83,10 +83,15 @@ def add_histories(path: Path, count: int = 4000) -> np.ndarray:
         group = file.create_group("histories")
         group["tracked"] = np.array([3, 7, 20], dtype=np.int32)
         group["start/time"] = 0.0
+        for name, column in START.items():  # which analyses do not read
+            group[f"start/{name}"] = np.zeros((3, *column.tail), dtype=column.dtype)
+        for name, column in COLUMNS.items():
+            if name not in columns:
+                group[f"events/{name}"] = np.zeros((count + 1, *column.tail), dtype=column.dtype)
         group["committed/events"] = np.array([count // 2, count])
         group["committed/time"] = np.array([SPAN / 2.0, SPAN, 2.0 * SPAN])
-        for name, column in columns.items():
-            group[f"events/{name}"] = column
+        for name, values in columns.items():
+            group[f"events/{name}"] = values
     pair = columns["partner"][:count] >= 0
     pair[1] = False
     return columns["psi"][:count][pair]
@@ -244,8 +249,8 @@ def test_plot_writes_a_png_once(
             "holds no histories of collisions: name the disks to track in output.hist",
         ),
         (("analyse", "no.h5"), "there is no such file"),
-        (("analyse", "run.h5", "--frames", "12"), "run.h5 has 12 frames, 0 to 11"),
-        (("analyse", "run.h5", "--frames", "1:x"), "a frame (5, -1) or a range as in Python"),
+        (("analyse", "run.h5", "--frames", "12"), "names none of the 12 frames (0 to 11)"),
+        (("analyse", "run.h5", "--frames", "1:x"), "a number or a:b:c is needed"),
         (("analyse", "run.h5", "--frames", "20:"), "none of the 12 frames"),
         (("analyse", "run.h5", "-o", "no/where"), "output folder no/where: no does not exist"),
         (("analyse", "run.h5", "msd", "--frames", "3"), "1 frames are too few for what changes with time"),
@@ -325,12 +330,3 @@ def test_numbers_are_rounded_to_their_errors() -> None:
     assert number(outcome.Row("x", 12345.6, 230.0)) == "12346 +- 230"
     assert number(outcome.Row("x", float("nan"))) == "none"
     assert number(outcome.Row("x", 0.25, unit="m")) == "0.25 m"
-
-
-def test_frames_are_chosen_as_python_does() -> None:
-    assert chosen(None, 10, "x") is None
-    assert chosen("-1", 10, "x") == [9]
-    assert chosen("2:8:3", 10, "x") == [2, 5]
-    assert chosen("8:", 10, "x") == [8, 9]
-    with pytest.raises(InputError):
-        chosen("::-1", 10, "x")

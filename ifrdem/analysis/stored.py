@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import damage, history
 from ..errors import InputError
 from ..trajectory import Trajectory
 
@@ -62,10 +63,8 @@ def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], li
     InputError
         If the file has not got one of them.
     """
-    group = trajectory._file.get("timeseries")
-    if group is not None and all(name in group for name in names):
-        rows = len(group["step"])
-        return group["time"][:rows], [group[name]["value"][:rows].astype(float) for name in names]
+    if all(name in trajectory.series for name in names) and len(trajectory.series.time):
+        return trajectory.series.time, [trajectory.series[name].astype(float) for name in names]
     missing = [name for name in names if name not in trajectory.observables]
     if missing:
         raise InputError(
@@ -83,20 +82,15 @@ def collisions(trajectory: Trajectory) -> Collisions:
     InputError
         If the file has no histories, or no time of them is known.
     """
-    file = trajectory._file
-    if "histories" not in file:
+    tracked = trajectory.tracked
+    if not len(tracked):
         raise InputError(
             f"{trajectory.path} holds no histories of collisions: name the disks to track in output.histories of "
             "the case and run it again"
         )
-    group = file["histories"]
-    committed = group["committed/events"]
-    if not len(committed):
-        raise InputError(f"{trajectory.path}: its histories are empty so far")
-    commits = len(committed)  # `events` grows last
-    rows = int(committed[commits - 1])
-    span = (float(group["start/time"][()]), float(group["committed/time"][commits - 1]))
-    found = {name: group["events"][name][:rows] for name in COLUMNS}
-    tracked = group["tracked"][()]
+    group = trajectory.file["histories"]
+    rows, complete_to = history.committed(trajectory.file)
+    span = (float(damage.read(group["start/time"])), complete_to)
+    found = {name: damage.read(group[f"events/{name}"], slice(0, rows)) for name in COLUMNS}
     pair = found["partner"] >= 0
     return Collisions(**{name: column[pair] for name, column in found.items()}, tracked=tracked, span=span)
