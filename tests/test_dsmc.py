@@ -10,6 +10,8 @@ import pytest
 
 from ifrdem import backend, dsmc, placement
 from ifrdem.collision_law import CollisionLaw
+from ifrdem.collision_rates import mixture_collision_rates
+from ifrdem.contact_values import Contact, mixture_contact_values
 from ifrdem.driven_theory import Drive, driven
 from ifrdem.dsmc import DSMC
 from ifrdem.errors import EngineError, InputError
@@ -61,6 +63,28 @@ def test_a_gas_in_equilibrium_collides_at_enskog_s_rate() -> None:
     of_disks = gas(n, COIN)
     of_disks.run(t_end=1.0, samples=1)
     assert of_disks.collisions_of_disks.sum() == 2 * of_disks.collisions
+
+
+@pytest.mark.parametrize("contact", ["virial", "dilute"])
+def test_disks_that_all_differ_collide_as_often_as_their_sizes_say(contact: Contact) -> None:
+    """Elastic, in equilibrium: disk i meets each j at the rate g_ij sigma_ij sqrt(2 pi (T/m_i + T/m_j)) / area."""
+    n, phi = 1500, 0.4
+    rng = np.random.default_rng(1)
+    radius, mass = np.sort(rng.uniform(0.2, 1.0, n)), rng.uniform(0.5, 2.0, n)
+    disks = Disks(n, mass, radius)
+    velocity = placement.maxwellian(mass, temperature=1.0, seed=5)
+    one = DSMC(disks, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), phi, velocity, seed=3, contact=contact, threads=1)
+    time = one.run(collisions_per_disk=20.0, samples=1).time[-1]
+    density = np.full(n, 1.0 / one.area)
+    g = mixture_contact_values(phi, radius, None, contact)
+    rates = mixture_collision_rates(np.ones(n), mass, radius, density, g)
+    np.fill_diagonal(rates, 0.0)
+    expected = time * rates.sum(axis=1)
+    for own in np.split(
+        np.arange(n), 3
+    ):  # small, middle, large: 500 disks, 8,000 collisions of theirs or more
+        assert one.collisions_of_disks[own].sum() == pytest.approx(expected[own].sum(), rel=0.04)
+    assert expected[-500:].sum() > 1.5 * expected[:500].sum()
 
 
 def test_young_coins_cool_by_the_closed_form() -> None:
