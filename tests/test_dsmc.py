@@ -44,8 +44,8 @@ def gas(n: int, law: IFRLaw, *, T_rot: float = 0.0, **given) -> DSMC:
 
 def test_elastic_collisions_keep_energy_and_momentum_and_share_it_out() -> None:
     start = gas(3000, ELASTIC_ROUGH)
-    found = start.run(collisions_per_disk=30.0, samples=3)
-    np.testing.assert_allclose(found.energy, found.energy[0], rtol=1e-12)  # 45,000 collisions of round-off
+    found = start.run(collisions_per_disk=15.0, samples=3)
+    np.testing.assert_allclose(found.energy, found.energy[0], rtol=1e-12)  # 22,500 collisions of round-off
     np.testing.assert_allclose(start.velocity.sum(axis=0), 0.0, atol=1e-10)
     # T + T_rot / 2 = 1 at the start: both 2/3 at the end, within 4 of 1 / sqrt(n) and sqrt(2 / n).
     assert found.T[-1] == pytest.approx(2.0 / 3.0, rel=4.0 / math.sqrt(3000))
@@ -74,7 +74,7 @@ def test_disks_that_all_differ_collide_as_often_as_their_sizes_say(contact: Cont
     disks = Disks(n, mass, radius)
     velocity = placement.maxwellian(mass, temperature=1.0, seed=5)
     one = DSMC(disks, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), phi, velocity, seed=3, contact=contact, threads=1)
-    time = one.run(collisions_per_disk=20.0, samples=1).time[-1]
+    time = one.run(collisions_per_disk=16.0, samples=1).time[-1]
     density = np.full(n, 1.0 / one.area)
     g = mixture_contact_values(phi, radius, None, contact)
     rates = mixture_collision_rates(np.ones(n), mass, radius, density, g)
@@ -82,7 +82,7 @@ def test_disks_that_all_differ_collide_as_often_as_their_sizes_say(contact: Cont
     expected = time * rates.sum(axis=1)
     for own in np.split(
         np.arange(n), 3
-    ):  # small, middle, large: 500 disks, 8,000 collisions of theirs or more
+    ):  # small, middle, large: 500 disks, 6,000 collisions of theirs or more
         assert one.collisions_of_disks[own].sum() == pytest.approx(expected[own].sum(), rel=0.04)
     assert expected[-500:].sum() > 1.5 * expected[:500].sum()
 
@@ -162,7 +162,7 @@ def test_one_and_two_threads_give_the_same_bits(precision: str) -> None:
     ends = []
     for threads in (1, 2):
         one = gas(4000, COIN, threads=threads, precision=precision, T_rot=1.0)
-        found = one.run(collisions_per_disk=3.0, samples=2)
+        found = one.run(collisions_per_disk=2.0, samples=2)
         ends.append((one.velocity, one.spin, one.collisions_of_disks, found.time, found.energy))
     for a, b in zip(*ends, strict=True):
         np.testing.assert_array_equal(a, b)
