@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import subprocess
 import time
@@ -215,8 +216,14 @@ def drive(
         status.finish("interrupted", text)
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
-        text = _remains(job, "stopped at once")
-        status.finish("interrupted", text)
+        with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
+            job.writer.flush()
+        text = _remains(job, "interrupted")
+        if len(job.writer):
+            status.finish("interrupted", text)
+        else:
+            status.path.unlink(missing_ok=True)
+            job.outputs.checkpoint.unlink(missing_ok=True)
         raise KeyboardInterrupt(text) from None
     except (EngineError, TrajectoryError, InputError) as error:
         status.finish("failed", str(error))

@@ -19,9 +19,12 @@ from ifrdem import cli as command
 from ifrdem.cli import main
 from ifrdem.errors import EngineError
 from ifrdem.gas import Gas
+from ifrdem.observables import Measure
+from ifrdem.recorder import Recorder
 from ifrdem.simulation import Simulation
+from ifrdem.state import State
 from ifrdem.trajectory import Trajectory
-from ifrdem.trajectory_writer import TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory_writer import TrajectoryError
 
 ROOT = Path(__file__).parents[1]
 
@@ -126,8 +129,8 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["rum", "tiny.toml"], r"no verb is called 'rum' \(did you mean 'run'\?\); there are: run, check"),
-        ([], "a verb is needed: run, check"),
+        (["rum", "tiny.toml"], r"no verb is called 'rum' \(did you mean 'run'\?\); there are: run, resume"),
+        ([], "a verb is needed: run, resume"),
         (["run"], "CASE"),
         (["run", "tiny.toml", "--sed", "3"], "unrecognized arguments: --sed"),
         (["run", "tiny.toml", "more"], "unrecognized arguments: more"),
@@ -167,8 +170,10 @@ def test_check_prints_what_to_expect(folder: Path, capsys: pytest.CaptureFixture
     assert rows["mean free path"].startswith("0.0204")
     assert "strictly admissible" in rows["pair coins, coins"]
     assert "202 collisions" in rows["run"]  # 101 x 4 / 2
-    # 9 frames x 101 disks x 24 bytes = 21.8 kB, and 14 numbers of 8 bytes a frame, 28 bytes a disk once
-    assert rows["file"].startswith("tiny.h5, 25.7 kB: 9 frames x (101 disks x 24 bytes")
+    # 9 frames x 101 disks x 24 bytes = 21.8 kB, and 14 numbers of 8 bytes a frame, 28 bytes a disk once; 81 rows of 28
+    # numbers, 18.1 kB.
+    assert rows["file"].startswith("tiny.h5, 43.8 kB: 9 frames x (101 disks x 24 bytes")
+    assert "up to 81 rows of series" in rows["file"]
     assert re.search(r"101 disks x \d+ bytes", rows["memory"])
     assert names(folder) == ["tiny.toml"]
 
@@ -282,7 +287,7 @@ def test_run_writes_trajectory_and_picture_and_says_what_it_did(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", "tiny.toml"]) == 0
-    assert names(folder) == ["tiny.h5", "tiny.png", "tiny.toml"]
+    assert names(folder) == ["tiny.h5", "tiny.nc", "tiny.png", "tiny.status.json", "tiny.toml", "tiny.vtkhdf"]
     shown = capsys.readouterr()
     assert "tiny: 101 disks, packing fraction 0.2, mean free path 0.0204" in shown.out
     assert re.search(
@@ -301,7 +306,7 @@ def test_run_writes_trajectory_and_picture_and_says_what_it_did(
 
 def test_trajectory_of_a_run_adds_up(folder: Path) -> None:
     assert main(["run", "tiny.toml", "--no-picture"]) == 0
-    assert names(folder) == ["tiny.h5", "tiny.toml"]
+    assert names(folder) == ["tiny.h5", "tiny.nc", "tiny.status.json", "tiny.toml", "tiny.vtkhdf"]
     with Trajectory("tiny.h5") as trajectory:
         totals = {name: values[:] for name, values in trajectory.observables.items()}
         assert len(trajectory) == FRAMES + 1
@@ -358,7 +363,7 @@ def test_options_override_the_case_and_set_the_place(folder: Path) -> None:
     assert main(["run", "tiny.toml", "--no-picture", "-o", "out", "--seed", "5", "--arch", "cpu"]) == 0
     assert main(["run", "tiny.toml", "--no-picture", "-o", "out/b.1", "--set", "run.seed=5"]) == 0
     assert main(["run", "tiny.toml", "--no-picture", "-o", "out/c.h5", "--seed", "6"]) == 0
-    assert names(folder / "out") == ["b.1.h5", "c.h5", "tiny.h5"]
+    assert [name for name in names(folder / "out") if name.endswith(".h5")] == ["b.1.h5", "c.h5", "tiny.h5"]
     ends = []
     for name in ("tiny", "b.1", "c"):
         with Trajectory(f"out/{name}.h5") as trajectory:
@@ -375,7 +380,7 @@ def test_force_replaces_existing_outputs(folder: Path) -> None:
     assert (folder / "tiny.png").read_bytes().startswith(b"\x89PNG")
     with Trajectory("tiny.h5") as trajectory:
         assert len(trajectory) == FRAMES + 1
-    assert names(folder) == ["tiny.h5", "tiny.png", "tiny.toml"]
+    assert names(folder) == ["tiny.h5", "tiny.nc", "tiny.png", "tiny.status.json", "tiny.toml", "tiny.vtkhdf"]
 
 
 def test_info_of_a_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -420,14 +425,14 @@ def test_law_that_only_the_total_budget_saves_runs_with_one_warning(
 
 def stop_after(frames: int, error: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a run fail in the middle: when `frames` frames are written and the next one is due."""
-    write = TrajectoryWriter.write
+    write = Recorder.frame
 
-    def fail(self: TrajectoryWriter, *arguments: object) -> None:
-        if len(self) == frames:
+    def fail(self: Recorder, state: State, measure: Measure) -> None:
+        if self.ledger.frames == frames:
             raise error
-        write(self, *arguments)  # type: ignore[arg-type]
+        write(self, state, measure)
 
-    monkeypatch.setattr(TrajectoryWriter, "write", fail)
+    monkeypatch.setattr(Recorder, "frame", fail)
 
 
 def test_interrupted_run_keeps_the_frames_so_far(
@@ -435,10 +440,11 @@ def test_interrupted_run_keeps_the_frames_so_far(
 ) -> None:
     stop_after(3, KeyboardInterrupt(), monkeypatch)
     assert main(["run", "tiny.toml"]) == 130
-    message = capsys.readouterr().err.splitlines()[-1]
+    message, remedy = capsys.readouterr().err.splitlines()[-2:]
+    assert "to go on: ifrdem resume tiny.h5" in remedy
     assert "interrupted: tiny.h5 holds the 3 frames so far" in message
     assert "51 collisions" in message  # the third frame's, as above
-    assert names(folder) == ["tiny.h5", "tiny.toml"]
+    assert names(folder) == ["tiny.checkpoint.h5", "tiny.h5", "tiny.status.json", "tiny.toml"]
     with Trajectory("tiny.h5") as trajectory:
         assert len(trajectory) == 3
 
