@@ -235,11 +235,11 @@ class DeviceArrays:
             state.wall_hits.astype(np.int32), state.latest_collision.copy(), state.last_partner.astype(np.int32),
         )  # fmt: skip
         blocks = room // _SCAN_BLOCK + 1 if tallied else 1
-        self.losses = ti.ndarray(ti.f64, (blocks, MECHANISMS))
-        self.regimes = ti.ndarray(ti.i64, (blocks, REGIMES))
+        # The host reads these often, too.
+        self.losses = np.zeros((blocks, MECHANISMS))
+        self.regimes = np.zeros((blocks, REGIMES), dtype=np.int64)
         self.last_partner = ti.ndarray(ti.i32, (room if partnered else 1,))
-        for tally in (self.losses, self.regimes, self.last_partner):
-            tally.fill(0)
+        self.last_partner.fill(0)
         if partnered and n:
             self.last_partner.from_numpy(state.last_partner)
         beside_walls = room if n_walls else 1
@@ -429,8 +429,8 @@ class DeviceArrays:
     def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Energy that collisions took by mechanism, and their number by regime, up to the latest settling."""
         # Block by block along each column: one order for any number of threads.
-        losses = np.ascontiguousarray(self.losses.to_numpy().T).sum(axis=1)
-        regimes: NDArray[np.int64] = self.regimes.to_numpy().sum(axis=0)
+        losses: NDArray[np.float64] = np.ascontiguousarray(self.losses.T).sum(axis=1)
+        regimes: NDArray[np.int64] = self.regimes.sum(axis=0)
         return losses, regimes
 
     def work_of_walls(self) -> float:
@@ -479,9 +479,7 @@ class DeviceArrays:
     def bytes_allocated(self) -> int:
         """Bytes of all device arrays."""
         return sum(
-            (8 if str(array.dtype) in ("f64", "i64") else 4)
-            * math.prod(array.shape)
-            * math.prod(array.element_shape)
+            (8 if str(array.dtype) == "f64" else 4) * math.prod(array.shape) * math.prod(array.element_shape)
             for array in self._on_device().values()
         )
 

@@ -29,8 +29,7 @@ Snapshot = dict[str, NDArray[Any]]
 _FLIGHT = [X, Y, VX, VY, SPIN]
 # Device arrays that outlive an epoch, beside flights.
 _LASTING = (
-    "meta", "image", "cell", "wall_hits", "wall_work", "wall_heat", "latest", "flow_work", "losses", "regimes",
-    "last_partner",
+    "meta", "image", "cell", "wall_hits", "wall_work", "wall_heat", "latest", "flow_work", "last_partner",
 )  # fmt: skip
 
 
@@ -63,6 +62,7 @@ def take(engine: Engine) -> Snapshot:
     found: Snapshot = {"flight": np.ascontiguousarray(a.flight.to_numpy()[:, _FLIGHT])}
     for name in _LASTING:
         found[name] = getattr(a, name).to_numpy()
+    found["losses"], found["regimes"] = a.losses.copy(), a.regimes.copy()
     found["hits_before"], found["latest_before"], found["partner_before"] = a.before
     found["division"] = a.grid[[TILES_X, TILES_Y, CELLS_X, CELLS_Y]].astype(np.int64)
     found["room"] = a.grid[[ROW_LENGTH, LOG_CAPACITY]].astype(np.int64)
@@ -118,6 +118,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     a.flight.from_numpy(flight)
     for name in _LASTING:
         getattr(a, name).from_numpy(found[name])
+    a.losses[:], a.regimes[:] = found["losses"], found["regimes"]
     a.before = (found["hits_before"], found["latest_before"], found["partner_before"])
     engine.time, engine._collided_at, engine._flow_excess, engine.flow_work = found["clock"].tolist()
     (
