@@ -14,6 +14,8 @@ from .errors import InputError
 
 T = TypeVar("T")
 
+COMPRESSIONS = ("none", "gzip")
+
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
 THINNEST = 1e-5  # thinner gases hardly ever collide
 RUNS, SECONDS = 5, 0.5
@@ -60,6 +62,8 @@ class BenchOptions:
         Collisions per disk that the case has before it is timed.
     table : bool
         The grid of gases, up to `most` disks, and with the `clustered` one.
+    output : str or None
+        Time what output of frames costs, with this compression.
     json : bool
         Figures as JSON.
     """
@@ -77,6 +81,7 @@ class BenchOptions:
     table: bool = False
     most: int = MOST_DISKS
     clustered: bool = False
+    output: str | None = None
     json: bool = False
 
     @classmethod
@@ -153,7 +158,7 @@ class BenchOptions:
             raise InputError("\n".join(wrong))
         return cls(
             timing, n, phi, arch, threads, precision, seed, given.case, tuple(overrides), after,
-            given.table, most, given.clustered, given.json,
+            given.table, most, given.clustered, given.output, given.json,
         )  # fmt: skip
 
 
@@ -175,6 +180,11 @@ def _conflicts(given: argparse.Namespace) -> list[str]:
         return [f"--{name}" for name in names if getattr(given, name) not in (None, False)]
 
     found = []
+    if given.output is not None:
+        if given.output not in COMPRESSIONS:
+            found.append(f"--output {given.output}: allowed are {', '.join(COMPRESSIONS)}")
+        other = named("table", "case", "after", "skin", "profile", "seconds", "precision")
+        found += [f"{each}: not beside --output" for each in other]
     if given.table:
         other = named("n", "phi", "case", "after", "skin", "profile") + ["--set"] * bool(given.overrides)
         found += [f"{each}: not beside --table, which has gases of its own" for each in other]

@@ -303,6 +303,11 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
         "--after", metavar="C", help="collisions per disk that the case has before it is timed (default: 0)"
     )
     _add_set(parser)
+    parser.add_argument(
+        "--output",
+        metavar="C",
+        help="time what output costs, with compression C (none or gzip) of the frames",
+    )
     parser.add_argument("--table", action="store_true", help="time a grid of gases; prints Markdown")
     parser.add_argument("--most", metavar="N", help="leave out gases of the table with more disks")
     parser.add_argument(
@@ -395,6 +400,15 @@ def _bench(options: argparse.Namespace) -> int:
 
     if chosen.table:
         bench_table.measure(chosen, say=_say, note=_complain)
+        return 0
+    if chosen.output is not None:
+        from . import bench_output
+
+        cost = bench_output.measure(
+            chosen.n, chosen.phi, arch=chosen.arch, threads=chosen.threads, seed=chosen.seed,
+            runs=chosen.timing.runs, compression=chosen.output, note=_complain,
+        )  # fmt: skip
+        _say(json.dumps(cost.figures(), indent=2) if chosen.json else cost.report())
         return 0
     if chosen.case is not None:
         file = case_file.read(shipped.find(chosen.case), overrides)

@@ -12,7 +12,10 @@ from .errors import InputError
 
 
 def checked(
-    what: str, row: str, given: Mapping[str, ArrayLike], first: Mapping[str, h5py.Dataset] | None
+    what: str,
+    row: str,
+    given: Mapping[str, ArrayLike],
+    first: Mapping[str, h5py.Dataset] | Mapping[str, NDArray] | None,
 ) -> dict[str, NDArray]:
     """Numbers as they are stored: float64 or int64.
 
@@ -23,7 +26,7 @@ def checked(
     given : mapping
         Name -> number or array.
     first : mapping or None
-        The datasets that the first row made, shape (rows, ...); None if there is no row yet.
+        The datasets or arrays that the first row made, shape (rows, ...); None if there is no row yet.
 
     Raises
     ------

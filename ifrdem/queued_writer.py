@@ -99,6 +99,14 @@ class QueuedWriter:
         """As `TrajectoryWriter.write_series`, later."""
         self._put("series", lambda: self._writer.write_series(time, values, columns))
 
+    def write_series_rows(
+        self,
+        rows: Sequence[tuple[float, Mapping[str, ArrayLike]]],
+        columns: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
+        """As `TrajectoryWriter.write_series_rows`, later."""
+        self._put("series", lambda: self._writer.write_series_rows(rows, columns))
+
     def begin_histories(self, ids: ArrayLike, state: State) -> None:
         """As `TrajectoryWriter.begin_histories`, later."""
         self._put("histories", lambda: self._writer.begin_histories(ids, state))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any
@@ -14,6 +16,8 @@ from .observables import MECHANISMS, REGIMES, Measure
 from .queued_writer import QueuedWriter
 from .state import State
 
+ROWS_AT_ONCE, ROWS_WAIT = 256, 1.0
+"""Rows of the time series that are written together, and how long the first one waits at most [s]."""
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
 COLUMNS = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
@@ -121,6 +125,8 @@ class Recorder:
         Gives what happened to tracked disks since the last call (`Simulation.take_events`).
     pending : Events, optional
         Events that were not written yet when the run stopped.
+    clock : callable
+        Seconds of real time; another one in tests.
     """
 
     def __init__(
@@ -129,12 +135,16 @@ class Recorder:
         ledger: Ledger,
         take_events: Callable[[], Events] | None = None,
         pending: Events | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._writer, self.ledger, self._take = writer, ledger, take_events
+        self._clock, self._wrote = clock, -math.inf
+        self._rows: list[tuple[float, dict[str, Any]]] = []
         self._pending = [] if pending is None or not len(pending) else [pending]
 
     def frame(self, state: State, measure: Measure) -> None:
         """Write a frame, and the events until then."""
+        self.write_rows()
         self._gather()
         self._write_events(measure.time)
         self._writer.write(state, self.ledger.observables(measure))
@@ -142,15 +152,24 @@ class Recorder:
         self.ledger.frames += 1
 
     def row(self, measure: Measure) -> None:
-        """Write a row of the time series."""
-        row = self.ledger.row(measure)
-        self._writer.write_series(measure.time, row, {name: COLUMNS[name] for name in COLUMNS if name in row})
+        """Write a row of the time series, now or together with some others."""
+        self._rows.append((measure.time, self.ledger.row(measure)))
+        if len(self._rows) >= ROWS_AT_ONCE or self._clock() - self._wrote >= ROWS_WAIT:
+            self.write_rows()
 
-    def between(self, time: float) -> None:
+    def write_rows(self) -> None:
+        """Write the rows that wait."""
+        if self._rows:
+            first = self._rows[0][1]
+            columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
+            self._writer.write_series_rows(self._rows, columns)
+        self._rows, self._wrote = [], self._clock()
+
+    def between(self, now: float) -> None:
         """Write events, if many wait; the run is at this time [time]."""
         self._gather()
         if sum(len(each) for each in self._pending) >= EVENTS_AT_ONCE:
-            self._write_events(time)
+            self._write_events(now)
 
     @property
     def pending(self) -> Events | None:
@@ -164,8 +183,8 @@ class Recorder:
         if self._take is not None and len(found := self._take()):
             self._pending.append(found)
 
-    def _write_events(self, time: float) -> None:
+    def _write_events(self, now: float) -> None:
         if self._take is not None:
             found = joined(self._pending) if self._pending else self._take()
-            self._writer.write_histories(found.columns(), time)
+            self._writer.write_histories(found.columns(), now)
             self._pending = []

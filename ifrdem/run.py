@@ -209,6 +209,7 @@ def drive(
             simulation.follow(
                 job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between
             )
+        recorder.write_rows()
         job.writer.flush()
     except Stopped as stop:
         save(job, recorder)
@@ -217,6 +218,7 @@ def drive(
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
+            recorder.write_rows()
             job.writer.flush()
         text = _remains(job, "interrupted")
         if len(job.writer):
@@ -236,6 +238,7 @@ def drive(
 
 def save(job: Job, recorder: Recorder) -> None:
     """Write a checkpoint, after all that was given to the trajectory is committed."""
+    recorder.write_rows()
     job.writer.flush()
     pending = recorder.pending
     arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}

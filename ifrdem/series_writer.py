@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,24 +66,30 @@ class SeriesWriter:
 
     def write(
         self,
-        time: float,
-        values: Mapping[str, ArrayLike],
+        given: Sequence[tuple[float, Mapping[str, ArrayLike]]],
         columns: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
-        """Append a row and commit it; see `TrajectoryWriter.write_series`."""
-        row = self._checked(time, values, columns)
+        """Append rows and commit them together; see `TrajectoryWriter.write_series_rows`."""
+        checked_rows: list[dict[str, NDArray]] = []
+        before = self._last_time
+        for time, values in given:
+            checked_rows.append(self._checked(time, values, columns, before, checked_rows))
+            before = float(time)
+        if not checked_rows:
+            return
         if self._rows is None:
-            self._rows = self._create(row)
-        rows = self._rows
-        self._output.reserve(rows.room(1))
-        new = rows.known(1) == 0
-        rows.add({"time": np.array([float(time)]), **{name: value[None] for name, value in row.items()}})
+            self._rows = self._create(checked_rows[0])
+        rows, count = self._rows, len(checked_rows)
+        self._output.reserve(rows.room(count))
+        new = count - rows.known(count)
+        stacked = {name: np.stack([row[name] for row in checked_rows]) for name in checked_rows[0]}
+        rows.add({"time": np.array([float(time) for time, _ in given]), **stacked})
         if new:
             self._output.flush()
-            rows.mark(np.array([rows.at]))
+            rows.mark(np.arange(rows.committed, rows.committed + new))
             self._output.flush()
-        rows.confirm(1)
-        self._last_time = float(time)
+        rows.confirm(count)
+        self._last_time = before
 
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted write left behind the last commit."""
@@ -108,8 +115,13 @@ class SeriesWriter:
         time: float,
         values: Mapping[str, ArrayLike],
         columns: Mapping[str, Sequence[str]] | None,
+        before: float,
+        rows: Sequence[Mapping[str, NDArray]],
     ) -> dict[str, NDArray]:
-        first = None
+        """A row that comes after time `before`, and after `rows` that are not in the file yet."""
+        first: dict[str, Any] | None = (
+            {name: value[None] for name, value in rows[0].items()} if rows else None
+        )
         if self._rows is not None:
             first = {name: dataset for name, dataset in self._rows.datasets.items() if name != "time"}
         for name in ("step", "time"):
@@ -118,8 +130,8 @@ class SeriesWriter:
         row = checked("series", "row", values, first)
         if not row:
             raise InputError("series: a row without any quantity cannot be written")
-        if not (np.isfinite(time) and time >= self._last_time):
-            raise InputError(f"time = {time}: a finite time not before {self._last_time} is needed")
+        if not (np.isfinite(time) and time >= before):
+            raise InputError(f"time = {time}: a finite time not before {before} is needed")
         named = {name: tuple(names) for name, names in (columns or {}).items()}
         for name, names in named.items():
             if name not in row or row[name].shape != (len(names),):

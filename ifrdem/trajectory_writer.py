@@ -321,8 +321,22 @@ class TrajectoryWriter:
         TrajectoryError
             As `write`.
         """
-        with self._output.committing("a row of the series", self._kept):
-            self._series.write(time, values, columns)
+        self.write_series_rows([(time, values)], columns)
+
+    def write_series_rows(
+        self,
+        rows: Sequence[tuple[float, Mapping[str, ArrayLike]]],
+        columns: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
+        """Append rows, pairs of the first two arguments of `write_series`, and commit them together: faster than each.
+
+        Raises
+        ------
+        InputError, TrajectoryError
+            As `write_series`; then none of them is written.
+        """
+        with self._output.committing("rows of the series", self._kept):
+            self._series.write(rows, columns)
 
     def begin_histories(self, ids: ArrayLike, state: State) -> None:
         """Begin to track disks, from a state on. In a file that tracks already, they must be the same.
@@ -402,10 +416,7 @@ class TrajectoryWriter:
             raise InputError(f"time = {state.time}: a finite time not before {self._last_time} is needed")
         checked = {}
         for name, dataset in self._rows.fields.items():
-            given = getattr(state, h5md.FIELDS[name].attribute, None)
-            if given is None:
-                raise InputError(f"field {name}: the state has no {h5md.FIELDS[name].attribute}")
-            value = np.asarray(given)
+            value = np.asarray(getattr(state, h5md.FIELDS[name].attribute))
             if value.shape != dataset.shape[1:]:
                 raise InputError(f"{name} has shape {value.shape}: {dataset.shape[1:]} is needed")
             if h5md.FIELDS[name].count:
