@@ -255,7 +255,10 @@ def save(job: Job, recorder: Recorder) -> None:
         "ledger": job.ledger.to_record(),
         "seen": job.writer.seen,
     }
-    job.simulation.save_checkpoint(job.outputs.checkpoint, extra, arrays)
+    try:
+        job.simulation.save_checkpoint(job.outputs.checkpoint, extra, arrays)
+    except InputError as error:  # a full disk is nobody's bad input
+        raise TrajectoryError(str(error)) from error
 
 
 def finish(job: Job, began: float, rate: float, say: Callable[[str], None]) -> None:

@@ -56,14 +56,20 @@ def need(trajectory: Trajectory, *fields: str) -> None:
 
 
 def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
-    """Times, and whole-gas quantities by name: from `timeseries` if the file has it, else at the frames.
+    """Times, and whole-gas quantities by name: from `timeseries`, or at the frames if there are more of these.
 
     Raises
     ------
     InputError
         If the file has not got one of them.
     """
-    if all(name in trajectory.series for name in names) and len(trajectory.series.time):
+    at_frames = all(name in trajectory.observables for name in names)
+    rows = len(trajectory.series.time)
+    if (
+        all(name in trajectory.series for name in names)
+        and rows
+        and not (at_frames and rows < len(trajectory))
+    ):
         return trajectory.series.time, [trajectory.series[name].astype(float) for name in names]
     missing = [name for name in names if name not in trajectory.observables]
     if missing:

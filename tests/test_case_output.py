@@ -1,0 +1,138 @@
+"""What a case keeps: its cadences, tracked disks, and what cannot be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem import case_file, seeds
+from ifrdem.cadence import Cadence
+from ifrdem.case_output import OutputSection
+from ifrdem.errors import InputError
+from ifrdem.estimate import Estimate
+from ifrdem.gas import Gas
+
+CASE = """
+[run]
+name = "gas"
+t_end = 2.0
+units = "reduced"
+[box]
+lengths = [40.0, 30.0]
+[[material]]
+name = "coin"
+e_n = 0.9
+e_t = -0.9
+mu = 0.1
+[[species]]
+name = "coins"
+number = 200
+material = "coin"
+mass = 1.0
+diameter = 1.0
+speed_rms = 1.0
+[output]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "gas.toml").write_text(CASE)
+    return tmp_path
+
+
+def output(folder: Path, *overrides: str) -> OutputSection:
+    return case_file.read(folder / "gas.toml", [f"output.{each}" for each in overrides]).case.output
+
+
+@pytest.mark.parametrize(
+    ("overrides", "frames", "series"),
+    [
+        ((), Cadence(number=100), Cadence(number=1000, exact=False)),
+        (("frames=7",), Cadence(number=7), Cadence(number=70, exact=False)),
+        (("frames_interval=0.5",), Cadence(interval=0.5), Cadence(interval=0.05, exact=False)),
+        (("frames_collisions=2.0",), Cadence(collisions=2.0), Cadence(collisions=0.2, exact=False)),
+        (
+            ("frames=9", "frames_spacing=log", "log_from=0.01"),
+            Cadence(number=9, spacing="log", log_from=0.01),
+            Cadence(number=90, spacing="log", log_from=0.01, exact=False),
+        ),
+        (("series=50",), Cadence(number=100), Cadence(number=50)),
+        (("series_interval=0.1",), Cadence(number=100), Cadence(interval=0.1)),
+    ],
+)
+def test_cadences_are_those_of_the_case(folder, overrides, frames, series):
+    found = output(folder, *overrides)
+    assert found.frame_cadence == frames
+    assert found.series_cadence == series
+
+
+def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
+    position = np.random.default_rng(1).random((200, 2)) * (40.0, 30.0)
+    rng = seeds.stream(0, seeds.HISTORIES)
+    assert output(folder).tracked(position, rng).tolist() == []
+    assert output(folder, "histories=[7, 3]").tracked(position, rng).tolist() == [3, 7]
+    sample = output(folder, "histories_sample=50").tracked(position, rng)
+    assert len(np.unique(sample)) == 50
+    inside = output(folder, "histories_region=[0.0, 0.0, 10.0, 30.0]").tracked(position, rng)
+    assert set(inside) == set(np.flatnonzero(position[:, 0] < 10.0))
+    assert len(output(folder, "histories_all=true").tracked(position, rng)) == 200
+
+
+@pytest.mark.parametrize(
+    ("overrides", "reason"),
+    [
+        (("frames=3", "frames_interval=0.1"), "at most one is needed of: frames, frames_interval"),
+        (("series=3", "series_collisions=0.1"), "at most one is needed of: series, series_interval"),
+        (("frames_interval=0.1", "frames_spacing=log"), 'frames_spacing = "log": only with a number'),
+        (("series_spacing=log",), "series, the number of rows, is missing"),
+        (("log_from=0.1",), "log_from: only with"),
+        (("frames_interval=0.0",), "output.frames_interval = 0"),
+        (("histories=[1]", "histories_all=true"), "at most one is needed of: histories"),
+        (("histories=[1, 200]",), "output.histories = 200: there are disks 0 to 199"),
+        (("histories=[1, 1]",), "output.histories = 1: it is there already"),
+        (("histories_sample=201",), "output.histories_sample = 201: there are 200 disks"),
+        (("histories_region=[5.0, 0.0, 1.0, 9.0]",), "each low one below the high one"),
+        (("histories_region=[50.0, 0.0, 60.0, 9.0]",), "lies outside of the box"),
+        (("fields=['position', 'position']",), "it is there already; each may be given once"),
+        (("fields=['positions']",), "output.fields"),
+        (("historys=[1]",), "did you mean 'histories'"),
+        (("checkpoint_minutes=0",), "output.checkpoint_minutes"),
+    ],
+)
+def test_what_contradicts_itself_is_refused_by_name(folder, overrides, reason):
+    with pytest.raises(InputError) as caught:
+        output(folder, *overrides)
+    assert reason in str(caught.value)
+
+
+def test_histories_in_a_sheared_box_are_refused(folder):
+    with pytest.raises(InputError, match=r"output\.histories.*not supported in a sheared box"):
+        case_file.read(folder / "gas.toml", ["box.shear_rate=0.1", "output.histories=[1]"])
+
+
+def test_a_region_where_no_disk_starts_is_refused(folder):
+    case = case_file.read(
+        folder / "gas.toml", ["output.histories_region=[0.0, 0.0, 0.01, 0.01]", "start.positions=hexagonal"]
+    ).case
+    gas = Gas.from_case(case)
+    with pytest.raises(InputError, match="no disk starts there"):
+        gas.tracked(case, gas.start(case))
+
+
+def test_the_estimate_counts_frames_rows_and_events(folder):
+    """Collisions per disk c by kinetic theory; each of a tracked disk takes 177 bytes (`ifrdem.history_columns`)."""
+    sizes = {}
+    for name, overrides in {
+        "plain": (), "series": ("series=2000",), "tracked": ("histories_all=true",), "ledger": ("ledger=false",),
+    }.items():  # fmt: skip
+        case = case_file.read(folder / "gas.toml", [f"output.{each}" for each in overrides]).case
+        sizes[name] = Estimate.of(Gas.from_case(case), case)
+    plain = sizes["plain"]
+    assert (plain.frames, plain.rows, plain.tracked) == (101, 1001, 0)
+    assert sizes["series"].file_bytes - plain.file_bytes == 1000 * 8 * 28
+    assert plain.file_bytes - sizes["ledger"].file_bytes == 1001 * 8 * 12
+    per_disk = 2.0 * plain.collisions / 200
+    assert sizes["tracked"].file_bytes - plain.file_bytes == round(200 * per_disk) * 177
