@@ -613,8 +613,8 @@ def test_estimate_of_the_main_job() -> None:
     assert estimate.free_path[0] == pytest.approx(
         math.pi * 0.021 / (8.0 * math.sqrt(2.0) * 0.25 * g), rel=2e-3
     )
-    # 101 frames of position, velocity (2 x 4 bytes each), spin and count (4 each), and some totals
-    assert estimate.file_bytes == pytest.approx(101 * 50_000 * 24, rel=0.02)
+    # 101 frames of position, velocity, image (2 x 4 bytes each), spin and count (4 each), and some totals
+    assert estimate.file_bytes == pytest.approx(101 * 50_000 * 32, rel=0.02)
 
 
 def test_expected_end_is_where_theory_has_the_wanted_collisions() -> None:
