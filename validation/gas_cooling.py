@@ -36,7 +36,8 @@ PHI = (0.1, 0.3)
 STARTS = {"cold": 0.0, "hot": 4.0}  # T_rot at T = 1
 TAU = np.array([0.0, 1.0, 2.0, 3.5, 5.0, 7.5, 10.0, 12.5, 15.0, 17.5, 20.0])
 YOUNG, OLD = 5.0, 20.0
-N = 1024  # a small box, which holds few of the waves that grow
+N = 400  # a small box, which holds few of the waves that grow
+LARGE = 4096  # and one that holds more, for the picture
 Array = NDArray[np.float64]
 
 
@@ -60,7 +61,7 @@ def run(quick: bool, seed: int) -> Result:
         for i, name in enumerate(names):
             for j, (heat, T_rot) in enumerate(STARTS.items()):
                 column = figures[phi][1]
-                place = 100 * at + 10 * i + 5 * j
+                place = 1000 + 1200 * at + 200 * i + 100 * j
                 rows.append(
                     _one(result, name, phi, heat, T_rot, quick, seed, place, column[i], column[i + len(names)])
                 )
@@ -72,8 +73,9 @@ def run(quick: bool, seed: int) -> Result:
         axes[len(names)].set_ylabel(r"$\theta = T_\mathrm{rot}/T$")
         axes[0].legend(fontsize=7)
         caption = (
-            f"Cooling at packing fraction {phi} from cold (blue) and hot (vermilion) spins: simulated (markers), DSMC "
-            "(dashed) and closed form (lines). Where markers leave the dashes, places matter: shear modes; where dashes "
+            f"Cooling at packing fraction {phi} from cold (blue) and hot (vermilion) spins: simulated "
+            f"({N} disks circles, {LARGE} crosses), DSMC (dashed) and closed form (lines). Where markers leave the dashes, "
+            "places matter: shear modes, and more of them in the larger box; where dashes "
             "leave the lines, velocities and spins are not Gaussian, spins with heavy tails first of all."
         )
         result.pictures.append(Picture(f"gas_cooling_{phi:g}".replace(".", "_"), caption, figure))
@@ -89,17 +91,17 @@ def run(quick: bool, seed: int) -> Result:
     return result
 
 
-def measured(law: IFRLaw, phi: float, T_rot: float, seeds: range) -> Cooling:
-    """The engine's gases."""
+def measured(law: IFRLaw, phi: float, T_rot: float, seeds: range, n: int) -> Cooling:
+    """The engine's gases of n disks."""
     found = []
     for seed in seeds:
-        disks, box, begin = fluid(N, phi, seed, melting=15.0, T_rot=T_rot)
+        disks, box, begin = fluid(n, phi, seed, melting=15.0, T_rot=T_rot)
         gas = Simulation(disks, box, law, begin)
         rows: list[Measure] = []
         for tau in TAU:
             gas.run(collisions_per_disk=max(tau, 1e-9))
             rows.append(gas.measure())
-        T = np.array([one.temperature for one in rows]) * N / (N - 1.0)
+        T = np.array([one.temperature for one in rows]) * n / (n - 1.0)
         found.append((T, np.array([one.rotational_temperature for one in rows]) / T))
     T_all, theta = np.array(found).transpose(1, 0, 2)
     return Cooling(T_all / T_all[:, :1], theta)
@@ -131,10 +133,11 @@ def _one(
     result: Result, name: str, phi: float, heat: str, T_rot: float, quick: bool, seed: int, place: int, top: Any, low: Any
 ) -> tuple[str | float, ...]:  # fmt: skip
     law = coins[name].law
-    replicas, n = (12, 10_000) if quick else (24, 20_000)
+    replicas, n = (16, 10_000) if quick else (60, 20_000)
     seeds = seeds_of(seed, replicas, place)
-    got = measured(law, phi, T_rot, seeds)
-    dsmc, tail = by_dsmc(law, phi, T_rot, seeds_of(seed, 8, 50), n)
+    got = measured(law, phi, T_rot, seeds, N)
+    large = measured(law, phi, T_rot, seeds_of(seed, 3, place + 60), LARGE)
+    dsmc, tail = by_dsmc(law, phi, T_rot, seeds_of(seed, 4 if quick else 12, place + 80), n)
     theirs = by_theory(law, T_rot)
     side = math.sqrt(N * math.pi / 4.0 / phi)
     shares = [theory.shear_mode_energy(t, law, 0.5, phi, (side, side), theta=max(float(dsmc.theta.mean(axis=0)[-1]), 0.0))
@@ -163,14 +166,15 @@ def _one(
                 source="DSMC of the same law",
             )  # fmt: skip
     colour = style.BLUE if heat == "cold" else style.VERMILION
-    for axes, mine, right, exact in (
-        (top, got.T, dsmc.T, theirs.T),
-        (low, got.theta, dsmc.theta, theirs.theta),
+    for axes, mine, more, right, exact in (
+        (top, got.T, large.T, dsmc.T, theirs.T),
+        (low, got.theta, large.theta, dsmc.theta, theirs.theta),
     ):
         shown = slice(1, None) if axes is low else slice(None)
-        axes.plot(TAU[shown], exact[0, shown], color=colour, lw=0.9, label=f"theory, {heat}")
+        axes.plot(TAU[shown], exact[0, shown], color=colour, lw=0.9, label=f"{heat} spins")
         axes.plot(TAU[shown], right.mean(axis=0)[shown], "--", color=colour, lw=0.9)
         style.points(axes, TAU[shown], mine.mean(axis=0)[shown], colour)
+        axes.plot(TAU[shown], more.mean(axis=0)[shown], "+", color=colour, ms=5.0)
     at_end = [float(one.mean(axis=0)[-1]) for one in (got.T, dsmc.T, theirs.T, got.theta, dsmc.theta, theirs.theta)]
     return (
         name, phi, heat, at_end[0] / at_end[1], at_end[1] / at_end[2], at_end[3] / at_end[4], at_end[4] / at_end[5],

@@ -19,7 +19,7 @@ from .registry import Result, Row, Sampling
 CHANCE = 6.334e-5
 """By which chance alone a row may fail: that of a Gaussian value to be off by 4 standard errors, so that of 200 rows
 all pass in 99 of 100 runs. Of few replicas Student's t makes it more than 4 errors."""
-STRIDE = 1000
+STRIDE = 10_000
 """Seeds of `--seed n` and of `--seed n + 1` are so far apart; no case needs as many."""
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
