@@ -23,8 +23,9 @@ import numpy as np
 from ..box import Box
 from ..law import IFRLaw
 from ..simulation import Simulation
-from ..state import Disks, State
+from ..state import State
 from . import style
+from .gas_sample import equal_disks
 from .registry import Picture, Result
 
 QUESTION = "Do three disks in a row collapse below e_n = 7 - 4 sqrt(3), and only there?"
@@ -61,7 +62,7 @@ def row(e_n: float) -> tuple[int, State]:
     x = np.array([5.0, 6.0 + GAPS[0], 7.0 + GAPS[0] + GAPS[1]])
     begin = State(np.column_stack((x, np.full(3, 3.0))), [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]], np.zeros(3))
     gas = Simulation(
-        Disks(3, mass=1.0, radius=0.5), Box((200.0, 6.0)), IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), begin
+        equal_disks(3), Box((200.0, 6.0)), IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), begin
     )
     gas.run(t_end=END)
     return gas.collisions, gas.state
@@ -101,12 +102,12 @@ def _figure(counts: dict[float, int]) -> Picture:
     axes.plot(at, [count(e) for e in at], color=style.BLACK, label=r"$\lceil\pi/\theta\rceil - 1$")
     style.points(axes, ABOVE, [counts[e] for e in ABOVE], style.BLUE, "simulated")
     axes.axvspan(0.008, CRITICAL, color=style.ORANGE, alpha=0.25, lw=0.0)
-    axes.text(0.0095, 6.0, "collapse:\ninfinitely many", fontsize=8.5)
-    style.points(axes, BELOW, [counts[e] for e in BELOW], style.VERMILION, "simulated, until gaps are rounding", "s")
+    axes.text(0.0095, 4.0, "collapse:\ninfinitely many", fontsize=8.5)
+    style.points(axes, BELOW, [counts[e] for e in BELOW], style.VERMILION, "until gaps are rounding", "s")
     axes.axvline(CRITICAL, color=style.BLACK, lw=0.8, ls="--")
     axes.annotate(r"$7 - 4\sqrt{3}$", (CRITICAL, 1.3), (5, 0), textcoords="offset points")
-    axes.set(xscale="log", yscale="log", xlabel=r"normal restitution $e_n$", ylabel="collisions", ylim=(1.0, 100.0),
+    axes.set(xscale="log", yscale="log", xlabel=r"normal restitution $e_n$", ylabel="collisions", ylim=(1.0, 1000.0),
              xlim=(0.008, 1.1))  # fmt: skip
-    axes.legend()
+    axes.legend(loc="upper right", fontsize=7.5)
     caption = "Three disks in a row, one of which hits the other two: collisions until they part, or collapse."
     return Picture("gas_collapse", caption, figure)

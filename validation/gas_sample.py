@@ -98,11 +98,16 @@ def compare(
     )
 
 
+def equal_disks(n: int) -> Disks:
+    """Homogeneous disks of mass and diameter 1."""
+    return Disks(n, mass=np.full(n, 1.0), radius=np.full(n, 0.5))
+
+
 def start(
     n: int, packing_fraction: float, seed: int, *, T: float = 1.0, T_rot: float = 0.0
 ) -> tuple[Disks, Box, State]:
     """Equal disks of mass and diameter 1 on a lattice, Maxwellian; the box and the state."""
-    disks = Disks(n, mass=1.0, radius=0.5)
+    disks = equal_disks(n)
     box = Box.from_packing_fraction(disks.radius, packing_fraction)
     spin_rms = math.sqrt(T_rot / float(disks.inertia[0]))
     return (
