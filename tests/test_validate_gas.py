@@ -47,7 +47,7 @@ def compared(shift: float, *, replicas: int = 12, systematic: float = 0.0) -> re
 
 
 def test_the_tolerance_is_student_s_and_the_systematic_one_and_no_more() -> None:
-    """The chance of 4 sigma of a Gaussian, erfc(4 / sqrt 2) = 6.33e-5, is what Student's t of 12 values leaves beyond."""
+    """The chance of 4 sigma of a Gaussian, erfc(4 / sqrt 2) = 6.33e-5, is left by t of 12 values."""
     one = compared(0.0)
     assert one.sampling is not None
     assert one.sampling.error > 0.0

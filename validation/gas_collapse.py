@@ -60,7 +60,7 @@ def velocities(e_n: float) -> list[float]:
 def row(e_n: float) -> tuple[int, State]:
     """What the engine makes of the row: how many collisions, and the state at the end."""
     x = np.array([5.0, 6.0 + GAPS[0], 7.0 + GAPS[0] + GAPS[1]])
-    begin = State(np.column_stack((x, np.full(3, 3.0))), [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]], np.zeros(3))
+    begin = State(np.column_stack((x, np.full(3, 3.0))), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]), np.zeros(3))
     gas = Simulation(
         equal_disks(3), Box((200.0, 6.0)), IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), begin
     )
