@@ -1,7 +1,7 @@
 r"""A million smooth disks that cool until they form clusters.
 
-*Before clusters.* Transverse waves grow beside thermal velocities (`hydrodynamics`): with the energy S of a mode in units
-of its thermal share, S = 1 at the start and x = k^2 xi^2,
+*Before clusters.* Transverse waves grow beside thermal velocities (`hydrodynamics`): with the energy S of a mode in
+units of its thermal share, S = 1 at the start and x = k^2 xi^2,
 
     S = 1 + [exp(z tau (1 - x)) - 1] / (1 - x);
 
@@ -38,7 +38,10 @@ from .gas_sample import ELASTIC, equal_disks, seeds_of
 from .registry import Picture, Result, Row, Sampling
 
 QUESTION = "Does a large cooling gas grow shear modes as theory says, and then clusters?"
-REFERENCE = "van Noije et al. (1997), doi:10.1103/PhysRevLett.79.411; Goldhirsch and Zanetti (1993), doi:10.1103/PhysRevLett.70.1619"
+REFERENCE = (
+    "van Noije et al. (1997), doi:10.1103/PhysRevLett.79.411; "
+    "Goldhirsch and Zanetti (1993), doi:10.1103/PhysRevLett.70.1619"
+)
 
 LAW = IFRLaw(e_n=0.7, e_t=-1.0, mu=0.0)
 PHI = 0.2
@@ -76,7 +79,8 @@ def run(quick: bool, seed: int) -> Result:
             _row(
                 result, f"T over Haff's law after {look.tau:g} collisions per disk, share of shear modes {share:.3f}",
                 look.T * math.exp(z * look.tau), 1.0 + share, 1.0 / math.sqrt(n), 0.01 + 1.2 * share,
-                "1 %: a_2 and the start; 1.2 times the share: other waves grow too (`hydrodynamics.shear_mode_time`)", WAVES, sampled,
+                "1 %: a_2 and the start; 1.2 times the share: other waves grow too "
+                "(`hydrodynamics.shear_mode_time`)", WAVES, sampled,
             )  # fmt: skip
     _clustered(result, looks, box, z)
     result.pictures += [_fields(looks[-1], box, n), _curves(looks, box, z, waves, n)]
@@ -118,7 +122,7 @@ def _row(
 
 
 def transverse(state: State, box: Box, most: float) -> tuple[Array, Array]:
-    """|k| and the energy of transverse velocity waves m |v_k|^2 / (N m) of the modes up to |k| = `most`, one of k and -k."""
+    """|k| of the modes up to `most`, one of k and -k, and |transverse component of sum_j v_j exp(-i k r_j)|^2 / N."""
     finufft = libraries.load("finufft", "waves of velocities")
     lengths = np.array(box.lengths)
     count = np.ceil(most * lengths / (2.0 * np.pi)).astype(int)
@@ -145,7 +149,7 @@ def _waves(result: Result, look: Look, box: Box, z: float, sampled: dict[str, in
     """Compare waves with theory; k xi and S of each mode."""
     xi = theory.shear_length(LAW, 0.5, PHI) / (2.0 * math.pi)
     k, energy = transverse(look.state, box, 1.2 / xi)
-    S = energy / math.exp(-z * look.tau)  # thermal velocities are those of a homogeneous gas; T / m per component
+    S = energy / math.exp(-z * look.tau)  # over T / m of a homogeneous gas
     for low, high in BANDS:
         inside = (k * xi > low) & (k * xi <= high)
         expected = float(np.mean(growth((k[inside] * xi) ** 2, z * look.tau)))
@@ -206,9 +210,9 @@ def _fields(look: Look, box: Box, n: int) -> Picture:
         figure.colorbar(image, ax=axes, label=text, shrink=0.85)
         axes.set(xlabel="x (diameters)", ylabel="y (diameters)")
     caption = (
-        f"{n:,} smooth disks, e_n = {LAW.e_n}, mean packing fraction {PHI}, after {look.tau:g} collisions per disk: density "
-        f"and temperature (relative to the local mean velocity), Gaussians of {CELL / 4.0:g} diameters. The mean T counts "
-        "streams as well, which is why most of the gas is below it."
+        f"{n:,} smooth disks, e_n = {LAW.e_n}, mean packing fraction {PHI}, after {look.tau:g} collisions per "
+        f"disk: density and temperature (relative to the local mean velocity), Gaussians of {CELL / 4.0:g} diameters. The mean "
+        "T counts streams as well, which is why most of the gas is below it."
     )
     return Picture("gas_clusters_fields", caption, figure)
 
@@ -222,7 +226,9 @@ def _curves(
     fine = np.concatenate([[0.0], np.geomspace(0.1, max(t[-1] * rate, 1.0), 200)])
     left.plot(1.0 + fine, theory.haff(1.0, LAW.e_n, rate, fine / rate), color=style.BLACK, label="Haff's law")
     style.points(left, 1.0 + t * rate, [look.T for look in looks], style.BLUE, "simulated")
-    left.set(xscale="log", yscale="log", xlabel=r"$1 + \nu_0 t$", ylabel=r"$T/T_0$", ylim=(0.2 * looks[-1].T, 2.0))
+    left.set(
+        xscale="log", yscale="log", xlabel=r"$1 + \nu_0 t$", ylabel=r"$T/T_0$", ylim=(0.2 * looks[-1].T, 2.0)
+    )
     left.legend()
     x = np.linspace(0.02, 1.2, 300)
     for i, (tau, (k_xi, S)) in enumerate(waves.items()):
@@ -246,7 +252,8 @@ def _curves(
     for axes, text in ((left, "a"), (middle, "b"), (right, "c")):
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
     caption = (
-        f"{n:,} cooling disks. (a) Temperature over time. (b) Transverse velocity waves early on (markers) and their theory "
-        "(lines), which holds for long ones. (c) Structure factor of the density at several collisions per disk: clusters grow, and become larger."
+        f"{n:,} cooling disks. (a) Temperature over time. (b) Transverse velocity waves early on (markers) and "
+        "their theory (lines), which holds for long ones. (c) Structure factor of the density at several collisions per disk: "
+        "clusters grow, and become larger."
     )
     return Picture("gas_clusters", caption, figure)

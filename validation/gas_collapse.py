@@ -35,7 +35,7 @@ CRITICAL = 7.0 - 4.0 * math.sqrt(3.0)
 ABOVE = (0.078, 0.08, 0.085, 0.09, 0.1, 0.13, 0.2, 0.3, 0.5, 0.7)
 BELOW = (0.01, 0.03, 0.05, 0.06, 0.07)
 GAPS = (1.0, 0.75)
-END = 30.0  # of the runs [time]; where the last r_n is small, as at e_n = 0.17 or 0.9, it would take a thousand
+END = 30.0  # of the runs [time]; at e_n = 0.17 or 0.9 the last r_n is so small that it would take a thousand
 SOURCE = "McNamara and Young (1992), doi:10.1063/1.858323"
 
 
@@ -60,10 +60,10 @@ def velocities(e_n: float) -> list[float]:
 def row(e_n: float) -> tuple[int, State]:
     """What the engine makes of the row: how many collisions, and the state at the end."""
     x = np.array([5.0, 6.0 + GAPS[0], 7.0 + GAPS[0] + GAPS[1]])
-    begin = State(np.column_stack((x, np.full(3, 3.0))), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]), np.zeros(3))
-    gas = Simulation(
-        equal_disks(3), Box((200.0, 6.0)), IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), begin
+    begin = State(
+        np.column_stack((x, np.full(3, 3.0))), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]), np.zeros(3)
     )
+    gas = Simulation(equal_disks(3), Box((200.0, 6.0)), IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), begin)
     gas.run(t_end=END)
     return gas.collisions, gas.state
 
@@ -86,7 +86,12 @@ def run(quick: bool, seed: int) -> Result:
         counts[e_n], end = row(e_n)
         why = "rounding of positions near 10, over the speed that closes the last gaps"
         result.all_near(
-            f"velocities after the collapse, e_n = {e_n}", end.velocity[:, 0], np.full(3, 1.0 / 3.0), 1e-12, why, SOURCE
+            f"velocities after the collapse, e_n = {e_n}",
+            end.velocity[:, 0],
+            np.full(3, 1.0 / 3.0),
+            1e-12,
+            why,
+            SOURCE,
         )
         result.all_near(
             f"distances of neighbours after the collapse, e_n = {e_n}", np.diff(end.position[:, 0]), np.ones(2), 1e-12,
@@ -109,5 +114,7 @@ def _figure(counts: dict[float, int]) -> Picture:
     axes.set(xscale="log", yscale="log", xlabel=r"normal restitution $e_n$", ylabel="collisions", ylim=(1.0, 1000.0),
              xlim=(0.008, 1.1))  # fmt: skip
     axes.legend(loc="upper right", fontsize=7.5)
-    caption = "Three disks in a row, one of which hits the other two: collisions until they part, or collapse."
+    caption = (
+        "Three disks in a row, one of which hits the other two: collisions until they part, or collapse."
+    )
     return Picture("gas_collapse", caption, figure)

@@ -4,10 +4,10 @@ T and theta = T_rot / T against the closed form (`theory.cooling`: Gaussian, unc
 collisions of a disk, is 5 or less; against DSMC of the same law, which knows tails and correlations of spins but no
 places, until tau = 20.
 
-*What the theory leaves out*, and how much it may be: spins and velocities are soon correlated, and spins grow tails (the
-last digits of DSMC against theory below are that alone). *What DSMC leaves out*: correlations of places. Shear modes,
-in boxes longer than their length, hold the part `theory.shear_mode_energy` of T; and collisions in a dense gas are not
-independent, by some percent at packing fraction 0.3 (`ifrdem.dsmc` says the same of 1 pta).
+*What the theory leaves out*, and how much it may be: spins and velocities are soon correlated, and spins grow tails
+(the last digits of DSMC against theory below are that alone). *What DSMC leaves out*: correlations of places. Shear
+modes, in boxes longer than their length, hold the part `theory.shear_mode_energy` of T; and collisions in a dense
+gas are not independent, by some percent at packing fraction 0.3 (`ifrdem.dsmc` says the same of 1 pta).
 """
 
 from __future__ import annotations
@@ -63,7 +63,9 @@ def run(quick: bool, seed: int) -> Result:
                 column = figures[phi][1]
                 place = 1000 + 1200 * at + 200 * i + 100 * j
                 rows.append(
-                    _one(result, name, phi, heat, T_rot, quick, seed, place, column[i], column[i + len(names)])
+                    _one(
+                        result, name, phi, heat, T_rot, quick, seed, place, column[i], column[i + len(names)]
+                    )
                 )
     for phi, (figure, axes) in figures.items():
         for i, name in enumerate(names):
@@ -74,7 +76,8 @@ def run(quick: bool, seed: int) -> Result:
         axes[0].legend(fontsize=7)
         caption = (
             f"Cooling at packing fraction {phi} from cold (blue) and hot (vermilion) spins: simulated "
-            f"({N} disks circles, {LARGE} crosses), DSMC (dashed) and closed form (lines). Where markers leave the dashes, "
+            f"({N} disks circles, {LARGE} crosses), DSMC (dashed) and closed form (lines). Where markers leave "
+            f"the dashes, "
             "places matter: shear modes, and more of them in the larger box; where dashes "
             "leave the lines, velocities and spins are not Gaussian, spins with heavy tails first of all."
         )
@@ -85,7 +88,8 @@ def run(quick: bool, seed: int) -> Result:
             ("material", "phi", "spins", "T, simulated / DSMC", "T, DSMC / theory", "theta, simulated / DSMC",
              "theta, DSMC / theory", "share of shear modes", "a_2 of spins, DSMC"),
             rows,
-            "The share of shear modes is hydrodynamic theory's, of T; a_2 of spins is <w^4>/(3 <w^2>^2) - 1, 0 for a Gaussian.",
+            "The share of shear modes is hydrodynamic theory's, of T; a_2 of spins is <w^4>/(3 <w^2>^2) - 1, 0 "
+            "for a Gaussian.",
         )
     )  # fmt: skip
     return result
@@ -130,17 +134,19 @@ def by_theory(law: IFRLaw, T_rot: float) -> Cooling:
 
 
 def _one(
-    result: Result, name: str, phi: float, heat: str, T_rot: float, quick: bool, seed: int, place: int, top: Any, low: Any
+    result: Result, name: str, phi: float, heat: str, T_rot: float, quick: bool, seed: int, place: int, top: Any,
+    low: Any
 ) -> tuple[str | float, ...]:  # fmt: skip
     law = coins[name].law
-    replicas, n = (16, 10_000) if quick else (60, 20_000)
+    replicas, n = (16, 10_000) if quick else (40, 20_000)
     seeds = seeds_of(seed, replicas, place)
     got = measured(law, phi, T_rot, seeds, N)
-    large = measured(law, phi, T_rot, seeds_of(seed, 3, place + 60), LARGE)
-    dsmc, tail = by_dsmc(law, phi, T_rot, seeds_of(seed, 4 if quick else 12, place + 80), n)
+    large = measured(law, phi, T_rot, seeds_of(seed, 2, place + 60), LARGE)
+    dsmc, tail = by_dsmc(law, phi, T_rot, seeds_of(seed, 4 if quick else 8, place + 80), n)
     theirs = by_theory(law, T_rot)
     side = math.sqrt(N * math.pi / 4.0 / phi)
-    shares = [theory.shear_mode_energy(t, law, 0.5, phi, (side, side), theta=max(float(dsmc.theta.mean(axis=0)[-1]), 0.0))
+    shares = [theory.shear_mode_energy(t, law, 0.5, phi, (side, side), theta=max(float(dsmc.theta.mean(axis=0)[-1]),
+    0.0))
               for t in (YOUNG, OLD)]  # fmt: skip
     crowded = 0.02 + 0.1 * phi
     for what, mine, right, exact in (
@@ -162,7 +168,8 @@ def _one(
             compare(
                 result, text.format(when, "against DSMC"), mine[:, k], mean, disks=N, seeds=seeds,
                 systematic=(crowded + 1.5 * share) * abs(mean.value),
-                why="2 % + phi / 10: collisions in a gas with places are not independent; 1.5 times the shear modes' share",
+                why="2 % + phi / 10: collisions in a gas with places are not independent; 1.5 times the shear "
+                "modes' share",
                 source="DSMC of the same law",
             )  # fmt: skip
     colour = style.BLUE if heat == "cold" else style.VERMILION
@@ -175,7 +182,9 @@ def _one(
         axes.plot(TAU[shown], right.mean(axis=0)[shown], "--", color=colour, lw=0.9)
         style.points(axes, TAU[shown], mine.mean(axis=0)[shown], colour)
         axes.plot(TAU[shown], more.mean(axis=0)[shown], "+", color=colour, ms=5.0)
-    at_end = [float(one.mean(axis=0)[-1]) for one in (got.T, dsmc.T, theirs.T, got.theta, dsmc.theta, theirs.theta)]
+    at_end = [
+        float(one.mean(axis=0)[-1]) for one in (got.T, dsmc.T, theirs.T, got.theta, dsmc.theta, theirs.theta)
+    ]
     return (
         name, phi, heat, at_end[0] / at_end[1], at_end[1] / at_end[2], at_end[3] / at_end[4], at_end[4] / at_end[5],
         shares[1], tail,

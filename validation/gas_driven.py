@@ -6,9 +6,9 @@ hold some percent of T there, so that these are small and dilute.
 *Flow.* Lees and Edwards' sides; A. Santos, V. Garzo and J. W. Dufty, Phys. Rev. E 69, 061303 (2004),
 doi:10.1103/PhysRevE.69.061303, with crowding as in `shear_theory`.
 
-*Gravity.* dP/dy = -m g rho with the local pressure P = rho T Z(phi), Z of Kolafa and Rottner (`gas_state`): the barometric
-law with its correction for finite density. Between an elastic floor and ceiling the energy is kept, not T: a column of N
-disks with the mean energy of one at T has that T but for 1 / N.
+*Gravity.* dP/dy = -m g rho with the local pressure P = rho T Z(phi), Z of Kolafa and Rottner (`gas_state`): the
+barometric law with its correction for finite density. Between an elastic floor and ceiling the energy is kept, not
+T: a column of N disks with the mean energy of one at T has that T but for 1 / N.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ QUESTION = "Do driven, sheared and falling gases settle where kinetic theory and
 REFERENCE = "driven_theory.py; Santos et al. (2004), doi:10.1103/PhysRevE.69.061303; hydrostatics"
 
 SHEARED = "Santos, Garzo and Dufty (2004), doi:10.1103/PhysRevE.69.061303; crowding: doi:10.1063/1.865302"
-DRIVEN = "driven_theory.py: power = loss of a Gaussian gas; van Noije and Ernst (1998), doi:10.1007/s100350050009"
+DRIVEN = (
+    "driven_theory.py: power = loss of a Gaussian gas; van Noije and Ernst (1998), doi:10.1007/s100350050009"
+)
 COLUMN = "hydrostatics with Z of Kolafa and Rottner (2006), doi:10.1080/00268970600967963"
 Array = NDArray[np.float64]
 
@@ -51,8 +53,8 @@ def run(quick: bool, seed: int) -> Result:
     for axes, text in ((left, "a"), (middle, "b"), (right, "c")):
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
     caption = (
-        "Steady states. (a) Temperatures of coins (1 pta) that random kicks heat, over theory. (b) Temperature of sheared "
-        "smooth disks over theory. (c) Density of a column of elastic disks under gravity, and hydrostatics with and "
+        "Steady states. (a) Temperatures of coins (1 pta) that random kicks heat, over theory. (b) Temperature of "
+        "sheared smooth disks over theory. (c) Density of a column of elastic disks under gravity, and hydrostatics with and "
         "without the correction for finite density (barometric law)."
     )
     result.pictures.append(Picture("gas_driven", caption, figure))
@@ -74,7 +76,10 @@ def _kicked(result: Result, quick: bool, seed: int, axes: Any) -> None:
     law = coins["1 pta"].law
     for i, phi in enumerate((0.05, 0.1)):
         seeds = seeds_of(seed, replicas, 5000 + 50 * i)
-        T, T_rot = driven_theory.steady_state(law, 1.0, 0.5, 2.0, phi, Drive(power=1.0)) or (math.nan, math.nan)
+        T, T_rot = driven_theory.steady_state(law, 1.0, 0.5, 2.0, phi, Drive(power=1.0)) or (
+            math.nan,
+            math.nan,
+        )
         found = []
         for one in seeds:
             disks, box, begin = fluid(n, phi, one, melting=10.0, T=T, T_rot=T_rot)
@@ -84,7 +89,7 @@ def _kicked(result: Result, quick: bool, seed: int, axes: Any) -> None:
             gas.run(collisions_per_disk=40.0)
             found.append(_means(gas, 60.0, 60))
         values = np.array(found)
-        why = "4 % of T, 6 % of T_rot: streams that kicks feed, and what is not Gaussian (`cases/driven.toml` shows both)"
+        why = "4 % of T, 6 % of T_rot: streams that kicks feed, and what is not Gaussian (see cases/driven.toml)"
         for j, (name, right, part) in enumerate((("T", T, 0.04), ("T_rot", T_rot, 0.06))):
             compare(
                 result, f"{name} of coins (1 pta) heated by kicks, phi = {phi}", values[:, j], right, disks=n,
@@ -94,7 +99,9 @@ def _kicked(result: Result, quick: bool, seed: int, axes: Any) -> None:
             axes.errorbar(phi, mean.value, mean.error, fmt="os"[j], mfc="none", color=style.COLOURS[j],
                           label=(r"$T$", r"$T_\mathrm{rot}$")[j] if i == 0 else None)  # fmt: skip
     axes.axhline(1.0, color=style.BLACK)
-    axes.set(xlabel=r"packing fraction $\phi$", ylabel="simulated / theory", ylim=(0.9, 1.1), xlim=(0.0, 0.15))
+    axes.set(
+        xlabel=r"packing fraction $\phi$", ylabel="simulated / theory", ylim=(0.9, 1.1), xlim=(0.0, 0.15)
+    )
     axes.legend()
 
 
@@ -121,7 +128,8 @@ def _sheared(result: Result, quick: bool, seed: int, axes: Any) -> None:
         compare(
             result, f"T of sheared smooth disks, e_n = {e_n}, phi = {phi}, shear rate {rate}", found, T, disks=n,
             seeds=seeds, systematic=part * T,
-            why="2 % and (1 - e_n) / 4 of T: moments of higher order in the anisotropy, which grows with 1 - e_n, and crowding",
+            why="2 % and (1 - e_n) / 4 of T: moments of higher order in the anisotropy, which grows with 1 - e_n, "
+            "and crowding",
             source=SHEARED,
         )  # fmt: skip
         mean = Mean.of(np.array(found) / T)
@@ -188,15 +196,22 @@ def _column(result: Result, quick: bool, seed: int, axes: Any) -> None:
     )  # fmt: skip
     middle = 0.5 * (edges[1:] + edges[:-1])[:-1]
     rho = shares * COUNT / WIDTH / np.diff(np.maximum(edges, 0.5))  # centres stay above 1/2
-    axes.plot(np.gradient(part, y) * COUNT / WIDTH * math.pi / 4.0, y, color=style.BLACK, label="hydrostatics")
+    axes.plot(
+        np.gradient(part, y) * COUNT / WIDTH * math.pi / 4.0, y, color=style.BLACK, label="hydrostatics"
+    )
     ideal = COUNT / WIDTH * GRAVITY / T * np.exp(-(y - 0.5) * GRAVITY / T) * math.pi / 4.0
     axes.plot(ideal, y, "--", color=style.GREEN, label="barometric law")
     axes.errorbar(
         (rho.mean(axis=0) * math.pi / 4.0)[:-1], middle,
-        xerr=(rho.std(axis=0, ddof=1) / math.sqrt(replicas) * math.pi / 4.0)[:-1], fmt="o", mfc="none", color=style.BLUE,
-        label="simulated",
+        xerr=(rho.std(axis=0, ddof=1) / math.sqrt(replicas) * math.pi / 4.0)[:-1], fmt="o", mfc="none",
+        color=style.BLUE, label="simulated",
     )  # fmt: skip
-    axes.set(xlabel=r"packing fraction $\phi$", ylabel="height (diameters)", ylim=(0.0, 110.0), xticks=(0.0, 0.05, 0.1, 0.15))
+    axes.set(
+        xlabel=r"packing fraction $\phi$",
+        ylabel="height (diameters)",
+        ylim=(0.0, 110.0),
+        xticks=(0.0, 0.05, 0.1, 0.15),
+    )
     axes.legend()
 
 

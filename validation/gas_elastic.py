@@ -5,8 +5,8 @@ The contact-point law with e_t = 0 and the percussion-centre law with e_t = -1/2
 
 *Relaxation.* A collision gives P_t = 2 m_t g_t = m g_t / (1 + k). Averaged over colliding pairs of Gaussian velocities
 and spins (`theory.rough_rates`, S. Luding, M. Huthmann, S. McNamara and A. Zippelius, Phys. Rev. E 58, 3416 (1998),
-doi:10.1103/PhysRevE.58.3416), each collision of a disk changes T by k (T_rot - T) / (1 + k)^2 and T_rot by twice that of
-the other sign, so that the difference falls like exp(-lambda tau), lambda = 3 k / (1 + k)^2 = 2/3.
+doi:10.1103/PhysRevE.58.3416), each collision of a disk changes T by k (T_rot - T) / (1 + k)^2 and T_rot by twice
+that of the other sign, so that the difference falls like exp(-lambda tau), lambda = 3 k / (1 + k)^2 = 2/3.
 
 *Equipartition.* Momentum is kept, the angular one is not in a periodic box: energies of 2 (N - 1) components of motion
 and N of spin have the same mean.
@@ -28,7 +28,9 @@ from . import style
 from .gas_sample import Mean, compare, fluid, seeds_of, start
 from .registry import Picture, Result
 
-QUESTION = "Do perfectly rough disks keep their energy, relax at the rate of kinetic theory, and share it equally?"
+QUESTION = (
+    "Do perfectly rough disks keep their energy, relax at the rate of kinetic theory, and share it equally?"
+)
 REFERENCE = "Luding et al. (1998), doi:10.1103/PhysRevE.58.3416; equipartition"
 
 LAWS = {
@@ -53,7 +55,9 @@ def run(quick: bool, seed: int) -> Result:
     bridge = np.array([_dsmc(one, 20_000) for one in seeds_of(seed, 4 if quick else 16, 180)])
     for i, (name, law) in enumerate(LAWS.items()):
         seeds = seeds_of(seed, replicas, 100 + 40 * i)
-        ratio, drift, shares = (np.array(part) for part in zip(*(_replica(law, one) for one in seeds), strict=True))
+        ratio, drift, shares = (
+            np.array(part) for part in zip(*(_replica(law, one) for one in seeds), strict=True)
+        )
         result.near(
             f"largest relative change of the energy, {name}, {int(LATER[1])} collisions per disk",
             drift.max(), 0.0, 1e-12, "f64 round-off of 30,000 collisions", "conservation of energy",
@@ -63,20 +67,32 @@ def run(quick: bool, seed: int) -> Result:
         mean = ratio.mean(axis=0)
         left.errorbar(TAU, mean, ratio.std(axis=0, ddof=1) / math.sqrt(len(seeds)), fmt="os"[i], mfc="none",
                       color=colour, label=name)  # fmt: skip
-        right.plot(TAU, 100.0 * (mean / np.exp(-LAMBDA * TAU) - 1.0), "os"[i], mfc="none", color=colour, label=name)
+        right.plot(
+            TAU, 100.0 * (mean / np.exp(-LAMBDA * TAU) - 1.0), "os"[i], mfc="none", color=colour, label=name
+        )
     left.plot(TAU, np.exp(-LAMBDA * TAU), color=style.BLACK, label=r"$e^{-2\tau/3}$")
-    right.plot(TAU, 100.0 * (bridge.mean(axis=0) / np.exp(-LAMBDA * TAU) - 1.0), color=style.GREEN, label="DSMC")
+    right.plot(
+        TAU, 100.0 * (bridge.mean(axis=0) / np.exp(-LAMBDA * TAU) - 1.0), color=style.GREEN, label="DSMC"
+    )
     right.axhline(0.0, color=style.BLACK)
-    left.set(yscale="log", xlabel=r"collisions per disk $\tau$", ylabel=r"$(T - T_\mathrm{rot})$ / that at the start")
+    left.set(
+        yscale="log",
+        xlabel=r"collisions per disk $\tau$",
+        ylabel=r"$(T - T_\mathrm{rot})$ / that at the start",
+    )
     right.set(xlabel=r"collisions per disk $\tau$", ylabel=r"difference from $e^{-2\tau/3}$ (%)")
     left.legend()
     right.legend()
-    caption = f"Relaxation of perfectly rough disks at packing fraction {PHI}; mean of {replicas} gases of {N}."
+    caption = (
+        f"Relaxation of perfectly rough disks at packing fraction {PHI}; mean of {replicas} gases of {N}."
+    )
     result.pictures.append(Picture("gas_elastic", caption, figure))
     return result
 
 
-def _compare(result: Result, name: str, seeds: Sequence[int], ratio: Array, bridge: Array, shares: Array) -> None:
+def _compare(
+    result: Result, name: str, seeds: Sequence[int], ratio: Array, bridge: Array, shares: Array
+) -> None:
     why = "3 %: velocities and spins become correlated on the way, which Gaussian theory leaves out"
     for tau in (0.5, 1.0, 2.0):
         expected = math.exp(-LAMBDA * tau)
@@ -126,4 +142,3 @@ def _dsmc(seed: int, n: int) -> Array:
     found = gas.run(collisions_per_disk=TAU[-1], samples=TAU[1:])
     apart = found.T - found.T_rot
     return apart / apart[0]
-

@@ -1,10 +1,10 @@
 r"""Smooth disks that cool: Haff's law with what shear modes add to it, and how far velocities are from Gaussian.
 
 *Haff's law.* Each collision of a disk takes (1 - e^2) / 2 of its temperature, times a factor of the cumulant a_2
-(`theory.cooling_factor`); so T falls like exp(-z tau) in collisions per disk, and like 1 / (1 + t / t_H)^2 in time (P. K.
-Haff, J. Fluid Mech. 134, 401 (1983), doi:10.1017/S0022112083003419). In a box with waves above the shear length these
-grow beside thermal velocities: T counts both, and is 1 + `theory.shear_mode_energy` times that of a homogeneous gas (T.
-P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997),
+(`theory.cooling_factor`); so T falls like exp(-z tau) in collisions per disk, and like 1 / (1 + t / t_H)^2 in time
+(P. K. Haff, J. Fluid Mech. 134, 401 (1983), doi:10.1017/S0022112083003419). In a box with waves above the shear
+length these grow beside thermal velocities: T counts both, and is 1 + `theory.shear_mode_energy` times that of a
+homogeneous gas (T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997),
 doi:10.1103/PhysRevLett.79.411). Here the share stays below 0.02; where it is, T has been seen
 3 % above a homogeneous gas's (`theory.shear_mode_time`), so that 1.2 times the share is left to other waves.
 
@@ -30,8 +30,12 @@ from . import style
 from .gas_sample import Mean, compare, fluid, seeds_of, start
 from .registry import Picture, Result
 
-QUESTION = "Do smooth disks cool by Haff's law with its shear modes, and become as non-Gaussian as theory says?"
-REFERENCE = "Haff (1983), doi:10.1017/S0022112083003419; van Noije and Ernst (1998), doi:10.1007/s100350050009"
+QUESTION = (
+    "Do smooth disks cool by Haff's law with its shear modes, and become as non-Gaussian as theory says?"
+)
+REFERENCE = (
+    "Haff (1983), doi:10.1017/S0022112083003419; van Noije and Ernst (1998), doi:10.1007/s100350050009"
+)
 
 HAFF = "Haff (1983), doi:10.1017/S0022112083003419; shear modes: doi:10.1103/PhysRevLett.79.411"
 CUMULANT = "van Noije and Ernst (1998), doi:10.1007/s100350050009"
@@ -54,7 +58,8 @@ def run(quick: bool, seed: int) -> Result:
     _haff(result, quick, seed, left)
     _cumulants(result, quick, seed, right)
     caption = (
-        f"(a) Temperature of {N} smooth disks, e_n = {E_N}, packing fraction {PHI}, over Haff's law; with shear modes, and "
+        f"(a) Temperature of {N} smooth disks, e_n = {E_N}, packing fraction {PHI}, over Haff's law; with shear "
+        f"modes, and "
         "without. (b) Cumulant a_2 of the cooling state, first-order theory and simulations."
     )
     for axes, text in ((left, "a"), (right, "b")):
@@ -95,7 +100,8 @@ def _haff(result: Result, quick: bool, seed: int, axes: Any) -> None:
     scaled = T * np.exp(exact * tau)
     for i in range(2, len(TAU)):
         compare(
-            result, f"T over exp(-z tau) after {TAU[i]:g} collisions per disk, e_n = {E_N}, shear modes' share {share[i]:.3f}",
+            result, f"T over exp(-z tau) after {TAU[i]:g} collisions per disk, e_n = {E_N}, shear modes' share "
+            f"{share[i]:.3f}",
             scaled[:, i], 1.0 + share[i], disks=N, seeds=seeds, systematic=0.005 + 1.2 * share[i], why=why, source=HAFF,
         )  # fmt: skip
     fits = [
@@ -174,5 +180,6 @@ def _engine_cumulant(result: Result, right: Mean, quick: bool, seed: int, axes: 
         why="0.003: a tenth of a_2, for streams and for its last approach to the end", source="DSMC of the same law",
     )  # fmt: skip
     mean = Mean.of(found)
-    axes.errorbar(E_N + 0.004, mean.value, mean.error, fmt="o", mfc="none", color=style.BLUE, label="simulated")
-
+    axes.errorbar(
+        E_N + 0.004, mean.value, mean.error, fmt="o", mfc="none", color=style.BLUE, label="simulated"
+    )

@@ -152,7 +152,13 @@ def _compare(result: Result, phi: float, n: int, seeds: Sequence[int], found: Fo
     options: Any = {"disks": n, "seeds": seeds, "source": SOURCE}
     compare(result, f"Z by impulses, phi = {phi}", found.virial, Z, systematic=part * Z, why=why, **options)
     compare(
-        result, f"Z by the collision rate, phi = {phi}", found.rate, Z, systematic=part * Z, why=why, **options
+        result,
+        f"Z by the collision rate, phi = {phi}",
+        found.rate,
+        Z,
+        systematic=part * Z,
+        why=why,
+        **options,
     )
     if phi <= 0.6:
         g = (Z - 1.0) / (2.0 * phi)
@@ -191,10 +197,17 @@ def _figure(found: dict[float, Found], n: int) -> Picture:
             100.0 * np.array([m.error for m in means]) / Z, fmt=marker, mfc="none", color=colour, ms=4.5, lw=1.0,
             label={"virial": "impulses", "rate": "collision rate"}[name],
         )  # fmt: skip
-    right.set(xlabel=r"packing fraction $\phi$", ylabel=r"$Z/Z_\mathrm{KR} - 1$ (%)", ylim=(-0.5, 0.8), xlim=(0.0, 0.72))
+    right.set(
+        xlabel=r"packing fraction $\phi$",
+        ylabel=r"$Z/Z_\mathrm{KR} - 1$ (%)",
+        ylim=(-0.5, 0.8),
+        xlim=(0.0, 0.72),
+    )
     right.legend(loc="upper left")
     for axes, text in ((left, "a"), (right, "b")):
-        axes.annotate(text, (1.0, 0.0), (-10, 6), xycoords="axes fraction", textcoords="offset points", weight="bold")
+        axes.annotate(
+            text, (1.0, 0.0), (-10, 6), xycoords="axes fraction", textcoords="offset points", weight="bold"
+        )
     caption = (
         f"Compressibility factor of elastic disks. (a) By collision impulses, and the equation of state of Kolafa and "
         f"Rottner. (b) The difference, of {n} disks from Z_N, with standard errors; and of two closed forms."
