@@ -211,8 +211,8 @@ def _fields(look: Look, box: Box, n: int) -> Picture:
         axes.set(xlabel="x (diameters)", ylabel="y (diameters)")
     caption = (
         f"{n:,} smooth disks, e_n = {LAW.e_n}, mean packing fraction {PHI}, after {look.tau:g} collisions per "
-        f"disk: density and temperature (relative to the local mean velocity), Gaussians of {CELL / 4.0:g} diameters. The mean "
-        "T counts streams as well, which is why most of the gas is below it."
+        f"disk: density and temperature (relative to the local mean velocity), Gaussians of {CELL / 4.0:g} diameters. "
+        "The mean T counts streams as well, which is why most of the gas is below it."
     )
     return Picture("gas_clusters_fields", caption, figure)
 
@@ -253,7 +253,7 @@ def _curves(
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
     caption = (
         f"{n:,} cooling disks. (a) Temperature over time. (b) Transverse velocity waves early on (markers) and "
-        "their theory (lines), which holds for long ones. (c) Structure factor of the density at several collisions per disk: "
-        "clusters grow, and become larger."
+        "their theory (lines), which holds for long ones. (c) Structure factor of the density at several "
+        "collisions per disk: clusters grow, and become larger."
     )
     return Picture("gas_clusters", caption, figure)

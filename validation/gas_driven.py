@@ -54,8 +54,8 @@ def run(quick: bool, seed: int) -> Result:
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
     caption = (
         "Steady states. (a) Temperatures of coins (1 pta) that random kicks heat, over theory. (b) Temperature of "
-        "sheared smooth disks over theory. (c) Density of a column of elastic disks under gravity, and hydrostatics with and "
-        "without the correction for finite density (barometric law)."
+        "sheared smooth disks over theory. (c) Density of a column of elastic disks under gravity, and hydrostatics "
+        "with and without the correction for finite density (barometric law)."
     )
     result.pictures.append(Picture("gas_driven", caption, figure))
     return result
