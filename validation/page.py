@@ -58,7 +58,8 @@ INTRODUCTION = {
         "Every measured value below is the mean of independent simulations (replicas), with its standard error "
         "from their scatter; expected values come from publications and from kinetic theory. A row passes if they "
         "differ by no more than the statistical tolerance, which is the same number of standard errors for all "
-        "rows (4 of a Gaussian; Student's t), and the systematic one, which is what the expected value itself may be off by. results.json has all of it.",
+        "rows (4 of a Gaussian; Student's t), and the systematic one, which is what the expected value itself "
+        "may be off by. results.json has all of it.",
     ),
 }
 """Title and first paragraph of a report of the group's cases, as HTML."""
