@@ -172,7 +172,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         nargs="*",
         help="cases or groups to run: paper (default), bullet, gas, or see --list",
     )
-    validate.add_argument("--quick", action="store_true", help="fewer samples: under a minute (gas: two)")
+    validate.add_argument(
+        "--quick", action="store_true", help="fewer samples: under a minute (gas: some minutes)"
+    )
     validate.add_argument("--seed", type=int, metavar="N", help="of the random gases of gas (default: 1)")
     validate.add_argument("--list", action="store_true", help="list the cases and run none")
     validate.add_argument(
