@@ -162,17 +162,20 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "validate",
         help="reproduce the paper through the kernels",
         description="Collide disks as the paper does, and compare with its equations, tables and figures; `validate "
-        "bullet` compares with PyBullet and pymunk instead. Writes results.json, report.html and the figures. Exit "
-        "status 0 only if every row passed.",
+        "bullet` compares with PyBullet and pymunk instead, `validate gas` holds gases of many disks against the "
+        "literature. Writes results.json, report.html and the figures. Exit status 0 only if every row passed.",
         allow_abbrev=False,
     )
     validate.add_argument(
         "names",
         metavar="NAME",
         nargs="*",
-        help="cases or groups to run: paper (default), bullet, or see --list",
+        help="cases or groups to run: paper (default), bullet, gas, or see --list",
     )
-    validate.add_argument("--quick", action="store_true", help="fewer samples: under a minute")
+    validate.add_argument(
+        "--quick", action="store_true", help="fewer samples: under a minute (gas: some minutes)"
+    )
+    validate.add_argument("--seed", type=int, metavar="N", help="of the random gases of gas (default: 1)")
     validate.add_argument("--list", action="store_true", help="list the cases and run none")
     validate.add_argument(
         "-o",
@@ -438,7 +441,14 @@ def _validate(options: argparse.Namespace) -> int:
     if options.list:
         _say(runner.listing())
         return 0
-    return runner.validate(options.names, options.output, quick=options.quick, force=options.force, say=_say)
+    return runner.validate(
+        options.names,
+        options.output,
+        quick=options.quick,
+        force=options.force,
+        seed=options.seed,
+        say=_say,
+    )
 
 
 def _fit(options: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from .registry import BULLET, Picture, Table
+from .registry import BULLET, GAS, Picture, Row, Table
 
 if TYPE_CHECKING:
     from .runner import Outcome
@@ -52,6 +52,14 @@ INTRODUCTION = {
         'where it is not, they cannot, and <a href="#bullet_anomaly">bullet_anomaly</a> says by how much and what '
         "agreement proves. Neither code has periodic boundaries, exact times of impact or the IFR law itself; "
         '<a href="#bullet_ifr">bullet_ifr</a> brings the law into PyBullet.',
+    ),
+    "gas": (
+        "Gases of many disks, held against the literature",
+        "Every measured value below is the mean of independent simulations (replicas), with its standard error "
+        "from their scatter; expected values come from publications and from kinetic theory. A row passes if they "
+        "differ by no more than the statistical tolerance, which is the same number of standard errors for all "
+        "rows (4 of a Gaussian; Student's t), and the systematic one, which is what the expected value itself "
+        "may be off by. results.json has all of it.",
     ),
 }
 """Title and first paragraph of a report of the group's cases, as HTML."""
@@ -97,7 +105,8 @@ def _head(outcomes: Sequence[Outcome], record: Mapping[str, str]) -> str:
         numbers=(2, 3, 5),
     )
     where = _rows(("", ""), ((_text(key), _text(value)) for key, value in record.items()))
-    title, text = INTRODUCTION["bullet" if all(each.name in BULLET for each in outcomes) else "paper"]
+    kinds = {"bullet" if each.name in BULLET else "gas" if each.name in GAS else "paper" for each in outcomes}
+    title, text = INTRODUCTION[kinds.pop() if len(kinds) == 1 else "paper"]
     return f"<h1>{title}</h1>\n<p>{text}</p>\n{summary}\n<h3>Environment</h3>\n{where}"
 
 
@@ -128,7 +137,11 @@ def _comparisons(outcome: Outcome) -> str:
         reason: chr(ord("a") + i) for i, reason in enumerate(dict.fromkeys(row.reason for row in rows))
     }
     with_printed = any(row.printed is not None for row in rows)
-    header = ("", "quantity", "measured", "expected", "tolerance", *(("printed",) * with_printed), "source")
+    sampled = any(row.sampling is not None for row in rows)
+    header = (
+        "", "quantity", "measured", "expected", "tolerance", *(("printed",) * with_printed),
+        *(("standard error", "systematic", "disks", "seeds") if sampled else ()), "source",
+    )  # fmt: skip
     cells = []
     for row in rows:
         status = "passed" if row.passed else "failed"
@@ -140,13 +153,29 @@ def _comparisons(outcome: Outcome) -> str:
                 number(row.expected),
                 f"{number(row.tolerance)} <sup>{letters[row.reason]}</sup>",
                 *((number(row.printed),) * with_printed),
+                *(_sampling(row) if sampled else ()),
                 rich(row.source),
             )
         )
     reasons = "<br>".join(f"<sup>{letter}</sup> {rich(reason)}" for reason, letter in letters.items())
     bad = [not row.passed for row in rows]
-    table = _rows(header, cells, numbers=range(2, 5 + with_printed), bad=bad)
+    table = _rows(header, cells, numbers=range(2, 5 + with_printed + 3 * sampled), bad=bad)
     return f'{table}<p class="note">Reasons of the tolerances:<br>{reasons}</p>'
+
+
+def _sampling(row: Row) -> tuple[str, str, str, str]:
+    """Standard error, systematic tolerance, disks and seeds of a row; empty if nothing was random."""
+    from .runner import number
+
+    s = row.sampling
+    if s is None:
+        return "", "", "", ""
+    return (
+        number(s.error),
+        number(s.systematic),
+        f"{s.replicas} x {s.disks}",
+        f"{s.seeds[0]}&#8211;{s.seeds[1]}",
+    )
 
 
 def _figure(place: Path, picture: Picture) -> str:

@@ -4,9 +4,9 @@ A case is a module of this package with three things:
 
 - `QUESTION`, one line: what it asks;
 - `REFERENCE`, one line: where the expected values come from;
-- `run(quick)`, which returns a `Result`, or raises `Skip` where it cannot run.
+- `run(quick)`, which returns a `Result`, or raises `Skip` where it cannot run; of a gas, `run(quick, seed)`.
 
-To add one, write the module and put its name into `PAPER` or `BULLET`.
+To add one, write the module and put its name into `PAPER`, `BULLET` or `GAS`.
 """
 
 from __future__ import annotations
@@ -29,15 +29,44 @@ PAPER = ("angles", "velocities", "restitution", "stopping", "rolling", "reductio
 BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bullet_ifr", "bullet_defaults")
 """Cases that hold them against code that nobody here wrote; they need PyBullet."""
 
-CASES = PAPER + BULLET
+GAS = ("gas_state", "gas_elastic", "gas_haff", "gas_cooling", "gas_driven", "gas_collapse", "gas_clusters")
+"""Cases that hold many disks against the literature and kinetic theory; they take minutes, and a seed."""
+
+CASES = PAPER + BULLET + GAS
 """Names of all cases, in the order in which they run; each is a module `ifrdem.validation.<name>`."""
 
-GROUPS = {"paper": PAPER, "bullet": BULLET}
+GROUPS = {"paper": PAPER, "bullet": BULLET, "gas": GAS}
 """Names that stand for several cases."""
 
 
 class Skip(Exception):
     """A case cannot run here (a package is missing, say); the message says why. It never counts as passed."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Where the tolerance of a row of random gases comes from: z * error + systematic.
+
+    Attributes
+    ----------
+    disks, replicas : int
+        Disks in a gas, and how many gases there were.
+    seeds : tuple of two ints
+        Their first and last.
+    error : float
+        Standard error of measured - expected, from the scatter of replicas.
+    z : float
+        How many of it pass.
+    systematic : float
+        How far the expected value may be off.
+    """
+
+    disks: int
+    seeds: tuple[int, int]
+    replicas: int
+    error: float
+    z: float
+    systematic: float
 
 
 @dataclass(frozen=True)
@@ -59,6 +88,8 @@ class Row:
     printed : float or None
         What the paper prints, where that is a misprint: the simulation must also be far from it, by more than
         ten times the tolerance.
+    sampling : Sampling or None
+        Of what is random.
     """
 
     quantity: str
@@ -68,6 +99,7 @@ class Row:
     reason: str
     source: str
     printed: float | None = None
+    sampling: Sampling | None = None
 
     @property
     def passed(self) -> bool:
@@ -148,8 +180,8 @@ class Case(Protocol):
     QUESTION: str
     REFERENCE: str
 
-    def run(self, quick: bool) -> Result:
-        """Measure and compare; `quick` takes fewer samples."""
+    def run(self, quick: bool, /, *seed: int) -> Result:
+        """Measure and compare; `quick` takes fewer samples. Those of `GAS` take a seed."""
         ...
 
 
@@ -177,7 +209,7 @@ def check_names(names: list[str]) -> None:
 
 
 def chosen(names: list[str]) -> list[str]:
-    """The cases that names of cases and groups stand for, each once; of none all but those that need PyBullet."""
+    """The cases that names of cases and groups stand for, each once; of none those of the paper."""
     if not names:
-        return [name for name in CASES if name not in BULLET]
+        return [name for name in CASES if name not in BULLET + GAS]
     return list(dict.fromkeys(case for name in names for case in GROUPS.get(name, (name,))))

@@ -69,20 +69,28 @@ def listing() -> str:
 
 
 def validate(
-    names: Sequence[str], folder: str, *, quick: bool = False, force: bool = False, say: Say = print
+    names: Sequence[str],
+    folder: str,
+    *,
+    quick: bool = False,
+    force: bool = False,
+    seed: int | None = None,
+    say: Say = print,
 ) -> int:
     """Run cases and write their report into a folder.
 
     Parameters
     ----------
     names : sequence of str
-        Cases and groups of cases (`registry.GROUPS`); if none are given, all but those of the group `bullet`.
+        Cases and groups of cases (`registry.GROUPS`); if none are given, those of the paper.
     folder : str
         Where results.json, report.html and the figures go; it is made.
     quick : bool
         Fewer samples.
     force : bool
         Replace a report that is there; figures of cases that do not run again stay.
+    seed : int, optional
+        Of the random gases of the group `gas`, 0 to a million; 1 without it. Another one shares no random number.
     say : callable
         Takes the lines to show.
 
@@ -95,10 +103,13 @@ def validate(
     Raises
     ------
     InputError
-        If a name is wrong, the folder cannot be written, or it holds a report and `force` is not given.
+        If a name is wrong, a seed is given where nothing is random or is not one, the folder cannot be written, or it
+        holds a report and `force` is not given.
     """
     names = list(names)
     registry.check_names(names)
+    _check_seed(seed, registry.chosen(names))
+    seed = 1 if seed is None else seed
     place = _folder(folder, force)
     import matplotlib as mpl
 
@@ -110,9 +121,11 @@ def validate(
     with mpl.rc_context(style.RC):
         for number, name in enumerate(chosen, 1):
             say(f"[{number}/{len(chosen)}] {name}: {registry.load(name).QUESTION}")
-            outcomes.append(_run(name, quick))
+            outcomes.append(_run(name, quick, seed))
             say(_table(outcomes[-1]))
         record = environment(quick=quick, seconds=time.perf_counter() - began)
+        if any(name in registry.GAS for name in chosen):
+            record["seed"] = str(seed)
         _write(place / "results.json", json.dumps(rows_as_json(outcomes), indent=1, allow_nan=False))
         say("writing the report")
         page.write(place, outcomes, record)
@@ -120,9 +133,24 @@ def validate(
     say(_closing(outcomes, place, time.perf_counter() - began, status))
     if not names:
         say(
-            f"not run: the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()})"
+            f"not run: the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()}); and "
+            "gases against the literature: `ifrdem validate gas`"
         )
     return status
+
+
+MOST_SEED = 1_000_000
+
+
+def _check_seed(seed: int | None, chosen: Sequence[str]) -> None:
+    if seed is None:
+        return
+    if not 0 <= seed <= MOST_SEED:
+        raise InputError(f"--seed {seed}: a whole number from 0 to {MOST_SEED} is needed")
+    if not any(name in registry.GAS for name in chosen):
+        raise InputError(
+            f"--seed {seed}: only the cases of the group gas take a seed: {', '.join(registry.GAS)}"
+        )
 
 
 def _folder(folder: str, force: bool) -> Path:
@@ -147,12 +175,12 @@ def _write(path: Path, text: str) -> None:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _run(name: str, quick: bool) -> Outcome:
+def _run(name: str, quick: bool, seed: int) -> Outcome:
     case = registry.load(name)
     outcome = Outcome(name, case.QUESTION, case.REFERENCE)
     began = time.perf_counter()
     try:
-        outcome.result = case.run(quick)
+        outcome.result = case.run(quick, seed) if name in registry.GAS else case.run(quick)
         if not outcome.result.rows:
             outcome.error = "the case compared nothing"
     except Skip as reason:
@@ -190,6 +218,7 @@ def rows_as_json(outcomes: Sequence[Outcome]) -> list[dict[str, object]]:
                     "printed": _finite(row.printed),
                     "passed": row.passed,
                     "status": "passed" if row.passed else "failed",
+                    **_sampling(row),
                 }
             )
         if each.error or each.skipped:
@@ -208,6 +237,17 @@ def rows_as_json(outcomes: Sequence[Outcome]) -> list[dict[str, object]]:
                 }
             )
     return rows
+
+
+def _sampling(row: Row) -> dict[str, object]:
+    """How a random row was sampled; nothing of one that is not."""
+    if row.sampling is None:
+        return {}
+    s = row.sampling
+    return {
+        "disks": s.disks, "replicas": s.replicas, "seeds": list(s.seeds), "statistical_error": _finite(s.error),
+        "errors_allowed": s.z, "systematic_tolerance": _finite(s.systematic),
+    }  # fmt: skip
 
 
 def _finite(value: float | None) -> float | None:

@@ -1,0 +1,144 @@
+r"""Rough disks that keep their energy: e_n = 1 and friction that always sticks, with the slip reversed.
+
+The contact-point law with e_t = 0 and the percussion-centre law with e_t = -1/2 (k = 2) both reverse the slip, g_t' =
+-g_t: perfectly rough disks. mu = 10^6 takes the place of infinity: 1 in some 10^12 collisions would slide.
+
+*Relaxation.* A collision gives P_t = 2 m_t g_t = m g_t / (1 + k). Averaged over colliding pairs of Gaussian velocities
+and spins (`theory.rough_rates`, S. Luding, M. Huthmann, S. McNamara and A. Zippelius, Phys. Rev. E 58, 3416 (1998),
+doi:10.1103/PhysRevE.58.3416), each collision of a disk changes T by k (T_rot - T) / (1 + k)^2 and T_rot by twice
+that of the other sign, so that the difference falls like exp(-lambda tau), lambda = 3 k / (1 + k)^2 = 2/3.
+
+*Equipartition.* Momentum is kept, the angular one is not in a periodic box: energies of 2 (N - 1) components of motion
+and N of spin have the same mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..dsmc import DSMC
+from ..law import IFRLaw
+from ..observables import Measure
+from ..simulation import Simulation
+from . import style
+from .gas_sample import Mean, compare, fluid, seeds_of, start
+from .registry import Picture, Result
+
+QUESTION = (
+    "Do perfectly rough disks keep their energy, relax at the rate of kinetic theory, and share it equally?"
+)
+REFERENCE = "Luding et al. (1998), doi:10.1103/PhysRevE.58.3416; equipartition"
+
+LAWS = {
+    "contact point, e_t = 0": IFRLaw(e_n=1.0, e_t=0.0, mu=1e6, sticking="contact_point"),
+    "percussion centre, e_t = -1/2": IFRLaw(e_n=1.0, e_t=-0.5, mu=1e6, sticking="percussion_center"),
+}
+LAMBDA = 2.0 / 3.0
+N, PHI = 8192, 0.05
+FEW = 512  # disks of the longer runs for equipartition
+T, T_ROT = 1.4, 0.2  # at the start: the mean energy of a component is 1/2
+TAU = np.linspace(0.0, 4.0, 17)
+LATER = (40.0, 140.0)  # collisions per disk over which equipartition is measured
+SOURCE = "Luding et al. (1998), doi:10.1103/PhysRevE.58.3416"
+Array = NDArray[np.float64]
+
+
+def run(quick: bool, seed: int) -> Result:
+    """See the module's QUESTION."""
+    result = Result()
+    replicas = 10 if quick else 32
+    figure, (left, right) = style.panels(2)
+    bridge = np.array([_dsmc(one, 20_000) for one in seeds_of(seed, 4 if quick else 16, 180)])
+    for i, (name, law) in enumerate(LAWS.items()):
+        seeds = seeds_of(seed, replicas, 100 + 40 * i)
+        ratio, drift, shares = (
+            np.array(part) for part in zip(*(_replica(law, one) for one in seeds), strict=True)
+        )
+        result.near(
+            f"largest relative change of the energy, {name}, {int(LATER[1])} collisions per disk",
+            drift.max(), 0.0, 1e-12, "f64 round-off of 30,000 collisions", "conservation of energy",
+        )  # fmt: skip
+        _compare(result, name, seeds, ratio, bridge, shares)
+        colour = style.COLOURS[i]
+        mean = ratio.mean(axis=0)
+        left.errorbar(TAU, mean, ratio.std(axis=0, ddof=1) / math.sqrt(len(seeds)), fmt="os"[i], mfc="none",
+                      color=colour, label=name)  # fmt: skip
+        right.plot(
+            TAU, 100.0 * (mean / np.exp(-LAMBDA * TAU) - 1.0), "os"[i], mfc="none", color=colour, label=name
+        )
+    left.plot(TAU, np.exp(-LAMBDA * TAU), color=style.BLACK, label=r"$e^{-2\tau/3}$")
+    right.plot(
+        TAU, 100.0 * (bridge.mean(axis=0) / np.exp(-LAMBDA * TAU) - 1.0), color=style.GREEN, label="DSMC"
+    )
+    right.axhline(0.0, color=style.BLACK)
+    left.set(
+        yscale="log",
+        xlabel=r"collisions per disk $\tau$",
+        ylabel=r"$(T - T_\mathrm{rot})$ / that at the start",
+    )
+    right.set(xlabel=r"collisions per disk $\tau$", ylabel=r"difference from $e^{-2\tau/3}$ (%)")
+    left.legend()
+    right.legend()
+    caption = (
+        f"Relaxation of perfectly rough disks at packing fraction {PHI}; mean of {replicas} gases of {N}."
+    )
+    result.pictures.append(Picture("gas_elastic", caption, figure))
+    return result
+
+
+def _compare(
+    result: Result, name: str, seeds: Sequence[int], ratio: Array, bridge: Array, shares: Array
+) -> None:
+    why = "3 %: velocities and spins become correlated on the way, which Gaussian theory leaves out"
+    for tau in (0.5, 1.0, 2.0):
+        expected = math.exp(-LAMBDA * tau)
+        at = int(np.argmin(np.abs(TAU - tau)))
+        text = f"(T - T_rot) / that at the start after {tau:g} collisions per disk, {name}"
+        if tau <= 1.0:
+            compare(
+                result, f"{text}, against theory", ratio[:, at], expected, disks=N, seeds=seeds,
+                systematic=0.03 * expected, why=why, source=SOURCE,
+            )  # fmt: skip
+        mean = Mean.of(bridge[:, at])
+        compare(
+            result, f"{text}, against DSMC", ratio[:, at], mean, disks=N, seeds=seeds, systematic=0.01 * mean.value,
+            why="1 %: collisions in a gas of packing fraction 0.05 are not quite independent",
+            source="DSMC of the same law",
+        )  # fmt: skip
+    compare(
+        result, f"T_rot / T, {LATER[0]:g} to {LATER[1]:g} collisions per disk, {name}", shares, 1.0, disks=FEW,
+        seeds=seeds, systematic=1e-4, why="1e-4: what is left of the start", source="equipartition",
+    )  # fmt: skip
+
+
+def _replica(law: IFRLaw, seed: int) -> tuple[Array, float, float]:
+    """(T - T_rot) relative to the start at `TAU`, the relative change of the energy, and T_rot / T later on."""
+    disks, box, begin = fluid(N, PHI, seed, melting=20.0, T=T, T_rot=T_ROT)
+    gas = Simulation(disks, box, law, begin)
+    rows: list[Measure] = []
+    gas.run(
+        collisions_per_disk=TAU[-1], frames=len(TAU) - 1, observers=[lambda _, measure: rows.append(measure)]
+    )
+    apart = np.array([one.temperature - one.rotational_temperature for one in rows])
+    disks, box, begin = fluid(FEW, PHI, seed, melting=20.0, T=T, T_rot=T_ROT)
+    gas = Simulation(disks, box, law, begin)
+    gas.run(collisions_per_disk=LATER[0])
+    later: list[Measure] = []
+    gas.run(collisions_per_disk=LATER[1], frames=200, observers=[lambda _, measure: later.append(measure)])
+    drifts = [abs(run[-1].energy / run[0].energy - 1.0) for run in (rows, later)]
+    moving = np.mean([one.temperature for one in later]) * FEW / (FEW - 1.0)
+    shares = float(np.mean([one.rotational_temperature for one in later]) / moving)
+    return apart / apart[0], max(drifts), shares
+
+
+def _dsmc(seed: int, n: int) -> Array:
+    """The same fall by DSMC."""
+    disks, _, begin = start(n, PHI, seed, T=T, T_rot=T_ROT)
+    gas = DSMC(disks, LAWS["contact point, e_t = 0"], PHI, begin.velocity, begin.spin, seed=seed)
+    found = gas.run(collisions_per_disk=TAU[-1], samples=TAU[1:])
+    apart = found.T - found.T_rot
+    return apart / apart[0]
