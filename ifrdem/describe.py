@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from . import h5md, history, views
+from . import h5md, history, status, views
 from .box import Box
-from .errors import InputError
 from .trajectory import Trajectory
 
 
@@ -157,9 +155,9 @@ def _describe_beside(path: Path) -> list[str]:
     checkpoint = path.with_name(f"{name}.checkpoint.h5")
     if checkpoint.exists():
         lines.append(f"  checkpoint        {checkpoint.name} ({_bytes(checkpoint.stat().st_size)})")
-    status = path.with_name(f"{name}.status.json")
-    if status.exists():
-        lines.append(f"  status            {status.name}: {_status(status)}")
+    told = status.path_of(path)
+    if told.exists():
+        lines.append(f"  status            {told.name}: {_status(told)}")
     for view in views.paths(path):
         if view.exists():
             old = view.stat().st_mtime_ns < path.stat().st_mtime_ns
@@ -169,11 +167,8 @@ def _describe_beside(path: Path) -> list[str]:
 
 
 def _status(path: Path) -> str:
-    try:
-        status = json.loads(path.read_text(encoding="utf-8"))
-        state, message = str(status["state"]), str(status.get("message") or "")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path} cannot be read as the status of a run: {error}") from None
+    found = status.read(path)  # which knows whether the run's process is there still
+    state, message = str(found["state"]), str(found.get("message") or "")
     return f"{state}, {message}" if message else state
 
 

@@ -25,8 +25,9 @@ from .errors import InputError
 from .staged_group import staged
 
 HISTORIES = "histories"
-CHUNK_EVENTS = 16384
-"""Events per chunk. Never compressed: the last chunk is written again by each commit, and must stay in its place."""
+CHUNK_EVENTS, FEW_EVENTS, MANY = 16384, 512, 1000
+"""Events per chunk of many tracked disks; of fewer than MANY; never compressed: the last chunk is written again by each
+commit, and must stay in its place."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,10 @@ def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict
                 f"events/{name}",
                 shape=(0, *column.tail),
                 maxshape=(None, *column.tail),
-                chunks=(CHUNK_EVENTS, *column.tail),
+                chunks=(
+                    CHUNK_EVENTS if len(tracked) >= MANY else min(CHUNK_EVENTS, FEW_EVENTS),
+                    *column.tail,
+                ),
                 dtype=column.dtype,
             )
         for name, first in (("events", np.int64(0)), ("time", np.float64(time))):

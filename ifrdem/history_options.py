@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-SHOWN = 10  # events that are printed
+import numpy as np
+
+SHOWN = 10  # collisions that are printed
 
 
 def add_to(verbs: Any) -> None:
@@ -59,13 +61,14 @@ def summary(trajectory: Any, history: Any) -> list[str]:
     ]
     if history.collisions > 1:
         lines.append(f"  mean free time {time(history.mean_free_time)}")
-    first = max(0, len(history) - SHOWN)
-    if len(history):
+    # Kicks would fill the list of a driven disk.
+    shown = np.flatnonzero(history.partner != KICK)[-SHOWN:]
+    if len(shown):
         header = f"  {'time':>14} {'partner':>8} {'regime':<20} {'psi':>7} {'P_n':>11} {'P_t':>11} {'spin after':>12}"
         lines.append(header)
-    for i in range(first, len(history)):
+    for i in shown:
         partner = int(history.partner[i])
-        who = str(partner) if partner >= 0 else "kick" if partner == KICK else f"wall {-2 - partner}"
+        who = str(partner) if partner >= 0 else f"wall {-2 - partner}"
         impulse = history.impulse[i]
         lines.append(
             f"  {history.time[i]:>14.8g} {who:>8} {regime(int(history.regime[i])):<20} {history.psi[i]:>7.4f} "

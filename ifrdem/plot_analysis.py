@@ -301,7 +301,7 @@ def impact(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
         lw=0.8,
         mfc="none",
         color=TRANSLATION,
-        label="collisions",
+        label=f"{found.collisions} collisions",
     )
     left.plot(degrees, np.cos(found.psi), "-", color=RATIO, lw=1.5, label=r"molecular chaos, $\cos\psi$")
     left.set_xlim(0.0, 90.0)

@@ -135,6 +135,11 @@ def resume(
         say(
             f"{case.run.name}: {gas.disks.n} disks go on at t = {simulation.time:.6g}{case.unit('time')}, "
             f"after {simulation.collisions} collisions and {ledger.frames} frames, on {how(case)}"
+            + (
+                f"; {len(writer) - ledger.frames} later frames of the file are computed again and compared"
+                if len(writer) > ledger.frames
+                else ""
+            )
         )
         job = Job(file, gas, outputs, simulation, course, ledger, queue, device_of(case), pending)
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)

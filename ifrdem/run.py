@@ -204,6 +204,7 @@ def drive(
             save(job, recorder)
             stops.stored()
 
+    say("compiling kernels: seconds if this machine has compiled them before, else up to some minutes")
     try:
         with stops, progress:
             simulation.follow(
@@ -214,7 +215,7 @@ def drive(
     except Stopped as stop:
         save(job, recorder)
         text = _remains(job, str(stop))
-        status.finish("interrupted", text)
+        status.finish("interrupted", _one_line(text))
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
@@ -222,7 +223,7 @@ def drive(
             job.writer.flush()
         text = _remains(job, "interrupted")
         if len(job.writer):
-            status.finish("interrupted", text)
+            status.finish("interrupted", _one_line(text))
         else:
             status.path.unlink(missing_ok=True)
             job.outputs.checkpoint.unlink(missing_ok=True)
@@ -288,6 +289,11 @@ def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
     if gas.box.shear_rate:
         return plot.sheared
     return plot.driven if case.force else plot.cooling
+
+
+def _one_line(text: str) -> str:
+    """For the status, whose state says already that it was interrupted."""
+    return "; ".join(text.removeprefix("interrupted: ").splitlines())
 
 
 def _remains(job: Job, reason: str) -> str:
