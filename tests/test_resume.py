@@ -85,7 +85,13 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("whole")
     (folder / "gas.toml").write_text(CASE)
     assert cli.main(["run", str(folder / "gas.toml"), "-o", f"{folder}/"]) == 0
-    assert sorted(each.name for each in folder.iterdir()) == ["gas.h5", "gas.status.json", "gas.toml"]
+    assert sorted(each.name for each in folder.iterdir()) == [
+        "gas.h5",
+        "gas.nc",
+        "gas.status.json",
+        "gas.toml",
+        "gas.vtkhdf",
+    ]
     return folder / "gas.h5"
 
 
