@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-import numpy as np
-
 SHOWN = 10  # collisions that are printed
 
 
@@ -47,6 +45,8 @@ def act(options: argparse.Namespace) -> int:
 
 def summary(trajectory: Any, history: Any) -> list[str]:
     """A disk's history in some lines."""
+    import numpy as np
+
     from .history import KICK
 
     def time(value: float) -> str:
