@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import json
 import os
 from collections.abc import Mapping
@@ -40,6 +41,10 @@ def write(
         If it cannot be written; the old file is kept then.
     """
     place = Path(path)
+    for left in place.parent.glob(
+        f".{glob.escape(place.name)}.*.part"
+    ):  # by a run that was killed while it wrote
+        left.unlink(missing_ok=True)
     aside = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
         with h5py.File(aside, "w") as file:

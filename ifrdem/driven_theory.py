@@ -208,6 +208,8 @@ def driven(
         return np.empty(0), np.empty(0), np.empty(0)
     if T0 == 0.0 and drive.power == 0.0:
         raise InputError("T0 = 0 and no power: nothing moves")
+    if when[-1] == 0.0:  # all are the start, which an integrator may not leave from rest
+        return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
     scale = max(T0, (drive.power + drive.spin_power) * float(when[-1])) or 1.0
 
     def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -219,7 +221,7 @@ def driven(
 
     solution = solve_ivp(
         slope,
-        (0.0, max(float(when[-1]), 1e-300)),
+        (0.0, float(when[-1])),
         (T0 / scale, T_rot0 / scale, 0.0),
         method="LSODA",
         t_eval=when,

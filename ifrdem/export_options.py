@@ -40,7 +40,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
 def place(options: argparse.Namespace, ending: str) -> Path:
     """The file to write, checked; its default lies beside the trajectory."""
     from .errors import InputError
-    from .outputs import check_files
+    from .outputs import check_apart, check_files
 
     given = Path(options.file)
     if options.output is not None and not options.output.strip():
@@ -48,8 +48,8 @@ def place(options: argparse.Namespace, ending: str) -> Path:
     found = given.with_name(given.name.removesuffix(".h5") + ending)
     if options.output is not None:
         found = Path(options.output)
-    if found.exists() and given.exists() and found.samefile(given):
-        raise InputError(f"output {found}: is the trajectory itself; -o writes elsewhere")
+    if given.exists():
+        check_apart(found, given)
     check_files([found], force=options.force)
     return found
 

@@ -95,6 +95,18 @@ def checkpoint_of(trajectory: Path) -> Path:
     return trajectory.with_name(trajectory.name.removesuffix(".h5") + CHECKPOINT)
 
 
+def check_apart(path: Path, trajectory: Path) -> None:
+    """Refuse an output that would replace the trajectory that it is made of.
+
+    Raises
+    ------
+    InputError
+        If both are one file.
+    """
+    if path.exists() and path.samefile(trajectory):
+        raise InputError(f"output {path}: is the trajectory itself; -o writes elsewhere")
+
+
 def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:
     """Refuse files that exist (unless `force`) or cannot be written.
 
@@ -107,6 +119,8 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writ
     for path in paths:
         if path.is_dir():
             wrong.append(f"output {path}: is a folder")
+        elif path.exists() and not path.is_file():
+            wrong.append(f"output {path}: is a device or pipe, no file that could be replaced")
         elif path.exists() and not force:
             wrong.append(f"output {path}: exists already; --force replaces it, {elsewhere}")
     for folder in dict.fromkeys(path.parent for path in paths):

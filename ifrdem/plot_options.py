@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import frame_numbers
 from .errors import InputError, nearest
-from .outputs import check_files
+from .outputs import check_apart, check_files
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,6 +90,7 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
             None if options.frames is None else list(frame_numbers.chosen(options.frames, len(trajectory)))
         )
         path = Path(options.output or f"{trajectory.path.stem}-{options.what}.png")
+        check_apart(path, trajectory.path)
         check_files([path], force=options.force)
         from . import plot
 

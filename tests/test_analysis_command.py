@@ -244,6 +244,8 @@ def test_plot_writes_a_png_once(
             "no picture is called 'temperature' (did you mean 'temperatures'?)",
         ),
         (("plot", "run.h5"), "a trajectory and what to draw of it are needed"),
+        (("plot", "run.h5", "disks", "-o", "run.h5", "--force"), "is the trajectory itself"),
+        (("plot", "run.h5", "disks", "-o", "/dev/zero", "--force"), "is a device or pipe"),
         (
             ("analyse", "run.h5", "impact"),
             "holds no histories of collisions: name the disks to track in output.hist",

@@ -165,6 +165,11 @@ def test_a_checkpoint_appears_whole_or_not_at_all(tmp_path, monkeypatch):
     assert record["n"] == 1
     assert arrays["a"].tolist() == [0, 1, 2]
     assert os.listdir(tmp_path) == ["a.h5"]
+    # What a killed process left is tidied up.
+    (tmp_path / ".a.h5.123.part").write_text("half")
+    monkeypatch.undo()
+    checkpoint.write(path, {"a": np.arange(5)}, {"n": 3})
+    assert os.listdir(tmp_path) == ["a.h5"]
 
 
 def test_the_checkpoint_of_another_version_is_refused_with_both(tmp_path):

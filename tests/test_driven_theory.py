@@ -104,3 +104,12 @@ def test_impossible_input_is_refused() -> None:
         driven(COIN, *GAS, Drive(), 1.0, 0.0, [2.0, 1.0])
     with pytest.raises(InputError, match="T0 = -1"):
         driven(COIN, *GAS, Drive(), -1.0, 0.0, [1.0])
+
+
+def test_at_the_start_a_gas_is_as_it_starts_from_rest_too() -> None:
+    """No time has passed: an integrator that is asked for none must not search for a step."""
+    for T0 in (0.0, 0.5):
+        T, T_rot, collisions = driven(COIN, *GAS, Drive(power=0.1), T0, 0.25, [0.0, 0.0])
+        assert T.tolist() == [T0, T0]
+        assert T_rot.tolist() == [0.25, 0.25]
+        assert not collisions.any()
