@@ -372,6 +372,8 @@ class Engine:
         before = followed.snapshot(self.arrays, self._placed) if followed is not None else None
         for index in due:
             self.splitting.apply(index, self.time)
+        if due:
+            self.epochs.unsettle()
         if followed is not None and before is not None:
             followed.kick(self.time, before, followed.snapshot(self.arrays, self._placed))
         if due and self._space is not None:
@@ -402,6 +404,7 @@ class Engine:
         old, new = self.arrays, self._arrays_for(state, inner, self.skin, offset)
         self.arrays = self.epochs.arrays = self.splitting.arrays = new
         self._inner, self._offset = inner, offset
+        self.epochs.unsettle()
         old.release()
 
     def _fly_apart(self, space: OpenSpace, stop: float) -> None:
@@ -481,7 +484,8 @@ class Engine:
         self.arrays.launch(export, self.time, real_out=real, int_out=integer)
         position = self._placed(real[:n, 0:2])
         image = integer[:n, 1:3].copy()
-        escaped = np.flatnonzero(np.any((image != 0) & ~np.array(self.box.periodic), axis=1))
+        shut = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
+        escaped = np.flatnonzero(np.any(image[:, shut] != 0, axis=1))
         if len(escaped):
             where = "through its open sides" if self.box.is_open else "where a wall should be"
             raise EngineError(
@@ -509,8 +513,10 @@ class Engine:
         """Positions in the user's box [length] of those on the device."""
         position = place - self._offset
         # Rounding can put a disk onto the far side, which is the next box already.
-        inside = np.minimum(position, np.nextafter(self.box.lengths, 0.0))
-        return np.where(self.box.periodic, inside, position)
+        for axis, (periodic, length) in enumerate(zip(self.box.periodic, self.box.lengths, strict=True)):
+            if periodic:
+                np.minimum(position[:, axis], np.nextafter(length, 0.0), out=position[:, axis])
+        return position
 
     def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Energy that collisions took, by mechanism, and collisions by regime (`kernels/ledger.py`), so far.

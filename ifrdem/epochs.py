@@ -115,6 +115,7 @@ class Epochs:
         # Tiles run ahead of each other by one window, this part of an epoch; in clusters a small one.
         self._window = 1.0 / (windows or 1)
         self._adapt = windows is None
+        self._settled = False
         self._in_order = 0  # so many epochs more are left to one thread
         self._burst = 1  # epochs of the next launch, where one thread runs them
         self.log_growth = 2  # a log that was too short gets longer by this factor
@@ -122,16 +123,23 @@ class Epochs:
 
     def settle(self, now: float) -> float:
         """Fly and sort the disks to the end of the epoch before, at time `now`; returns the largest speed."""
-        self.arrays.launch(settle)
-        self.arrays.scale[DURATION] = 0.0
+        if not self._settled:
+            self.arrays.launch(settle)
+            self.arrays.scale[DURATION] = 0.0
+            self._settled = True
         if self.arrays.uses.sheared:
             self.arrays.displace_rows(now)
         self._watchdog(now)
         return float(self.arrays.limit[FASTEST])
 
+    def unsettle(self) -> None:
+        """Take note that something has moved, or moves otherwise: the next settling has work to do."""
+        self._settled = False
+
     def fly(self, duration: float) -> None:
         """Let the disks fly on, all by the same time, when they settle."""
         self.arrays.scale[DURATION] = duration
+        self._settled = False
 
     def _watchdog(self, now: float) -> None:
         earliest = float(self.arrays.limit[EARLIEST])
@@ -158,6 +166,7 @@ class Epochs:
         It pauses where an epoch ends at or after `pause_at` or `pause_after` more collisions.
         """
         a = self.arrays
+        self._settled = False
         a.clock[[NOW, TIME_END, PLANNED, PAUSE_AT]] = now, t_end, 0.0, pause_at
         a.total[:] = 0
         a.total[PAUSE_AFTER] = 2**62 if pause_after is None else pause_after
@@ -198,6 +207,7 @@ class Epochs:
         fastest = self.settle(now)
         if self._still(fastest):
             return Outcome(now, 0.0, 0.0, 0, 0.0, still=True)
+        self._settled = False
         a.clock[NOW] = now
         cap = speed_cap(fastest, float(a.limit[MEAN_SQUARE]), a.most_level) + self._rows_apart()
         left = t_end - now

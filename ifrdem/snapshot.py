@@ -125,6 +125,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
         engine.collisions, engine.wall_hits, engine._stalled, engine._resting, epochs._in_order, epochs._burst,
         epochs.log_growth, epochs._log_growths,
     ) = found["counts"].tolist()  # fmt: skip
+    epochs.unsettle()
     epochs._window = float(found["window"][0])
     counted = Statistics(*found["statistics"].tolist())
     engine.statistics.__dict__.update(asdict(counted))

@@ -138,9 +138,9 @@ class State:
         ):
             if value.shape != shape:
                 raise InputError(f"{name} has shape {value.shape}: {shape} is needed")
-            finite = np.isfinite(value).reshape(n, value.size // max(n, 1)).all(axis=1)
+            finite = np.isfinite(value)
             if not finite.all():
-                i = int(np.argmin(finite))
+                i = int(np.argmin(finite)) // max(value.size // n, 1)
                 raise InputError(f"{name}[{i}] = {value[i]}: every value must be finite")
         if self.collisions is None:
             self.collisions = np.zeros(n, dtype=np.int32)
