@@ -44,7 +44,8 @@ def checked(
             check_name(what, name, separator=False)
         return found
     if found.keys() != first.keys():
-        raise InputError(f"{what}s {sorted(found)}: the first {row} has {sorted(first)}")
+        several = what if what.endswith("s") else f"{what}s"
+        raise InputError(f"{several} {sorted(found)}: the first {row} has {sorted(first)}")
     for name, numbers in found.items():
         dataset = first[name]
         if numbers.shape != dataset.shape[1:]:

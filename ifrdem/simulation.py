@@ -395,7 +395,7 @@ class Simulation:
         observers, samplers = list(observers), list(samplers)
         frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
         sampling = course.series is not None and bool(samplers)
-        exact = course.series is not None and course.series.exact
+        exact = sampling and course.series is not None and course.series.exact
         if course.next_row == 0:
             course.next_row = 1
             if sampling:

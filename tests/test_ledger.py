@@ -153,6 +153,8 @@ def test_exact_series_stand_where_they_are_due(arch):
     simulation.run(t_end=1.0, series=40, samplers=[rows.append])
     assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
     assert rows[0].dissipated is None  # no ledger was asked for
+    simulation.run(t_end=1.1, series=3)  # nobody samples: it ends all the same
+    assert simulation.time == 1.1
 
 
 def test_totals_on_the_device_are_those_of_the_state(arch):
