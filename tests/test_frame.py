@@ -295,7 +295,9 @@ def test_describe_speaks_of_series_ledger_and_what_is_beside(tmp_path):
     write(path)
     given = add_series(path)
     (tmp_path / "run.checkpoint.h5").write_bytes(b"x" * 2000)
-    (tmp_path / "run.status.json").write_text('{"state": "interrupted", "message": "by SIGTERM"}')
+    (tmp_path / "run.status.json").write_text(
+        '{"format": 1, "state": "interrupted", "message": "by SIGTERM"}'
+    )
     text = describe(path)
     worst = np.max(np.abs(given["ledger_residual"]))
     for part in (
@@ -307,5 +309,5 @@ def test_describe_speaks_of_series_ledger_and_what_is_beside(tmp_path):
     ):
         assert part in text, text
     (tmp_path / "run.status.json").write_text("{")
-    with pytest.raises(InputError, match=r"run\.status\.json cannot be read as the status"):
+    with pytest.raises(InputError, match=r"run\.status\.json is not a status file"):
         describe(path)

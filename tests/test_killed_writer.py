@@ -294,7 +294,7 @@ def test_a_disk_that_fails_in_the_middle_of_a_frame_leaves_what_was_before(tmp_p
             TrajectoryError, match=r"\(Input/output error\); the 1 frames and 1 rows of the series before"
         ):
             writer.write(some_state(3, 1), {"energy": 0.5})
-        with pytest.raises(TrajectoryError, match="closed: a row of the series cannot be added"):
+        with pytest.raises(TrajectoryError, match="closed: rows of the series cannot be added"):
             writer.write_series(0.1, row(1))
     monkeypatch.undo()
     assert assert_whole(path, 3, "fs") == (1, 1, 0)
