@@ -26,6 +26,8 @@ from ifrdem.state import State
 from ifrdem.trajectory import Trajectory
 from ifrdem.trajectory_writer import TrajectoryError
 
+pytestmark = pytest.mark.unoptimised
+
 ROOT = Path(__file__).parents[1]
 
 CASE = """

@@ -15,6 +15,8 @@ from ifrdem.errors import InputError
 from ifrdem.gas import Gas
 from ifrdem.problems import problems
 
+pytestmark = pytest.mark.unoptimised
+
 CASES = Path(__file__).parents[1] / "cases"
 
 
