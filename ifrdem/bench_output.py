@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from . import bench, equilibrium
-from .cadence import Cadence
+from .cadence import Cadence, Span
 from .case_output import ROWS_PER_FRAME
+from .course import Course
 from .gas import Gas
 from .queued_writer import QueuedWriter
 from .recorder import Ledger, Recorder
 from .simulation import Simulation
-from .trajectory_writer import TrajectoryWriter
+from .trajectory_writer import TrajectoryError, TrajectoryWriter
 
 FRAMES = 3
 """Frames in a timed piece, one for each collision that a disk has on average."""
@@ -25,7 +26,7 @@ FRAMES = 3
 
 @dataclass(frozen=True)
 class OutputCost:
-    """Times of pieces of a run [s], with output and without, in turn.
+    """Times of pieces of a run [s]: bare, with the energy ledger, and with all output, in turn.
 
     Attributes
     ----------
@@ -35,7 +36,7 @@ class OutputCost:
         Packing fraction.
     compression : str
         Of the frames; `compressor` says by whom.
-    bare, writing : list of float
+    bare, tallied, writing : list of float
         Seconds of each piece, FRAMES collisions per disk.
     rows : int
         Rows of the time series in all.
@@ -48,6 +49,7 @@ class OutputCost:
     compression: str
     compressor: str | None
     bare: list[float]
+    tallied: list[float]
     writing: list[float]
     rows: int
     frame_bytes: float
@@ -55,19 +57,24 @@ class OutputCost:
     @property
     def share(self) -> float:
         """What output costs, as a part of the run without: the median over pieces side by side."""
-        return statistics.median(w / b - 1.0 for w, b in zip(self.writing, self.bare, strict=True))
+        return statistics.median(_shares(self.writing, self.bare))
+
+    @property
+    def ledger_share(self) -> float:
+        """What of that the energy ledger costs, likewise."""
+        return statistics.median(_shares(self.tallied, self.bare))
 
     def figures(self) -> dict[str, Any]:
         """All figures, as JSON knows them."""
         return {
             "n": self.n, "phi": self.phi, "compression": self.compression, "compressor": self.compressor,
-            "seconds_bare": self.bare, "seconds_writing": self.writing, "share": self.share,
-            "series_rows": self.rows, "frame_bytes": self.frame_bytes, "environment": bench.environment(),
+            "seconds_bare": self.bare, "seconds_with_ledger": self.tallied, "seconds_writing": self.writing,
+            "share": self.share, "ledger_share": self.ledger_share, "series_rows": self.rows,
+            "frame_bytes": self.frame_bytes, "environment": bench.environment(),
         }  # fmt: skip
 
     def report(self) -> str:
         """For people."""
-        shares = [w / b - 1.0 for w, b in zip(self.writing, self.bare, strict=True)]
         by = f" by {self.compressor}" if self.compressor else ""
         return "\n".join(
             [
@@ -75,14 +82,35 @@ class OutputCost:
                 "has, time series and ledger",
                 f"  a frame                {self.frame_bytes / 1e6:.3g} MB in the file, compression "
                 f"{self.compression}{by}",
-                f"  without output         {statistics.median(self.bare):.3g} s for {FRAMES} collisions per disk "
-                f"(median of {len(self.bare)}; {min(self.bare):.3g} to {max(self.bare):.3g})",
-                f"  with it                {statistics.median(self.writing):.3g} s "
-                f"({min(self.writing):.3g} to {max(self.writing):.3g}), {self.rows} rows of series",
-                f"  output costs           {100.0 * self.share:.1f} % (median; {100.0 * min(shares):.1f} to "
-                f"{100.0 * max(shares):.1f} %)",
+                f"  without output         {_spread(self.bare, 's')} for {FRAMES} collisions per disk",
+                f"  with the ledger        {_spread(self.tallied, 's')}",
+                f"  and frames and series  {_spread(self.writing, 's')}, {self.rows} rows of series",
+                f"  the ledger costs       {_spread(_shares(self.tallied, self.bare, 100.0), '%')}",
+                f"  all output costs       {_spread(_shares(self.writing, self.bare, 100.0), '%')}",
             ]
         )
+
+
+def _shares(with_it: list[float], without: list[float], whole: float = 1.0) -> list[float]:
+    return [whole * (w / b - 1.0) for w, b in zip(with_it, without, strict=True)]
+
+
+def _spread(values: list[float], unit: str) -> str:
+    middle = statistics.median(values)
+    return f"{middle:.3g} {unit} (median of {len(values)}; {min(values):.3g} to {max(values):.3g} {unit})"
+
+
+def _touch(path: Path, size: int) -> None:
+    """Fill so much of the page cache and give it back: memory that a virtual machine's host has yet to find is slow."""
+    block = bytes(2**22)
+    try:
+        with path.open("wb", buffering=0) as file:
+            for _ in range(size // len(block) + 1):
+                file.write(block)
+    except OSError as error:
+        raise TrajectoryError(f"{path} cannot be written: {error}") from error
+    finally:
+        path.unlink(missing_ok=True)
 
 
 def measure(
@@ -96,7 +124,7 @@ def measure(
     compression: str = "none",
     note: Callable[[str], None] = lambda _: None,
 ) -> OutputCost:
-    """Time pieces of an elastic gas at equilibrium, bare and writing in turn.
+    """Time pieces of an elastic gas at equilibrium, bare, with the ledger and writing, in turn.
 
     Two simulations of the same start run side by side, so that a change of the machine's speed hits both.
 
@@ -116,32 +144,39 @@ def measure(
     for simulation in (plain, telling):
         simulation.run(t_end=simulation.time + equilibrium.mixing_time(gas))
     bare: list[float] = []
+    tallied: list[float] = []
     writing: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.h5"
         with QueuedWriter(TrajectoryWriter(path, gas.disks, gas.box, compression=compression)) as writer:
             recorder = Recorder(writer, Ledger())
+            told: dict[str, Any] = {"observers": [recorder.frame], "samplers": [recorder.row]}
 
-            def piece(simulation: Simulation, **options: Any) -> float:
-                began = time.perf_counter()
+            def piece(simulation: Simulation, *, first: bool = False, **told: Any) -> float:
                 done = 2.0 * simulation.collisions / n
-                simulation.run(collisions_per_disk=done + FRAMES, **options)
+                span = Span.to(n, simulation.time, simulation.collisions, collisions_per_disk=done + FRAMES)
+                course = Course(
+                    span, Cadence(number=FRAMES if told else 1),
+                    Cadence(number=ROWS_PER_FRAME * FRAMES, exact=False) if told else None,
+                    next_frame=0 if first else 1, next_row=0 if first else 1,
+                )  # fmt: skip
+                began = time.perf_counter()
+                simulation.follow(course, **told)
                 recorder.write_rows()
                 writer.flush()
                 return time.perf_counter() - began
 
-            told: dict[str, Any] = {
-                "frames": FRAMES,
-                "observers": [recorder.frame],
-                "series": Cadence(number=ROWS_PER_FRAME * FRAMES, exact=False),
-                "samplers": [recorder.row],
-            }
+            _touch(Path(folder) / "touch", 30 * n * FRAMES * (runs + 1))
             piece(plain)
-            piece(telling, **told)  # compiles the kernels of output
+            piece(telling, first=True, **told)  # compiles the kernels of output
             for i in range(runs):
                 bare.append(piece(plain))
+                tallied.append(piece(telling))
                 writing.append(piece(telling, **told))
-                note(f"piece {i + 1} of {runs}: {bare[-1]:.3g} s without output, {writing[-1]:.3g} s with it")
+                note(
+                    f"piece {i + 1} of {runs}: {bare[-1]:.3g} s without output, {tallied[-1]:.3g} s with the ledger, "
+                    f"{writing[-1]:.3g} s with all"
+                )
             frames, rows, compressor = len(writer), writer.series_rows, writer.compressor
         size = path.stat().st_size
-    return OutputCost(n, phi, compression, compressor, bare, writing, rows, (size - 28 * n) / frames)
+    return OutputCost(n, phi, compression, compressor, bare, tallied, writing, rows, (size - 28 * n) / frames)

@@ -181,6 +181,13 @@ class Schedule:
         total = span.collisions + math.ceil(collisions)
         return Due(end.time, total if end.collisions is None else min(total, end.collisions))
 
+    def following(self, k: int) -> int:
+        """The first point after k that does not coincide with it; k is not the run's end."""
+        here = self.due(k)
+        while self.due(k) == here:
+            k += 1
+        return k
+
     def after(self, k: int, time: float, collisions: int) -> int:
         """The first point from k on that a run at this time, after so many collisions, has not reached."""
         while self.due(k).reached(time, collisions) and not self._span.end.reached(time, collisions):

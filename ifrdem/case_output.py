@@ -11,7 +11,9 @@ from pydantic import Field
 from .cadence import Cadence
 from .section import Section
 
-FieldName = Literal["position", "velocity", "angular_velocity", "collisions", "image", "last_partner"]
+FieldName = Literal[
+    "position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner"
+]
 Interval = Annotated[float, Field(gt=0.0)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say
 _TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")
@@ -40,8 +42,8 @@ class OutputSection(Section):
     )
     fields: list[FieldName] = Field(
         default=["position", "velocity", "angular_velocity", "collisions"],
-        description="what every frame holds of every disk [list of names]; image: box lengths travelled; last_partner: "
-        "whom it hit last",
+        description="what every frame holds of every disk [list of names]; image: box lengths travelled; angle: how "
+        "far it has turned since the start; last_partner: whom it hit last",
         examples=[["position", "velocity", "angular_velocity", "collisions"]],
     )
     series: int | None = Field(

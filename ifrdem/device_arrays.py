@@ -131,6 +131,8 @@ class DeviceArrays:
         Keep a ledger of what dissipates energy (`kernels/ledger.py`).
     partnered : bool
         Keep whom each disk hit last.
+    turned : bool
+        Keep how far each disk has turned.
     """
 
     def __init__(
@@ -154,6 +156,7 @@ class DeviceArrays:
         cells_per_disk: int = 1,
         tallied: bool = False,
         partnered: bool = False,
+        turned: bool = False,
     ) -> None:
         n = self.n = disks.n
         self.real = np.float32 if precision == "f32" else np.float64
@@ -229,11 +232,14 @@ class DeviceArrays:
             sheared=sheared,
             tallied=tallied,
             partnered=partnered,
+            turned=turned,
             collision_law=collision_law if collision_law is not None else compiled(IFRLaw),
         )
-        self.before = (
-            state.wall_hits.astype(np.int32), state.latest_collision.copy(), state.last_partner.astype(np.int32),
-        )  # fmt: skip
+        # What the start told of each disk's past; a run that does not keep it up to date gives it back.
+        self.before: dict[str, NDArray[Any]] = {
+            "wall_hits": state.wall_hits.astype(np.int32), "latest_collision": state.latest_collision.copy(),
+            "last_partner": state.last_partner.astype(np.int32), "angle": state.angle.copy(),
+        }  # fmt: skip
         blocks = room // _SCAN_BLOCK + 1 if tallied else 1
         # The host reads these often, too.
         self.losses = np.zeros((blocks, MECHANISMS))
@@ -242,6 +248,10 @@ class DeviceArrays:
         self.last_partner.fill(0)
         if partnered and n:
             self.last_partner.from_numpy(state.last_partner)
+        self.angle = ti.ndarray(ti.f64, (room if turned else 1,))
+        self.angle.fill(0)
+        if turned and n:
+            self.angle.from_numpy(state.angle)
         beside_walls = room if n_walls else 1
         self.near_walls = ti.ndarray(ti.i32, (beside_walls,))
         self.wall_hits = ti.ndarray(ti.i32, (beside_walls,))
@@ -414,17 +424,21 @@ class DeviceArrays:
         stands = (log_int[:, STANDS] == 1) & (log_int[:, SLOT + 1] >= 0)
         return self.log_real.to_numpy()[:written][stands, TIME], log_int[stands, SLOT : SLOT + 2]
 
-    def history(self) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int32]]:
-        """Each disk's collisions with walls, the time of its latest collision [time], and whom it hit then; each (n,).
+    def history(self) -> dict[str, NDArray[Any]]:
+        """Each disk's past, by the names that `State` has: wall_hits, latest_collision, last_partner, angle; each (n,).
 
         Up to the latest settling; as they were at the start where there are no walls, no contact time, or nobody asked.
         """
-        hits, latest, partner = self.before
-        return (
-            self.wall_hits.to_numpy()[: self.n] if self.uses.walled else hits.copy(),
-            self.latest.to_numpy()[: self.n] if self.uses.remembers else latest.copy(),
-            self.last_partner.to_numpy()[: self.n] if self.uses.partnered else partner.copy(),
-        )
+        found = {name: value.copy() for name, value in self.before.items()}
+        for name, array, kept in (
+            ("wall_hits", self.wall_hits, self.uses.walled),
+            ("latest_collision", self.latest, self.uses.remembers),
+            ("last_partner", self.last_partner, self.uses.partnered),
+            ("angle", self.angle, self.uses.turned),
+        ):
+            if kept:
+                found[name] = array.to_numpy()[: self.n]
+        return found
 
     def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Energy that collisions took by mechanism, and their number by regime, up to the latest settling."""

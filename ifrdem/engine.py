@@ -67,6 +67,7 @@ from numpy.typing import NDArray
 
 from . import backend, engine_checks, seeds, skins
 from .box import Box
+from .buffers import Buffers
 from .collision_law import CollisionLaw, compiled
 from .engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
 from .errors import EngineError
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     from .epochs import Outcome
     from .events import Tracking
     from .forces import Force
+    from .passing import Passing
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 STALLED_EPOCHS = 50  # epochs in a row that together gain no time: the gas has collapsed
@@ -134,6 +136,8 @@ class Engine:
         Add up what dissipates energy (`dissipated`).
     partners : bool
         Keep whom each disk hit last (`State.last_partner`).
+    angles : bool
+        Keep how far each disk has turned (`State.angle`).
     tracking : Tracking, optional
         Follows some disks, collision by collision.
 
@@ -167,6 +171,7 @@ class Engine:
         law: type[CollisionLaw] = IFRLaw,
         ledger: bool = False,
         partners: bool = False,
+        angles: bool = False,
         tracking: Tracking | None = None,
     ) -> None:
         self.disks, self.box = disks, box
@@ -201,6 +206,7 @@ class Engine:
         self.statistics = Statistics()
         self.last_collisions: Collisions | None = None
         self.keep_collisions = False
+        self.buffers = Buffers()
         self._stalled = 0
         self._collided_at = self.time
         self._space = OpenSpace(disks) if box.is_open else None
@@ -216,7 +222,7 @@ class Engine:
             moved = State(
                 position=state.position + offset, velocity=state.velocity, spin=state.spin, time=state.time,
                 collisions=state.collisions, image=state.image, wall_hits=state.wall_hits,
-                latest_collision=state.latest_collision, last_partner=state.last_partner,
+                latest_collision=state.latest_collision, last_partner=state.last_partner, angle=state.angle,
             )  # fmt: skip
             return DeviceArrays(
                 disks, inner, moved, law_table,
@@ -226,6 +232,7 @@ class Engine:
                 velocity_cutoff=velocity_cutoff, contact_time=contact_time, seed=seed,
                 origin=(float(offset[0]), float(offset[1])), collision_law=compiled(kind),
                 cells_per_disk=CELLS_PER_DISK if box.is_open else 1, tallied=ledger, partnered=partners,
+                turned=angles,
             )  # fmt: skip
 
         self._arrays_for = arrays_for
@@ -270,6 +277,15 @@ class Engine:
         """Bytes of all device arrays."""
         return self.arrays.bytes_allocated
 
+    @property
+    def looks_back(self) -> bool:
+        """Whether it can tell the state at any time of an epoch that is over.
+
+        Not with walls, shear or a contact time: their tallies are those of whole epochs.
+        """
+        uses = self.arrays.uses
+        return not (uses.walled or uses.sheared or uses.remembers)
+
     def switch_off_rollback(self) -> None:
         """Let collisions that came too early stand: to see that tests notice. Never do so for results."""
         self.arrays.switch_off_rollback()
@@ -283,11 +299,15 @@ class Engine:
         collisions: int | None = None,
         pause_at: float = math.inf,
         pause_after: int | None = None,
+        passing: Callable[[Passing], None] | None = None,
+        rest_at: float = math.inf,
     ) -> None:
         """Run one epoch, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
         It ends at the latest where a force acts, after that; and where an epoch ends at or after `pause_at` [time] or
-        the total number of collisions `pause_after`.
+        the total number of collisions `pause_after`. Before an epoch is closed, `passing` may look back at it, if
+        the engine `looks_back`; where there are no epochs, because nobody can meet anybody, it ends at `rest_at`
+        [time], too.
 
         Raises
         ------
@@ -303,10 +323,10 @@ class Engine:
         self.last_collisions = None
         stop = min(t_end, self.splitting.next_time)
         if space is not None and space.parted:
-            self._fly_apart(space, stop)
+            self._fly_apart(space, min(stop, rest_at))
         elif self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
             self.epochs.settle(self.time)
-            self._fly_freely(stop, t_end)
+            self._fly_freely(min(stop, rest_at), min(t_end, rest_at))
         else:
             wanted = None if collisions is None else collisions - self.collisions
             before = self.statistics.epochs
@@ -325,20 +345,34 @@ class Engine:
             self.wall_hits += outcome.wall_hits
             if outcome.still:
                 self.time = outcome.time
-                self._fly_freely(stop, t_end)
+                self._fly_freely(min(stop, rest_at), min(t_end, rest_at))
             else:
-                self._resting = 0
-                if self.keep_collisions:
-                    self.last_collisions = self._read_log()
-                if self.tracking is not None:
-                    self.tracking.gather(self.arrays, self.time, self._placed)
-                self.time = outcome.time
-                self.epochs.after_epoch(self.time)
-                self._whole = True  # a run that has to stop here leaves a state
-                self._watch(outcome, t_end)
-                self._whole = False
+                self._close_epoch(outcome, t_end, passing)
         self._apply_forces()
         self._whole = True
+
+    def _close_epoch(self, outcome: Outcome, t_end: float, passing: Callable[[Passing], None] | None) -> None:
+        from .passing import Passing
+
+        self._resting = 0
+        if self.keep_collisions:
+            self.last_collisions = self._read_log()
+        if self.tracking is not None:
+            self.tracking.gather(self.arrays, self.time, self._placed)
+        self.time = outcome.time
+        try:
+            if passing is not None:
+                passing(Passing(self, outcome.began))
+        except BaseException:
+            # Whatever went wrong there, the run can go on.
+            self.epochs.after_epoch(self.time)
+            self._apply_forces()
+            self._whole = True
+            raise
+        self.epochs.after_epoch(self.time)
+        self._whole = True  # a run that has to stop here leaves a state
+        self._watch(outcome, t_end)
+        self._whole = False
 
     def release(self) -> None:
         """Give all device memory back; the engine cannot be used any more."""
@@ -417,6 +451,8 @@ class Engine:
         self._whole = True
         state = self.state()
         state.position = state.position + state.velocity * (stop - self.time)
+        if self.arrays.uses.turned:
+            state.angle = state.angle + state.spin * (stop - self.time)
         state.time = stop
         self._move_to(space, state, parted=True)
         self.time = stop
@@ -491,7 +527,7 @@ class Engine:
             raise EngineError(
                 f"t = {self.time:.9g}: disk {escaped[0]} left the box {where}; please report this"
             )
-        hits, latest, partner = self.arrays.history()
+        past = self.arrays.history()
         flow = None
         if self.box.shear_rate:
             flow = self.box.flow(position)
@@ -501,22 +537,35 @@ class Engine:
             velocity=real[:n, 2:4],
             spin=real[:n, 4],
             time=self.time,
-            collisions=integer[:n, 0] - hits,
+            collisions=integer[:n, 0] - past["wall_hits"],
             image=image,
-            wall_hits=hits,
-            latest_collision=np.minimum(latest, self.time),
-            last_partner=partner,
+            wall_hits=past["wall_hits"],
+            latest_collision=np.minimum(past["latest_collision"], self.time),
+            last_partner=past["last_partner"],
+            angle=past["angle"],
             flow=flow,
         )
 
+    @property
+    def origin(self) -> tuple[float, float]:
+        """Where the user's box begins in the coordinates of the device [length]."""
+        return float(self._offset[0]), float(self._offset[1])
+
+    @property
+    def highest(self) -> tuple[float, float]:
+        """The largest coordinates inside the user's box [length]; infinite where it is not periodic.
+
+        Rounding can put a disk onto the far side, which is the next box already.
+        """
+        x, y = (
+            float(np.nextafter(length, 0.0)) if periodic else math.inf
+            for periodic, length in zip(self.box.periodic, self.box.lengths, strict=True)
+        )
+        return x, y
+
     def _placed(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions in the user's box [length] of those on the device."""
-        position = place - self._offset
-        # Rounding can put a disk onto the far side, which is the next box already.
-        for axis, (periodic, length) in enumerate(zip(self.box.periodic, self.box.lengths, strict=True)):
-            if periodic:
-                np.minimum(position[:, axis], np.nextafter(length, 0.0), out=position[:, axis])
-        return position
+        return np.minimum(place - self._offset, self.highest)
 
     def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Energy that collisions took, by mechanism, and collisions by regime (`kernels/ledger.py`), so far.

@@ -35,6 +35,7 @@ from .kernels.layout import (
     N_ELASTIC,
     N_ELASTIC_TOTAL,
     N_EPOCHS,
+    N_LOG,
     N_ROUNDS,
     N_STANDING,
     N_TOTAL,
@@ -56,6 +57,7 @@ from .kernels.layout import (
 )
 from .kernels.levels import epoch_length, speed_cap
 from .kernels.opening import clear_all, extend_fast, list_disks, list_tiles
+from .kernels.passing import times_of_collisions
 from .kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
 from .kernels.sort import settle
 from .kernels.tiles import run_in_order, run_tiles
@@ -78,6 +80,7 @@ class Outcome:
     Attributes
     ----------
     time : time at its end [time]
+    began : when its last epoch began [time]
     gained : time that the last epoch covers [time]
     planned : time that it was to cover [time]
     collisions : collisions of all its epochs
@@ -87,6 +90,7 @@ class Outcome:
     """
 
     time: float
+    began: float
     gained: float
     planned: float
     collisions: int
@@ -197,7 +201,9 @@ class Epochs:
                 self.statistics.cut_for_speed += 1
         hits = int(a.total[N_WALLS_TOTAL])
         self.statistics.elastic += int(a.total[N_ELASTIC_TOTAL])
-        return Outcome(float(a.clock[NOW]), end, planned, done, fastest, hits, still)
+        at_end = float(a.clock[NOW])
+        began = now if epochs == 1 else at_end - end
+        return Outcome(at_end, began, end, planned, done, fastest, hits, still)
 
     # ------------------------------------------------------------------ in tiles or rounds
 
@@ -206,7 +212,7 @@ class Epochs:
         a = self.arrays
         fastest = self.settle(now)
         if self._still(fastest):
-            return Outcome(now, 0.0, 0.0, 0, 0.0, still=True)
+            return Outcome(now, now, 0.0, 0.0, 0, 0.0, still=True)
         self._settled = False
         a.clock[NOW] = now
         cap = speed_cap(fastest, float(a.limit[MEAN_SQUARE]), a.most_level) + self._rows_apart()
@@ -248,7 +254,7 @@ class Epochs:
         time_at_end = t_end if reached else now + end
         self.statistics.elastic += int(a.counter[N_ELASTIC])
         fastest += self._rows_apart()
-        return Outcome(time_at_end, end, horizon, self.standing(), fastest, int(a.counter[N_WALL_HITS]))
+        return Outcome(time_at_end, now, end, horizon, self.standing(), fastest, int(a.counter[N_WALL_HITS]))
 
     def _pull(self) -> float:
         """Magnitude of gravity."""
@@ -273,8 +279,7 @@ class Epochs:
     def after_epoch(self, now: float) -> None:
         """Make the log longer if it was too short: only when nobody wants to read it any more."""
         if self.statistics.cut_for_log > self._log_growths:
-            uses = self.arrays.uses
-            if uses.walled or uses.remembers or uses.sheared or uses.tallied or uses.partnered:
+            if self.arrays.uses.reads_log:
                 self.settle(now)  # what walls or the flow did, and when disks collided, is read from the log
             self._log_growths = self.statistics.cut_for_log
             self._lengthen_log()
@@ -388,7 +393,16 @@ class Epochs:
 
     def _end_after(self, count: int) -> float:
         """The end at which exactly the first `count` collisions of the epoch stand (more only in an exact tie)."""
-        if count <= 0:
-            return 0.0
-        times, _ = self.arrays.standing_records()
-        return float(np.nextafter(np.partition(times, count - 1)[count - 1], math.inf))
+        return (
+            0.0
+            if count <= 0
+            else float(np.nextafter(self.arrays.real(self.time_of_collision(count)), math.inf))
+        )
+
+    def time_of_collision(self, count: int) -> float:
+        """When collision `count` = 1, 2, ... of the epoch was, of those of two disks that stand, in their order."""
+        a = self.arrays
+        written = int(a.counter[N_LOG])
+        times = np.empty(written, dtype=a.real)
+        a.launch(times_of_collisions, written, times=times)
+        return float(np.partition(times, count - 1)[count - 1])

@@ -170,6 +170,7 @@ class Gas:
         options["seed"] = case.run.seed  # of forces and thermal walls
         options["ledger"] = case.output.ledger
         options["partners"] = "last_partner" in case.output.fields
+        options["angles"] = "angle" in case.output.fields
         if case.force:
             options["forces"] = forces_of(case)
         if self.walls:

@@ -12,6 +12,7 @@ doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
       position/value_2d                 (F, n, 2): the stored data
       position/{step, time, value}      (F, n, 3): a virtual dataset of value_2d with z = 0
       velocity/...                      as position
+      angle/{step, time, value}       (F, n), counter-clockwise since the start, full turns included
       angular_velocity/{step, time, value}   (F, n), counter-clockwise
       collisions/{step, time, value}    (F, n) int32, how many each disk has had
       image/...                         as position, int32: box lengths travelled
@@ -28,10 +29,10 @@ doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
 `step` (the number of the frame) and `time` exist once; the groups share them by hard links, and likewise those of
 the time series. `step` is the commit marker: it grows last, so that a frame counts only if it has a step. Wall w
 is that of the parameter "walls", then come the sides of the box (`walls.sides`). The names of a series' columns
-stand in its attribute `columns`. Layout 1.0 had no last_partner, timeseries and histories. Readers that need three
-components (MDAnalysis, VMD, ASE) take `value`; nothing is stored twice. H5MD knows no sheared box: what such readers
-make of images above and below is wrong in one. There are no `unit` attributes,
-because MDAnalysis refuses units that are not in its list.
+stand in its attribute `columns`. Layout 1.0 had no last_partner, timeseries and histories, 1.1 no angle. Readers
+that need three components (MDAnalysis, VMD, ASE) take `value`; nothing is stored twice. H5MD knows no sheared box:
+what such readers make of images above and below is wrong in one. There are no `unit` attributes, because MDAnalysis
+refuses units that are not in its list.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ from .staged_group import staged
 from .state import Disks
 
 H5MD_VERSION = (1, 1)
-LAYOUT_VERSION = (1, 1)
+LAYOUT_VERSION = (1, 2)
 PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
 TIMESERIES = "timeseries"
@@ -100,6 +101,7 @@ class Field:
 FIELDS = {
     "position": Field("position", 2),
     "velocity": Field("velocity", 2),
+    "angle": Field("angle", 1),
     "angular_velocity": Field("spin", 1),
     "collisions": Field("collisions", 1, count=True),
     "image": Field("image", 2, count=True),

@@ -156,8 +156,9 @@ def drive(
     """
     case, simulation = job.file.case, job.simulation
     recorder = Recorder(
-        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending
-    )
+        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending,
+        now=lambda: simulation.time,
+    )  # fmt: skip
     status = Status(
         job.outputs.trajectory,
         name=case.run.name,
@@ -269,7 +270,8 @@ def finish(job: Job, began: float, rate: float, say: Callable[[str], None]) -> N
         write_views(job.outputs.trajectory)
     if job.outputs.picture is not None:
         _draw(job.file.case, job.gas)(job.outputs.trajectory, job.outputs.picture)
-    say(_closing(job.file.case, job.gas, job.ledger, ran, time.perf_counter() - began, rate))
+    last = job.simulation.measure()
+    say(_closing(job.file.case, job.gas, job.ledger, last, ran, time.perf_counter() - began, rate))
     if job.simulation.statistics.elastic:
         say(f"  {job.simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
     for path, size in job.outputs.sizes().items():
@@ -309,11 +311,12 @@ def _remains(job: Job, reason: str) -> str:
     return text
 
 
-def _closing(case: Case, gas: Gas, ledger: Ledger, ran: float, wall: float, rate: float) -> str:
-    """The lines below a run."""
-    first, last = ledger.first, ledger.latest
+def _closing(
+    case: Case, gas: Gas, ledger: Ledger, last: Measure, ran: float, wall: float, rate: float
+) -> str:
+    """The lines below a run; `last` is its end."""
+    first = ledger.first
     assert first is not None
-    assert last is not None
     done = last.collisions - first.collisions
     per_disk = 2.0 * done / gas.disks.n
     lines = [

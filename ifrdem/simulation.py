@@ -30,6 +30,7 @@ from .walls import Wall, sides
 
 if TYPE_CHECKING:
     from .forces import Force
+    from .passing import Passing
 
 
 class Simulation:
@@ -79,6 +80,8 @@ class Simulation:
         Add up the energy that collisions take, by mechanism, and count collisions by regime: in every `Measure`.
     partners : bool
         Keep whom each disk hit last: `State.last_partner`.
+    angles : bool
+        Keep how far each disk has turned: `State.angle`.
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`. Not in a sheared box.
 
@@ -121,6 +124,7 @@ class Simulation:
         seed: int = 0,
         ledger: bool = False,
         partners: bool = False,
+        angles: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
     ) -> None:
         if state.n != disks.n:
@@ -138,7 +142,7 @@ class Simulation:
             disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
             walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
             contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
-            law=kind, ledger=ledger, partners=partners, tracking=self._tracking,
+            law=kind, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
         )  # fmt: skip
         # The engine's state of a sheared gas knows its flow, whose energy does not count.
         begin = self.state if box.shear_rate else state
@@ -353,7 +357,9 @@ class Simulation:
             Frames after the first one, evenly spaced in the quantity that ends the run, or another cadence; a frame at
             a number of collisions stands right after the last of them, and after any others at exactly that time.
         observers : iterable of callables
-            Each is called as `observer(state, measure)` at the beginning and at every frame.
+            Each is called as `observer(state, measure)` at the beginning and at every frame. What tells mechanisms
+            and regimes, `measure.dissipated` and `measure.regimes`, is None: samplers get them, and `measure()` gives
+            them at the end.
         series : int or Cadence, optional
             How often samplers are called, likewise.
         samplers : iterable of callables
@@ -396,6 +402,14 @@ class Simulation:
         frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
         sampling = course.series is not None and bool(samplers)
         exact = sampling and course.series is not None and course.series.exact
+        looks_back = self._engine.looks_back
+
+        def pass_frames(epoch: Passing) -> None:
+            while (due := frames.due(course.next_frame)) != end and epoch.holds(due):
+                # First: an observer that raises has had its frame.
+                course.next_frame = frames.following(course.next_frame)
+                self._tell(observers, *epoch.at(due))
+
         if course.next_row == 0:
             course.next_row = 1
             if sampling:
@@ -406,19 +420,23 @@ class Simulation:
             if between is not None:
                 between()
         while not end.reached(self.time, self.collisions) or course.next_frame == 1:
-            frame = frames.due(course.next_frame)
-            while not frame.reached(self.time, self.collisions):
+            while not (frame := frames.due(course.next_frame)).reached(self.time, self.collisions):
                 row = rows.due(course.next_row)
-                stop = earlier(frame, row) if exact else frame
+                stop, pause = (end, earlier(frame, row)) if looks_back else (frame, row)
+                if exact:
+                    stop = earlier(stop, row)
                 self._engine.advance(
-                    t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions
-                )
+                    t_end=stop.time, collisions=stop.collisions, pause_at=pause.time, pause_after=pause.collisions,
+                    passing=pass_frames if looks_back else None, rest_at=frame.time,
+                )  # fmt: skip
                 if progress is not None:
                     progress(self.time, self.collisions)
                 if sampling and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
                     self._sample(samplers)
-                if between is not None and not frame.reached(self.time, self.collisions):
+                if between is not None and not frames.due(course.next_frame).reached(
+                    self.time, self.collisions
+                ):
                     between()
             course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
             self._observe(observers)
@@ -484,9 +502,12 @@ class Simulation:
     def _observe(self, observers: list[Observer]) -> None:
         if observers:
             state = self.state
-            measured = measure(self.disks, state, gravity=self._engine.gravity, **self._put_in())
-            for observer in observers:
-                observer(state, measured)
+            self._tell(observers, state, self._engine.totals())
+
+    def _tell(self, observers: list[Observer], state: State, totals: NDArray[np.float64]) -> None:
+        measured = from_totals(self.disks, totals, state.time, self.wall_hits, **self._put_in())
+        for observer in observers:
+            observer(state, measured)
 
     def _sample(self, samplers: list[Sampler]) -> None:
         measured = self.measure()
@@ -495,12 +516,12 @@ class Simulation:
 
     def measure(self) -> Measure:
         """Totals and averages of the present state: `observables.measure`, without copying it from the device."""
-        return from_totals(self.disks, self._engine.totals(), self.time, self.wall_hits, **self._put_in())
+        totals = self._engine.totals()  # settles
+        ledger: dict[str, Any] = {}
+        if self.has_ledger:
+            ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
+        return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
 
     def _put_in(self) -> dict[str, Any]:
         """What a state does not tell of its past, up to the latest settling."""
-        lost, regimes = self._engine.dissipated() if self.has_ledger else (None, None)
-        return {
-            "energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat,
-            "dissipated": lost, "regimes": regimes,
-        }  # fmt: skip
+        return {"energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat}

@@ -30,6 +30,7 @@ _FLIGHT = [X, Y, VX, VY, SPIN]
 # Device arrays that outlive an epoch, beside flights.
 _LASTING = (
     "meta", "image", "cell", "wall_hits", "wall_work", "wall_heat", "latest", "flow_work", "last_partner",
+    "angle",
 )  # fmt: skip
 
 
@@ -42,7 +43,7 @@ def fingerprint(engine: Engine) -> str:
         disks.mass, disks.radius, disks.k, disks.material, np.array(box.lengths), np.array(box.periodic),
         np.array([box.shear_rate, *engine.gravity]), a.law.to_numpy(), np.array(a.uses[:4]),
         np.array([wall.row(np.zeros(2)) for wall in engine.walls]), str(np.dtype(a.real)), engine.order == "alone",
-        a.uses.tallied, a.uses.partnered, engine.seed, a.uses.collision_law.impulses.__qualname__,
+        a.uses.tallied, a.uses.partnered, a.uses.turned, engine.seed, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
     for force in engine.splitting.forces:
         parts += [type(force).__name__, np.array(force.parameters), force.step]
@@ -63,7 +64,8 @@ def take(engine: Engine) -> Snapshot:
     for name in _LASTING:
         found[name] = getattr(a, name).to_numpy()
     found["losses"], found["regimes"] = a.losses.copy(), a.regimes.copy()
-    found["hits_before"], found["latest_before"], found["partner_before"] = a.before
+    for name, value in a.before.items():
+        found[f"before_{name}"] = value
     found["division"] = a.grid[[TILES_X, TILES_Y, CELLS_X, CELLS_Y]].astype(np.int64)
     found["room"] = a.grid[[ROW_LENGTH, LOG_CAPACITY]].astype(np.int64)
     found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess, engine.flow_work])
@@ -119,7 +121,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     for name in _LASTING:
         getattr(a, name).from_numpy(found[name])
     a.losses[:], a.regimes[:] = found["losses"], found["regimes"]
-    a.before = (found["hits_before"], found["latest_before"], found["partner_before"])
+    a.before = {name: found[f"before_{name}"] for name in a.before}
     engine.time, engine._collided_at, engine._flow_excess, engine.flow_work = found["clock"].tolist()
     (
         engine.collisions, engine.wall_hits, engine._stalled, engine._resting, epochs._in_order, epochs._burst,

@@ -105,6 +105,9 @@ class State:
     last_partner : array (n,) of int32
         Whom each disk hit last: an id, -1 if nobody yet, -2 - w for wall w. Only runs that are asked to
         (`Simulation(partners=True)`) keep it up to date.
+    angle : array (n,)
+        How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Only runs that are
+        asked to (`Simulation(angles=True)`) keep it up to date.
     flow : array (n, 2) or None
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.
@@ -124,6 +127,7 @@ class State:
     wall_hits: NDArray[np.int32] = None  # type: ignore[assignment]
     latest_collision: NDArray[np.float64] = None  # type: ignore[assignment]
     last_partner: NDArray[np.int32] = None  # type: ignore[assignment]
+    angle: NDArray[np.float64] = None  # type: ignore[assignment]
     flow: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
@@ -152,7 +156,9 @@ class State:
             self.latest_collision = np.full(n, -np.inf)
         if self.last_partner is None:
             self.last_partner = np.full(n, -1, dtype=np.int32)
-        for name in ("wall_hits", "latest_collision", "last_partner"):
+        if self.angle is None:
+            self.angle = np.zeros(n)
+        for name in ("wall_hits", "latest_collision", "last_partner", "angle"):
             if np.shape(getattr(self, name)) != (n,):
                 raise InputError(f"{name} has shape {np.shape(getattr(self, name))}: {(n,)} is needed")
         late = ~(self.latest_collision <= self.time)

@@ -62,7 +62,7 @@ def epochs_by_one_thread(
     kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows,
     neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
     near_walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table, latest: Rows, flow_work: Rows,
-    losses: Table, regimes: Table, last_partner: Rows,
+    losses: Table, regimes: Table, last_partner: Rows, angle: Rows,
 ):  # fmt: skip
     """Up to `most_epochs` epochs of a gas of one tile.
 
@@ -76,7 +76,7 @@ def epochs_by_one_thread(
         start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
         log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls, wall_hits=wall_hits,
         wall_work=wall_work, wall_heat=wall_heat, latest=latest, flow_work=flow_work, losses=losses,
-        regimes=regimes, last_partner=last_partner, clock=clock, uses=uses,
+        regimes=regimes, last_partner=last_partner, angle=angle, clock=clock, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         n = gas.grid[N]

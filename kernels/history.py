@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from .layout import BEFORE, HEAD, NEVER, NUMBER, PREVIOUS, SEQ, SLOT, SPIN, TIME, VX, VY, X, Y
+from .layout import BEFORE, HEAD, NEVER, NUMBER, PREVIOUS, SEQ, SLOT, SPIN, TAU, TIME, VX, VY, X, Y
 
 
 @ti.func
@@ -59,6 +59,36 @@ def flight_between(i, begin, end, horizon, gas: ti.template()):
         number = gas.log_int[end][NUMBER + side]
         other = gas.log_int[end][SLOT + 1 - side]
     return x, y, vx, vy, started, ended, number, other
+
+
+@ti.func
+def flight_at(i, t, gas: ti.template()):
+    """Disk i's flight at time t of the epoch that is over; a collision at t is over, too.
+
+    Returns position and velocity at its start, spin, the time of its start, the record that began it (-1: none in this
+    epoch), and how many of its collisions came later.
+    """
+    x, y, vx, vy = gas.flight[i][X], gas.flight[i][Y], gas.flight[i][VX], gas.flight[i][VY]
+    spin = gas.flight[i][SPIN]
+    started = gas.flight[i][TAU]
+    later = 0
+    entry = gas.link[i][HEAD]
+    looking = entry >= 0
+    while looking:
+        looking = False
+        if gas.log_real[entry][TIME] > t:
+            side = side_of(entry, i, gas)
+            first = BEFORE + 5 * side
+            x, y = gas.log_real[entry][first], gas.log_real[entry][first + 1]
+            vx, vy = gas.log_real[entry][first + 2], gas.log_real[entry][first + 3]
+            spin = gas.log_real[entry][first + 4]
+            entry = gas.log_int[entry][PREVIOUS + side]
+            started = 0.0 * started
+            if entry >= 0:
+                started = gas.log_real[entry][TIME]
+                looking = True
+            later += 1
+    return x, y, vx, vy, spin, started, entry, later
 
 
 @ti.func

@@ -33,6 +33,7 @@ flow_work    (n,) double   energy that the mean flow gave, by id (`flow.py`)
 losses       (B, 6) double energy that collisions took, by mechanism (`ledger.py`), of B blocks of slots
 regimes      (B, 5) int64  collisions of two disks by regime, likewise
 last_partner (n,) int      whom each disk hit last, by id: an id, -1 nobody, -2 - w wall w
+angle        (n,) double   how far each disk has turned, by id [rad]
 latest       (n + 1,)      double: time of each disk's latest collision, by id, and of the epoch's beginning
 law          (M, M, c)     coefficients of the law for each pair of materials (IFR: e_n, e_t, mu, contact_point, rho)
 ===========  ============  ==================================================================================
@@ -171,7 +172,13 @@ class Uses(NamedTuple):
     sheared: bool = False  # a mean flow
     tallied: bool = False  # a ledger of what dissipates energy (`ledger.py`)
     partnered: bool = False  # disks know whom they hit last
+    turned: bool = False  # disks know how far they have turned
     collision_law: Any = None  # a `Law`
+
+    @property
+    def reads_log(self) -> bool:
+        """Whether settling reads the log of the epoch that ends."""
+        return any((self.walled, self.remembers, self.sheared, self.tallied, self.partnered, self.turned))
 
 
 class GasArrays(NamedTuple):
@@ -208,4 +215,5 @@ class GasArrays(NamedTuple):
     losses: Any = None
     regimes: Any = None
     last_partner: Any = None
+    angle: Any = None
     uses: Uses = Uses()

@@ -1,12 +1,41 @@
-"""A collision as the log holds it, put together again: where it was, and how both moved before."""
+"""What the log of an epoch that is over tells: collisions put together again, and where disks were in between."""
 
 import taichi as ti
 
 from .contact import ELASTIC
 from .flights import shift_by
 from .history import flight_between
-from .layout import BEFORE, GX, GY, HEAD, HORIZON, HOW, PREVIOUS, SHIFT_BITS, SLOT, SPIN, VX, VY
-from .walls import wall_met
+from .layout import (
+    BEFORE,
+    GX,
+    GY,
+    HEAD,
+    HORIZON,
+    HOW,
+    PREVIOUS,
+    SHIFT_BITS,
+    SLOT,
+    SPIN,
+    TILE_X,
+    TILE_Y,
+    TILES_X,
+    TILES_Y,
+    VX,
+    VY,
+)
+from .walls import corner_of, wall_met
+
+
+@ti.func
+def in_box(i, x, y, gas: ti.template()):
+    """From disk i's tile into the box: place, and box lengths beyond the box it was in when the epoch began."""
+    corner_x, corner_y = corner_of(i, gas)
+    length_x, length_y = gas.grid[TILES_X] * gas.scale[TILE_X], gas.grid[TILES_Y] * gas.scale[TILE_Y]
+    at_x, at_y = corner_x + x, corner_y + y
+    boxes_x, boxes_y = ti.floor(at_x / length_x), ti.floor(at_y / length_y)
+    return (
+        at_x - boxes_x * length_x, at_y - boxes_y * length_y, ti.cast(boxes_x, ti.i32), ti.cast(boxes_y, ti.i32)
+    )  # fmt: skip
 
 
 @ti.func

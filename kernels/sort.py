@@ -54,7 +54,7 @@ from .layout import (
     Y,
 )
 from .ledger import tally_losses
-from .tally import note_latest, note_partner, tally_walls
+from .tally import note_latest, note_partner, note_turn, tally_walls
 
 BLOCK = 1024  # items that one thread handles at a time in scans and reductions
 
@@ -100,6 +100,8 @@ def fly(i, gas: ti.template()):
         note_latest(i, gas)
     if ti.static(gas.uses.partnered):
         note_partner(i, gas)
+    if ti.static(gas.uses.turned):
+        note_turn(i, gas)
     if ti.static(gas.uses.walled):
         tally_walls(i, gas)
         # From the frame that fell since the beginning of the epoch back to the lab.
@@ -237,7 +239,7 @@ def settle(
     uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
     link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows, order: Rows,
     squares: Rows, limit: Rows, law: Cube, walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table,
-    latest: Rows, flow_work: Rows, losses: Table, regimes: Table, last_partner: Rows,
+    latest: Rows, flow_work: Rows, losses: Table, regimes: Table, last_partner: Rows, angle: Rows,
 ):  # fmt: skip
     """Fly every disk on by `gas.scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
@@ -250,7 +252,8 @@ def settle(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order, squares=squares,
         limit=limit, law=law, walls=walls, wall_hits=wall_hits, wall_work=wall_work, wall_heat=wall_heat,
-        latest=latest, flow_work=flow_work, losses=losses, regimes=regimes, last_partner=last_partner, uses=uses,
+        latest=latest, flow_work=flow_work, losses=losses, regimes=regimes, last_partner=last_partner, angle=angle,
+        uses=uses,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0

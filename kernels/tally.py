@@ -1,10 +1,12 @@
-"""What is kept of an epoch when it ends, before its log is lost: collisions with walls, their energy, latest times."""
+"""What is kept of an epoch when it ends, before its log is lost: collisions with walls, their energy, latest times,
+angles."""
 
 import taichi as ti
 
 from .history import flight_between, previous, side_of
 from .layout import (
     BEFORE,
+    DURATION,
     GX,
     GY,
     HEAD,
@@ -12,6 +14,7 @@ from .layout import (
     ID,
     INVERSE_MASS,
     KIND,
+    PREVIOUS,
     RADIUS,
     SLOT,
     SPIN,
@@ -33,15 +36,45 @@ def note_latest(i, gas: ti.template()):
 
 
 @ti.func
-def note_partner(i, gas: ti.template()):
-    """Note whom disk i hit last, if anybody in this epoch."""
-    head = gas.link[i][HEAD]
-    if head >= 0:
-        other = gas.log_int[head][SLOT + 1 - side_of(head, i, gas)]
+def partner_in(entry, i, gas: ti.template()):
+    """Whom disk i hit in a record of its own: an id, or -2 - w for wall w; before the epoch, for no record (-1)."""
+    partner = gas.last_partner[gas.meta[i][ID]]
+    if entry >= 0:
+        other = gas.log_int[entry][SLOT + 1 - side_of(entry, i, gas)]
         partner = other - 1  # wall w is -1 - w in the log
         if other >= 0:
             partner = gas.meta[other][ID]
-        gas.last_partner[gas.meta[i][ID]] = partner
+    return partner
+
+
+@ti.func
+def note_partner(i, gas: ti.template()):
+    """Note whom disk i hit last, if anybody in this epoch."""
+    gas.last_partner[gas.meta[i][ID]] = partner_in(gas.link[i][HEAD], i, gas)
+
+
+@ti.func
+def turned(i, until, gas: ti.template()):
+    """How far disk i turns in the epoch that is over until a time of it [rad]; in double precision."""
+    spin = ti.cast(gas.flight[i][SPIN], ti.f64)
+    end = ti.cast(until, ti.f64)
+    angle = 0.0 * end
+    entry = gas.link[i][HEAD]
+    while entry >= 0:
+        began = ti.cast(gas.log_real[entry][TIME], ti.f64)
+        if began < end:
+            angle += spin * (end - began)
+            end = began
+        side = side_of(entry, i, gas)
+        spin = ti.cast(gas.log_real[entry][BEFORE + 5 * side + 4], ti.f64)
+        entry = gas.log_int[entry][PREVIOUS + side]
+    return angle + spin * end
+
+
+@ti.func
+def note_turn(i, gas: ti.template()):
+    """Note how far disk i has turned, at the end of the epoch."""
+    gas.angle[gas.meta[i][ID]] += turned(i, gas.scale[DURATION], gas)
 
 
 @ti.func

@@ -33,6 +33,25 @@ TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVE
 TOTALS = 8
 
 
+@ti.func
+def moving(i, vx, vy, spin, gas: ti.template()):
+    """Shares of disk i, with these velocities, in the sums from TRANSLATIONAL to SHEAR_PRESSURE; in double precision.
+
+    Nothing for a disk of infinite mass.
+    """
+    shares = ti.Vector([0.0, 0.0, 0.0, 0.0, 0.0], ti.f64)
+    kind = gas.meta[i][KIND]
+    im = ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
+    if im > 0.0:
+        turning = spin * ti.cast(gas.flight[i][RADIUS], ti.f64)
+        shares[TRANSLATIONAL] = 0.5 * (vx * vx + vy * vy) / im
+        shares[ROTATIONAL] = 0.5 * turning * turning / (gas.kinds[kind][K] * im)
+        shares[MOMENTUM_X] = vx / im
+        shares[MOMENTUM_Y] = vy / im
+        shares[SHEAR_PRESSURE] = vx * vy / im
+    return shares
+
+
 @ti.kernel
 def totals(
     uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, cell: Rows, sums: Table,
@@ -60,12 +79,9 @@ def totals(
                         flow = ti.cast(flow_at(gas.flight[s][Y], gas), ti.f64)
                         total[EXCESS] += flow * (vx - 0.5 * flow) / im
                         vx -= flow
-                    turning = gas.flight[s][SPIN] * ti.cast(gas.flight[s][RADIUS], ti.f64)
-                    total[TRANSLATIONAL] += 0.5 * (vx * vx + vy * vy) / im
-                    total[ROTATIONAL] += 0.5 * turning * turning / (gas.kinds[kind][K] * im)
-                    total[MOMENTUM_X] += vx / im
-                    total[MOMENTUM_Y] += vy / im
-                    total[SHEAR_PRESSURE] += vx * vy / im
+                    shares = moving(s, vx, vy, ti.cast(gas.flight[s][SPIN], ti.f64), gas)
+                    for column in ti.static(range(5)):
+                        total[column] += shares[column]
                     if ti.static(gas.uses.walled):
                         tile = gas.cell[s] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y])
                         tile_x = tile // gas.grid[TILES_Y]

@@ -14,10 +14,6 @@ from .layout import (
     SLOT,
     SPIN,
     TAU,
-    TILE_X,
-    TILE_Y,
-    TILES_X,
-    TILES_Y,
     VX,
     VY,
     Cube,
@@ -28,8 +24,8 @@ from .layout import (
     X,
     Y,
 )
-from .seen import after, before, disks_seen, wall_seen, was_elastic, where
-from .walls import TEMPERATURE, corner_of
+from .seen import after, before, disks_seen, in_box, wall_seen, was_elastic, where
+from .walls import TEMPERATURE
 
 # Columns of what is copied: real numbers; and integers.
 AT, PLACE, NORMAL, V_BEFORE, V_AFTER, W_BEFORE, W_AFTER, U_BEFORE, U_AFTER, S_BEFORE, S_AFTER = (
@@ -49,18 +45,6 @@ def count_tracked(grid: Rows, meta: Rows, link: Rows, tracked: Rows) -> ti.i32:
         if tracked[meta[i][ID]] > 0:
             total += link[i][SEQ]
     return total
-
-
-@ti.func
-def in_box(i, x, y, gas: ti.template()):
-    """From disk i's tile into the box: place, and box lengths beyond the box it was in when the epoch began."""
-    corner_x, corner_y = corner_of(i, gas)
-    length_x, length_y = gas.grid[TILES_X] * gas.scale[TILE_X], gas.grid[TILES_Y] * gas.scale[TILE_Y]
-    at_x, at_y = corner_x + x, corner_y + y
-    boxes_x, boxes_y = ti.floor(at_x / length_x), ti.floor(at_y / length_y)
-    return (
-        at_x - boxes_x * length_x, at_y - boxes_y * length_y, ti.cast(boxes_x, ti.i32), ti.cast(boxes_y, ti.i32)
-    )  # fmt: skip
 
 
 @ti.func

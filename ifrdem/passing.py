@@ -1,0 +1,80 @@
+"""Moments within an epoch, by its log, when it is over and nothing has settled: frames there end no epoch.
+
+So a trajectory does not depend, to the last bit, on how often somebody looks. Imports Taichi: import this module only
+after `backend.start`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .cadence import Due
+from .kernels.passing import look_back
+from .kernels.sort import BLOCK
+from .kernels.totals import TOTALS
+from .state import State
+
+if TYPE_CHECKING:
+    from .engine import Engine
+
+
+class Passing:
+    """The epoch that an engine has just finished.
+
+    Parameters
+    ----------
+    engine : Engine
+        At the end of the epoch, which has not settled. One that `looks_back`.
+    began : float
+        When the epoch began [time].
+    """
+
+    def __init__(self, engine: Engine, began: float) -> None:
+        self._engine, self._began = engine, began
+        self._before = engine.collisions - engine.epochs.standing()
+
+    def holds(self, due: Due) -> bool:
+        """Whether a point lies in the epoch and before its end; by collisions, its end counts, too."""
+        by_count = due.collisions is not None and due.collisions <= self._engine.collisions
+        return by_count or due.time < self._engine.time
+
+    def at(self, due: Due) -> tuple[State, NDArray[np.float64]]:
+        """The state at a point that the epoch `holds`, and its sums (`kernels/totals.py`).
+
+        Right after the last of so many collisions, and after any others at exactly that time.
+        """
+        engine, arrays = self._engine, self._engine.arrays
+        time, moment = due.time, max(due.time - self._began, 0.0)
+        if due.collisions is not None and due.collisions <= engine.collisions:
+            count = due.collisions - self._before
+            met = engine.epochs.time_of_collision(count) if count > 0 else 0.0
+            if met < moment:
+                time, moment = self._began + met, met
+        n, take, uses = engine.n, engine.buffers.take, arrays.uses
+        place, velocity, spin = take((n, 2)), take((n, 2)), take((n,))
+        events, image = take((n,), np.int32), take((n, 2), np.int32)
+        past = {name: _read_only(value) for name, value in arrays.before.items()}
+        if uses.partnered:
+            past["last_partner"] = take((n,), np.int32)
+        if uses.turned:
+            past["angle"] = take((n,))
+        sums = np.zeros((n // BLOCK + 1, TOTALS))
+        arrays.launch(
+            look_back, moment, *engine.origin, *engine.highest, place_out=place, velocity_out=velocity,
+            spin_out=spin, events_out=events, image_out=image, partner_out=past["last_partner"],
+            angle_out=past["angle"], sums=sums,
+        )  # fmt: skip
+        state = State(
+            position=place, velocity=velocity, spin=spin, time=time, collisions=events, image=image, **past
+        )
+        totals: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
+        return state, totals
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
