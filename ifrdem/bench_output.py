@@ -20,7 +20,7 @@ from .recorder import Ledger, Recorder
 from .simulation import Simulation
 from .trajectory_writer import TrajectoryError, TrajectoryWriter
 
-FRAMES = 3
+FRAMES = 10
 """Frames in a timed piece, one for each collision that a disk has on average."""
 
 
@@ -161,7 +161,7 @@ def measure(
                     next_frame=0 if first else 1, next_row=0 if first else 1,
                 )  # fmt: skip
                 began = time.perf_counter()
-                simulation.follow(course, **told)
+                simulation.follow(course, single=True, **told)
                 recorder.write_rows()
                 writer.flush()
                 return time.perf_counter() - began

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from .errors import InputError
 
@@ -193,3 +193,9 @@ class Box:
         unwrapped = position + image * np.asarray(self.lengths)
         unwrapped[..., 0] += image[..., 1] * (self.shear_rate * self.lengths[1] * time)
         return unwrapped
+
+
+def below(length: float, dtype: DTypeLike) -> float:
+    """The largest number of a type that is less than a length [length]: the last place inside a periodic box."""
+    rounded = np.array(length, dtype=dtype)
+    return float(np.nextafter(rounded, np.zeros_like(rounded)) if rounded >= length else rounded)

@@ -66,7 +66,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import backend, engine_checks, seeds, skins
-from .box import Box
+from .box import Box, below
 from .buffers import Buffers
 from .collision_law import CollisionLaw, compiled
 from .engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
@@ -509,24 +509,35 @@ class Engine:
 
     def state(self) -> State:
         """The present state, in id order."""
-        from .kernels.sort import export
-
         self.check_whole()
         self._whole = False
         self.epochs.settle(self.time)
         self._whole = True
-        n = self.n
-        real, integer = self.arrays.zeros(6, real=True), self.arrays.zeros(3, real=False)
-        self.arrays.launch(export, self.time, real_out=real, int_out=integer)
-        position = self._placed(real[:n, 0:2])
-        image = integer[:n, 1:3].copy()
+        if self.looks_back and self.n:
+            from .passing import state_at
+
+            state, _ = state_at(self, 0.0, self.time)
+            for name, value in self.arrays.history().items():  # copies of its own
+                setattr(state, name, value)
+        else:
+            state = self._exported()
         shut = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
-        escaped = np.flatnonzero(np.any(image[:, shut] != 0, axis=1))
+        escaped = np.flatnonzero(np.any(state.image[:, shut] != 0, axis=1))
         if len(escaped):
             where = "through its open sides" if self.box.is_open else "where a wall should be"
             raise EngineError(
                 f"t = {self.time:.9g}: disk {escaped[0]} left the box {where}; please report this"
             )
+        return state
+
+    def _exported(self) -> State:
+        """The state of settled disks, in any gas."""
+        from .kernels.sort import export
+
+        n = self.n
+        real, integer = self.arrays.zeros(6, real=True), self.arrays.zeros(3, real=False)
+        self.arrays.launch(export, self.time, real_out=real, int_out=integer)
+        position = self._placed(real[:n, 0:2])
         past = self.arrays.history()
         flow = None
         if self.box.shear_rate:
@@ -538,7 +549,7 @@ class Engine:
             spin=real[:n, 4],
             time=self.time,
             collisions=integer[:n, 0] - past["wall_hits"],
-            image=image,
+            image=integer[:n, 1:3].copy(),
             wall_hits=past["wall_hits"],
             latest_collision=np.minimum(past["latest_collision"], self.time),
             last_partner=past["last_partner"],
@@ -551,21 +562,20 @@ class Engine:
         """Where the user's box begins in the coordinates of the device [length]."""
         return float(self._offset[0]), float(self._offset[1])
 
-    @property
-    def highest(self) -> tuple[float, float]:
-        """The largest coordinates inside the user's box [length]; infinite where it is not periodic.
+    def highest(self, dtype: np.dtype[Any]) -> tuple[float, float]:
+        """The largest coordinates of a type inside the user's box [length]; infinite where it is not periodic.
 
         Rounding can put a disk onto the far side, which is the next box already.
         """
         x, y = (
-            float(np.nextafter(length, 0.0)) if periodic else math.inf
+            below(length, dtype) if periodic else math.inf
             for periodic, length in zip(self.box.periodic, self.box.lengths, strict=True)
         )
         return x, y
 
     def _placed(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions in the user's box [length] of those on the device."""
-        return np.minimum(place - self._offset, self.highest)
+        return np.minimum(place - self._offset, self.highest(place.dtype))
 
     def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Energy that collisions took, by mechanism, and collisions by regime (`kernels/ledger.py`), so far.
@@ -577,7 +587,7 @@ class Engine:
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
-        from .kernels.sort import BLOCK
+        from .kernels.layout import BLOCK
         from .kernels.totals import EXCESS, FALL, TOTALS, totals
 
         self.check_whole()

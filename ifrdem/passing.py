@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cadence import Due
+from .kernels.layout import BLOCK
 from .kernels.passing import look_back
-from .kernels.sort import BLOCK
 from .kernels.totals import TOTALS
-from .state import State
+from .state import State, StoredState
 
 if TYPE_CHECKING:
     from .engine import Engine
@@ -41,37 +41,46 @@ class Passing:
         by_count = due.collisions is not None and due.collisions <= self._engine.collisions
         return by_count or due.time < self._engine.time
 
-    def at(self, due: Due) -> tuple[State, NDArray[np.float64]]:
+    def at(self, due: Due, *, single: bool = False) -> tuple[State, NDArray[np.float64]]:
         """The state at a point that the epoch `holds`, and its sums (`kernels/totals.py`).
 
-        Right after the last of so many collisions, and after any others at exactly that time.
+        Right after the last of so many collisions, and after any others at exactly that time. In `single` precision it
+        is one for a file that keeps no more (`StoredState`).
         """
-        engine, arrays = self._engine, self._engine.arrays
+        engine = self._engine
         time, moment = due.time, max(due.time - self._began, 0.0)
         if due.collisions is not None and due.collisions <= engine.collisions:
             count = due.collisions - self._before
             met = engine.epochs.time_of_collision(count) if count > 0 else 0.0
             if met < moment:
                 time, moment = self._began + met, met
-        n, take, uses = engine.n, engine.buffers.take, arrays.uses
-        place, velocity, spin = take((n, 2)), take((n, 2)), take((n,))
-        events, image = take((n,), np.int32), take((n, 2), np.int32)
-        past = {name: _read_only(value) for name, value in arrays.before.items()}
-        if uses.partnered:
-            past["last_partner"] = take((n,), np.int32)
-        if uses.turned:
-            past["angle"] = take((n,))
-        sums = np.zeros((n // BLOCK + 1, TOTALS))
-        arrays.launch(
-            look_back, moment, *engine.origin, *engine.highest, place_out=place, velocity_out=velocity,
-            spin_out=spin, events_out=events, image_out=image, partner_out=past["last_partner"],
-            angle_out=past["angle"], sums=sums,
-        )  # fmt: skip
-        state = State(
-            position=place, velocity=velocity, spin=spin, time=time, collisions=events, image=image, **past
-        )
-        totals: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
-        return state, totals
+        return state_at(engine, moment, time, single=single)
+
+
+def state_at(
+    engine: Engine, moment: float, time: float, *, single: bool = False
+) -> tuple[State, NDArray[np.float64]]:
+    """The state at a moment of the epoch that is over, which is this time, and its sums; 0 if all has settled."""
+    n, take, arrays = engine.n, engine.buffers.take, engine.arrays
+    real = take((n, 5), np.float32 if single else np.float64)
+    integer = take((n, 3), np.int32)
+    past = {name: _read_only(value) for name, value in arrays.before.items()}
+    if arrays.uses.partnered:
+        past["last_partner"] = take((n,), np.int32)
+    if arrays.uses.turned:
+        past["angle"] = take((n,))
+    sums = np.zeros((n // BLOCK + 1, TOTALS))
+    arrays.launch(
+        look_back, moment, *engine.origin, *engine.highest(real.dtype), real_out=real, int_out=integer,
+        partner_out=past["last_partner"], angle_out=past["angle"], sums=sums,
+    )  # fmt: skip
+    kind = StoredState if single else State
+    state = kind(
+        position=real[:, 0:2], velocity=real[:, 2:4], spin=real[:, 4], time=time,
+        collisions=integer[:, 0], image=integer[:, 1:3], **past,
+    )  # fmt: skip
+    totals: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
+    return state, totals
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -209,8 +209,9 @@ def drive(
     try:
         with stops, progress:
             simulation.follow(
-                job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between
-            )
+                job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
+                single=case.output.precision == "f4",
+            )  # fmt: skip
         recorder.write_rows()
         job.writer.flush()
     except Stopped as stop:

@@ -393,9 +393,11 @@ class Simulation:
         samplers: Iterable[Sampler] = (),
         progress: Progress | None = None,
         between: Callable[[], None] | None = None,
+        single: bool = False,
     ) -> None:
         """Run as `run` does, from where a course is to its end; `between()` is called wherever the run could stop.
 
+        Observers that want no more than single precision get frames within epochs as `StoredState`, which is faster.
         The course is kept up to date: after an exception it tells what is due next.
         """
         observers, samplers = list(observers), list(samplers)
@@ -408,7 +410,7 @@ class Simulation:
             while (due := frames.due(course.next_frame)) != end and epoch.holds(due):
                 # First: an observer that raises has had its frame.
                 course.next_frame = frames.following(course.next_frame)
-                self._tell(observers, *epoch.at(due))
+                self._tell(observers, *epoch.at(due, single=single))
 
         if course.next_row == 0:
             course.next_row = 1

@@ -21,7 +21,7 @@ from .device_arrays import DeviceArrays
 from .errors import EngineError, InputError
 from .forces import Force
 from .kernels.forces import kernels_of
-from .kernels.sort import BLOCK
+from .kernels.layout import BLOCK
 from .state import Disks
 
 # Times that differ by rounding only are one time: (1 + 1/2) * 0.1 and (0 + 1/2) * 0.3.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import h5md, quantities, resumable
-from .box import Box
+from .box import Box, below
 from .deflate import Deflate
 from .errors import InputError, nearest
 from .frame_rows import FrameRows
@@ -450,12 +450,12 @@ def _as_count(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
     limits = np.iinfo(dtype)
     if value.size and not limits.min <= value.min() <= value.max() <= limits.max:
         raise InputError(f"{name}: counts beyond {limits.max} cannot be stored")
-    return value.astype(dtype)
+    return value.astype(dtype, copy=False)
 
 
 def _as_float(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
     with np.errstate(over="ignore"):
-        rounded = value.astype(dtype)
+        rounded = value.astype(dtype, copy=False)
     wrong = ~np.isfinite(rounded)
     if wrong.any():
         raise InputError(f"{name}: {value[wrong][0]} cannot be stored as {dtype}")
@@ -466,10 +466,7 @@ def _keep_inside(rounded: NDArray, position: NDArray, lengths: tuple[float, floa
     """Undo in place where rounding to fewer digits carried a disk out of the box through its upper side."""
     for axis, length in enumerate(lengths):
         out = (rounded[:, axis] >= length) & (position[:, axis] < length)
-        below = rounded.dtype.type(length)
-        if below >= length:
-            below = np.nextafter(below, rounded.dtype.type(0.0))
-        rounded[out, axis] = below
+        rounded[out, axis] = below(length, rounded.dtype)
 
 
 def _check_choices(what: str, names: Sequence[str], allowed: Sequence[str]) -> None:

@@ -48,10 +48,9 @@ from .layout import (
     Rows,
     Table,
 )
-from .ledger import tally_losses
 from .levels import epoch_length, speed_cap, too_fast
 from .lists import list_tile, open_epoch
-from .sort import BLOCK, clear, fly, lay_aside, order_cell, put_back
+from .sort import clear, fly_block, lay_aside, n_blocks, order_cell, put_back
 from .tiles import run_tile
 from .walls import offer_wall
 
@@ -86,11 +85,8 @@ def epochs_by_one_thread(
             gas.limit[EARLIEST] = FAR
             for c in range(cells):
                 gas.fill[c] = 0
-            if ti.static(gas.uses.tallied):
-                for i in range(n):
-                    tally_losses(i, i // BLOCK, gas)
-            for i in range(n):
-                fly(i, gas)
+            for b in range(n_blocks(n)):
+                fly_block(b, gas)
             before = 0
             for c in range(cells):
                 gas.start[c] = before
@@ -100,7 +96,7 @@ def epochs_by_one_thread(
             for i in range(n):
                 c = gas.cell[i]
                 gas.order[gas.fill[c]] = i
-                gas.fill[c] += 1
+                gas.fill[c] = gas.fill[c] + 1
             for c in range(cells):
                 order_cell(c, gas)
             fastest2 = gas.scale[DURATION] * 0.0
@@ -145,7 +141,7 @@ def epochs_by_one_thread(
                 for i in range(n):
                     level = too_fast(i, gas)
                     if level > 0 and gas.counter[MOST_NEIGHBOURS] == 0:
-                        gas.link[i][LENGTH] += level * LEVEL
+                        gas.link[i][LENGTH] = gas.link[i][LENGTH] + level * LEVEL
                         gas.counter[TOP_LEVEL] = ti.max(gas.counter[TOP_LEVEL], level)
                         gas.order[fast] = i
                         fast += 1

@@ -4,6 +4,7 @@ import taichi as ti
 
 from .flow import flow_at, lab_x
 from .layout import (
+    BLOCK,
     CELLS_X,
     CELLS_Y,
     DURATION,
@@ -32,7 +33,7 @@ from .layout import (
     Y,
 )
 from .random import DRAWS
-from .sort import BLOCK, n_blocks
+from .sort import n_blocks
 
 # Columns of the small arrays that the host hands over. `when`: time and length of the step. `counter_words`: number of
 # the step (low, high word), index of the force, seed (low, high word).
@@ -47,8 +48,8 @@ def arrived(s, time, gas: ti.template()):
     Velocities are those in the mean flow, if there is one.
     """
     dt = gas.scale[DURATION] - gas.flight[s][TAU]
-    gas.flight[s][X] += gas.flight[s][VX] * dt
-    gas.flight[s][Y] += gas.flight[s][VY] * dt
+    gas.flight[s][X] = gas.flight[s][X] + gas.flight[s][VX] * dt
+    gas.flight[s][Y] = gas.flight[s][Y] + gas.flight[s][VY] * dt
     gas.flight[s][TAU] = gas.scale[DURATION]
     tile = gas.cell[s] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y])
     x = (tile // gas.grid[TILES_Y]) * gas.scale[TILE_X] + gas.flight[s][X]

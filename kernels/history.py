@@ -18,7 +18,7 @@ def record(entry, side, slot, gas: ti.template()):
     gas.log_int[entry][PREVIOUS + side] = gas.link[slot][HEAD]
     gas.log_int[entry][NUMBER + side] = gas.link[slot][SEQ]
     gas.link[slot][HEAD] = entry
-    gas.link[slot][SEQ] += 1
+    gas.link[slot][SEQ] = gas.link[slot][SEQ] + 1
 
 
 @ti.func

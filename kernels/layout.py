@@ -44,6 +44,9 @@ neighbour's tile lies dx, dy in {-1, 0, 1} tiles away, across a periodic side or
 8 - s. A *code* is 9 * slot + shift. In a sheared gas each row of tiles moves with the mean flow (`flow.py`): velocities
 are relative to it, and a neighbour dy rows up moves dy DRIFT faster than its velocity says.
 
+Taichi makes an atomic operation of `a[i] += b`, which costs as much as a division: what only one thread changes is
+written `a[i] = a[i] + b`.
+
 A kernel takes the arrays that it needs, and bundles them into `GasArrays` for the functions that it calls.
 """
 
@@ -113,6 +116,7 @@ SPEED_MARGIN = 1.15  # how much faster than the fastest disk a disk may become b
 # Taichi hands a thread at least so many items of a loop. Loops over few, long items run over SPREAD times as many,
 # and do something in one of them.
 SPREAD = 512
+BLOCK = 1024  # items that one thread handles at a time in scans and reductions
 ROLLED_BACK = -2  # as a partner: this disk was rolled back and has not predicted again
 FAR = 1.0e30  # a time later than any event
 NEVER = 1 << 30  # "undo from collision number NEVER on": nothing to undo

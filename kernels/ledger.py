@@ -88,50 +88,61 @@ def losses_of(
 
 
 @ti.func
-def tally_losses(i, b, gas: ti.template()):
-    """Add the collisions of which disk i is the first to those of block b, latest first."""
-    kind = gas.meta[i][KIND]
-    im, k = gas.kinds[kind][INVERSE_MASS], gas.kinds[kind][K]
-    p = ti.cast(gas.kinds[kind][MATERIAL], ti.i32)
-    radius = gas.flight[i][RADIUS]
+def tally(i, lost: ti.template(), counts: ti.template(), gas: ti.template()):
+    """Add what the collisions took of which disk i is the first, latest first, to sums of a block of disks."""
     entry = gas.link[i][HEAD]
     while entry >= 0:
         side = side_of(entry, i, gas)
         other = gas.log_int[entry][SLOT + 1]
-        elastic = was_elastic(entry, gas)
-        if side == 0 and elastic and other >= 0:
-            gas.regimes[b, ELASTICALLY] += 1
-        # Who the partner is decides its numbers only: the law is compiled once.
-        nx, ny, ux, uy, w_j = 0.0 * radius, 0.0 * radius, 0.0 * radius, 0.0 * radius, 0.0 * radius
-        im_j, radius_j, k_j, q = 0.0 * radius, radius, 1.0 + 0.0 * radius, 0
-        vx, vy, w_i = before(entry, side, gas)
-        counts = 0
-        if side == 0 and not elastic:
-            if other >= 0:
-                counts = 1
-                _t, _x, _y, nx, ny, drift = disks_seen(entry, gas)
-                ux, uy, w_j = before(entry, 1, gas)
-                ux += drift
-                kind_j = gas.meta[other][KIND]
-                im_j, k_j = gas.kinds[kind_j][INVERSE_MASS], gas.kinds[kind_j][K]
-                radius_j = gas.flight[other][RADIUS]
-                q = ti.cast(gas.kinds[kind_j][MATERIAL], ti.i32)
-            elif ti.static(gas.uses.walled):
-                w = -1 - other
-                if not gas.walls[w][TEMPERATURE] > 0.0:
-                    counts = 1
-                    t, _x, _y, nx, ny, ux, uy = wall_seen(entry, gas)
-                    vx += gas.scale[GX] * t
-                    vy += gas.scale[GY] * t
-                    q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
-        if counts == 1:
-            lost, sticks, rolls = losses_of(
-                p, q, nx, ny, im, radius, k, vx, vy, w_i, im_j, radius_j, k_j, ux, uy, w_j, gas
-            )
-            if other >= 0:
-                for column in ti.static(range(5)):
-                    gas.losses[b, column] += lost[column]
-                gas.regimes[b, 2 * rolls + sticks] += 1
+        if side == 0:
+            if was_elastic(entry, gas):
+                counts[ELASTICALLY] += other >= 0
             else:
-                gas.losses[b, AT_WALLS] += lost.sum()
+                kind = gas.meta[i][KIND]
+                radius = gas.flight[i][RADIUS]
+                # Who the partner is decides its numbers only: the law is compiled once.
+                nx, ny, ux, uy, w_j = 0.0 * radius, 0.0 * radius, 0.0 * radius, 0.0 * radius, 0.0 * radius
+                im_j, radius_j, k_j, q = 0.0 * radius, radius, 1.0 + 0.0 * radius, 0
+                vx, vy, w_i = before(entry, 0, gas)
+                there = 1
+                if other >= 0:
+                    _t, _x, _y, nx, ny, drift = disks_seen(entry, gas)
+                    ux, uy, w_j = before(entry, 1, gas)
+                    ux += drift
+                    kind_j = gas.meta[other][KIND]
+                    im_j, k_j = gas.kinds[kind_j][INVERSE_MASS], gas.kinds[kind_j][K]
+                    radius_j = gas.flight[other][RADIUS]
+                    q = ti.cast(gas.kinds[kind_j][MATERIAL], ti.i32)
+                elif ti.static(gas.uses.walled):
+                    w = -1 - other
+                    if gas.walls[w][TEMPERATURE] > 0.0:
+                        there = 0
+                    else:
+                        t, _x, _y, nx, ny, ux, uy = wall_seen(entry, gas)
+                        vx += gas.scale[GX] * t
+                        vy += gas.scale[GY] * t
+                        q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
+                if there == 1:
+                    took, sticks, rolls = losses_of(
+                        ti.cast(gas.kinds[kind][MATERIAL], ti.i32), q, nx, ny,
+                        gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, w_i,
+                        im_j, radius_j, k_j, ux, uy, w_j, gas,
+                    )  # fmt: skip
+                    if other >= 0:
+                        for column in ti.static(range(5)):
+                            lost[column] += took[column]
+                        regime = 2 * rolls + sticks
+                        for column in ti.static(range(4)):
+                            counts[column] += regime == column
+                    else:
+                        lost[AT_WALLS] += took.sum()
         entry = gas.log_int[entry][PREVIOUS + side]
+
+
+@ti.func
+def keep_sums(b, lost, counts, gas: ti.template()):
+    """Add the sums of block b to the ledger."""
+    for column in ti.static(range(6)):
+        gas.losses[b, column] = gas.losses[b, column] + lost[column]
+    for column in ti.static(range(5)):
+        gas.regimes[b, column] = gas.regimes[b, column] + counts[column]

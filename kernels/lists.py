@@ -98,7 +98,7 @@ def list_others(i, tile, in_x, in_y, gas: ti.template()):
                     length += 1
                     t = first_meeting(i, j, rx, ry, drift, gas.scale[HORIZON], gas)
                     offer(i, t, 9 * j + shift, gas.scale[HORIZON], gas)
-    gas.link[i][LENGTH] += OTHER * length
+    gas.link[i][LENGTH] = gas.link[i][LENGTH] + OTHER * length
 
 
 @ti.func

@@ -4,6 +4,7 @@ import taichi as ti
 
 from .history import flight_at
 from .layout import (
+    BLOCK,
     EVENTS,
     FAR,
     ID,
@@ -18,7 +19,7 @@ from .layout import (
     Table,
 )
 from .seen import in_box
-from .sort import BLOCK, n_blocks
+from .sort import n_blocks
 from .tally import partner_in, turned
 from .totals import ALL_EVENTS, TOTALS, moving
 
@@ -27,16 +28,15 @@ from .totals import ALL_EVENTS, TOTALS, moving
 def look_back(
     t: ti.f64, origin_x: ti.f64, origin_y: ti.f64, highest_x: ti.f64, highest_y: ti.f64,
     uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
-    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, last_partner: Rows, angle: Rows, place_out: Table,
-    velocity_out: Table, spin_out: Rows, events_out: Rows, image_out: Table, partner_out: Rows, angle_out: Rows,
-    sums: Table,
+    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, last_partner: Rows, angle: Rows, real_out: Table,
+    int_out: Table, partner_out: Rows, angle_out: Rows, sums: Table,
 ):  # fmt: skip
     """Disks at time t of the epoch, in id order, collisions at t included; and the sums that `totals` has.
 
-    `place_out`, `velocity_out` (n, 2), `spin_out`, `events_out` (n,): what `sort.export` gives, but places in the
-    user's box, from its `origin` on and not beyond the `highest` place in it; `image_out` (n, 2).
-    `partner_out` and `angle_out` (n,) only where the gas keeps them. `sums` (blocks, TOTALS), block by block of
-    slots. Not in a gas with walls or shear, whose frames fall or move.
+    `real_out` (n, 5), `int_out` (n, 3): what `sort.export` gives, but places in the user's box, from its `origin` on
+    and not beyond the `highest` place in it. A disk's numbers stand together: its place in memory is far from that of
+    the disk before. `partner_out` and `angle_out` (n,) only where the gas keeps them. `sums` (blocks, TOTALS), block by
+    block of slots. Not in a gas with walls or shear, whose frames fall or move.
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
@@ -52,14 +52,14 @@ def look_back(
                 x, y, boxes_x, boxes_y = in_box(s, x + vx * since, y + vy * since, gas)
                 events = gas.meta[s][EVENTS] + gas.link[s][SEQ] - later
                 i = gas.meta[s][ID]
-                place_out[i, 0] = ti.min(x - origin_x, highest_x)
-                place_out[i, 1] = ti.min(y - origin_y, highest_y)
-                velocity_out[i, 0] = vx
-                velocity_out[i, 1] = vy
-                spin_out[i] = spin
-                events_out[i] = events
-                image_out[i, 0] = gas.image[i][0] + boxes_x
-                image_out[i, 1] = gas.image[i][1] + boxes_y
+                real_out[i, 0] = ti.min(x - origin_x, highest_x)
+                real_out[i, 1] = ti.min(y - origin_y, highest_y)
+                real_out[i, 2] = vx
+                real_out[i, 3] = vy
+                real_out[i, 4] = spin
+                int_out[i, 0] = events
+                int_out[i, 1] = gas.image[i][0] + boxes_x
+                int_out[i, 2] = gas.image[i][1] + boxes_y
                 if ti.static(gas.uses.partnered):
                     partner_out[i] = partner_in(entry, s, gas)
                 if ti.static(gas.uses.turned):

@@ -21,6 +21,7 @@ from .events import collide, mark, predict, propagate, restore
 from .extend import LATER, extend, raise_level
 from .layout import (
     AFFECTED_ROW,
+    BLOCK,
     CHANGED_ROW,
     DIRTY,
     EARLIEST,
@@ -52,7 +53,7 @@ from .layout import (
     push,
 )
 from .levels import too_fast
-from .sort import BLOCK, n_blocks
+from .sort import n_blocks
 
 
 @ti.func

@@ -4,13 +4,11 @@ import taichi as ti
 
 from .contact import ELASTIC
 from .flights import shift_by
-from .history import flight_between
 from .layout import (
     BEFORE,
     GX,
     GY,
     HEAD,
-    HORIZON,
     HOW,
     PREVIOUS,
     SHIFT_BITS,
@@ -20,6 +18,7 @@ from .layout import (
     TILE_Y,
     TILES_X,
     TILES_Y,
+    TIME,
     VX,
     VY,
 )
@@ -41,11 +40,14 @@ def in_box(i, x, y, gas: ti.template()):
 @ti.func
 def where(entry, side, gas: ti.template()):
     """Where the disk on this side of a record was at the collision, in its tile's falling frame; and when [epoch]."""
-    i = gas.log_int[entry][SLOT + side]
-    x, y, vx, vy, began, t, _number, _other = flight_between(
-        i, gas.log_int[entry][PREVIOUS + side], entry, gas.scale[HORIZON], gas
-    )
-    return x + vx * (t - began), y + vy * (t - began), t
+    first = BEFORE + 5 * side
+    t = gas.log_real[entry][TIME]
+    since = t
+    begin = gas.log_int[entry][PREVIOUS + side]
+    if begin >= 0:
+        since = t - gas.log_real[begin][TIME]
+    x = gas.log_real[entry][first] + gas.log_real[entry][first + 2] * since
+    return x, gas.log_real[entry][first + 1] + gas.log_real[entry][first + 3] * since, t
 
 
 @ti.func

@@ -7,6 +7,7 @@ from .layout import (
     ACTIVE,
     AFFECTED,
     ASIDE,
+    BLOCK,
     BOXES_ASIDE,
     CELL_X,
     CELL_Y,
@@ -53,10 +54,8 @@ from .layout import (
     X,
     Y,
 )
-from .ledger import tally_losses
+from .ledger import keep_sums, tally
 from .tally import note_latest, note_partner, note_turn, tally_walls
-
-BLOCK = 1024  # items that one thread handles at a time in scans and reductions
 
 
 @ti.func
@@ -85,8 +84,9 @@ def enter_row(i, in_y, gas: ti.template()):
     step_y = 0
     if in_y < 0 or in_y >= gas.grid[CELLS_Y]:
         _place, step_y = split(in_y, gas.grid[CELLS_Y])
-    gas.flow_work[gas.meta[i][ID]] += work_between_rows(i, gas) + work_of_crossing(i, step_y, gas)
-    gas.flight[i][VX] -= step_y * gas.scale[DRIFT]
+    work = work_between_rows(i, gas) + work_of_crossing(i, step_y, gas)
+    gas.flow_work[gas.meta[i][ID]] = gas.flow_work[gas.meta[i][ID]] + work
+    gas.flight[i][VX] = gas.flight[i][VX] - step_y * gas.scale[DRIFT]
     return -step_y * (gas.scale[ASIDE] + gas.scale[DRIFT] * gas.scale[DURATION])
 
 
@@ -108,8 +108,8 @@ def fly(i, gas: ti.template()):
         fall = gas.scale[DURATION]
         x += 0.5 * gas.scale[GX] * fall * fall
         y += 0.5 * gas.scale[GY] * fall * fall
-        gas.flight[i][VX] += gas.scale[GX] * fall
-        gas.flight[i][VY] += gas.scale[GY] * fall
+        gas.flight[i][VX] = gas.flight[i][VX] + gas.scale[GX] * fall
+        gas.flight[i][VY] = gas.flight[i][VY] + gas.scale[GY] * fall
     in_y = ti.floor(y / gas.scale[CELL_Y], ti.i32)
     if ti.static(gas.uses.sheared):
         x += enter_row(i, in_y, gas)
@@ -123,21 +123,35 @@ def fly(i, gas: ti.template()):
         y -= step_y * gas.scale[TILE_Y]
         if ti.static(gas.uses.sheared):
             step_x -= step_y * gas.grid[TILES_ASIDE]
-            gas.image[gas.meta[i][ID]][0] -= step_y * gas.grid[BOXES_ASIDE]
+            gas.image[gas.meta[i][ID]][0] = gas.image[gas.meta[i][ID]][0] - step_y * gas.grid[BOXES_ASIDE]
         tile_x, box_x = split(tile // gas.grid[TILES_Y] + step_x, gas.grid[TILES_X])
         tile_y, box_y = split(tile % gas.grid[TILES_Y] + step_y, gas.grid[TILES_Y])
         tile = tile_x * gas.grid[TILES_Y] + tile_y
-        gas.image[gas.meta[i][ID]][0] += box_x
-        gas.image[gas.meta[i][ID]][1] += box_y
+        gas.image[gas.meta[i][ID]][0] = gas.image[gas.meta[i][ID]][0] + box_x
+        gas.image[gas.meta[i][ID]][1] = gas.image[gas.meta[i][ID]][1] + box_y
     gas.flight[i][X] = x
     gas.flight[i][Y] = y
-    gas.meta[i][EVENTS] += gas.link[i][SEQ]
+    gas.meta[i][EVENTS] = gas.meta[i][EVENTS] + gas.link[i][SEQ]
     c = tile * cells + in_x * gas.grid[CELLS_Y] + in_y
     gas.cell[i] = c
     ti.atomic_add(gas.fill[c], 1)
     if gas.flight[i][TE] < gas.scale[DURATION]:
         # Watchdog: an event before the end of the epoch was not processed.
         ti.atomic_min(gas.limit[EARLIEST], gas.flight[i][TE])
+
+
+@ti.func
+def fly_block(b, gas: ti.template()):
+    """Enter what the collisions of the disks of block b took into the ledger, in the order of slots: the same sums for
+    any number of threads; and move these disks on. Both at once, because both want the same memory."""
+    lost = ti.Vector([0.0] * 6, ti.f64)
+    counts = ti.Vector([0] * 5, ti.i32)
+    for i in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
+        if ti.static(gas.uses.tallied):
+            tally(i, lost, counts, gas)
+        fly(i, gas)
+    if ti.static(gas.uses.tallied):
+        keep_sums(b, lost, counts, gas)
 
 
 @ti.func
@@ -259,15 +273,9 @@ def settle(
         gas.fill[c] = 0
     for _ in range(1):
         gas.limit[EARLIEST] = FAR
-    if ti.static(gas.uses.tallied):
-        # Block by block, in the order of slots: the same sums for any number of threads.
-        for item in range(SPREAD * n_blocks(gas.grid[N])):
-            if item % SPREAD == 0:
-                b = item // SPREAD
-                for i in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
-                    tally_losses(i, b, gas)
-    for i in range(gas.grid[N]):
-        fly(i, gas)
+    for item in range(SPREAD * n_blocks(gas.grid[N])):
+        if item % SPREAD == 0:
+            fly_block(item // SPREAD, gas)
     for item in range(SPREAD * n_blocks(n_cells(gas))):
         if item % SPREAD == 0:
             sum_block(item // SPREAD, n_cells(gas), gas)

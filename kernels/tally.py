@@ -74,7 +74,7 @@ def turned(i, until, gas: ti.template()):
 @ti.func
 def note_turn(i, gas: ti.template()):
     """Note how far disk i has turned, at the end of the epoch."""
-    gas.angle[gas.meta[i][ID]] += turned(i, gas.scale[DURATION], gas)
+    gas.angle[gas.meta[i][ID]] = gas.angle[gas.meta[i][ID]] + turned(i, gas.scale[DURATION], gas)
 
 
 @ti.func
@@ -122,9 +122,9 @@ def tally_walls(i, gas: ti.template()):
                         i, vx + gas.scale[GX] * t - ux, vy + gas.scale[GY] * t - uy, spin,
                         vx_0 + gas.scale[GX] * t - ux, vy_0 + gas.scale[GY] * t - uy, spin_0, gas,
                     )  # fmt: skip
-                    gas.wall_heat[gas.meta[i][ID], column] += heat
+                    gas.wall_heat[gas.meta[i][ID], column] = gas.wall_heat[gas.meta[i][ID], column] + heat
         vx, vy, spin = vx_0, vy_0, spin_0
         entry = before
     if hits > 0:
-        gas.wall_hits[gas.meta[i][ID]] += hits
-        gas.wall_work[gas.meta[i][ID]] += work
+        gas.wall_hits[gas.meta[i][ID]] = gas.wall_hits[gas.meta[i][ID]] + hits
+        gas.wall_work[gas.meta[i][ID]] = gas.wall_work[gas.meta[i][ID]] + work
