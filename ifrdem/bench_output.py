@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from .gas import Gas
 from .queued_writer import QueuedWriter
 from .recorder import Ledger, Recorder
 from .simulation import Simulation
-from .trajectory_writer import TrajectoryError, TrajectoryWriter
+from .trajectory_writer import TrajectoryWriter
 
 FRAMES = 10
 """Frames in a timed piece, one for each collision that a disk has on average."""
@@ -38,6 +39,8 @@ class OutputCost:
         Of the frames; `compressor` says by whom.
     bare, tallied, writing : list of float
         Seconds of each piece, FRAMES collisions per disk.
+    plainly : list of float
+        Seconds that a plain writing of as many bytes as a frame has took beside each piece, with nothing else going on.
     rows : int
         Rows of the time series in all.
     frame_bytes : float
@@ -51,6 +54,7 @@ class OutputCost:
     bare: list[float]
     tallied: list[float]
     writing: list[float]
+    plainly: list[float]
     rows: int
     frame_bytes: float
 
@@ -69,8 +73,8 @@ class OutputCost:
         return {
             "n": self.n, "phi": self.phi, "compression": self.compression, "compressor": self.compressor,
             "seconds_bare": self.bare, "seconds_with_ledger": self.tallied, "seconds_writing": self.writing,
-            "share": self.share, "ledger_share": self.ledger_share, "series_rows": self.rows,
-            "frame_bytes": self.frame_bytes, "environment": bench.environment(),
+            "seconds_plain_write": self.plainly, "share": self.share, "ledger_share": self.ledger_share,
+            "series_rows": self.rows, "frame_bytes": self.frame_bytes, "environment": bench.environment(),
         }  # fmt: skip
 
     def report(self) -> str:
@@ -85,6 +89,7 @@ class OutputCost:
                 f"  without output         {_spread(self.bare, 's')} for {FRAMES} collisions per disk",
                 f"  with the ledger        {_spread(self.tallied, 's')}",
                 f"  and frames and series  {_spread(self.writing, 's')}, {self.rows} rows of series",
+                f"  a plain writing        {_spread(self.plainly, 's')} for the bytes of a frame, alone",
                 f"  the ledger costs       {_spread(_shares(self.tallied, self.bare, 100.0), '%')}",
                 f"  all output costs       {_spread(_shares(self.writing, self.bare, 100.0), '%')}",
             ]
@@ -100,17 +105,12 @@ def _spread(values: list[float], unit: str) -> str:
     return f"{middle:.3g} {unit} (median of {len(values)}; {min(values):.3g} to {max(values):.3g} {unit})"
 
 
-def _touch(path: Path, size: int) -> None:
-    """Fill so much of the page cache and give it back: memory that a virtual machine's host has yet to find is slow."""
-    block = bytes(2**22)
-    try:
-        with path.open("wb", buffering=0) as file:
-            for _ in range(size // len(block) + 1):
-                file.write(block)
-    except OSError as error:
-        raise TrajectoryError(f"{path} cannot be written: {error}") from error
-    finally:
-        path.unlink(missing_ok=True)
+def _write(file: FileIO, size: int) -> float:
+    """Seconds that a plain writing of so many bytes takes."""
+    data = bytes(size)
+    began = time.perf_counter()
+    file.write(data)
+    return time.perf_counter() - began
 
 
 def measure(
@@ -146,9 +146,13 @@ def measure(
     bare: list[float] = []
     tallied: list[float] = []
     writing: list[float] = []
+    plainly: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.h5"
-        with QueuedWriter(TrajectoryWriter(path, gas.disks, gas.box, compression=compression)) as writer:
+        with (
+            QueuedWriter(TrajectoryWriter(path, gas.disks, gas.box, compression=compression)) as writer,
+            (Path(folder) / "plain").open("wb", buffering=0) as beside,
+        ):
             recorder = Recorder(writer, Ledger())
             told: dict[str, Any] = {"observers": [recorder.frame], "samplers": [recorder.row]}
 
@@ -166,17 +170,19 @@ def measure(
                 writer.flush()
                 return time.perf_counter() - began
 
-            _touch(Path(folder) / "touch", 30 * n * FRAMES * (runs + 1))
             piece(plain)
             piece(telling, first=True, **told)  # compiles the kernels of output
             for i in range(runs):
                 bare.append(piece(plain))
                 tallied.append(piece(telling))
                 writing.append(piece(telling, **told))
+                plainly.append(_write(beside, path.stat().st_size // len(writer)))
                 note(
                     f"piece {i + 1} of {runs}: {bare[-1]:.3g} s without output, {tallied[-1]:.3g} s with the ledger, "
                     f"{writing[-1]:.3g} s with all"
                 )
             frames, rows, compressor = len(writer), writer.series_rows, writer.compressor
         size = path.stat().st_size
-    return OutputCost(n, phi, compression, compressor, bare, tallied, writing, rows, (size - 28 * n) / frames)
+    return OutputCost(
+        n, phi, compression, compressor, bare, tallied, writing, plainly, rows, (size - 28 * n) / frames
+    )

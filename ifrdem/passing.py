@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cadence import Due
+from .errors import EngineError
 from .kernels.layout import BLOCK
 from .kernels.passing import look_back
 from .kernels.totals import TOTALS
@@ -80,6 +81,8 @@ def state_at(
         collisions=integer[:, 0], image=integer[:, 1:3], **past,
     )  # fmt: skip
     totals: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
+    if not np.isfinite(totals).all():
+        raise EngineError(f"t = {time:.9g}: a velocity or spin is not finite; please report this")
     return state, totals
 
 

@@ -187,7 +187,7 @@ class State:
 
 @dataclass(eq=False)
 class StoredState(State):
-    """A state as a file in single precision keeps it: arrays of single precision, strided and unchecked.
+    """A state as a file in single precision keeps it: arrays of single precision, strided, known to be finite.
 
     An engine makes it for who wants no more than to write it, in a third of the time.
     """

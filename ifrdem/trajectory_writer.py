@@ -22,7 +22,7 @@ from .frame_rows import FrameRows
 from .history_writer import HistoryWriter
 from .output_file import OutputFile, TrajectoryError
 from .series_writer import SeriesWriter
-from .state import Disks, State
+from .state import Disks, State, StoredState
 from .walls import Wall, to_json
 
 __all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
@@ -421,6 +421,8 @@ class TrajectoryWriter:
                 raise InputError(f"{name} has shape {value.shape}: {dataset.shape[1:]} is needed")
             if h5md.FIELDS[name].count:
                 checked[name] = _as_count(name, value, dataset.dtype)
+            elif isinstance(state, StoredState) and value.dtype == dataset.dtype:
+                checked[name] = value  # the engine has seen that all is finite
             else:
                 checked[name] = _as_float(name, value, dataset.dtype)
         if "position" in checked:
@@ -448,7 +450,7 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
 
 def _as_count(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
     limits = np.iinfo(dtype)
-    if value.size and not limits.min <= value.min() <= value.max() <= limits.max:
+    if value.dtype != dtype and value.size and not limits.min <= value.min() <= value.max() <= limits.max:
         raise InputError(f"{name}: counts beyond {limits.max} cannot be stored")
     return value.astype(dtype, copy=False)
 
