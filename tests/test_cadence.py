@@ -56,6 +56,40 @@ def test_what_has_been_reached_already_is_not_due_again():
     assert interval.after(1, 1.0, 0) <= 10
 
 
+def test_a_point_far_ahead_is_found_at_once():
+    """Among 1e12 points: the first after, by the definition of `due`, and none is left out."""
+    many = Schedule(Cadence(number=10**12), to_collisions(2.0))
+    found = many.after(1, 0.0, 7)
+    assert many.due(found - 1).collisions == 7
+    assert many.due(found).collisions == 8
+    interval = Schedule(Cadence(interval=1e-12), to_time(1.0))
+    k = interval.after(5, 0.25, 0)
+    assert interval.due(k).time > 0.25
+    assert interval.due(k - 1).time <= 0.25
+    # One that is not reached stays, the run's end too.
+    assert many.after(3, 0.0, 0) == 3
+    assert Schedule(Cadence(number=4), to_time(1.0)).after(2, 0.3, 0) == 2
+
+
+def test_every_point_is_the_first_that_is_not_reached():
+    schedule = Schedule(Cadence(number=37, spacing="log"), to_collisions(40.0))
+    for k in (1, 2, 20, 36):
+        for collisions in range(0, 200, 7):
+            expected = k
+            while schedule.due(expected).reached(0.0, collisions):
+                expected += 1
+            assert schedule.after(k, 0.0, collisions) == expected
+
+
+def test_an_interval_that_a_time_cannot_resolve_is_refused():
+    """Floating-point numbers about 1e6 are 1.2e-10 apart."""
+    with pytest.raises(
+        InputError, match=r"interval = 1e-10: lost in the rounding of a time of 1e\+06: 1\.16e-10"
+    ):
+        Schedule(Cadence(interval=1e-10), to_time(1e6))
+    assert Schedule(Cadence(interval=2e-10), to_time(1e6)).due(1).time == 2e-10
+
+
 def test_the_earlier_of_two_points_is_reached_when_either_is():
     both = earlier(Due(2.0, None), Due(math.inf, 7))
     assert both == Due(2.0, 7)
@@ -71,6 +105,7 @@ def test_the_earlier_of_two_points_is_reached_when_either_is():
         ({"number": 3, "interval": 1.0}, "exactly one"),
         ({"number": 0}, "number = 0"),
         ({"interval": 0.0}, "interval = 0"),
+        ({"interval": 1e-300}, "interval = 1e-300: 1e-200 or more"),
         ({"collisions": math.nan}, "collisions = nan"),
         ({"number": 3, "spacing": "logarithmic"}, "allowed are even, log"),
         ({"interval": 1.0, "spacing": "log"}, "needs a number"),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import case_file, seeds
+from ifrdem import case_file, check, cli, seeds
 from ifrdem.cadence import Cadence
 from ifrdem.case_output import OutputSection
 from ifrdem.errors import InputError
@@ -90,6 +90,14 @@ def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
         (("series_spacing=log",), "series, the number of rows, is missing"),
         (("log_from=0.1",), "log_from: only with"),
         (("frames_interval=0.0",), "output.frames_interval = 0"),
+        (("frames_interval=1e-300",), "frames_interval = 1e-300: 1e-199 or more is needed"),
+        (("series_collisions=1e-300",), "series_collisions = 1e-300: 1e-199 or more is needed"),
+        (("frames=1000000000000",), "output.frames = 1000000000000: must be less than or equal to 10000000"),
+        (("histories=[]",), "output.histories = []: at least 1 entry is needed, none given"),
+        (
+            ("histories_region=[1.0]",),
+            "output.histories_region = [1.0]: at least 4 entries are needed, 1 given",
+        ),
         (("histories=[1]", "histories_all=true"), "at most one is needed of: histories"),
         (("histories=[1, 200]",), "output.histories = 200: there are disks 0 to 199"),
         (("histories=[1, 1]",), "output.histories = 1: it is there already"),
@@ -120,6 +128,90 @@ def test_a_region_where_no_disk_starts_is_refused(folder):
     gas = Gas.from_case(case)
     with pytest.raises(InputError, match="no disk starts there"):
         gas.tracked(case, gas.start(case))
+
+
+def check_cadences(folder: Path, *overrides: str) -> None:
+    case = case_file.read(folder / "gas.toml", overrides).case
+    gas = Gas.from_case(case)
+    check.refuse_cadences(case, gas, Estimate.of(gas, case))
+
+
+BY_COLLISIONS = ("run.t_end=", "run.collisions_per_disk=20.0")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "reason"),
+    [
+        # 1e7 in the run's 2.0, or 2e-7 apart, are allowed
+        (
+            ("output.frames_interval=1e-9",),
+            "output.frames_interval = 1e-09: more than 10000000 frames in 2, the length of the run: 2e-07 or more",
+        ),
+        (
+            ("output.series_interval=1.9e-7",),
+            "output.series_interval = 1.9e-07: more than 10000000 rows in 2",
+        ),
+        # one collision is 2 of 200 disks
+        (
+            ("output.frames_collisions=0.009", *BY_COLLISIONS),
+            "output.frames_collisions = 0.009: more often than one collision of 200 disks: 0.01 or more is needed",
+        ),
+        (("output.frames_collisions=1e-8",), "more often than one collision"),
+        (
+            ("output.series_collisions=0.011", "run.t_end=", "run.collisions_per_disk=2e5"),
+            "output.series_collisions = 0.011: more than 10000000 rows in 2e+05 collisions per disk: 0.02 or more is needed",
+        ),
+        (("output.frames_interval=1e-12", *BY_COLLISIONS), "the length of the run by kinetic theory"),
+        # walls: no theory of the length, but a mean free time
+        (
+            (
+                "output.frames_interval=1e-12",
+                "box.periodic=[false, true]",
+                "box.material=coin",
+                *BY_COLLISIONS,
+            ),
+            "the shortest time that the case names",
+        ),
+    ],
+)
+def test_cadences_that_make_no_sense_are_refused_before_work(folder, overrides, reason):
+    with pytest.raises(InputError) as caught:
+        check_cadences(folder, *overrides)
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        (),
+        ("output.frames_interval=2.1e-7",),
+        ("output.frames_collisions=0.01", *BY_COLLISIONS),
+        ("output.frames=10000000",),
+    ],
+)
+def test_dense_cadences_that_can_be_are_not_refused(folder, overrides):
+    check_cadences(folder, *overrides)
+
+
+def test_check_refuses_them_with_status_2_and_no_report(folder, capsys):
+    for setting in (
+        "output.frames_interval=1e-12",
+        "output.frames_collisions=1e-9",
+        "output.series_interval=1e-300",
+    ):
+        assert cli.main(["check", str(folder / "gas.toml"), "--set", setting]) == 2
+        shown = capsys.readouterr()
+        assert shown.out == ""
+        assert setting.partition("=")[0].partition(".")[2] in shown.err
+
+
+def test_check_warns_of_a_file_that_has_no_room_here(folder, capsys):
+    large = ["output.frames=10000000", "species[0].number=20000", "box.lengths=[400.0, 300.0]"]
+    settings = [word for one in large for word in ("--set", one)]
+    assert cli.main(["check", str(folder / "gas.toml"), *settings]) == 0
+    shown = capsys.readouterr()
+    assert "warning: output: the trajectory needs some" in shown.err
+    assert "`ifrdem run` would refuse it here" in shown.err
 
 
 def test_the_estimate_counts_frames_rows_and_events(folder):
