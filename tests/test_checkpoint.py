@@ -183,3 +183,22 @@ def test_the_checkpoint_of_another_version_is_refused_with_both(tmp_path):
     _, record = checkpoint.read(path)
     with pytest.raises(InputError, match=r"written by taichi 0\.1"):
         checkpoint.check_versions(record, path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((3,), "path = 3: the path of a file is needed"),
+        (("a.h5", {"when": {1, 2}}), r"extra\['when'\] = \{1, 2\}: JSON cannot hold it"),
+        (("a.h5", {(1, 2): 3}), r"extra\[\(1, 2\)\] = 3: JSON cannot hold it"),
+        (("a.h5", [1]), r"extra = \[1\]: a mapping by name is needed"),
+        (("a.h5", None, {"extra_x": ["a"]}), r"arrays\['extra_x'\] = \['a'\]: an array of numbers"),
+        (("a.h5", None, 5), "arrays = 5: a mapping by name is needed"),
+    ],
+)
+def test_what_a_checkpoint_cannot_hold_is_named_and_leaves_no_file(tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    simulation = freed(1)
+    with pytest.raises(InputError, match=said):
+        simulation.save_checkpoint(*arguments)
+    assert os.listdir(tmp_path) == []
