@@ -16,7 +16,8 @@ from .case_output import MOST_FRAMES
 from .describe import describe_sides
 from .engine_limits import BYTES_PER_DISK
 from .errors import InputError
-from .estimate import OBSERVABLES, Estimate, disk_bytes
+from .estimate import OBSERVABLES, Estimate
+from .file_size import disk_bytes
 from .gas import Gas
 from .report_walls import lines_of_walls
 

@@ -66,18 +66,18 @@ def fit(
 
     A law that holds leaves noise; one that does not leaves slow waves. What is left, r, is split by linear least
     squares into what changed parameters can make of it, what up to `MODES` Legendre polynomials of `along` can make
-    beyond that, B z with B orthonormal, and a rest. The rest, which a misfit does not reach, tells the noise: variance s^2
-    and correlations rho^|lag|, with rho from its correlation to the next point (less by what the modes took of it,
+    beyond that, B z with B orthonormal, and a rest. The rest, which a misfit does not reach, tells the noise: variance
+    s^2 and correlations rho^|lag|, with rho from its correlation to the next point (less by what the modes took of it,
     `_memory`), or from its integrated autocorrelation time if that is longer. If r is such noise, z has the covariance
     s^2 B' R B, R_ij = rho^|i - j|, and of n points n (1 - rho) / (1 + rho) are as good as independent, so that
 
         F = z' (s^2 B' R B)^-1 z / q
 
     is distributed about as F with q and n (1 - rho) / (1 + rho) - d degrees of freedom, 2 at least; q are the modes
-    beyond the parameters, d the dimensions of all. The law does not describe the data where this has a probability below
-    `CHANCE` and the root mean square of the waves, |z| / sqrt(n), is above the scatter that is allowed, or where it is
-    above `OUTRIGHT` times that, if there is one. Its parameters are then those of the nearest curve of its kind: they
-    have no statistical error, and `errors` are nan.
+    beyond the parameters, d the dimensions of all. The law does not describe the data where this has a probability
+    below `CHANCE` and the root mean square of the waves, |z| / sqrt(n), is above the scatter that is allowed, or where
+    it is above `OUTRIGHT` times that, if there is one. Its parameters are then those of the nearest curve of its kind:
+    they have no statistical error, and `errors` are nan.
 
     Otherwise errors are those of independent points times sqrt(2 tau), tau of r itself.
 
@@ -174,10 +174,9 @@ def _memory(rest: NDArray[np.float64], modes: NDArray[np.float64]) -> tuple[floa
         return beside / square - seen
 
     low, high = 0.0, 1.0 - 0.1 / n
-    if excess(low) >= 0.0:
-        rho = low
-    else:
-        rho = high if excess(high) <= 0.0 else float(brentq(excess, low, high, xtol=1e-6))
+    rho = low if excess(low) >= 0.0 else high
+    if excess(low) < 0.0 < excess(high):
+        rho = float(brentq(excess, low, high, xtol=1e-6))
     tau = correlation_time(rest)
     rho = max(rho, (tau - 0.5) / (tau + 0.5))
     return rho, means(rho)[0]
