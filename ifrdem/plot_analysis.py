@@ -315,7 +315,8 @@ def impact(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
         color=TRANSLATION,
         label=f"{found.collisions} collisions",
     )
-    left.plot(degrees, np.cos(found.psi), "-", color=RATIO, lw=1.5, label=r"molecular chaos, $\cos\psi$")
+    fine = np.linspace(0.0, 90.0, 200)
+    left.plot(fine, np.cos(np.radians(fine)), "-", color=RATIO, lw=1.5, label=r"molecular chaos, $\cos\psi$")
     left.set_xlim(0.0, 90.0)
     left.set_ylim(bottom=0.0)
     left.set_xlabel(r"angle of impact $\psi$ (degrees)")

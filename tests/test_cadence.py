@@ -23,6 +23,29 @@ def test_a_number_divides_the_run_evenly_and_ends_with_it():
     assert times == [1.5, 2.0, 2.5, 3.0, 3.0]
 
 
+def test_the_last_point_is_the_end_to_the_bit():
+    """0.3 + (0.9 - 0.3) is not 0.9 in floating-point numbers: a run would go on for a rounding error, or stop before."""
+    begin, end = 0.3, 0.9
+    assert begin + (end - begin) != end
+    for spacing in ("even", "log"):
+        assert Schedule(Cadence(number=5, spacing=spacing), to_time(end, begin)).due(5).time == end
+
+
+def test_points_count_from_where_the_run_begins():
+    """10 disks that have had 6 collisions, to 4 collisions per disk: 20. And from a time of 1 on."""
+    had = to_collisions(4.0, had=6)
+    assert [Schedule(Cadence(number=7), had).due(k).collisions for k in (1, 2, 7)] == [8, 10, 20]
+    assert [Schedule(Cadence(collisions=0.5), had).due(k).collisions for k in (1, 2, 9)] == [9, 11, 20]
+    assert [Schedule(Cadence(interval=0.5), to_time(3.0, 1.0)).due(k).time for k in (1, 2, 9)] == [
+        1.5,
+        2.0,
+        3.0,
+    ]
+    assert Cadence(interval=0.4).count(duration=1.0, collisions_per_disk=9.0) == 3  # at 0.4, 0.8 and the end
+    assert Cadence(collisions=4.0).count(duration=1.0, collisions_per_disk=9.0) == 3
+    assert Cadence(number=5).count(duration=1.0, collisions_per_disk=9.0) == 5
+
+
 @pytest.mark.parametrize("number", [1, 3, 7, 10, 1000])
 def test_rounding_makes_no_collision_more_of_a_part(number):
     # 10 disks with 2 * number / 10 collisions each: `number` collisions, one for each frame.
@@ -96,6 +119,7 @@ def test_the_earlier_of_two_points_is_reached_when_either_is():
     assert both.reached(2.0, 0)
     assert both.reached(0.0, 7)
     assert not both.reached(1.9, 6)
+    assert earlier(Due(collisions=9), Due(3.0, 4)) == earlier(Due(3.0, 4), Due(collisions=9)) == Due(3.0, 4)
 
 
 @pytest.mark.parametrize(
