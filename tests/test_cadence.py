@@ -24,7 +24,7 @@ def test_a_number_divides_the_run_evenly_and_ends_with_it():
 
 
 def test_the_last_point_is_the_end_to_the_bit():
-    """0.3 + (0.9 - 0.3) is not 0.9 in floating-point numbers: a run would go on for a rounding error, or stop before."""
+    """0.3 + (0.9 - 0.3) is not 0.9 in floating-point numbers: a run would end a rounding error too early or late."""
     begin, end = 0.3, 0.9
     assert begin + (end - begin) != end
     for spacing in ("even", "log"):

@@ -18,8 +18,9 @@ FEWEST = 10
 CHANCE = 1e-3
 """Probability below which waves are no chance."""
 OUTRIGHT = 2.5
-"""Times the scatter, above which waves are a misfit whatever the rest looks like. Those of T of n smooth disks that cool
-by Haff's law had 0.4 (e_n = 0.8) to 0.65 (0.5) / sqrt(n) rms, 1.0 at most in 45 runs by Monte Carlo (2026-11-21)."""
+"""Times the scatter, above which waves are a misfit whatever the rest looks like. Those of T of n smooth disks that
+cool by Haff's law had 0.4 (e_n = 0.8) to 0.65 (0.5) / sqrt(n) rms, 1.0 at most in 45 runs by Monte Carlo (2026-11-21).
+"""
 ROUNDING = 1e-6
 """Waves below this part of what is fitted are no misfit, even in exact numbers."""
 
