@@ -86,6 +86,14 @@ def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
     assert len(output(folder, "histories_all=true").tracked(position, rng)) == 200
 
 
+def test_histories_are_kept_where_any_key_asks_for_them(folder):
+    assert not output(folder).tracks
+    assert not output(folder, "histories_all=false").tracks
+    for each in ("all=true", "sample=5", "region=[0.0, 0.0, 9.0, 9.0]"):
+        assert output(folder, f"histories_{each}").tracks
+    assert output(folder, "histories=[0]").tracks
+
+
 @pytest.mark.parametrize(
     ("overrides", "reason"),
     [
