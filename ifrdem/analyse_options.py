@@ -7,18 +7,22 @@ import csv
 import json
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import frame_numbers
 from .errors import InputError, nearest
-from .outputs import check_files
+from .outputs import check_apart, check_files, write_aside
 
 if TYPE_CHECKING:
     from .analysis.outcome import Columns, Outcome, Row
+    from .trajectory import Trajectory
 
 NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pressure", "cooling", "impact")
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
+RUN = ("name", "seed", "started")
+"""Parameters of a trajectory by which a run is told from others."""
 
 DESCRIPTION = """\
 Analyse a trajectory: prints a table with standard errors, and writes a CSV file for each analysis and one JSON file.
@@ -31,7 +35,8 @@ Analyse a trajectory: prints a table with standard errors, and writes a CSV file
   fields    density, flow and thermal temperature
 
 Without names, all that the file allows. Analyses of single frames take up to 20 of the second half unless --frames
-says which, and fewer of large gases.
+says which, and fewer of large gases. A folder that is there gets the analyses that it lacks; --force replaces those
+that it has.
 """
 
 
@@ -60,10 +65,12 @@ def _act(options: argparse.Namespace) -> int:
 def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
     """Do what the options say, and return the exit status.
 
+    A folder that holds analyses of the trajectory gets those that it lacks; others are replaced by --force only.
+
     Raises
     ------
     InputError
-        For unknown names, frames that are not there, files that exist, and what the file cannot tell.
+        For unknown names, frames that are not there, analyses and files that exist, and what the file cannot tell.
     """
     unknown = [name for name in options.what if name not in NAMES]
     if unknown:
@@ -78,18 +85,13 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
         )
         stem = trajectory.path.stem
         folder = Path(options.output) if options.output else Path(f"{stem}-analysis")
-        if not folder.parent.is_dir():
-            raise InputError(f"output folder {folder}: {folder.parent} does not exist")
-        if folder.exists() and not folder.is_dir():
-            raise InputError(f"output {folder}: is a file, not a folder")
         summary = folder / f"{stem}.json"
-        if folder.exists():
-            check_files([summary], force=options.force)
+        _check_folder(folder, summary, trajectory.path)
+        record = _begun(trajectory, summary, force=options.force)
+        names, kept = _wanted(options, record, summary)
 
         from .analysis.catalogue import ANALYSES
 
-        names = list(dict.fromkeys(options.what)) or list(NAMES)
-        record: dict[str, Any] = {"file": str(trajectory.path), "disks": trajectory.disks.n, "analyses": {}}
         skipped = {}
         written: dict[Path, Columns] = {}
         for name in names:
@@ -105,17 +107,96 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
             record["analyses"][name] = _record(outcome, [path.name for path in files])
             if not options.json:
                 say(report(name, ANALYSES[name].title, outcome, trajectory.with_unit("", "time").strip()))
-        record["not_possible"] = skipped
-    if folder.exists():
-        check_files(list(written), force=options.force, elsewhere="-o DIR writes elsewhere")
+        found = set(record["analyses"])
+        record["analyses"] = {name: record["analyses"][name] for name in NAMES if name in found}
+        record["not_possible"] = {
+            name: reason
+            for name, reason in {**record["not_possible"], **skipped}.items()
+            if name not in found
+        }
+        if folder.exists():
+            for path in written:
+                check_apart(path, trajectory.path)
+            check_files(list(written), force=options.force, elsewhere="-o DIR writes elsewhere")
     _write(folder, summary, record, written)
     if options.json:
         say(json.dumps(record, indent=2))
         return 0
     for name, reason in skipped.items():
         say(f"{name}: not possible: {reason}")
-    say(f"wrote {summary} and {len(written)} CSV files beside it")
+    for name in kept:
+        say(f"{name}: is there already, and stays as it is; --force replaces it")
+    for path in (*written, summary):
+        say(f"wrote {path}")
     return 0
+
+
+def _check_folder(folder: Path, summary: Path, trajectory: Path) -> None:
+    """Refuse a folder that cannot be made, or in which the summary cannot be written."""
+    if not folder.parent.is_dir():
+        raise InputError(f"output folder {folder}: {folder.parent} does not exist")
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"output {folder}: is no folder")
+    if folder.exists():
+        check_apart(summary, trajectory)
+        check_files([summary], force=True)  # which others may be added to
+
+
+def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
+    """The record of what the folder holds of this trajectory; an empty one if it holds nothing, or by force.
+
+    Raises
+    ------
+    InputError
+        If the summary that is there is of another trajectory, or none of ours.
+    """
+    run = {key: trajectory.parameters[key] for key in RUN if key in trajectory.parameters}
+    new: dict[str, Any] = {
+        "file": str(trajectory.path),
+        "disks": trajectory.disks.n,
+        "run": {key: value if isinstance(value, str) else float(value) for key, value in run.items()},
+        "analyses": {},
+        "not_possible": {},
+    }
+    if not summary.exists():
+        return new
+    try:
+        old = json.loads(summary.read_text(encoding="utf-8"))
+        same = all(old[key] == new[key] for key in ("disks", "run"))
+        held = {key: dict(old[key]) for key in ("analyses", "not_possible")}
+    except (OSError, ValueError, KeyError, TypeError):
+        if force:
+            return new
+        raise InputError(
+            f"output {summary}: is no summary of `ifrdem analyse` to add to; --force replaces it, -o DIR writes "
+            "elsewhere"
+        ) from None
+    if not same and not force:
+        raise InputError(
+            f"output {summary}: holds analyses of another run ({old['file']}); --force replaces it, -o DIR writes "
+            "elsewhere"
+        )
+    return {**new, **held} if same else new
+
+
+def _wanted(
+    options: argparse.Namespace, record: dict[str, Any], summary: Path
+) -> tuple[list[str], list[str]]:
+    """Which analyses to do, and which are there already and stay."""
+    asked = list(dict.fromkeys(options.what)) or list(NAMES)
+    there = [name for name in asked if name in record["analyses"]]
+    if options.force or not there:
+        return asked, []
+    if options.what:
+        raise InputError(
+            f"output {summary}: holds {', '.join(there)} already; --force replaces it, -o DIR writes elsewhere"
+        )
+    missing = [name for name in asked if name not in there]
+    if not set(missing) - set(record["not_possible"]):
+        raise InputError(
+            f"output {summary}: holds all that the file allows already; --force replaces it, -o DIR writes elsewhere"
+        )
+    return missing, there
 
 
 def _file(stem: str, name: str, part: str) -> str:
@@ -127,7 +208,7 @@ def report(name: str, title: str, outcome: Outcome, time_unit: str) -> str:
     first, last = outcome.times
     unit = f" {time_unit}" if time_unit else ""
     span = f"t = {first:.4g}{unit}" if first == last else f"t = {first:.4g} to {last:.4g}{unit}"
-    lines = [f"{name}: {title}, {span}"]
+    lines = [f"{name}: {title}, {span}", *(f"  ! {doubt}" for doubt in outcome.doubts)]
     width = max((len(row.name) for row in outcome.rows), default=0)
     lines += [f"  {row.name:<{width}}  {number(row)}" for row in outcome.rows]
     lines += [f"  ({note})" for note in outcome.notes]
@@ -158,19 +239,26 @@ def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
             row.name: {"value": plain(row.value), "error": plain(row.error), "unit": row.unit}
             for row in outcome.rows
         },
+        "doubts": outcome.doubts,
         "notes": outcome.notes,
         "files": files,
     }
 
 
 def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Path, Columns]) -> None:
+    """Write the tables, then the summary that names them, each whole or not at all."""
+
+    def write_table(path: Path, table: Columns) -> None:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            rows = csv.writer(file)
+            rows.writerow(table)
+            rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+
     try:
         folder.mkdir(exist_ok=True)
-        for path, table in tables.items():
-            with path.open("w", newline="", encoding="utf-8") as file:
-                rows = csv.writer(file)
-                rows.writerow(table)
-                rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
-        summary.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
-        raise InputError(f"output {error.filename or folder}: cannot be written: {error.strerror}") from error
+        raise InputError(f"output {folder}: cannot be made: {error.strerror}") from error
+    for path, table in tables.items():
+        write_aside(path, partial(write_table, table=table))
+    text = json.dumps(record, indent=2) + "\n"
+    write_aside(summary, lambda aside: aside.write_text(text, encoding="utf-8"))

@@ -19,10 +19,14 @@ class Parser(argparse.ArgumentParser):
 def whole(option: str, text: str, least: int, most: float = math.inf) -> int:
     """The value of an option as a whole number from `least` to `most`; InputError names the option."""
     allowed = f"{least} or more" if math.isinf(most) else f"{least} to {most:.0f}"
+    value: int | None
     try:
-        value = int(float(text)) if float(text).is_integer() else None  # 1e5 is a whole number too
-    except (ValueError, OverflowError):
-        value = None
+        value = int(text)  # not by way of a float, which would change long ones
+    except ValueError:
+        try:
+            value = int(float(text)) if float(text).is_integer() else None  # 1e5 is a whole number too
+        except (ValueError, OverflowError):
+            value = None
     if value is None or not least <= value <= most:
         raise InputError(f"{option} = {text}: a whole number, {allowed}, is needed")
     return value

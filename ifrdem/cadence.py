@@ -9,6 +9,8 @@ from fractions import Fraction
 from .errors import InputError
 
 SPACINGS = ("even", "log")
+SHORTEST = 1e-200
+"""Of intervals, in whatever unit: below, there are more of them than floating-point numbers count."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,8 @@ class Cadence:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise InputError(f"{name} = {value}: a positive finite number is needed")
+            if value is not None and value < SHORTEST:
+                raise InputError(f"{name} = {value}: {SHORTEST:g} or more is needed")
         if self.spacing not in SPACINGS:
             raise InputError(f"spacing = {self.spacing!r}: allowed are {', '.join(SPACINGS)}")
         if self.spacing == "log" and self.number is None:
@@ -152,10 +156,23 @@ class Schedule:
     ----------
     cadence : Cadence
     span : Span
+
+    Raises
+    ------
+    InputError
+        If at the end of the run an interval is lost in the rounding of the time.
     """
 
     def __init__(self, cadence: Cadence, span: Span) -> None:
         self._cadence, self._span = cadence, span
+        end = span.end.time
+        if cadence.interval is not None and math.isfinite(end) and end > span.time:
+            resolved = math.ulp(max(abs(end), abs(span.time)))
+            if cadence.interval < resolved:
+                raise InputError(
+                    f"interval = {cadence.interval}: lost in the rounding of a time of {end:g}: {resolved:.3g} or "
+                    "more is needed"
+                )
 
     def due(self, k: int) -> Due:
         """The k-th point, k >= 1; the run's end for every k beyond the last."""
@@ -190,6 +207,16 @@ class Schedule:
 
     def after(self, k: int, time: float, collisions: int) -> int:
         """The first point from k on that a run at this time, after so many collisions, has not reached."""
-        while self.due(k).reached(time, collisions) and not self._span.end.reached(time, collisions):
-            k += 1
-        return k
+        if self._span.end.reached(time, collisions) or not self.due(k).reached(time, collisions):
+            return k
+        step = (
+            1  # points come in order: ever longer steps find one that is not reached, halving them the first
+        )
+        while self.due(k + step).reached(time, collisions):
+            k += step
+            step *= 2
+        while step > 1:
+            step //= 2
+            if self.due(k + step).reached(time, collisions):
+                k += step
+        return k + 1

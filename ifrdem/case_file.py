@@ -190,6 +190,14 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
         text = f"a table is needed ({_table(key)})"
     elif kind == "list_type" and isinstance(_section(key), type):
         text = f"a list of tables is needed ({_table(key)})"
+    elif kind in ("too_short", "too_long", "string_too_short", "string_too_long"):
+        least = "short" in kind
+        given, bound = len(error["input"]), context["min_length" if least else "max_length"]
+        one, several = ("character", "characters") if "string" in kind else ("entry", "entries")
+        text = f"at {'least' if least else 'most'} {bound} {one if bound == 1 else several} "
+        text += f"{'is' if bound == 1 else 'are'} {'needed' if least else 'allowed'}, {given or 'none'} given"
+        if about := _about(key):
+            text += f" ({about})"
     else:
         text = str(error["msg"]).replace("Input should", "must").replace("be a valid", "be a")
         text = text.replace("integer", "whole number")
@@ -200,7 +208,7 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
         if kind not in ("literal_error", "positions") and (about := _about(key)):
             text += f" ({about})"
     valueless = kind in {"missing", "choice"} or (
-        isinstance(error["input"], dict | list) and "type" not in kind
+        isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
     )
     return Problem(_spelled(key), None if valueless else _shown(error["input"]), text)
 

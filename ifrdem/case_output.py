@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from .cadence import Cadence
+from .cadence import SHORTEST, Cadence
 from .section import Section
 
 FieldName = Literal[
@@ -16,6 +16,8 @@ FieldName = Literal[
 ]
 Interval = Annotated[float, Field(gt=0.0)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say
+MOST_FRAMES = 10_000_000
+"""And rows of series, in a run."""
 _TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")
 
 
@@ -25,7 +27,7 @@ class OutputSection(Section):
     frames: int = Field(
         default=100,
         ge=1,
-        le=10_000_000,
+        le=MOST_FRAMES,
         description="frames after the initial one [whole number], evenly spaced in what ends the run",
         examples=[100],
     )
@@ -49,7 +51,7 @@ class OutputSection(Section):
     series: int | None = Field(
         default=None,
         ge=1,
-        le=10_000_000,
+        le=MOST_FRAMES,
         description="rows of the time series (energies, temperatures, momentum, collisions by regime, what dissipates "
         "energy) after the initial one [whole number]. Each ends an epoch of the engine, which costs time. Without "
         "this key, rows stand where epochs end by themselves, up to 10 for each frame, and cost little",
@@ -134,6 +136,10 @@ class OutputSection(Section):
             given = [key for key in ways if key in data]
             if len(given) > 1:
                 wrong.append(f"at most one is needed of: {', '.join(ways)}; given: {', '.join(given)}")
+            for key in set(given) - {what}:
+                value, least = data[key], ROWS_PER_FRAME * SHORTEST
+                if isinstance(value, int | float) and 0.0 < value < least:
+                    wrong.append(f"{key} = {value:g}: {least:g} or more is needed")
             if data.get(f"{what}_spacing", "even") == "log" and set(given) - {what}:
                 wrong.append(f'{what}_spacing = "log": only with a number, {what}')
         if data.get("series_spacing", "even") == "log" and "series" not in data:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from . import backend
 from .case import Case
+from .case_output import MOST_FRAMES
 from .describe import describe_sides
 from .engine_limits import BYTES_PER_DISK
 from .errors import InputError
-from .estimate import OBSERVABLES, Estimate, disk_bytes
+from .estimate import OBSERVABLES, Estimate
+from .file_size import disk_bytes
 from .gas import Gas
 from .report_walls import lines_of_walls
 
@@ -29,6 +31,54 @@ COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
 
 Measured 2026-11-21: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (README, Mixtures)."""
+
+
+def refuse_cadences(case: Case, gas: Gas, estimate: Estimate) -> None:
+    """Raise InputError for frames or rows of series at intervals that make no sense, with a line for each.
+
+    At most `MOST_FRAMES` of either, as where a number is given. The length of the run is its own, or the one that
+    theory expects; where neither is known, so many must not fall into the shortest time that the case names: a mean
+    free time, the flight over a radius, a step of a force. And nothing is written more often than the gas collides.
+    """
+    wrong = [
+        f"output.{key} = {value:g}: {text}"
+        for what in ("frames", "series")
+        for key, value, text in _wrong_cadence(case, gas, estimate, what)
+    ]
+    if wrong:
+        raise InputError("\n".join(wrong))
+
+
+def _wrong_cadence(case: Case, gas: Gas, estimate: Estimate, what: str) -> Iterator[tuple[str, float, str]]:
+    many = f"{MOST_FRAMES} {'frames' if what == 'frames' else 'rows'}"
+    interval = getattr(case.output, f"{what}_interval")
+    if interval is not None:
+        length, which = _length(case, gas, estimate)
+        if not math.isnan(length) and interval * MOST_FRAMES < length:
+            text = f"more than {many} in {length:.4g}{case.unit('time')}, {which}"
+            yield f"{what}_interval", interval, f"{text}: {length / MOST_FRAMES:.3g} or more is needed"
+    collisions = getattr(case.output, f"{what}_collisions")
+    if collisions is not None:
+        one, per_disk = 2.0 / gas.disks.n, 2.0 * estimate.collisions / gas.disks.n
+        least = one if math.isnan(per_disk) else max(one, per_disk / MOST_FRAMES)
+        if collisions < least * (1.0 - 1e-9):
+            if least == one:
+                text = f"more often than one collision of {gas.disks.n} disks"
+            else:
+                text = f"more than {many} in {per_disk:.4g} collisions per disk"
+            yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
+
+
+def _length(case: Case, gas: Gas, estimate: Estimate) -> tuple[float, str]:
+    """A time [time] that the run lasts at least, and what it is; nan where the case names none."""
+    if case.run.t_end is not None:
+        return case.run.t_end, "the length of the run"
+    if not math.isnan(estimate.end_time):
+        return estimate.end_time, "the length of the run by kinetic theory"
+    times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
+    times += [float(each.radius.min()) / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
+    times += [each.step for each in case.force]
+    return (min(times), "the shortest time that the case names") if times else (math.nan, "")
 
 
 def refuse_beyond_disk(needed: int, folder: Path) -> None:

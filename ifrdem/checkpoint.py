@@ -67,6 +67,30 @@ def write(
         aside.unlink(missing_ok=True)
 
 
+def check_extra(path: object, extra: object, arrays: object) -> None:
+    """Refuse what cannot go into a checkpoint, before anything is copied from the device.
+
+    Raises
+    ------
+    InputError
+        If the path is none, `extra` is no mapping or holds what JSON does not know, or `arrays` is no mapping of arrays
+        of numbers.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"path = {path!r}: the path of a file is needed, a text or a Path")
+    for name, given in (("extra", extra), ("arrays", arrays)):
+        if given is not None and not isinstance(given, Mapping):
+            raise InputError(f"{name} = {given!r}: a mapping by name is needed")
+    for key, value in extra.items() if isinstance(extra, Mapping) else ():
+        try:
+            json.dumps({key: value})
+        except (TypeError, ValueError) as error:
+            raise InputError(f"extra[{key!r}] = {value!r}: JSON cannot hold it: {error}") from None
+    for key, value in arrays.items() if isinstance(arrays, Mapping) else ():
+        if not isinstance(key, str) or np.asarray(value).dtype.kind not in "biuf":
+            raise InputError(f"arrays[{key!r}] = {value!r}: an array of numbers by its name is needed")
+
+
 def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """The arrays and the record of a checkpoint.
 

@@ -6,6 +6,7 @@ import argparse
 import json
 import math
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -390,7 +391,13 @@ def _check(options: argparse.Namespace) -> int:
 
     file = case_file.read(shipped.find(options.case), options.overrides)
     gas = Gas.from_case(file.case, file.folder)
-    _say(check.report(file.case, gas, Estimate.of(gas, file.case)))
+    estimate = Estimate.of(gas, file.case)
+    check.refuse_cadences(file.case, gas, estimate)
+    _say(check.report(file.case, gas, estimate))
+    try:
+        check.refuse_beyond_disk(estimate.file_bytes, Path())
+    except InputError as error:  # it may run elsewhere
+        _warn(f"{error}: `ifrdem run` would refuse it here")
     return 0
 
 
@@ -477,7 +484,8 @@ def _new(options: argparse.Namespace) -> int:
         raise InputError(f"{path}: exists already; --force replaces it, -o writes elsewhere") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-    _say(f"wrote {path}: look at it with `ifrdem check {path}`, run it with `ifrdem run {path}`")
+    quoted = shlex.quote(str(path))
+    _say(f"wrote {path}: look at it with `ifrdem check {quoted}`, run it with `ifrdem run {quoted}`")
     return 0
 
 

@@ -168,8 +168,8 @@ def haff_time(e_n: float, rate0: float) -> float:
     """Haff's time t_H [time] of smooth equal disks, 4 / ((1 - e_n^2) rate0): infinite for elastic ones.
 
     Each collision of a disk takes (1 - e_n^2) / 2 of its temperature, at a rate nu = rate0 sqrt(T / T0):
-    dT/dt = -(1 - e_n^2) nu T / 2, of which T0 / (1 + t / t_H)^2 is the solution. Haff (1983),
-    doi:10.1017/S0022112083003419.
+    dT/dt = -(1 - e_n^2) nu T / 2, of which T0 / (1 + t / t_H)^2 is the solution. P. K. Haff,
+    J. Fluid Mech. 134, 401 (1983).
 
     Parameters
     ----------
@@ -196,8 +196,7 @@ def rough_rates(
     contact point, with beta = 1 + e_t. With P_t = m q g_t, q = (1 + beta) / (2 (1 + k)), the averages over colliding
     pairs <g_t^2> = 2 (T + k T_rot) / m, <g_t v_t> = 2 T / m and <g_t R (w_i + w_j)> = 2 k T_rot / m, the pair's motion
     gains P_t^2/m - P_t v_t and its spins k P_t^2/m - P_t R (w_i + w_j) beside the normal loss (1 - e_n^2) T. These are
-    the equations of S. Luding, M. Huthmann, S. McNamara and A. Zippelius, Phys. Rev. E 58, 3416 (1998),
-    doi:10.1103/PhysRevE.58.3416.
+    the equations of S. Luding, M. Huthmann, S. McNamara and A. Zippelius, Phys. Rev. E 58, 3416 (1998).
     """
     theta = np.asarray(theta, dtype=np.float64)
     q = (1.0 + beta) / (2.0 * (1.0 + k))

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from . import driven_theory, engine_limits, h5md, shear_theory, theory
+from . import driven_theory, engine_limits, shear_theory, theory
 from .case import Case
 from .case_output import OutputSection
 from .driven_theory import Drive
+from .file_size import trajectory_bytes
 from .gas import Gas, Species
 from .observables import MECHANISMS, REGIMES
 
@@ -40,8 +41,6 @@ LEDGER = {
     "ledger_residual": 1,
 }
 """The same of the time series, the latter with output.ledger."""
-EVENT_BYTES = 177
-"""Of a collision in a history (`ifrdem.h5md`)."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,6 @@ class Estimate:
         tracked = _tracked(output, gas)
         # Every collision of a tracked disk; unknown ones do not count.
         events = 0 if math.isnan(per_disk) else round(tracked * per_disk)
-        frame_bytes = n * disk_bytes(case.output.fields, case.output.precision)
         return cls(
             packing_fraction=phi,
             number_density=n / area,
@@ -136,11 +134,18 @@ class Estimate:
             collisions_at_most=at_most,
             steady_state=steady,
             wall_hits=_wall_hits(gas),
-            # The constant properties once: radius, mass, k in 8 bytes, the material in 4.
-            file_bytes=frames * (frame_bytes + 8 * sum(OBSERVABLES.values()))
-            + 28 * n
-            + rows * 8 * (sum(SERIES.values()) + (sum(LEDGER.values()) if output.ledger else 0))
-            + events * EVENT_BYTES,
+            file_bytes=trajectory_bytes(
+                n,
+                output.fields,
+                output.precision,
+                frames=frames,
+                observables=OBSERVABLES,
+                rows=rows,
+                series={**SERIES, **(LEDGER if output.ledger else {})},
+                tracked=tracked,
+                events=events,
+                text=len(case.model_dump_json()),
+            ),
             frames=frames,
             rows=rows,
             tracked=tracked,
@@ -196,13 +201,6 @@ def _wall_hits(gas: Gas) -> float:
             flux = each.number / area * along_x / math.sqrt(2.0 * math.pi)
             rate += crowding * flux * room.wall_length(inset)
     return rate
-
-
-def disk_bytes(fields: Sequence[str], precision: str) -> int:
-    """Bytes per disk and frame of these fields in a trajectory file without compression."""
-    size = np.dtype(h5md.PRECISIONS[precision]).itemsize
-    chosen = [h5md.FIELDS[name] for name in fields]
-    return sum(field.components * (4 if field.count else size) for field in chosen)
 
 
 def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float64]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from . import tables
 from .errors import InputError, nearest
 from .history import History
+from .outputs import check_apart, write_aside
 from .trajectory import Trajectory
 
 FORMATS = ("gsd", "extxyz", "csv")
@@ -54,19 +55,8 @@ def export(
     writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv}
     if to != "csv":
         trajectory.dataset("position")  # says that it is missing
+    check_apart(Path(place), trajectory.path)
     write_aside(Path(place), lambda aside: writers[to](trajectory, aside, progress(frames)))
-
-
-def write_aside(place: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` write a file beside its place, and rename it into place."""
-    aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
-    try:
-        write(aside)
-        os.replace(aside, place)
-    except OSError as error:
-        raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
-    finally:
-        aside.unlink(missing_ok=True)
 
 
 def write_history(history: History, place: Path) -> None:

@@ -11,6 +11,7 @@ from . import staged_group
 from .errors import InputError, nearest
 from .history_columns import COLUMNS, HISTORIES, START, as_column, create
 from .output_file import OutputFile, TrajectoryError
+from .quantities import is_number
 from .rows import Rows
 from .state import State
 
@@ -147,7 +148,7 @@ class HistoryWriter:
         if falling.any():
             row = int(np.argmax(falling)) + 1
             raise InputError(f"histories: event {row} at t = {times[row]} is not in the order of time and id")
-        if not np.isfinite(time) or (length and times[-1] > time):
+        if not (is_number(time) and np.isfinite(time)) or (length and times[-1] > time):
             raise InputError(f"histories: time = {time}: a finite time not before the last event is needed")
         foreign = ~np.isin(ids, self._tracked)
         if foreign.any():

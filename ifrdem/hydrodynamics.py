@@ -16,8 +16,7 @@ D. M. Gass, J. Chem. Phys. 54, 1898 (1971), has further approximations, which ad
 wave decays more slowly, it grows beside them: all k < 1/xi, xi^2 = 2 eta / (n m z nu). Noise feeds it: in a gas that is
 homogeneous and thermal at first, let S be the energy of a mode in units of its thermal share T / 2, at the same time.
 Then dS/dtau = z (1 - k^2 xi^2) S + z k^2 xi^2 in tau, collisions per disk: noise is what keeps S = 1 without losses.
-T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997),
-doi:10.1103/PhysRevLett.79.411.
+T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997).
 
 *Heat modes.* In a long wave that neither grows nor decays beside T the pressure is uniform and nothing flows, so that
 density and temperature differ by factors 1 + r and 1 + q with r p_n + q p_T = 0; losses go with n g n T^(3/2). What a

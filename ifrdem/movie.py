@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from . import plot, plot_disks, raster, tables
 from .errors import InputError, nearest
-from .export import write_aside
+from .outputs import check_apart, write_aside
 from .plot_style import with_unit
 from .trajectory import Trajectory
 
@@ -217,11 +217,13 @@ def write(
     Raises
     ------
     InputError
-        If imageio-ffmpeg is not installed, there is nothing to draw, or the file cannot be written.
+        If imageio-ffmpeg is not installed, there is nothing to draw, or the file cannot be written: a folder, a device,
+        the trajectory itself.
     """
     ffmpeg: Any = tables.needed("imageio_ffmpeg", "movie")
     if len(frames) == 0 or trajectory.disks.n == 0:
         raise InputError(f"{trajectory.path}: no {'disks' if len(frames) else 'frames'} to draw")
+    check_apart(place, trajectory.path)
     scene = Scene(trajectory, frames, size, colour)
 
     def encode(aside: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -117,10 +117,8 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writ
     """
     wrong = []
     for path in paths:
-        if path.is_dir():
-            wrong.append(f"output {path}: is a folder")
-        elif path.exists() and not path.is_file():
-            wrong.append(f"output {path}: is a device or pipe, no file that could be replaced")
+        if special := not_a_file(path):
+            wrong.append(special)
         elif path.exists() and not force:
             wrong.append(f"output {path}: exists already; --force replaces it, {elsewhere}")
     for folder in dict.fromkeys(path.parent for path in paths):
@@ -135,3 +133,32 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writ
                 wrong.append(f"output folder {folder}: cannot be written to: {error.strerror}")
     if wrong:
         raise InputError("\n".join(wrong))
+
+
+def write_aside(place: Path, write: Callable[[Path], object]) -> None:
+    """Let `write` write a file beside its place, and rename it into place: it appears whole or not at all.
+
+    Raises
+    ------
+    InputError
+        If the place is a folder, a device or a pipe, which nothing must take the place of, or cannot be written.
+    """
+    if special := not_a_file(place):
+        raise InputError(special)
+    aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
+    try:
+        write(aside)
+        os.replace(aside, place)
+    except OSError as error:
+        raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def not_a_file(path: Path) -> str | None:
+    """Why something that is there can be no output; None for files and where nothing is."""
+    if path.is_dir():
+        return f"output {path}: is a folder"
+    if path.exists() and not path.is_file():
+        return f"output {path}: is a device or pipe, no file that could be replaced"
+    return None

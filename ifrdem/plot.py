@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from . import plot_disks, plot_profiles, plot_temperatures, profiles
 from .errors import InputError
+from .outputs import write_aside
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -165,12 +166,5 @@ def gas(trajectory: Trajectory) -> str:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write beside the target and rename into place."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        figure.savefig(aside, format="png")
-        os.replace(aside, path)
-    except OSError as error:
-        raise InputError(f"picture {path} cannot be written: {error.strerror}") from error
-    finally:
-        aside.unlink(missing_ok=True)
+    """Write a picture; it appears whole or not at all."""
+    write_aside(path, lambda aside: figure.savefig(aside, format="png"))

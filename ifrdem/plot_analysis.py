@@ -137,7 +137,9 @@ def msd(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     straight = abs(fit.exponent - 1.0) <= 0.2
     in_unit = _unit(trajectory, "length^2/time") or ""
     label = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {in_unit}".rstrip()
-    if not straight:
+    if outcome.doubts:  # no single D
+        label = "straight line (the gas is not steady: no $D$)"
+    elif not straight:
         label += f"\n(no diffusion: exponent {fit.exponent:.2f})"
     axes.plot(t[used], line[used], "-", color=ROTATION, lw=2.0, zorder=5, label=label)
     axes.set_xscale("log")
@@ -256,6 +258,11 @@ def psi6(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     _grid(right)
 
 
+def _with_error(value: float, error: float) -> str:
+    """A number with its error, if it has one."""
+    return f"({value:.3g} $\\pm$ {error:.1g})" if np.isfinite(error) else f"{value:.3g}"
+
+
 def cooling(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     """T against time with Haff's law, and theta against collisions per disk with its exponential."""
     left, right = figure.subplots(1, 2)
@@ -264,8 +271,11 @@ def cooling(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     t, T, tau, theta = (table[name] for name in ("time", "temperature", "collisions_per_disk", "theta"))
     left.plot(1.0 + (t - t[0]) / haff.t_H, T, "o", ms=4, mfc="none", color=TRANSLATION, label="disks")
     x = np.geomspace(1.0, 1.0 + (t[-1] - t[0]) / haff.t_H, 200)
-    time = trajectory.with_unit(f"({haff.t_H:.3g} $\\pm$ {haff.t_H_error:.1g})", "time")
-    left.plot(x, haff.T0 / x**2, "--", color=RATIO, lw=1.5, label=f"Haff's law, $t_H$ = {time}")
+    time = trajectory.with_unit(_with_error(haff.t_H, haff.t_H_error), "time")
+    label = f"Haff's law, $t_H$ = {time}"
+    if not haff.describes:
+        label = f"the nearest of Haff's law, $t_H$ = {time},\nwhich does not describe it"
+    left.plot(x, haff.T0 / x**2, "--", color=RATIO, lw=1.5, label=label)
     if x[-1] > 2.0:  # a shorter stretch has no room for labels of a logarithm
         left.set_xscale("log")
         left.set_yscale("log")
@@ -275,8 +285,10 @@ def cooling(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     left.legend(loc="best", frameon=False)
     right.plot(tau, theta, "o", ms=4, mfc="none", color=ROTATION, label="disks")
     if ratio is not None:
-        end = f"{ratio.theta_end:.3g} $\\pm$ {ratio.theta_end_error:.1g}"
-        label = f"exponential, lag {ratio.lag:.3g} $\\pm$ {ratio.lag_error:.1g},\nend {end}"
+        end = _with_error(ratio.theta_end, ratio.theta_end_error)
+        label = f"exponential, lag {_with_error(ratio.lag, ratio.lag_error)},\nend {end}"
+        if not ratio.describes:
+            label = f"nearest {label},\nwhich does not describe it"
         fine = np.linspace(tau[0], tau[-1], 300)
         curve = ratio.theta_end + (ratio.theta_0 - ratio.theta_end) * np.exp(-(fine - tau[0]) / ratio.lag)
         right.plot(fine, curve, "--", color=RATIO, lw=1.5, label=label)
@@ -303,15 +315,18 @@ def impact(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
         color=TRANSLATION,
         label=f"{found.collisions} collisions",
     )
-    left.plot(degrees, np.cos(found.psi), "-", color=RATIO, lw=1.5, label=r"molecular chaos, $\cos\psi$")
+    fine = np.linspace(0.0, 90.0, 200)
+    left.plot(fine, np.cos(np.radians(fine)), "-", color=RATIO, lw=1.5, label=r"molecular chaos, $\cos\psi$")
     left.set_xlim(0.0, 90.0)
     left.set_ylim(bottom=0.0)
     left.set_xlabel(r"angle of impact $\psi$ (degrees)")
     left.set_ylabel("probability density (1/rad)")
     left.legend(loc="best", frameon=False)
     names = list(found.regimes)
-    right.barh(names, [found.regimes[name][0] for name in names], color=ACROSS, ec=TRANSLATION)
-    right.set_xlabel("share of collisions")
+    share, error = (np.array([found.regimes[name][i] for name in names]) for i in (0, 1))
+    right.barh(names, share, xerr=error, color=ACROSS, ec=TRANSLATION, ecolor=ROTATION, capsize=3.0)
+    right.set_xlabel("share of collisions, bars: standard error")
+    right.set_title(f"regimes of {found.regime_collisions} collisions", fontsize="medium")
     right.set_xlim(0.0, 1.0)
     _grid(left, right)
 

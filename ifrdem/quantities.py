@@ -56,6 +56,11 @@ def checked(
     return found
 
 
+def is_number(value: object) -> bool:
+    """Whether a value is a real number, of Python's or NumPy's; truth values are none."""
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+
+
 def check_name(what: str, name: object, *, separator: bool = True) -> None:
     """Raise InputError unless a name can be one in HDF5; with `separator`, "/" makes groups."""
     parts = str(name).split("/") if separator else [str(name)]

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from . import damage, h5md, history
 from .damage import DamageError
 from .errors import InputError
+from .outputs import check_apart, not_a_file
 from .trajectory import Trajectory
 from .views import paths as view_paths
 
@@ -208,19 +209,25 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     path : Path
         The file; it is not changed unless it is `place`.
     place : Path
-        Where to write: whole or not at all.
+        Where to write: whole or not at all. `path` itself replaces it; a link or another name of it is refused.
     say : callable
         Takes lines that say what is wrong.
 
     Raises
     ------
     InputError
-        If nothing can be kept: the message says why and what can be done.
+        If nothing can be kept: the message says why and what can be done; or if either is a folder or a device.
     """
     if not path.exists():
         raise InputError(f"{path}: there is no such file")
     if path.is_dir():
         raise InputError(f"{path} is a folder: a trajectory file is needed")
+    if not path.is_file():  # HDF5 would wait for a pipe for ever
+        raise InputError(f"{path} is a device or pipe: a trajectory file is needed")
+    if place != path:
+        check_apart(place, path)
+    if special := not_a_file(place):
+        raise InputError(special)
     source, whole = _openable(path, say)
     aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,10 @@ def act(options: argparse.Namespace) -> int:
         raise InputError("--in-place: not beside -o or --force, which write another file")
     if not given.exists():
         raise InputError(f"{given}: there is no such file")
-    place = given if options.in_place else export_options.place(options, ".repaired.h5")
+    if options.in_place:  # a link stays one: what it points to is replaced
+        given = place = Path(os.path.realpath(given))
+    else:
+        place = export_options.place(options, ".repaired.h5")
     print(f"{given}:", flush=True)
     wrote = repair.repair(given, place, say=lambda line: print(line, flush=True))
     if wrote:

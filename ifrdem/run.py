@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
+import shlex
 import subprocess
 import time
 from collections.abc import Callable
@@ -94,6 +96,7 @@ def run(
     began = time.perf_counter()
     gas = Gas.from_case(case, file.folder)
     estimate = Estimate.of(gas, case)
+    check.refuse_cadences(case, gas, estimate)
     check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
     say(check.summary(case, gas, estimate, how(case)))
     for text in gas.warnings:
@@ -308,7 +311,10 @@ def _remains(job: Job, reason: str) -> str:
         f"to t = {ledger.latest.time:.6g} and {ledger.latest.collisions} collisions"
     )
     if job.outputs.checkpoint.exists():
-        text += f"\nto go on: ifrdem resume {trajectory}"
+        place = str(trajectory)  # relative to where the user is, as it was given
+        if place.startswith("-"):
+            place = os.path.join(os.curdir, place)
+        text += f"\nto go on: ifrdem resume {shlex.quote(place)}"
     return text
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import h5md, staged_group
 from .errors import InputError
 from .output_file import OutputFile
-from .quantities import checked
+from .quantities import checked, is_number
 from .rows import Rows
 
 
@@ -124,13 +124,15 @@ class SeriesWriter:
         )
         if self._rows is not None:
             first = {name: dataset for name, dataset in self._rows.datasets.items() if name != "time"}
+        if not isinstance(values, Mapping):
+            raise InputError(f"series: numbers by name are needed, not {values!r}")
         for name in ("step", "time"):
             if name in values:
                 raise InputError(f"name of series = {name!r}: the file has it already for all of them")
         row = checked("series", "row", values, first)
         if not row:
             raise InputError("series: a row without any quantity cannot be written")
-        if not (np.isfinite(time) and time >= before):
+        if not (is_number(time) and np.isfinite(time) and time >= before):
             raise InputError(f"time = {time}: a finite time not before {before} is needed")
         named = {name: tuple(names) for name, names in (columns or {}).items()}
         for name, names in named.items():

@@ -10,11 +10,11 @@ temperature T = (p_xx + p_yy) / 2 and collisions that take -z nu of T and -l nu 
 
 nu being the collision rate of a disk. In the steady state nu^2 = g^2 (1 - z/l) / (l z). For smooth disks
 z = (1 - e_n^2)/2 and l = (1 + e_n)(7 - 3 e_n)/8, which is the result of A. Santos, V. Garzo and J. W. Dufty, Phys.
-Rev. E 69, 061303 (2004), doi:10.1103/PhysRevE.69.061303, in two dimensions. z is that of `theory.cooling_rates`; l is
+Rev. E 69, 061303 (2004), in two dimensions. z is that of `theory.cooling_rates`; l is
 derived at `relaxation`.
 
 Crowding enters as in Enskog's theory of nearly elastic disks (J. T. Jenkins, M. W. Richman, Phys. Fluids 28, 3485
-(1985), doi:10.1063/1.865302): the kinetic stress is driven, and passed on, 1 + (1 + e_n) phi chi / 2 times as much, and
+(1985)): the kinetic stress is driven, and passed on, 1 + (1 + e_n) phi chi / 2 times as much, and
 touching disks pass on (8/pi) phi^2 chi times the dilute viscosity; chi is the contact value.
 
 Assumed: homogeneous, of zeroth and first order in the anisotropy, no correlations between velocities and spins. The

@@ -292,10 +292,11 @@ class Simulation:
         Raises
         ------
         InputError
-            If it cannot be written.
+            If it cannot be written, the path is none, or `extra` holds what JSON does not know.
         """
         from . import snapshot
 
+        checkpoint.check_extra(path, extra, arrays)
         meta = {
             "fingerprint": snapshot.fingerprint(self._engine),
             "first": self._first,

@@ -368,6 +368,8 @@ def _open(path: Path) -> tuple[h5py.File, bool]:
         raise InputError(f"{path}: there is no such file")
     if os.path.isdir(path):
         raise InputError(f"{path} is a folder: a trajectory file is needed")
+    if not os.path.isfile(path):  # HDF5 would wait for a pipe for ever
+        raise InputError(f"{path} is a device or pipe: a trajectory file is needed")
     try:
         try:
             return h5py.File(path, "r"), False

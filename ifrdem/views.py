@@ -23,7 +23,7 @@ import numpy as np
 
 from . import h5md
 from .errors import InputError
-from .outputs import VIEWS
+from .outputs import VIEWS, check_apart, check_files
 from .trajectory import Trajectory
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
@@ -48,9 +48,13 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     ------
     InputError
         If the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a view cannot
-        be written. Each view appears whole or not at all.
+        be written: where a folder, a device or the trajectory itself is. Each view appears whole or not at all.
     """
     made = paths(path)
+    if os.path.exists(path):
+        for place in made:
+            check_apart(place, Path(path))
+    check_files(made, force=True, elsewhere="views stand beside the trajectory")
     with Trajectory(path) as trajectory:
         if len(trajectory) == 0 or trajectory.disks.n == 0 or "position" not in trajectory.fields:
             missing = (

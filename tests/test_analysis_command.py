@@ -132,9 +132,10 @@ def test_analyse_prints_and_writes_what_the_file_allows_and_says_what_it_does_no
     cooling = record["analyses"]["cooling"]["values"]
     assert cooling["t_H"]["value"] == pytest.approx(2.0, rel=1e-6)
     assert cooling["lag of theta, collisions per disk"]["value"] == pytest.approx(200.0, rel=1e-3)
-    # Free flight: the exponent is 2, and it says that this is no diffusion.
+    # Free flight: the exponent is 2; the temperature that is written falls, so that it says that there is no D.
     assert record["analyses"]["msd"]["values"]["exponent"]["value"] == pytest.approx(2.0, abs=1e-5)
-    assert "the exponent is not 1: this D is no diffusion coefficient" in shown
+    assert record["analyses"]["msd"]["values"]["D"]["value"] is None
+    assert "  ! the gas is not steady: T goes from 1.5 to 0.1667 in that time, and D with it" in shown
     msd = table(Path("run-analysis/run-msd.csv"))
     with Trajectory("run.h5") as trajectory:
         speed = float(np.mean(np.sum(trajectory[0].velocity ** 2, axis=1)))
@@ -143,7 +144,7 @@ def test_analyse_prints_and_writes_what_the_file_allows_and_says_what_it_does_no
     )
 
 
-def test_analyse_as_json_and_again_only_by_force(
+def test_a_folder_gets_the_analyses_that_it_lacks_and_keeps_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -151,9 +152,148 @@ def test_analyse_as_json_and_again_only_by_force(
     assert run("analyse", "run.h5", "cooling", "--json", "-o", "out") == 0
     record = json.loads(capsys.readouterr().out)
     assert list(record["analyses"]) == ["cooling"]
-    assert run("analyse", "run.h5", "cooling", "-o", "out") == 2
-    assert "exists already; --force replaces it" in capsys.readouterr().err
+    before = Path("out/run-cooling.csv").stat().st_mtime_ns
+    # What is there is replaced by --force only, and nothing is computed before that is said.
+    assert run("analyse", "run.h5", "velocity", "cooling", "-o", "out") == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "out/run.json: holds cooling already; --force replaces it, -o DIR writes elsewhere" in captured.err
+    assert run("analyse", "run.h5", "velocity", "-o", "out") == 0
+    shown = capsys.readouterr().out
+    assert "wrote out/run-velocity.csv" in shown
+    assert "wrote out/run.json" in shown
+    assert "cooling" not in shown
+    assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == {"velocity", "cooling"}
+    # All others, but not these again.
+    assert run("analyse", "run.h5", "-o", "out") == 0
+    shown = capsys.readouterr().out
+    assert "cooling: is there already, and stays as it is; --force replaces it" in shown
+    assert "impact: not possible" in shown
+    record = json.loads(Path("out/run.json").read_text())
+    assert set(record["analyses"]) == set(NAMES) - {"impact"}
+    assert set(record["not_possible"]) == {"impact"}
+    assert Path("out/run-cooling.csv").stat().st_mtime_ns == before
+    assert run("analyse", "run.h5", "-o", "out") == 2
+    assert "holds all that the file allows already" in capsys.readouterr().err
     assert run("analyse", "run.h5", "cooling", "-o", "out", "--force") == 0
+    assert Path("out/run-cooling.csv").stat().st_mtime_ns > before
+    assert set(json.loads(Path("out/run.json").read_text())["analyses"]) == set(NAMES) - {"impact"}
+    # What has become possible since is said to be so no more.
+    add_histories(tmp_path / "run.h5")
+    assert run("analyse", "run.h5", "impact", "-o", "out") == 0
+    assert json.loads(Path("out/run.json").read_text())["not_possible"] == {}
+
+
+def test_analyses_of_another_run_and_foreign_files_in_the_folder_are_not_mixed_or_harmed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert run("analyse", "run.h5", "cooling", "-o", "out") == 0
+    other = tmp_path / "other"
+    other.mkdir()
+    write(other / "run.h5", disks=Disks(N - 1, mass=1.0, radius=0.2))
+    assert run("analyse", "other/run.h5", "velocity", "-o", "out") == 2
+    assert "holds analyses of another run (run.h5)" in capsys.readouterr().err
+    assert run("analyse", "other/run.h5", "velocity", "-o", "out", "--force") == 0
+    assert list(json.loads(Path("out/run.json").read_text())["analyses"]) == ["velocity"]
+    # A table of that name that no summary knows, and one that is the trajectory itself under another name.
+    Path("out/run-msd.csv").write_text("mine")
+    assert run("analyse", "other/run.h5", "msd", "-o", "out") == 2
+    assert "exists already; --force replaces it" in capsys.readouterr().err
+    assert Path("out/run-msd.csv").read_text() == "mine"
+    Path("out/run-vacf.csv").symlink_to(other / "run.h5")
+    size = (other / "run.h5").stat().st_size
+    assert run("analyse", "other/run.h5", "vacf", "-o", "out", "--force") == 2
+    assert "is the trajectory itself" in capsys.readouterr().err
+    assert (other / "run.h5").stat().st_size == size
+    Path("out/run.json").write_text("{}")
+    assert run("analyse", "other/run.h5", "psi6", "-o", "out") == 2
+    assert "is no summary of `ifrdem analyse` to add to" in capsys.readouterr().err
+    assert Path("out/run.json").read_text() == "{}"
+
+
+def test_a_gas_that_does_not_cool_by_haffs_law_is_said_not_to_and_gets_no_errors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """T = 1.5 (1 - exp(t - 6) ...): a gas whose cooling breaks off, and theta that turns round."""
+    monkeypatch.chdir(tmp_path)
+    path = write(tmp_path / "run.h5")
+    t = np.linspace(0.0, SPAN, 500)
+    with h5py.File(path, "r+") as file:
+        group = file.create_group("timeseries")
+        group["step"], group["time"] = np.arange(500), t
+        T = 1.5 / (1.0 + 5.0 * t) ** 2 + 0.3 * np.exp(-t)
+        for name, values in (
+            ("temperature", T),
+            ("rotational_temperature", T * (0.5 + 0.4 * np.sin(3.0 * t))),
+            ("collisions", np.arange(500) * 10),
+        ):
+            group[f"{name}/value"] = values
+    assert run("analyse", "run.h5", "cooling") == 0
+    shown = capsys.readouterr().out
+    lines = shown.splitlines()
+    assert lines[1].startswith("  ! Haff's law does not describe this run: ln T leaves it in slow waves of ")
+    assert "where 300 disks scatter by about 0.058" in lines[1]
+    assert lines[2].startswith("  ! one exponential does not describe this run: theta leaves it")
+    assert "+-" not in shown
+    record = json.loads(Path("run-analysis/run.json").read_text())["analyses"]["cooling"]
+    assert record["values"]["t_H"]["error"] is None
+    assert len(record["doubts"]) == 2
+    with Trajectory(path) as trajectory:
+        said = texts(plot_options.draw(trajectory, "cooling"))
+    assert said.count("which does not describe it") == 2
+    assert "nan" not in said
+
+
+def test_pressure_and_diffusion_of_a_gas_that_cools_are_said_to_be_those_of_no_steady_state(
+    tmp_path: Path,
+) -> None:
+    path = write(tmp_path / "run.h5")
+    add_histories(path)
+    with Trajectory(path) as trajectory:
+        pressure = catalogue.ANALYSES["pressure"].of(trajectory, None)
+        msd = catalogue.ANALYSES["msd"].of(trajectory, None)
+        short = catalogue.ANALYSES["msd"].of(trajectory, list(range(3, 7)))
+        label = texts(plot_options.draw(trajectory, "msd"))
+    for doubt in (pressure.doubts[0], msd.doubts[0], short.doubts[0]):
+        assert doubt.startswith("the gas is not steady: T goes from ")
+    assert "T goes from 1.5 to 0.1667 in that time" in msd.doubts[0]
+    assert np.isnan(msd.rows[0].value)
+    assert "no $D$" in label
+    steady = write(tmp_path / "steady.h5")
+    with h5py.File(steady, "r+") as file:
+        file["observables/temperature/value"][...] = 1.5
+    with Trajectory(steady) as trajectory:
+        assert catalogue.ANALYSES["pressure"].of(trajectory, None).doubts == []
+        found = catalogue.ANALYSES["msd"].of(trajectory, None)
+        assert found.doubts == []
+        assert np.isfinite(found.rows[0].value)
+
+
+def test_error_of_a_pressure_knows_cooling_from_scatter(tmp_path: Path) -> None:
+    """2000 equal impulses at a rate that goes as T, of Poisson: 1 / sqrt(2000) of the collisional part.
+
+    Without T in the blocks their fall by 25 counts as scatter: some 50 %.
+    """
+    rng = np.random.default_rng(8)
+    # By the inverse of the integral of (1 + t / 2)^-2 from 0 to 8: u = (t / (1 + t / 2)) / 1.6.
+    u = np.sort(rng.random(2000)) * 1.6
+    time = u / (1.0 - u / 2.0)
+    edges = np.linspace(0.0, 8.0, 21)
+    mean = np.diff(edges / (1.0 + edges / 2.0)) / np.diff(edges)
+    found = [
+        analysis.pressure_from_impulses(
+            time, np.tile([1.0, 0.0], (2000, 1)), np.tile([1.0, 0.0], (2000, 1)), np.ones(2000),
+            span=(0.0, 8.0), area=10.0, disks=40, tracked=40, temperature=temperature,
+        )
+        for temperature in (mean, float(mean.mean()))
+    ]  # fmt: skip
+    assert found[0].kinetic == pytest.approx(found[1].kinetic) == pytest.approx(40 * 0.2 / 10.0)
+    assert pytest.approx(found[1].Z) == found[0].Z
+    # 20 blocks, of which the late ones have few collisions: the mean of their ratios has more scatter than the whole.
+    assert 1.0 < found[0].error / found[0].collisional * np.sqrt(2000.0) < 4.0
+    assert found[1].error / found[1].collisional > 0.2
 
 
 def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path) -> None:
@@ -181,6 +321,41 @@ def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path
     assert chi == pytest.approx(100.0 * 0.4 * np.sqrt(np.pi) / (8.0 * phi * root), rel=0.01)
     Z = next(row.value for row in pressure.rows if row.name == "Z by it")
     assert pytest.approx(1.0 + 1.9 * phi * chi) == Z
+
+
+def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_path: Path) -> None:
+    """Rows at t = 0, 1, ... 5, of which 4 is the last that the histories know."""
+    path = write(tmp_path / "run.h5")
+    add_histories(path)
+    with Trajectory(path) as trajectory:
+        tracked = catalogue.ANALYSES["impact"].of(trajectory, None).result
+    assert tracked.regime_collisions == tracked.collisions
+    rate = np.array([100, 700, 0, 200, 1000])  # of all five kinds, in a time of 1
+    with h5py.File(path, "r+") as file:
+        group = file.create_group("timeseries")
+        group["step"], group["time"] = np.arange(6), np.arange(6.0)
+        group["collisions_by_regime/value"] = np.arange(6)[:, None] * rate + 17
+        columns = ["sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic"]
+        group["collisions_by_regime"].attrs["columns"] = columns
+    with Trajectory(path) as trajectory:
+        outcome_ = catalogue.ANALYSES["impact"].of(trajectory, None)
+        said = texts(plot_options.draw(trajectory, "impact"))
+    found = outcome_.result
+    assert found.regime_collisions == 4 * 2000
+    assert {name: share for name, (share, _) in found.regimes.items()} == {
+        "sliding": 0.05,
+        "sticking": 0.35,
+        "sticking + rolling": 0.1,
+        "elastic (remedy)": 0.5,
+    }
+    assert found.regimes["sliding"][1] == pytest.approx(np.sqrt(0.05 * 0.95 / 8000))
+    assert "of all 8000 collisions of two disks" in " ".join(outcome_.notes)
+    assert "regimes of 8000 collisions" in said
+    # A law of one's own tells no regimes, and its counts mean nothing.
+    with h5py.File(path, "r+") as file:
+        file["histories/events/regime"][...] = -1
+    with Trajectory(path) as trajectory:
+        assert list(catalogue.ANALYSES["impact"].of(trajectory, None).result.regimes) == ["not known"]
 
 
 def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:

@@ -324,6 +324,22 @@ def test_gas_in_molecular_chaos_meets_at_angles_with_the_density_cos_psi(
     assert found.regimes["sticking"][1] == pytest.approx(np.sqrt(3.0 / 16.0 / len(psi)))
 
 
+def test_few_collisions_get_few_bins_and_errors_that_cover_empty_ones() -> None:
+    """Deviations over errors of 200 gases in molecular chaos: their mean square is about 1 whatever the number."""
+    for n, bins in ((60, 9), (800, 20), (20_000, 45)):
+        squares, lowest = [], np.inf
+        for seed in range(200):
+            found = analysis.impacts(np.arcsin(np.random.default_rng(seed).random(n)))
+            assert len(found.psi) == bins
+            edges = np.linspace(0.0, np.pi / 2.0, bins + 1)
+            exact = np.diff(np.sin(edges)) / np.diff(edges)
+            squares.append(np.mean(((found.density - exact) / found.density_error) ** 2))
+            lowest = min(lowest, float(found.density_error.min()))
+        assert 0.7 < np.mean(squares) < 1.4
+        assert lowest > 0.0
+    assert len(analysis.impacts(np.full(100, 0.3), bins=12).psi) == 12
+
+
 def test_angles_that_are_uniform_instead_are_told_apart() -> None:
     found = analysis.impacts(np.random.default_rng(1).random(2000) * np.pi / 2.0)
     assert found.p_value < 1e-6

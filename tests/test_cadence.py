@@ -23,6 +23,29 @@ def test_a_number_divides_the_run_evenly_and_ends_with_it():
     assert times == [1.5, 2.0, 2.5, 3.0, 3.0]
 
 
+def test_the_last_point_is_the_end_to_the_bit():
+    """0.3 + (0.9 - 0.3) is not 0.9 in floating-point numbers: a run would end a rounding error too early or late."""
+    begin, end = 0.3, 0.9
+    assert begin + (end - begin) != end
+    for spacing in ("even", "log"):
+        assert Schedule(Cadence(number=5, spacing=spacing), to_time(end, begin)).due(5).time == end
+
+
+def test_points_count_from_where_the_run_begins():
+    """10 disks that have had 6 collisions, to 4 collisions per disk: 20. And from a time of 1 on."""
+    had = to_collisions(4.0, had=6)
+    assert [Schedule(Cadence(number=7), had).due(k).collisions for k in (1, 2, 7)] == [8, 10, 20]
+    assert [Schedule(Cadence(collisions=0.5), had).due(k).collisions for k in (1, 2, 9)] == [9, 11, 20]
+    assert [Schedule(Cadence(interval=0.5), to_time(3.0, 1.0)).due(k).time for k in (1, 2, 9)] == [
+        1.5,
+        2.0,
+        3.0,
+    ]
+    assert Cadence(interval=0.4).count(duration=1.0, collisions_per_disk=9.0) == 3  # at 0.4, 0.8 and the end
+    assert Cadence(collisions=4.0).count(duration=1.0, collisions_per_disk=9.0) == 3
+    assert Cadence(number=5).count(duration=1.0, collisions_per_disk=9.0) == 5
+
+
 @pytest.mark.parametrize("number", [1, 3, 7, 10, 1000])
 def test_rounding_makes_no_collision_more_of_a_part(number):
     # 10 disks with 2 * number / 10 collisions each: `number` collisions, one for each frame.
@@ -56,12 +79,47 @@ def test_what_has_been_reached_already_is_not_due_again():
     assert interval.after(1, 1.0, 0) <= 10
 
 
+def test_a_point_far_ahead_is_found_at_once():
+    """Among 1e12 points: the first after, by the definition of `due`, and none is left out."""
+    many = Schedule(Cadence(number=10**12), to_collisions(2.0))
+    found = many.after(1, 0.0, 7)
+    assert many.due(found - 1).collisions == 7
+    assert many.due(found).collisions == 8
+    interval = Schedule(Cadence(interval=1e-12), to_time(1.0))
+    k = interval.after(5, 0.25, 0)
+    assert interval.due(k).time > 0.25
+    assert interval.due(k - 1).time <= 0.25
+    # One that is not reached stays, the run's end too.
+    assert many.after(3, 0.0, 0) == 3
+    assert Schedule(Cadence(number=4), to_time(1.0)).after(2, 0.3, 0) == 2
+
+
+def test_every_point_is_the_first_that_is_not_reached():
+    schedule = Schedule(Cadence(number=37, spacing="log"), to_collisions(40.0))
+    for k in (1, 2, 20, 36):
+        for collisions in range(0, 200, 7):
+            expected = k
+            while schedule.due(expected).reached(0.0, collisions):
+                expected += 1
+            assert schedule.after(k, 0.0, collisions) == expected
+
+
+def test_an_interval_that_a_time_cannot_resolve_is_refused():
+    """Floating-point numbers about 1e6 are 1.2e-10 apart."""
+    with pytest.raises(
+        InputError, match=r"interval = 1e-10: lost in the rounding of a time of 1e\+06: 1\.16e-10"
+    ):
+        Schedule(Cadence(interval=1e-10), to_time(1e6))
+    assert Schedule(Cadence(interval=2e-10), to_time(1e6)).due(1).time == 2e-10
+
+
 def test_the_earlier_of_two_points_is_reached_when_either_is():
     both = earlier(Due(2.0, None), Due(math.inf, 7))
     assert both == Due(2.0, 7)
     assert both.reached(2.0, 0)
     assert both.reached(0.0, 7)
     assert not both.reached(1.9, 6)
+    assert earlier(Due(collisions=9), Due(3.0, 4)) == earlier(Due(3.0, 4), Due(collisions=9)) == Due(3.0, 4)
 
 
 @pytest.mark.parametrize(
@@ -71,6 +129,7 @@ def test_the_earlier_of_two_points_is_reached_when_either_is():
         ({"number": 3, "interval": 1.0}, "exactly one"),
         ({"number": 0}, "number = 0"),
         ({"interval": 0.0}, "interval = 0"),
+        ({"interval": 1e-300}, "interval = 1e-300: 1e-200 or more"),
         ({"collisions": math.nan}, "collisions = nan"),
         ({"number": 3, "spacing": "logarithmic"}, "allowed are even, log"),
         ({"interval": 1.0, "spacing": "log"}, "needs a number"),

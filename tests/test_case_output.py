@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ifrdem import case_file, seeds
+from ifrdem import case_file, check, cli, history_columns, run, seeds
 from ifrdem.cadence import Cadence
+from ifrdem.case import UNITS
 from ifrdem.case_output import OutputSection
 from ifrdem.errors import InputError
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
+from ifrdem.observables import measure
+from ifrdem.recorder import COLUMNS, Ledger
+from ifrdem.trajectory_writer import TrajectoryWriter
 
 CASE = """
 [run]
@@ -81,6 +86,14 @@ def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
     assert len(output(folder, "histories_all=true").tracked(position, rng)) == 200
 
 
+def test_histories_are_kept_where_any_key_asks_for_them(folder):
+    assert not output(folder).tracks
+    assert not output(folder, "histories_all=false").tracks
+    for each in ("all=true", "sample=5", "region=[0.0, 0.0, 9.0, 9.0]"):
+        assert output(folder, f"histories_{each}").tracks
+    assert output(folder, "histories=[0]").tracks
+
+
 @pytest.mark.parametrize(
     ("overrides", "reason"),
     [
@@ -90,6 +103,14 @@ def test_tracked_disks_are_a_list_a_sample_a_region_or_all(folder):
         (("series_spacing=log",), "series, the number of rows, is missing"),
         (("log_from=0.1",), "log_from: only with"),
         (("frames_interval=0.0",), "output.frames_interval = 0"),
+        (("frames_interval=1e-300",), "frames_interval = 1e-300: 1e-199 or more is needed"),
+        (("series_collisions=1e-300",), "series_collisions = 1e-300: 1e-199 or more is needed"),
+        (("frames=1000000000000",), "output.frames = 1000000000000: must be less than or equal to 10000000"),
+        (("histories=[]",), "output.histories = []: at least 1 entry is needed, none given"),
+        (
+            ("histories_region=[1.0]",),
+            "output.histories_region = [1.0]: at least 4 entries are needed, 1 given",
+        ),
         (("histories=[1]", "histories_all=true"), "at most one is needed of: histories"),
         (("histories=[1, 200]",), "output.histories = 200: there are disks 0 to 199"),
         (("histories=[1, 1]",), "output.histories = 1: it is there already"),
@@ -122,17 +143,139 @@ def test_a_region_where_no_disk_starts_is_refused(folder):
         gas.tracked(case, gas.start(case))
 
 
-def test_the_estimate_counts_frames_rows_and_events(folder):
-    """Collisions per disk c by kinetic theory; each of a tracked disk takes 177 bytes (`ifrdem.history_columns`)."""
-    sizes = {}
-    for name, overrides in {
-        "plain": (), "series": ("series=2000",), "tracked": ("histories_all=true",), "ledger": ("ledger=false",),
-    }.items():  # fmt: skip
-        case = case_file.read(folder / "gas.toml", [f"output.{each}" for each in overrides]).case
-        sizes[name] = Estimate.of(Gas.from_case(case), case)
-    plain = sizes["plain"]
-    assert (plain.frames, plain.rows, plain.tracked) == (101, 1001, 0)
-    assert sizes["series"].file_bytes - plain.file_bytes == 1000 * 8 * 28
-    assert plain.file_bytes - sizes["ledger"].file_bytes == 1001 * 8 * 12
-    per_disk = 2.0 * plain.collisions / 200
-    assert sizes["tracked"].file_bytes - plain.file_bytes == round(200 * per_disk) * 177
+def check_cadences(folder: Path, *overrides: str) -> None:
+    case = case_file.read(folder / "gas.toml", overrides).case
+    gas = Gas.from_case(case)
+    check.refuse_cadences(case, gas, Estimate.of(gas, case))
+
+
+BY_COLLISIONS = ("run.t_end=", "run.collisions_per_disk=20.0")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "reason"),
+    [
+        # 1e7 in the run's 2.0, or 2e-7 apart, are allowed
+        (
+            ("output.frames_interval=1e-9",),
+            "output.frames_interval = 1e-09: more than 10000000 frames in 2, the length of the run: 2e-07",
+        ),
+        (
+            ("output.series_interval=1.9e-7",),
+            "output.series_interval = 1.9e-07: more than 10000000 rows in 2",
+        ),
+        # one collision is 2 of 200 disks
+        (
+            ("output.frames_collisions=0.009", *BY_COLLISIONS),
+            "output.frames_collisions = 0.009: more often than one collision of 200 disks: 0.01 or more is needed",
+        ),
+        (("output.frames_collisions=1e-8",), "more often than one collision"),
+        (
+            ("output.series_collisions=0.011", "run.t_end=", "run.collisions_per_disk=2e5"),
+            "output.series_collisions = 0.011: more than 10000000 rows in 2e+05 collisions per disk: 0.02 or more",
+        ),
+        (("output.frames_interval=1e-12", *BY_COLLISIONS), "the length of the run by kinetic theory"),
+        # walls: no theory of the length, but a mean free time
+        (
+            (
+                "output.frames_interval=1e-12",
+                "box.periodic=[false, true]",
+                "box.material=coin",
+                *BY_COLLISIONS,
+            ),
+            "the shortest time that the case names",
+        ),
+    ],
+)
+def test_cadences_that_make_no_sense_are_refused_before_work(folder, overrides, reason):
+    with pytest.raises(InputError) as caught:
+        check_cadences(folder, *overrides)
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        (),
+        ("output.frames_interval=2.1e-7",),
+        ("output.frames_collisions=0.01", *BY_COLLISIONS),
+        ("output.frames=10000000",),
+    ],
+)
+def test_dense_cadences_that_can_be_are_not_refused(folder, overrides):
+    check_cadences(folder, *overrides)
+
+
+def test_check_refuses_them_with_status_2_and_no_report(folder, capsys):
+    for setting in (
+        "output.frames_interval=1e-12",
+        "output.frames_collisions=1e-9",
+        "output.series_interval=1e-300",
+    ):
+        assert cli.main(["check", str(folder / "gas.toml"), "--set", setting]) == 2
+        shown = capsys.readouterr()
+        assert shown.out == ""
+        assert setting.partition("=")[0].partition(".")[2] in shown.err
+
+
+def test_check_warns_of_a_file_that_has_no_room_here(folder, capsys):
+    large = ["output.frames=10000000", "species[0].number=20000", "box.lengths=[400.0, 300.0]"]
+    settings = [word for one in large for word in ("--set", one)]
+    assert cli.main(["check", str(folder / "gas.toml"), *settings]) == 0
+    shown = capsys.readouterr()
+    assert "warning: output: the trajectory needs some" in shown.err
+    assert "`ifrdem run` would refuse it here" in shown.err
+
+
+def test_the_estimate_counts_frames_rows_and_tracked_disks(folder):
+    case = case_file.read(folder / "gas.toml", ["output.histories_sample=50"]).case
+    found = Estimate.of(Gas.from_case(case), case)
+    assert (found.frames, found.rows, found.tracked) == (101, 1001, 50)
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ("output.frames=1", "output.series=1"),
+        ("output.frames=1", "output.series=1", "output.ledger=false", "output.fields=['position']"),
+        ("output.frames=10",),
+        ("output.frames=300", "output.series=1", "species[0].number=20", "output.precision=f8"),
+        ("output.frames=2", "species[0].number=40000", "box.lengths=[400.0, 400.0]"),
+        ("output.frames=2", "output.histories_sample=50"),
+        (
+            "output.frames=2",
+            "output.histories_all=true",
+            "species[0].number=1500",
+            "box.lengths=[90.0, 90.0]",
+        ),
+    ],
+)
+def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
+    """Whole chunks, trees and groups of HDF5 included, which are most of a small file."""
+    file = case_file.read(folder / "gas.toml", overrides)
+    case, output = file.case, file.case.output
+    gas = Gas.from_case(case)
+    expected = Estimate.of(gas, case)
+    start, ledger = gas.start(case), Ledger()
+    measured = measure(gas.disks, start)
+    if output.ledger:
+        measured = replace(measured, dissipated=np.zeros(6), regimes=np.zeros(5, dtype=np.int64))
+    place = folder / "gas.h5"
+    with TrajectoryWriter(
+        place, gas.disks, gas.box, fields=output.fields, precision=output.precision,
+        parameters=run._record(file, gas, "cpu"), units=UNITS["reduced"], walls=gas.walls,
+    ) as writer:  # fmt: skip
+        if expected.tracked:
+            events = round(2.0 * expected.collisions / gas.disks.n * expected.tracked)
+            writer.begin_histories(np.arange(expected.tracked), start)
+            columns = {
+                name: np.zeros((events, *column.tail), dtype=column.dtype)
+                for name, column in history_columns.COLUMNS.items()
+            }
+            writer.write_histories(columns, 1.0)
+        for number in range(expected.frames):
+            writer.write(replace(start, time=float(number)), ledger.observables(measured))
+        columns = COLUMNS if output.ledger else None
+        writer.write_series_rows([(1.0 * i, ledger.row(measured)) for i in range(expected.rows)], columns)
+    # Texts of the record (versions, devices) differ by some hundred bytes.
+    assert expected.file_bytes == pytest.approx(place.stat().st_size, rel=0.02, abs=4000)

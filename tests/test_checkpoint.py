@@ -172,14 +172,44 @@ def test_a_checkpoint_appears_whole_or_not_at_all(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["a.h5"]
 
 
-def test_the_checkpoint_of_another_version_is_refused_with_both(tmp_path):
+@pytest.mark.parametrize("package", ["ifrdem", "taichi"])
+def test_the_checkpoint_of_another_version_is_refused_with_both(tmp_path, package):
     path = tmp_path / "a.h5"
     checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
     with h5py.File(path, "r+") as file:
         record = json.loads(file["record"][()])
-        record["versions"]["taichi"] = "0.1"
+        present = record["versions"][package]
+        record["versions"][package] = "0.0.1"
         del file["record"]
         file["record"] = json.dumps(record)
     _, record = checkpoint.read(path)
-    with pytest.raises(InputError, match=r"written by taichi 0\.1"):
+    with pytest.raises(InputError, match=rf"written by {package} 0\.0\.1, this is {present}"):
         checkpoint.check_versions(record, path)
+
+
+def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
+    path = tmp_path / "a.h5"
+    checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
+    with h5py.File(path, "r+") as file:
+        file.attrs["format"] = 99
+    with pytest.raises(InputError, match=r"format 99; this ifrdem reads 1"):
+        checkpoint.read(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((3,), "path = 3: the path of a file is needed"),
+        (("a.h5", {"when": {1, 2}}), r"extra\['when'\] = \{1, 2\}: JSON cannot hold it"),
+        (("a.h5", {(1, 2): 3}), r"extra\[\(1, 2\)\] = 3: JSON cannot hold it"),
+        (("a.h5", [1]), r"extra = \[1\]: a mapping by name is needed"),
+        (("a.h5", None, {"extra_x": ["a"]}), r"arrays\['extra_x'\] = \['a'\]: an array of numbers"),
+        (("a.h5", None, 5), "arrays = 5: a mapping by name is needed"),
+    ],
+)
+def test_what_a_checkpoint_cannot_hold_is_named_and_leaves_no_file(tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    simulation = freed(1)
+    with pytest.raises(InputError, match=said):
+        simulation.save_checkpoint(*arguments)
+    assert os.listdir(tmp_path) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -449,6 +450,23 @@ def test_interrupted_run_keeps_the_frames_so_far(
     assert names(folder) == ["tiny.checkpoint.h5", "tiny.h5", "tiny.status.json", "tiny.toml"]
     with Trajectory("tiny.h5") as trajectory:
         assert len(trajectory) == 3
+
+
+def test_the_line_to_go_on_works_from_the_users_folder_whatever_the_path(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (folder / "my runs").mkdir()
+    for place in ("my runs/it's one", "-first"):
+        with monkeypatch.context() as stopping:
+            stop_after(3, KeyboardInterrupt(), stopping)
+            assert main(["run", "tiny.toml", "--no-picture", f"--output={place}"]) == 130
+        line = capsys.readouterr().err.splitlines()[-1]
+        program, *words = shlex.split(line.partition("to go on: ")[2])  # as a shell takes it
+        assert program == "ifrdem"
+        assert main([*words, "--no-picture"]) == 0
+        with Trajectory(f"{place}.h5") as trajectory:
+            assert len(trajectory) == FRAMES + 1
+        capsys.readouterr()
 
 
 def test_interrupt_while_it_computes_keeps_the_frames_so_far(

@@ -69,6 +69,8 @@ def test_histories_that_cannot_be_shown_are_refused(run, tmp_path, capsys):
     for arguments, reason in (
         ([str(run), "--id", "5"], "disk 5 of"),
         ([str(run), "--id", "9"], "there are 9 disks (0 to 8)"),
+        ([str(run), "--id", "98765432109876543210"], "98765432109876543210"),
+        ([str(run), "--id", "1e3"], "disk 1000"),
         ([str(run), "--id", "-1"], "--id = -1: a whole number, 0 or more"),
         ([str(run), "--id", "7", "-o", str(run)], "is the trajectory itself"),
         ([str(run)], "--id"),

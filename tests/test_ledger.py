@@ -10,7 +10,7 @@ from ifrdem.box import Box
 from ifrdem.cadence import Cadence
 from ifrdem.forces import Drag, RandomKicks
 from ifrdem.law import IFRLaw, Regime, collide
-from ifrdem.observables import MECHANISMS, Measure
+from ifrdem.observables import MECHANISMS, REGIMES, Measure
 from ifrdem.simulation import Simulation
 from ifrdem.state import Disks, State
 from ifrdem.walls import Motion, Wall
@@ -64,6 +64,37 @@ def test_each_mechanism_takes_what_one_collision_shows(arch):
     expected["sticking" if sticks else "sliding"] = friction
     assert expected["rolling"] > 0.0
     assert contact.dissipated == pytest.approx(np.array(list(expected.values())), rel=1e-12, abs=1e-15)
+
+
+def test_collisions_are_counted_by_their_regime(arch):
+    """Pairs of two materials that meet head on with spins s, so that the slip is s: what each is, `law.collide` says.
+
+    The last pair is slower than the cut-off, below which collisions are elastic.
+    """
+    spins = [0.1, 5.0, 0.1, 0.5, 5.0, 0.1]
+    material = np.repeat([0, 0, 1, 1, 1, 0], 2)
+    speed = np.repeat([0.5, 0.5, 0.5, 0.5, 0.5, 1e-3], 2) * np.tile([1.0, -1.0], 6)
+    disks = Disks(12, mass=1.0, radius=0.5, material=material)
+    place = np.column_stack((np.tile([4.5, 5.51], 6), np.repeat(2.0 + 3.0 * np.arange(6), 2)))
+    velocity = np.column_stack((speed, np.zeros(12)))
+    smooth = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point")
+    laws = [[smooth, smooth], [smooth, ROLLING]]
+    expected = dict.fromkeys(REGIMES, 0)
+    for pair in range(5):
+        law, two = laws[material[2 * pair]][material[2 * pair]], slice(2 * pair, 2 * pair + 2)
+        found = collide(
+            law, [1.0, 0.0], [1.0, 1.0], [0.5, 0.5], [2.0, 2.0], velocity[two], np.full(2, spins[pair])
+        )
+        name = Regime(int(found.regime)).name.lower().removesuffix("_nonrolling")
+        expected["_".join(reversed(name.split("_")))] += 1
+    expected["elastic"] += 1
+    assert all(expected.values())
+    simulation = Simulation(
+        disks, Box((10.0, 20.0)), laws, State(place, velocity, np.repeat(spins, 2)), arch=arch, ledger=True,
+        collapse="velocity_cutoff", velocity_cutoff=0.01,
+    )  # fmt: skip
+    simulation.collide(6)
+    assert dict(zip(REGIMES, simulation.measure().regimes.tolist(), strict=True)) == expected
 
 
 @pytest.mark.parametrize("n", [300, 2000])

@@ -73,11 +73,13 @@ def test_from_file_to_figure_runs_as_shown(
     capsys.readouterr()
     exec(compile(block("analysis"), "README.md", "exec"), {})
     shown = re.findall(r"= ([-\d.e]+) \+- ([\d.e-]+)", capsys.readouterr().out)
-    a20, contact, t_H = (tuple(map(float, pair)) for pair in shown)
+    a20, contact, *t_H = (tuple(map(float, pair)) for pair in shown)
     assert abs(a20[0]) < 0.3
     # Enskog's chi at packing fraction 0.25 is 1.58, and inelastic pairs are near contact for longer.
     assert contact[0] == pytest.approx(1.65, abs=0.25 + 4.0 * contact[1])
-    assert t_H[0] > t_H[1] > 0.0
+    assert all(
+        value > error > 0.0 for value, error in t_H
+    )  # none where Haff's law does not describe so few coins
     assert (tmp_path / "velocities.png").is_file()
 
 

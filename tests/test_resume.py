@@ -9,13 +9,15 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
-from ifrdem import cli, run
+from ifrdem import checkpoint, cli, h5md, run
+from ifrdem.case import Case
 from ifrdem.stops import Stopped, Stops
 
 pytestmark = pytest.mark.unoptimised
@@ -210,6 +212,33 @@ def test_what_cannot_go_on_is_refused_with_the_reason(whole, tmp_path, capsys):
     for hours in ("0", "-1", "many", "inf"):
         assert cli.main(["resume", str(tmp_path), "--maxh", hours]) == 2
         assert f"--maxh {hours}" in capsys.readouterr().err
+
+
+def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, monkeypatch, capsys):
+    """One of Python's own, one that was renamed, one of another version."""
+    place = tmp_path / "a.checkpoint.h5"
+
+    def told() -> str:
+        assert cli.main(["resume", str(place)]) == 2
+        return capsys.readouterr().err
+
+    checkpoint.write(place, {"a": np.arange(3)}, {"extra": {"mine": 1}})
+    assert "Simulation.load_checkpoint goes on with it" in told()
+    case = Case.model_validate(tomllib.loads(CASE)).model_dump_json(exclude_unset=True)
+    run_of_b = {
+        "course": {},
+        "case_path": str(tmp_path / "gone.toml"),
+        "case_as_set": case,
+        "trajectory": "b.h5",
+    }
+    checkpoint.write(place, {"a": np.arange(3)}, {"extra": run_of_b})
+    assert "belongs to b.h5: rename it back" in told()
+    versions = {**h5md.package_versions(), "ifrdem": "0.0.1"}
+    with monkeypatch.context() as other:
+        other.setattr(h5md, "package_versions", lambda: versions)
+        checkpoint.write(place, {"a": np.arange(3)}, {"extra": run_of_b})
+    assert "was written by ifrdem 0.0.1" in told()
+    assert os.listdir(tmp_path) == ["a.checkpoint.h5"]
 
 
 def launched(case: Path, *options: str) -> subprocess.Popen[str]:

@@ -101,6 +101,25 @@ def _positions_of_partners(e: Events) -> np.ndarray:
     return e.position[[own[t, p, i] for t, i, p in zip(e.time, e.id, e.partner, strict=True)]]
 
 
+def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(arch):
+    """Disks at rest that two others hit from both sides at once: the path leads through both, in one order only."""
+    disks = equal_disks(24)
+    middle = np.column_stack((np.full(8, 8.0), 1.0 + 2.0 * np.arange(8)))
+    away = np.array([2.0, 0.0])
+    state = State(
+        np.concatenate((middle, middle - away, middle + away)),
+        np.repeat([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]], 8, axis=0),
+        np.zeros(24),
+    )
+    box = Box((16.0, 16.0))
+    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(24), partners=True)
+    simulation.run(t_end=1.25)
+    events, end = simulation.take_events(), simulation.state
+    assert any(np.any(np.diff(rows_of(events, disk)["time"]) == 0.0) for disk in range(8))
+    for disk in range(24):
+        check_path(rows_of(events, disk), state, end, disk, box)
+
+
 def test_walls_gravity_and_heat_are_in_the_path(arch):
     box = Box((12.0, 30.0), periodic=(True, False))
     disks = equal_disks(40)

@@ -12,6 +12,7 @@ from test_trajectory import BOX, FIELDS, some_disks, some_state
 from trajectory_parts import SERIES_COLUMNS, TRACKED, batch, partnered, row
 
 from ifrdem import deflate
+from ifrdem.box import Box
 from ifrdem.deflate import Deflate, shuffled
 from ifrdem.errors import InputError
 from ifrdem.history_columns import COLUMNS
@@ -309,3 +310,26 @@ def test_files_of_layout_1_0_are_read(tmp_path):
         file["h5md/modules/ifrdem"].attrs["version"] = [1, 0]
     with Trajectory(path) as trajectory:
         assert len(trajectory) == 1
+
+
+@pytest.mark.parametrize(
+    ("time", "values", "said"),
+    [
+        ("a", {"energy": 1.0}, "time = a: a finite time"),
+        (None, {"energy": 1.0}, "time = None: a finite time"),
+        (True, {"energy": 1.0}, "time = True: a finite time"),
+        (0.5, [1.0], r"series: numbers by name are needed, not \[1\.0\]"),
+        (0.5, {"energy": "b"}, "series energy = 'b': a number or numbers are needed"),
+    ],
+)
+def test_rows_that_are_none_are_refused_and_the_file_goes_on(tmp_path, time, values, said):
+    with TrajectoryWriter(tmp_path / "a.h5", Disks(2, 1.0, 0.1), Box((3.0, 3.0))) as writer:
+        writer.write_series(0.0, {"energy": 1.0})
+        with pytest.raises(InputError, match=said):
+            writer.write_series(time, values)
+        with pytest.raises(InputError):
+            writer.write_histories({}, time)
+        writer.write_series(np.float64(1.0), {"energy": 2.0})
+        writer.write(State(np.ones((2, 2)), np.zeros((2, 2)), np.zeros(2)))
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        assert trajectory.series.time.tolist() == [0.0, 1.0]

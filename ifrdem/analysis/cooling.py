@@ -2,33 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from .frames import correlation_time
+from .goodness import fit
 
 
 @dataclass(frozen=True)
 class HaffFit:
     """T(t) = T0 / (1 + (t - t_first) / t_H)^2: P. K. Haff, J. Fluid Mech. 134, 401 (1983).
 
-    doi:10.1017/S0022112083003419.
-
     Attributes
     ----------
     T0, T0_error : float
         Temperature at the first time of the fit [energy].
     t_H, t_H_error : float
-        Haff's time [time], counted from there.
+        Haff's time [time], counted from there. Errors are nan where the law does not describe the gas.
     rms : float
-        Root of the mean square of what is left of ln T: how well the law holds.
+        Root of the mean square of what is left of ln T.
     correlation_time : float
         Integrated autocorrelation time of what is left, in points; errors are sqrt(2 of it) times those of independent
-        points. A law that does not hold leaves waves, a long correlation time, and larger errors.
+        points.
+    misfit : float
+        Root of the mean square of the slow waves in what is left of ln T: by so much the gas leaves the law.
+    p_value : float
+        Probability of such waves by chance (`goodness.fit`); nan where too few points are left to tell.
+    describes : bool
+        Whether the law describes the gas: False where the waves are neither chance nor within the scatter of T.
     times : tuple of two floats
         First and last time of the fit.
     """
@@ -39,6 +42,9 @@ class HaffFit:
     t_H_error: float
     rms: float
     correlation_time: float
+    misfit: float
+    p_value: float
+    describes: bool
     times: tuple[float, float]
 
 
@@ -54,8 +60,9 @@ class RatioFit:
         Ratio that it tends to.
     lag, lag_error : float
         After which 1/e of the way is left, as x.
-    rms, correlation_time : float
-        Of what is left of theta, as in `HaffFit`.
+    rms, correlation_time, misfit, p_value : float
+    describes : bool
+        Of what is left of theta, as in `HaffFit`. Errors are nan where the exponential does not describe it.
     """
 
     theta_0: float
@@ -66,12 +73,20 @@ class RatioFit:
     lag_error: float
     rms: float
     correlation_time: float
+    misfit: float
+    p_value: float
+    describes: bool
 
 
 def haff_fit(
-    time: ArrayLike, temperature: ArrayLike, *, first: float | None = None, last: float | None = None
+    time: ArrayLike,
+    temperature: ArrayLike,
+    *,
+    first: float | None = None,
+    last: float | None = None,
+    disks: int | None = None,
 ) -> HaffFit:
-    """Fit Haff's law to ln T by least squares, between two times.
+    """Fit Haff's law to ln T by least squares, between two times, and test whether it holds (`goodness.fit`).
 
     Parameters
     ----------
@@ -79,6 +94,10 @@ def haff_fit(
         Times [time], rising, and temperatures [energy], above 0.
     first, last : float, optional
         Where the fit begins and ends; without them, everywhere.
+    disks : int, optional
+        How many there are: ln T of n disks scatters slowly by 1 / sqrt(n) about any law (the energy of n independent
+        Gaussian velocities in two dimensions has the relative variance 1 / n), which is no misfit. Without it, no
+        scatter is allowed for.
 
     Raises
     ------
@@ -99,23 +118,33 @@ def haff_fit(
     def law(p: NDArray[np.float64]) -> NDArray[np.float64]:
         return p[0] - 2.0 * np.log1p(x / np.exp(p[1]))
 
-    p, error, rms, tau = _fit(law, np.log(T), start)
-    T0, t_H = np.exp(p)
+    scatter = 0.0 if disks is None else disks**-0.5
+    found = fit(law, np.log(T), start, np.log1p(x / np.exp(start[1])), scatter=scatter)
+    T0, t_H = (float(one) for one in np.exp(found.values))
+    error = [float(one) for one in found.errors]
     return HaffFit(
-        float(T0),
-        float(T0 * error[0]),
-        float(t_H),
-        float(t_H * error[1]),
-        rms,
-        tau,
+        T0,
+        T0 * error[0],
+        t_H,
+        t_H * error[1],
+        found.rms,
+        found.correlation_time,
+        found.misfit,
+        found.p_value,
+        found.describes,
         (float(t[0]), float(t[-1])),
     )
 
 
 def ratio_fit(
-    x: ArrayLike, theta: ArrayLike, *, first: float | None = None, last: float | None = None
+    x: ArrayLike,
+    theta: ArrayLike,
+    *,
+    first: float | None = None,
+    last: float | None = None,
+    disks: int | None = None,
 ) -> RatioFit:
-    """Fit an exponential approach to the ratio of temperatures.
+    """Fit an exponential approach to the ratio of temperatures, and test whether it holds (`goodness.fit`).
 
     Parameters
     ----------
@@ -125,6 +154,8 @@ def ratio_fit(
         T_rot / T.
     first, last : float, optional
         Where the fit begins and ends; without them, everywhere.
+    disks : int, optional
+        As for `haff_fit`: theta of n disks scatters by theta sqrt(3 / n), 1 / n of ln T and 2 / n of ln T_rot.
 
     Raises
     ------
@@ -143,10 +174,22 @@ def ratio_fit(
     def law(p: NDArray[np.float64]) -> NDArray[np.float64]:
         return p[1] + (p[0] - p[1]) * np.exp(-along / np.exp(np.clip(p[2], -50.0, 50.0)))
 
-    p, error, rms, tau = _fit(law, ratio, start)
-    found = float(np.exp(p[2]))
+    scatter = 0.0 if disks is None else float(np.mean(np.abs(ratio))) * (3.0 / disks) ** 0.5
+    found = fit(law, ratio, start, np.log1p(along / np.exp(start[2])), scatter=scatter)
+    begin, end, lag = float(found.values[0]), float(found.values[1]), float(np.exp(found.values[2]))
+    error = [float(one) for one in found.errors]
     return RatioFit(
-        float(p[0]), error[0], float(p[1]), error[1], found, found * error[2], rms=rms, correlation_time=tau
+        begin,
+        error[0],
+        end,
+        error[1],
+        lag,
+        lag * error[2],
+        found.rms,
+        found.correlation_time,
+        found.misfit,
+        found.p_value,
+        found.describes,
     )
 
 
@@ -165,24 +208,3 @@ def _window(
     if np.any(np.diff(at[used]) <= 0.0):
         raise InputError(f"{what}: points must be in rising order")
     return at[used], value[used]
-
-
-def _fit(
-    law: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    data: NDArray[np.float64],
-    start: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], list[float], float, float]:
-    """Least squares: parameters, errors with the correlation of what is left, its rms and correlation time."""
-    from scipy.optimize import least_squares
-
-    found = least_squares(lambda p: law(p) - data, start, x_scale="jac", xtol=1e-12, ftol=1e-12)
-    left = found.fun
-    freedom = max(len(data) - len(start), 1)
-    tau = correlation_time(left)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * (left @ left) / freedom * 2.0 * tau
-    return (
-        found.x,
-        [float(one) for one in np.sqrt(np.diag(covariance))],
-        float(np.sqrt(np.mean(left**2))),
-        tau,
-    )

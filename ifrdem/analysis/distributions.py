@@ -24,9 +24,11 @@ class SonineCoefficients:
         a11 = <v^2 omega^2> / (<v^2> <omega^2>) - 1
 
     These are the definitions of A. Santos, G. M. Kremer and M. dos Santos, Phys. Fluids 23, 030604 (2011),
-    doi:10.1063/1.3558876, for spheres, <c^4> = d (d + 2) (1 + a20) / 4, at two components of v and one of omega, as
+    arXiv:1009.6180, for spheres, <c^4> = d (d + 2) (1 + a20) / 4, at two components of v and one of omega, as
     for disks in A. Megias and A. Santos, arXiv:2303.00057. Positive values mean heavy tails (a20, a02), or that fast
-    disks spin fast (a11).
+    disks spin fast (a11). Other numbers go by these or like names: the excess kurtosis of a velocity component is
+    3 a20, that of spins 3 a02; of spheres, with three components each, a20 and a02 have 3/5 in place of 1/2 and 1/3;
+    and coefficients fitted to a histogram, or cut off at another order of the series, are no cumulants.
 
     Attributes
     ----------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -39,12 +40,22 @@ def _even(trajectory: Trajectory, used: list[int]) -> bool:
 
 
 def _steady(trajectory: Trajectory, used: list[int]) -> bool:
-    """Whether the temperature of the later half differs by less than a tenth from that of the earlier."""
+    """Whether the temperature keeps its value over these frames, as far as the file tells."""
     T = trajectory.observables.get("temperature")
-    if T is None:
+    return T is None or _keeps(T[used])
+
+
+def _keeps(T: NDArray[np.float64]) -> bool:
+    """Whether temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
+    if len(T) < 2:
         return True
-    early, late = (float(np.mean(part)) for part in np.array_split(T[used], 2))
+    early, late = (float(np.mean(part)) for part in np.array_split(T, 2))
     return abs(late - early) <= 0.1 * max(early, late)
+
+
+def _unsteady(trajectory: Trajectory, T: NDArray[np.float64]) -> str:
+    first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
+    return f"the gas is not steady: T goes from {first} to {last} in that time"
 
 
 def _parts(
@@ -80,15 +91,22 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         notes.append("across the flow only")
     found = displacement.mean_square_displacement(when, paths(), origins=origins)  # type: ignore[arg-type]
     fit = displacement.diffusion_coefficient(found)
-    rows = [
-        Row("D", fit.D, fit.error, unit(trajectory, "length^2/time")),
-        Row("exponent", fit.exponent),
-    ]
-    notes.append(f"line fitted at lags from {fit.lags[0]:.4g} to {fit.lags[1]:.4g}")
-    if abs(fit.exponent - 1.0) > 0.2:
-        notes.append("the exponent is not 1: this D is no diffusion coefficient")
+    steady = _steady(trajectory, used)
+    in_unit = unit(trajectory, "length^2/time")
+    rows = [Row("D", fit.D, fit.error, in_unit) if steady else Row("D", float("nan"), unit=in_unit)]
+    rows.append(Row("exponent", fit.exponent))
+    doubts = []
+    if steady:
+        notes.append(f"line fitted at lags from {fit.lags[0]:.4g} to {fit.lags[1]:.4g}")
+        if abs(fit.exponent - 1.0) > 0.2:
+            notes.append("the exponent is not 1: this D is no diffusion coefficient")
+    else:
+        doubts.append(
+            f"{_unsteady(trajectory, trajectory.observables['temperature'][used])}, and D with it, as sqrt(T): no "
+            "single D. Choose --frames over which T changes by less than a tenth, or drive the gas"
+        )
     table = {"lag": found.lag, "msd": found.value, "error": found.error}
-    return Outcome((found, fit), rows, {"": table}, notes, times(trajectory, used))
+    return Outcome((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts)
 
 
 def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
@@ -130,8 +148,15 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
     force = unit(trajectory, "energy/length^2")
     rows: list[Row] = []
     notes: list[str] = []
+    doubts: list[str] = []
     tables: dict[str, Columns] = {}
     result = None
+    if not _keeps(T):
+        doubts.append(
+            f"{_unsteady(trajectory, T)}, and the pressure with it: pressures are means over that time. Z is that "
+            "mean over the mean of N T / A, which is Z at each moment as long as the gas stays homogeneous. For a "
+            "pressure at one temperature choose --frames over which T changes by less than a tenth"
+        )
     try:
         found = stored.collisions(trajectory)
     except InputError as error:
@@ -150,7 +175,7 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
             area=box.area,
             disks=disks.n,
             tracked=len(found.tracked),
-            temperature=_span_mean(when, T, span),
+            temperature=np.array([_span_mean(when, T, part) for part in pressure.blocks(span)]),
         )
         rows += [
             Row("pressure", result.total, result.error, force),
@@ -168,7 +193,7 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         "quantity": np.array([row.name for row in rows]),
         "value": np.array([row.value for row in rows]),
     }
-    return Outcome(result, rows, tables, notes, span)
+    return Outcome(result, rows, tables, notes, span, doubts)
 
 
 def _pressure_by_rate(
@@ -216,7 +241,8 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         begin, end = times(trajectory, list(chosen))
         used = (when >= begin) & (when <= end)
     when, T, T_rot, count = when[used], T[used], T_rot[used], count[used]
-    haff = cooling.haff_fit(when, T)
+    n = trajectory.disks.n
+    haff = cooling.haff_fit(when, T, disks=n)
     energy, time = unit(trajectory, "energy"), unit(trajectory, "time")
     rows = [
         Row("T0", haff.T0, haff.T0_error, energy),
@@ -224,12 +250,13 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         Row("rms of what is left of ln T", haff.rms),
     ]
     notes = ["Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors with the autocorrelation of what is left"]
-    tau = 2.0 * count / trajectory.disks.n
+    doubts = [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
+    tau = 2.0 * count / n
     theta = np.divide(T_rot, T, out=np.full_like(T, np.nan), where=T > 0.0)
     ratio = None
     rising = np.concatenate(([True], np.diff(tau) > 0.0))
     try:
-        ratio = cooling.ratio_fit(tau[rising], theta[rising])
+        ratio = cooling.ratio_fit(tau[rising], theta[rising], disks=n)
     except InputError as error:
         notes.append(f"no fit to theta: {error}")
     else:
@@ -237,8 +264,14 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
             Row("theta_0", ratio.theta_0, ratio.theta_0_error),
             Row("theta_end", ratio.theta_end, ratio.theta_end_error),
             Row("lag of theta, collisions per disk", ratio.lag, ratio.lag_error),
+            Row("rms of what is left of theta", ratio.rms),
         ]
         notes.append("theta = T_rot / T, exponential in collisions per disk")
+        if not ratio.describes:
+            scatter = float(np.mean(np.abs(theta[rising]))) * (3.0 / n) ** 0.5
+            doubts.append(_misfit("one exponential", ratio.misfit, n, "theta", scatter))
+        elif not ratio.lag_error < ratio.lag:
+            doubts.append("the run is too short to tell where theta ends, and its lag: theta has hardly bent")
     table = {
         "time": when,
         "collisions_per_disk": tau,
@@ -246,7 +279,16 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         "rotational_temperature": T_rot,
         "theta": theta,
     }
-    return Outcome((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])))
+    return Outcome((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])), doubts)
+
+
+def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> str:
+    """That a law does not hold, by how much, and what its parameters then are."""
+    beside = f"of {misfit:.2g} rms, where {n} disks scatter by about {scatter:.2g}"
+    return (
+        f"{law} does not describe this run: {quantity} leaves it in slow waves {beside}. The numbers are those of the "
+        "nearest curve, without errors; --frames chooses a stretch where it may hold"
+    )
 
 
 def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
@@ -257,6 +299,10 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         span = times(trajectory, list(chosen))
         seen &= (found.time >= span[0]) & (found.time <= span[1])
     result = impact.impacts(found.psi[seen], found.regime[seen])
+    counts = None if np.any(found.regime[seen] < 0) else _counted_regimes(trajectory, span)
+    of_whom = f"of {len(found.tracked)} tracked disks"
+    if counts is not None:
+        result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))
     rows = [
         Row("collisions", float(result.collisions)),
         Row("mean of b = sin psi", result.mean_b, result.mean_b_error),
@@ -264,7 +310,23 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         *(Row(f"share of {name}", *share) for name, share in result.regimes.items()),
     ]
     table = {"psi": result.psi, "density": result.density, "error": result.density_error}
-    notes = [
-        f"of {len(found.tracked)} tracked disks; in molecular chaos b is uniform and psi has the density cos psi"
-    ]
+    notes = [f"{of_whom}; in molecular chaos b is uniform and psi has the density cos psi"]
+    if counts is not None:
+        notes.append(
+            f"regimes by the time series: of all {result.regime_collisions} collisions of two disks, within rows of it"
+        )
     return Outcome(result, rows, {"": table}, notes, span)
+
+
+def _counted_regimes(trajectory: Trajectory, span: tuple[float, float]) -> dict[str, int] | None:
+    """How many collisions of the whole gas had which regime within a span of time; None if the file does not tell."""
+    name, time = "collisions_by_regime", trajectory.series.time
+    inside = np.flatnonzero((time >= span[0]) & (time <= span[1]))
+    if name not in trajectory.series or len(inside) < 2:
+        return None
+    columns = trajectory.series.columns(name)
+    count = trajectory.series[name]
+    between = count[inside[-1]] - count[inside[0]]
+    if set(columns) - set(impact.COUNTED) or not np.any(between):
+        return None
+    return {impact.COUNTED[column]: int(each) for column, each in zip(columns, between, strict=True)}

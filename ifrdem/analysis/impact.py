@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,18 @@ REGIMES = {
     9: "elastic (remedy)",
 }
 """What the numbers of `regime` in a file mean."""
+COUNTED = {
+    "sliding": REGIMES[Regime.SLIDING],
+    "sticking": REGIMES[Regime.STICKING],
+    "rolling_sliding": REGIMES[Regime.SLIDING_ROLLING],
+    "rolling_sticking": REGIMES[Regime.STICKING_ROLLING],
+    "elastic": REGIMES[9],
+}
+"""The same of the regimes that a run counts, `observables.REGIMES`; those without the torque rho P_n are one there."""
+BINS = (9, 45)
+"""Of psi, from 0 to pi / 2, at least and at most."""
+PER_BIN = 40
+"""Collisions that a bin has in the mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +44,9 @@ class Impacts:
     psi : array (bins,)
         Middles of bins from 0 to pi / 2 [rad].
     density, density_error : array (bins,)
-        Probability density [1/rad], and its standard error by counting.
+        Probability density [1/rad], and its standard error by counting: with c of n collisions in a bin, that of a
+        probability of which nothing else is known (its posterior by Jeffreys' prior, a beta distribution with
+        c + 1/2 and n - c + 1/2), which is not 0 for empty bins.
     mean_b, mean_b_error : float
         Mean of sin psi, 1/2 in molecular chaos.
     p_value : float
@@ -40,6 +55,8 @@ class Impacts:
         Name of a regime -> share of the collisions, its standard error.
     collisions : int
         How many there were.
+    regime_collisions : int
+        Of how many the regimes are known.
     """
 
     psi: NDArray[np.float64]
@@ -50,10 +67,13 @@ class Impacts:
     p_value: float
     regimes: dict[str, tuple[float, float]]
     collisions: int
+    regime_collisions: int
 
 
-def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int = 45) -> Impacts:
+def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None = None) -> Impacts:
     """Distributions of angles of impact psi [rad], shape (c,), and of regimes, shape (c,) (values of `law.Regime`).
+
+    Without `bins`, there are so many that a bin has `PER_BIN` collisions in the mean, within `BINS`.
 
     Raises
     ------
@@ -68,25 +88,39 @@ def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int = 45) 
         raise InputError("no collisions: there are no angles of impact")
     if not (np.all(angle >= 0.0) and np.all(angle <= 0.5 * np.pi * (1.0 + 1e-12))):
         raise InputError("angles of impact must be from 0 to pi / 2 [rad]")
+    if bins is None:
+        bins = int(np.clip(n // PER_BIN, *BINS))
     counts, edges = np.histogram(angle, bins, (0.0, 0.5 * np.pi * (1.0 + 1e-12)))
     share, width = counts / n, edges[1] - edges[0]
+    likely = (counts + 0.5) / (n + 1.0)
     b = np.sin(angle)
-    shares = {}
+    shares: dict[str, tuple[float, float]] = {}
     if regime is not None:
         values = np.asarray(regime)
         if len(values) != n:
             raise InputError(f"{len(values)} regimes of {n} collisions: as many are needed")
-        for value, count in zip(*np.unique(values, return_counts=True), strict=True):
-            p = count / n
-            name = REGIMES.get(int(value), f"regime {int(value)}")
-            shares[name] = (float(p), float(np.sqrt(p * (1.0 - p) / n)))
+        found = zip(*np.unique(values, return_counts=True), strict=True)
+        shares = regime_shares(
+            {REGIMES.get(int(value), f"regime {int(value)}"): int(count) for value, count in found}
+        )
     return Impacts(
         psi=0.5 * (edges[1:] + edges[:-1]),
         density=share / width,
-        density_error=np.sqrt(share * (1.0 - share) / n) / width,
+        density_error=np.sqrt(likely * (1.0 - likely) / (n + 2.0)) / width,
         mean_b=float(b.mean()),
         mean_b_error=float(np.std(b, ddof=1) / np.sqrt(n)) if n > 1 else float("nan"),
         p_value=float(kstest(b, "uniform").pvalue),
         regimes=shares,
         collisions=n,
+        regime_collisions=n if shares else 0,
     )
+
+
+def regime_shares(counts: Mapping[str, int]) -> dict[str, tuple[float, float]]:
+    """Share of each regime that occurs, and its standard error, from numbers of independent collisions."""
+    n = sum(counts.values())
+    return {
+        name: (count / n, float(np.sqrt(count / n * (1.0 - count / n) / n)))
+        for name, count in counts.items()
+        if count
+    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +46,8 @@ class Outcome:
         What to know of them.
     times : tuple of two floats
         First and last time that was used.
+    doubts : list of str
+        Why numbers do not mean what their names say: shown before them.
     """
 
     result: Any
@@ -53,6 +55,7 @@ class Outcome:
     tables: dict[str, Columns]
     notes: list[str]
     times: tuple[float, float]
+    doubts: list[str] = field(default_factory=list)
 
 
 def latest(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:

@@ -8,6 +8,7 @@ that over a time t::
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -18,6 +19,12 @@ from ..errors import InputError
 from .frames import mean_with_error
 
 BLOCKS = 20
+
+
+def blocks(span: tuple[float, float]) -> list[tuple[float, float]]:
+    """`BLOCKS` equal parts of a span of time."""
+    edges = np.linspace(*span, BLOCKS + 1)
+    return [(float(low), float(high)) for low, high in itertools.pairwise(edges)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +63,7 @@ def from_impulses(
     area: float,
     disks: int,
     tracked: int,
-    temperature: float,
+    temperature: float | NDArray[np.float64],
 ) -> Pressure:
     """Pressure from the collisions of tracked disks with disks, each listed once for every tracked disk in it.
 
@@ -78,8 +85,9 @@ def from_impulses(
         The time that was watched [time].
     area, disks, tracked : float, int, int
         Area of the box [length^2], number of all disks and of tracked ones.
-    temperature : float
-        T of the gas, mean over that time [energy].
+    temperature : float or array (BLOCKS,)
+        T of the gas, mean over that time, or over each of `blocks(span)` [energy]. The latter tells what a gas that
+        cools has from what scatters: the error is then that of the collisional part over T in the blocks, times T.
 
     Raises
     ------
@@ -103,11 +111,13 @@ def from_impulses(
     block = np.minimum(((t - begin) / (end - begin) * BLOCKS).astype(int), BLOCKS - 1)
     trace = 0.5 * (virial[:, 0, 0] + virial[:, 1, 1])
     series = np.bincount(block, trace, minlength=BLOCKS) * BLOCKS / (end - begin)
-    kinetic = disks * temperature / area
+    T = np.broadcast_to(np.asarray(temperature, dtype=float), (BLOCKS,))
+    kinetic = disks * float(T.mean()) / area
     collisional = 0.5 * float(np.trace(tensor))
     total = kinetic + collisional
     Z = total / kinetic if kinetic > 0.0 else math.nan
-    return Pressure(kinetic, collisional, mean_with_error(series)[1], total, Z, tensor)
+    error = mean_with_error(series / T)[1] * float(T.mean()) if np.all(T > 0.0) else math.nan
+    return Pressure(kinetic, collisional, error, total, Z, tensor)
 
 
 def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -> float:
