@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -201,22 +202,24 @@ class Schedule:
     def following(self, k: int) -> int:
         """The first point after k that does not coincide with it; k is not the run's end."""
         here = self.due(k)
-        while self.due(k) == here:
-            k += 1
-        return k
+        return self._first_not(k, lambda due: due == here)
 
     def after(self, k: int, time: float, collisions: int) -> int:
         """The first point from k on that a run at this time, after so many collisions, has not reached."""
-        if self._span.end.reached(time, collisions) or not self.due(k).reached(time, collisions):
+        if self._span.end.reached(time, collisions):
             return k
-        step = (
-            1  # points come in order: ever longer steps find one that is not reached, halving them the first
-        )
-        while self.due(k + step).reached(time, collisions):
+        return self._first_not(k, lambda due: due.reached(time, collisions))
+
+    def _first_not(self, k: int, holds: Callable[[Due], bool]) -> int:
+        """The first point from k on for which this does not hold; beyond it, it never does."""
+        if not holds(self.due(k)):
+            return k
+        step = 1  # ever longer steps find a point for which it does not hold, halving them the first
+        while holds(self.due(k + step)):
             k += step
             step *= 2
         while step > 1:
             step //= 2
-            if self.due(k + step).reached(time, collisions):
+            if holds(self.due(k + step)):
                 k += step
         return k + 1

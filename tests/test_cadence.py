@@ -139,3 +139,15 @@ def test_the_earlier_of_two_points_is_reached_when_either_is():
 def test_impossible_cadences_are_refused(options, reason):
     with pytest.raises(InputError, match=reason):
         Cadence(**options)
+
+
+def test_points_that_coincide_are_passed_together() -> None:
+    # 10 disks, one collision each on average: 5 collisions, between which 1000 points fall onto 5 places.
+    schedule = Schedule(Cadence(number=1000), to_collisions(1.0))
+    k, places = 1, []
+    while schedule.due(k) != Due(collisions=5):
+        places.append(schedule.due(k).collisions)
+        k = schedule.following(k)
+        assert schedule.due(k - 1) != schedule.due(k)
+    assert places == [1, 2, 3, 4]
+    assert k == 801
