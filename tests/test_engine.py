@@ -19,6 +19,8 @@ from ifrdem.law import IFRLaw
 from ifrdem.simulation import Simulation
 from ifrdem.state import Disks, State
 
+pytestmark = pytest.mark.unoptimised
+
 SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 COIN_LAW = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 

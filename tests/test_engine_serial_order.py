@@ -22,6 +22,8 @@ from ifrdem.engine import Engine
 from ifrdem.errors import EngineError
 from ifrdem.state import Disks, State
 
+pytestmark = pytest.mark.unoptimised
+
 PER_DISK = 5
 
 

@@ -8,6 +8,8 @@ from ifrdem.errors import EngineError
 from ifrdem.validation import escape
 from ifrdem.walls import Wall
 
+pytestmark = pytest.mark.unoptimised
+
 
 @pytest.mark.parametrize(("order", "hits"), [("alone", 200_000), ("rounds", 5_000)])
 def test_no_disk_escapes(order: str, hits: int) -> None:

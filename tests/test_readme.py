@@ -20,6 +20,8 @@ from ifrdem.gas import Gas
 from ifrdem.observables import measure
 from ifrdem.walls import Motion, Wall
 
+pytestmark = pytest.mark.unoptimised
+
 ROOT = Path(__file__).parents[1]
 
 

@@ -31,6 +31,8 @@ from ifrdem.validation import (
 from ifrdem.validation.paper import Impact
 from ifrdem.validation.registry import Picture, Result, Row, Skip, Table
 
+pytestmark = pytest.mark.unoptimised
+
 CHECKS = {"tolerance": 0.1, "reason": "a guess", "source": "a <book> & more"}
 
 
