@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import sys
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
@@ -28,7 +31,8 @@ class QueuedWriter:
     Use it as a context manager: leaving it writes all that waits, and closes the file.
 
     Taichi holds Python's lock while a kernel runs, so that beside kernels the thread gets on between them: some 15
-    turns a frame, and a few hundred if 1e6 disks are compressed. It does so at full speed where the run waits for it.
+    turns a frame, and a few hundred if 1e6 disks are compressed. Where that is possible it takes only what the run
+    leaves of the processors; where the run waits for it, that is all of them.
 
     Parameters
     ----------
@@ -159,6 +163,7 @@ class QueuedWriter:
             raise self._error
 
     def _work(self) -> None:
+        _step_back()
         while True:
             with self._change:
                 self._change.wait_for(lambda: self._jobs or self._closing)
@@ -182,3 +187,13 @@ class QueuedWriter:
             with self._change:
                 self._busy = False
                 self._change.notify_all()
+
+
+def _step_back() -> None:
+    """Give the present thread the lowest priority, where threads have one of their own.
+
+    A loop on all cores is as slow as its slowest thread, and kernels leave cores idle often enough.
+    """
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):  # a container may forbid it, and nothing depends on it
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19)

@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 from gases import equal_disks, mixture, start
 
-from ifrdem.box import Box
-from ifrdem.cadence import Cadence
+from ifrdem.box import Box, below
+from ifrdem.buffers import Buffers
+from ifrdem.cadence import Cadence, Span
+from ifrdem.course import Course
 from ifrdem.engine import Engine
 from ifrdem.forces import RandomKicks
 from ifrdem.law import IFRLaw
 from ifrdem.observables import Measure, measure
 from ifrdem.simulation import Simulation
-from ifrdem.state import State
+from ifrdem.state import State, StoredState
 
 pytestmark = pytest.mark.unoptimised
 
@@ -225,3 +227,58 @@ def test_single_precision_looks_back_to_its_rounding() -> None:
         apart = state.position + state.image * box - expected.position - expected.image * box
         assert np.median(np.abs(apart)) < 1e-5
         assert np.sum(state.collisions != expected.collisions) <= 4
+
+
+def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str) -> None:
+    found: list[list[State]] = [[], []]
+    for frames, single in zip(found, (False, True), strict=True):
+        simulation = gas()
+        span = Span.to(1500, 0.0, 0, t_end=0.6)
+        simulation.follow(
+            Course(span, Cadence(number=12)),
+            observers=[lambda state, _, to=frames: to.append(state)],
+            single=single,
+        )
+    exact, rounded = found
+    assert sum(isinstance(state, StoredState) for state in rounded) == 11  # all but the first and the last
+    for one, other in zip(exact, rounded, strict=True):
+        assert one.time == other.time
+        inside = np.array([below(length, np.float32) for length in gas().box.lengths])
+        expected = np.minimum(one.position, inside).astype(np.float32)
+        assert np.array_equal(np.asarray(other.position, dtype=np.float32), expected)
+        for name in ("velocity", "spin"):
+            value = np.asarray(getattr(other, name), dtype=np.float32)
+            assert np.array_equal(value, getattr(one, name).astype(np.float32)), name
+        for name in ("collisions", "image", "last_partner", "angle"):
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_frames_that_are_kept_are_not_written_over(single: bool) -> None:
+    # Memory of frames is used again; there are more than ever wait for a writer, and every one is still held.
+    kept: list[State] = []
+    copies: list[tuple[np.ndarray, ...]] = []
+
+    def look(state: State, _measure: Measure) -> None:
+        kept.append(state)
+        copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
+
+    gas(n=300).follow(
+        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), observers=[look], single=single
+    )
+    assert len(kept) == 21
+    for state, copy in zip(kept, copies, strict=True):
+        for name, value in zip(SEEN, copy, strict=True):
+            assert np.array_equal(getattr(state, name), value), name
+
+
+def test_memory_of_frames_that_nobody_holds_is_used_again() -> None:
+    buffers = Buffers()
+    first = buffers.take((3, 2))
+    place = first.__array_interface__["data"][0]
+    column = first[:, 0]
+    del first
+    assert buffers.take((3, 2)).__array_interface__["data"][0] != place  # a view of it is still there
+    del column
+    assert buffers.take((3, 2)).__array_interface__["data"][0] == place
+    assert buffers.take((3, 2), np.float32).dtype == np.float32

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 import time
 from pathlib import Path
@@ -156,3 +158,20 @@ def test_a_file_can_be_read_while_the_queue_writes_it(tmp_path):
     assert seen[-1] > seen[0]
     with h5py.File(path) as file:
         assert len(file["timeseries/step"]) == 60
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="threads have a priority of their own on Linux only")
+def test_the_writing_thread_leaves_the_processors_to_the_run(tmp_path):
+    class Telling(TrajectoryWriter):
+        priority = None
+
+        def write(self, state, observables=None) -> None:
+            self.priority = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+            super().write(state, observables)
+
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    inner = Telling(tmp_path / "run.h5", some_disks(3), BOX)
+    with QueuedWriter(inner) as writer:
+        writer.write(some_state(3, 0))
+    assert inner.priority == 19
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
