@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 MOST = 6  # of a kind that are kept: two frames wait, one is being written, one is being filled
-_UNUSED = (
-    3  # references to an array that only `Buffers` holds: its list, the loop's name, and the question itself
-)
+# References to an array that only `Buffers` holds: its list, the loop's name, and the question itself.
+_UNUSED = 3
 
 
 class Buffers:

@@ -184,6 +184,20 @@ def test_frames_of_disks_that_meet_nobody_stand_at_their_times() -> None:
             assert state.angle == pytest.approx([0.5 * state.time, -0.5 * state.time])
 
 
+def test_frames_of_one_disk_and_of_disks_at_rest_stand_at_their_times() -> None:
+    for begin in (
+        State([[2.0, 2.0]], [[1.0, 0.5]], [0.5]),
+        State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0]),
+    ):
+        simulation = Simulation(equal_disks(begin.n), Box((10.0, 10.0)), COIN, begin, angles=True)
+        found = [state for state, _ in frames_of(simulation, t_end=8.0, frames=4)]
+        assert [state.time for state in found] == [0.0, 2.0, 4.0, 6.0, 8.0]
+        for state in found:
+            paths = state.position + 10.0 * state.image
+            assert paths == pytest.approx(begin.position + begin.velocity * state.time)
+            assert state.angle == pytest.approx(begin.spin * state.time)
+
+
 def test_an_open_gas_does_not_mind_being_looked_at() -> None:
     rare, often = gas(n=200, box=Box.open()), gas(n=200, box=Box.open())
     frames_of(rare, t_end=3.0, frames=1)
