@@ -25,6 +25,7 @@ pytestmark = pytest.mark.unoptimised
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 STATE = (
     "position", "velocity", "spin", "collisions", "image", "wall_hits", "latest_collision", "last_partner",
+    "angle",
 )  # fmt: skip
 
 
@@ -46,7 +47,7 @@ def gas(**options: object) -> Callable[[int], Simulation]:
     disks = mixture(1200)
     box, state = start(disks, 0.5)
     return lambda threads: Simulation(
-        disks, box, COIN, state, threads=threads, ledger=True, partners=True, **options
+        disks, box, COIN, state, threads=threads, ledger=True, partners=True, angles=True, **options
     )
 
 
@@ -60,7 +61,7 @@ def walled(threads: int) -> Simulation:
     ]
     return Simulation(
         disks, box, COIN, State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)), threads=threads, walls=walls,
-        gravity=(0.0, -1.0), collapse="tc", contact_time=0.01, seed=3, ledger=True, partners=True,
+        gravity=(0.0, -1.0), collapse="tc", contact_time=0.01, seed=3, ledger=True, partners=True, angles=True,
     )  # fmt: skip
 
 
@@ -69,20 +70,22 @@ def sheared(threads: int) -> Simulation:
     box, state = start(disks, 0.4)
     flowing = Box(box.lengths, shear_rate=0.7)
     moving = State(state.position, state.velocity + flowing.flow(state.position), state.spin)
-    return Simulation(disks, flowing, COIN, moving, threads=threads, ledger=True, partners=True)
+    return Simulation(disks, flowing, COIN, moving, threads=threads, ledger=True, partners=True, angles=True)
 
 
 def freed(threads: int) -> Simulation:
     disks = equal_disks(100)
     _, state = start(disks, 0.4)
-    return Simulation(disks, Box.open(), COIN, state, threads=threads, ledger=True, partners=True)
+    return Simulation(
+        disks, Box.open(), COIN, state, threads=threads, ledger=True, partners=True, angles=True
+    )
 
 
 def driven(threads: int) -> Simulation:
     disks = equal_disks(300)
     box, state = start(disks, 0.3)
     return Simulation(
-        disks, box, COIN, state, threads=threads, ledger=True, partners=True, seed=9,
+        disks, box, COIN, state, threads=threads, ledger=True, partners=True, angles=True, seed=9,
         forces=[RandomKicks(0.05, power=0.5), Drag(0.08, rate=0.1)],
     )  # fmt: skip
 
@@ -192,7 +195,7 @@ def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
     checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
     with h5py.File(path, "r+") as file:
         file.attrs["format"] = 99
-    with pytest.raises(InputError, match=r"format 99; this ifrdem reads 1"):
+    with pytest.raises(InputError, match=f"format 99; this ifrdem reads {checkpoint.FORMAT}"):
         checkpoint.read(path)
 
 

@@ -53,7 +53,7 @@ power = 0.5
 
 [output]
 frames = 12
-fields = ["position", "velocity", "angular_velocity", "collisions", "image", "last_partner"]
+fields = ["position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner"]
 series = 70
 histories_sample = 20
 picture = false
