@@ -3,12 +3,13 @@ r"""Steady states: coins that kicks heat, disks that a flow heats, and a column 
 *Kicks.* Power per disk equals what collisions take: by `driven_theory` of a Gaussian gas, by DSMC of what distribution
 there is. Kicks feed transverse waves too. With the symbols of `hydrodynamics`, S of them obeys
 dS/dtau = z - z k^2 xi^2 (S - 1), T being constant: 1 / (k^2 xi^2) too much in the end. Of T all of them together hold
-(1 / 2N) sum 1 / (k^2 xi^2). As in `gas_sample.streams`, waves up to 1 / (2 mean free paths) count, and those to twice as much are uncertain.
+(1 / 2N) sum 1 / (k^2 xi^2). As in `gas_sample.streams`, waves up to 1 / (2 mean free paths) count, and those to twice
+as much are uncertain.
 
 *Flow.* Lees and Edwards' sides; A. Santos, V. Garzo and J. W. Dufty, Phys. Rev. E 69, 061303 (2004),
 doi:10.1103/PhysRevE.69.061303, with crowding as in `shear_theory`. Grad's moments are of first order in the anisotropy
-pi, of which pi_xx = z / l and, by the steady state there, pi_xy^2 = (z / l)(1 - z / l); so |pi|^2 = pi_xx^2 + pi_xy^2 is
-z / l. Second order: a Gaussian gas with such a pi loses, averaged over directions, <(1 + |pi| cos)^(3/2)> - 1 =
+pi, of which pi_xx = z / l and, by the steady state there, pi_xy^2 = (z / l)(1 - z / l); so |pi|^2 = pi_xx^2 + pi_xy^2
+is z / l. Second order: a Gaussian gas with such a pi loses, averaged over directions, <(1 + |pi| cos)^(3/2)> - 1 =
 (3/16) |pi|^2 more energy. That much is allowed for the losses, and as much again for the stress.
 
 *Gravity.* dP/dy = -m g rho with the local pressure P = rho T Z(phi), Z of Kolafa and Rottner (`gas_state`): the
