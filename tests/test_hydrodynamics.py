@@ -139,6 +139,25 @@ def test_energy_of_shear_modes_solves_its_equation() -> None:
     assert found.time == pytest.approx(t_H * math.expm1(0.5 * z * tau), rel=1e-5)
 
 
+def test_short_waves_hold_more_than_their_share_because_thermal_velocities_leave_them_behind() -> None:
+    """S tends to q / (q - 1) for q = k^2 xi^2 > 1, where dS/dtau = z (1 - q) S + z q = 0; four waves in this box.
+
+    A wave that neither grows nor decays beside thermal velocities, q = 1, has S - 1 = z tau.
+    """
+    R, phi = 0.5, 0.2
+    length = shear_length(SMOOTH, R, phi)
+    side = 0.8 * length
+    q, n = 1.0 / 0.64, phi * side**2 / (math.pi * R**2)
+    long = 1.1 * 2.0 * math.pi / side  # beyond (1, 0), below (1, 1)
+    found = shear_mode_energy(1e4, SMOOTH, R, phi, (side, side), k_max=long)
+    assert found == pytest.approx(4.0 * (1.0 / (q - 1.0)) / (2.0 * n), rel=1e-9)
+    found = shear_mode_energy(3.0, SMOOTH, R, phi, (length, length), k_max=1.1 * 2.0 * math.pi / length)
+    n = phi * length**2 / (math.pi * R**2)
+    assert found == pytest.approx(4.0 * 0.5 * 0.19 * 3.0 / (2.0 * n), rel=1e-9)
+    with pytest.raises(InputError, match="k_max"):
+        shear_mode_energy(3.0, SMOOTH, R, phi, (side, side), k_max=0.0)
+
+
 def test_a_box_below_the_shear_length_has_no_growing_modes() -> None:
     length = shear_length(COIN, 0.5, 0.3)
     small = (0.99 * length, 0.99 * length)

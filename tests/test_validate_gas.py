@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ifrdem import cli
+from ifrdem import cli, theory
 from ifrdem.law import IFRLaw
 from ifrdem.validation import gas_collapse, gas_sample, gas_state, page, registry, runner
 from ifrdem.validation.registry import GAS, Result
@@ -36,12 +36,19 @@ def test_seeds_of_two_runs_have_nothing_in_common() -> None:
     assert not set(gas_sample.seeds_of(1, gas_sample.STRIDE)) & set(gas_sample.seeds_of(2, gas_sample.STRIDE))
 
 
-def compared(shift: float, *, replicas: int = 12, systematic: float = 0.0) -> registry.Row:
+def compared(
+    shift: float,
+    *,
+    replicas: int = 12,
+    systematic: float = 0.0,
+    widest: float = 1.0,
+    expected: float | gas_sample.Mean = 10.0,
+) -> registry.Row:
     values = np.random.default_rng(1).normal(shift, 1.0, replicas)
     result = Result()
     gas_sample.compare(
-        result, "x", values - values.mean() + shift, 0.0, disks=7, seeds=range(replicas), systematic=systematic,
-        why="nothing", source="a book",
+        result, "x", values - values.mean() + 10.0 + shift, expected, disks=7, seeds=range(replicas),
+        systematic=systematic, why="nothing", source="a book", widest=widest,
     )  # fmt: skip
     return result.rows[0]
 
@@ -62,6 +69,74 @@ def test_the_tolerance_is_student_s_and_the_systematic_one_and_no_more() -> None
     constant = math.gamma(6.0) / (math.sqrt(11.0 * math.pi) * math.gamma(5.5))
     density = constant * (1.0 + x**2 / 11.0) ** -6.0
     assert 2.0 * np.trapezoid(density, x) == pytest.approx(math.erfc(4.0 / math.sqrt(2.0)), rel=1e-3)
+
+
+def test_a_row_whose_tolerance_is_too_wide_to_say_anything_fails(capsys) -> None:
+    tolerance = compared(0.0).tolerance
+    assert compared(0.0, widest=1.01 * tolerance / 10.0).passed
+    blunt = compared(0.0, widest=0.99 * tolerance / 10.0)
+    assert blunt.blunt
+    assert not blunt.passed
+    table = runner._table(runner.Outcome("gas_state", "?", "a book", Result([blunt])))
+    assert "it says nothing" in table
+
+
+def test_errors_of_two_means_have_welch_s_degrees_of_freedom() -> None:
+    """(a + b)^2 / (a^2/(n - 1) + b^2/(m - 1)) for squared errors a, b: of equal ones and n = m = 12 it is 22.
+
+    Of a mean that is known much better than the other, that other's n - 1 = 11 stay.
+    """
+    alone = compared(0.0).sampling
+    assert alone is not None
+    for error, freedom in ((alone.error, 22.0), (1e-6 * alone.error, 11.0)):
+        found = compared(0.0, expected=gas_sample.Mean(10.0, error, 12)).sampling
+        assert found is not None
+        assert found.freedom == pytest.approx(freedom)
+        assert found.error == pytest.approx(math.hypot(alone.error, error))
+
+
+def test_chi_square_of_rows_finds_what_each_row_alone_lets_pass() -> None:
+    """Six values 2.2 Gaussian errors off: chi-square is 29.0, which one of 6 degrees of freedom exceeds by 6.0e-5.
+
+    Q(chi^2, 6) = exp(-x)(1 + x + x^2/2) with x = chi^2 / 2; below it, 6.334e-5 of chance are left at x = 14.46.
+    """
+    x = 14.46
+    assert math.exp(-x) * (1.0 + x + 0.5 * x * x) == pytest.approx(gas_sample.CHANCE, rel=0.02)
+    for off, passes in ((2.15, True), (2.25, False)):
+        result = Result()
+        for _ in range(6):
+            gas_sample.add(
+                result, "x", 10.0 + off * 0.1 + 0.05, 10.0, 0.1, math.inf, 0.05, "nothing", "a book", widest=1.0,
+                disks=7, seeds=[1], replicas=1,
+            )  # fmt: skip
+        assert all(row.passed for row in result.rows)
+        gas_sample.together(result, "six", result.rows[:6], "a book")
+        assert result.rows[-1].measured == pytest.approx(6.0 * off**2, rel=1e-6)
+        assert result.rows[-1].passed is passes
+
+
+def test_ratio_of_means_is_not_the_mean_of_ratios() -> None:
+    a, b = np.array([1.0, 3.0]), np.array([1.0, 2.0])
+    values = gas_sample.ratio(a, b)
+    assert values.mean() == pytest.approx(4.0 / 3.0)
+    assert values == pytest.approx([4.0 / 3.0 + (1.0 - 4.0 / 3.0) / 1.5, 4.0 / 3.0 + (3.0 - 8.0 / 3.0) / 1.5])
+
+
+def test_what_is_uncertain_of_short_waves_does_not_depend_on_the_box_and_goes_with_the_density() -> None:
+    """ln(2) / (4 pi n xi^2) of waves from 1/(2 l) to 1/l, which have settled: a sum over many waves as an integral.
+
+    2 pi sum over k -> A int k dk; (1/2N) sum 1/(k xi)^2 = ln(2) / (4 pi n xi^2).
+    """
+    law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    dense, dilute = (gas_sample.streams(50.0, law, phi, 300_000).error for phi in (0.02, 0.01))
+    for phi, found in ((0.02, dense), (0.01, dilute)):
+        xi = theory.shear_length(law, 0.5, phi) / (2.0 * math.pi)
+        density = 4.0 * phi / math.pi
+        # 1 / (x - 1) instead of 1 / x: x = k^2 xi^2 from (xi / 2 l)^2 on
+        low = (0.5 * xi / theory.mean_free_path(phi, 0.5)) ** 2
+        exact = 0.5 * math.log((4.0 * low - 1.0) / (low - 1.0))
+        assert found == pytest.approx(exact / (4.0 * math.pi * density * xi**2), rel=0.02)
+    assert dense / dilute == pytest.approx(2.0, rel=0.05)
 
 
 def test_the_report_says_how_a_row_was_sampled() -> None:
