@@ -33,7 +33,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from .collision_averages import checked_law
@@ -212,16 +212,11 @@ def shear_mode_energy(
     *,
     k: float = 2.0,
     theta: float | None = None,
-    k_max: float | None = None,
 ) -> float:
-    """Energy of shear modes beyond their thermal share, as part of the thermal energy N T of all N disks.
+    """Energy of growing shear modes beyond their thermal share, as part of the thermal energy N T of all N disks.
 
-    (1 / 2N) sum (S - 1) over the waves of a periodic box that are longer than `shear_length`, and grow, with
+    (1 / 2N) sum (S - 1) over the waves of a periodic box that are longer than `shear_length`, with
     S - 1 = [exp(z tau (1 - k^2 xi^2)) - 1] / (1 - k^2 xi^2). Where it is small, the gas is still homogeneous.
-
-    Shorter waves do not grow but hold 1 / (k^2 xi^2 - 1) too much in the end, as thermal velocities leave them behind:
-    with `k_max` those up to that wave number count as well. Their sum grows like ln(k_max) / (4 pi n xi^2), up to where
-    hydrodynamics ends, at some part of 1 / `mean_free_path`.
 
     Parameters
     ----------
@@ -231,19 +226,10 @@ def shear_mode_energy(
         Sides of the periodic box [length].
     law, radius, packing_fraction, k, theta
         As for `shear_length`.
-    k_max : float, optional
-        Wave number [1/length] up to which waves count; those that grow by default.
-
-    Raises
-    ------
-    InputError
-        As `shear_length`; if a side of the box or `k_max` is not positive.
     """
-    growth, n = _growing(law, radius, packing_fraction, box, k, theta, k_max)
-    x = -float(changes_per_collision(_theta(law, k, theta), law, k)[0]) * collisions_per_disk
-    critical = np.abs(growth) < 1e-9
-    S = np.where(critical, x, np.expm1(x * growth) / np.where(critical, 1.0, growth))
-    return float(np.sum(S)) / (2.0 * n)
+    growth, n = _growing(law, radius, packing_fraction, box, k, theta)
+    z = -float(changes_per_collision(_theta(law, k, theta), law, k)[0])
+    return float(np.sum(excess(z * collisions_per_disk, growth))) / (2.0 * n)
 
 
 def _growing(
@@ -253,21 +239,27 @@ def _growing(
     box: tuple[float, float],
     k: float,
     theta: float | None,
-    k_max: float | None = None,
 ) -> tuple[NDArray[np.float64], float]:
-    """1 - k^2 xi^2 of waves: those for which it is positive, or those up to k_max; and how many disks the box holds."""
-    checked_positive(box_x=box[0], box_y=box[1], k_max=1.0 if k_max is None else k_max)
+    """1 - k^2 xi^2 of all waves for which it is positive, and how many disks the box holds."""
+    checked_positive(box_x=box[0], box_y=box[1])
     longest = shear_length(law, radius, packing_fraction, k=k, theta=theta)
     n = packing_fraction * box[0] * box[1] / (math.pi * radius**2)
-    if math.isinf(longest):
-        return np.empty(0), n
-    most = 1.0 if k_max is None else k_max * longest / (2.0 * math.pi)  # k xi
-    x, y = (
-        np.arange(-int(most * side / longest), int(most * side / longest) + 1) * longest / side
-        for side in box
-    )
+    return (np.empty(0) if math.isinf(longest) else 1.0 - waves(box, 2.0 * math.pi / longest) * longest**2), n
+
+
+def waves(box: tuple[float, float], most: float) -> NDArray[np.float64]:
+    """(k / 2 pi)^2 [1/length^2] of all waves of a periodic box with wave numbers 0 < k < `most` [1/length]."""
+    most = most / (2.0 * math.pi)
+    x, y = (np.arange(-int(side * most), int(side * most) + 1) / side for side in box)
     q2 = (x[:, None] ** 2 + y**2).ravel()
-    return 1.0 - q2[(q2 > 0.0) & (q2 < most**2)], n
+    return np.asarray(q2[(q2 > 0.0) & (q2 < most**2)])
+
+
+def excess(z_tau: ArrayLike, growth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """S - 1 = [exp(z tau (1 - q)) - 1] / (1 - q) for growth = 1 - q, q = k^2 xi^2; shape (times, waves)."""
+    x = np.atleast_1d(np.asarray(z_tau, dtype=np.float64))[:, None]
+    critical = np.abs(growth) < 1e-9
+    return np.asarray(np.where(critical, x, np.expm1(x * growth) / np.where(critical, 1.0, growth)))
 
 
 def shear_mode_time(
@@ -312,7 +304,7 @@ def shear_mode_time(
 
     def missing(x: float) -> float:
         """Of the share, at z tau = x."""
-        return float(np.sum(np.expm1(x * growth) / growth)) / (2.0 * n) - share
+        return float(np.sum(excess(x, growth))) / (2.0 * n) - share
 
     high = 1.0
     while missing(high) < 0.0:

@@ -11,11 +11,13 @@ from ifrdem.contact_values import compressibility, contact_value
 from ifrdem.errors import InputError
 from ifrdem.hydrodynamics import (
     clustering_length,
+    excess,
     shear_length,
     shear_mode_energy,
     shear_mode_time,
     shear_viscosity,
     thermal_conductivity,
+    waves,
 )
 from ifrdem.law import IFRLaw
 from ifrdem.theory import collision_rate, cooling_rates, cooling_ratio
@@ -139,23 +141,17 @@ def test_energy_of_shear_modes_solves_its_equation() -> None:
     assert found.time == pytest.approx(t_H * math.expm1(0.5 * z * tau), rel=1e-5)
 
 
-def test_short_waves_hold_more_than_their_share_because_thermal_velocities_leave_them_behind() -> None:
-    """S tends to q / (q - 1) for q = k^2 xi^2 > 1, where dS/dtau = z (1 - q) S + z q = 0; four waves in this box.
+def test_waves_of_a_box_are_counted_each_once() -> None:
+    """In a box of 2 by 1, k / 2 pi = (i / 2, j): below 1.05, (+-1/2, 0), (+-1, 0) and (0, +-1)."""
+    found = sorted(waves((2.0, 1.0), 2.0 * math.pi * 1.05))
+    assert found == pytest.approx([0.25, 0.25, 1.0, 1.0, 1.0, 1.0])
 
-    A wave that neither grows nor decays beside thermal velocities, q = 1, has S - 1 = z tau.
-    """
-    R, phi = 0.5, 0.2
-    length = shear_length(SMOOTH, R, phi)
-    side = 0.8 * length
-    q, n = 1.0 / 0.64, phi * side**2 / (math.pi * R**2)
-    long = 1.1 * 2.0 * math.pi / side  # beyond (1, 0), below (1, 1)
-    found = shear_mode_energy(1e4, SMOOTH, R, phi, (side, side), k_max=long)
-    assert found == pytest.approx(4.0 * (1.0 / (q - 1.0)) / (2.0 * n), rel=1e-9)
-    found = shear_mode_energy(3.0, SMOOTH, R, phi, (length, length), k_max=1.1 * 2.0 * math.pi / length)
-    n = phi * length**2 / (math.pi * R**2)
-    assert found == pytest.approx(4.0 * 0.5 * 0.19 * 3.0 / (2.0 * n), rel=1e-9)
-    with pytest.raises(InputError, match="k_max"):
-        shear_mode_energy(3.0, SMOOTH, R, phi, (side, side), k_max=0.0)
+
+def test_a_wave_that_keeps_up_with_thermal_velocities_grows_by_noise_alone() -> None:
+    """dS/dx = (1 - q) S + q: for q = 1 S = 1 + x; for q > 1 it ends at q / (q - 1)."""
+    assert excess(3.0, np.array([0.0])).item() == pytest.approx(3.0)
+    assert excess(3.0, np.array([1e-8])).item() == pytest.approx(3.0, rel=1e-6)
+    assert excess(1e3, np.array([-0.5])).item() == pytest.approx(1.5 / 0.5 - 1.0)
 
 
 def test_a_box_below_the_shear_length_has_no_growing_modes() -> None:

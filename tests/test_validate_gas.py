@@ -9,7 +9,7 @@ import pytest
 
 from ifrdem import cli, theory
 from ifrdem.law import IFRLaw
-from ifrdem.validation import gas_collapse, gas_sample, gas_state, page, registry, runner
+from ifrdem.validation import gas_collapse, gas_sample, gas_state, gas_waves, page, registry, runner
 from ifrdem.validation.registry import GAS, Result
 
 pytestmark = pytest.mark.unoptimised
@@ -122,21 +122,71 @@ def test_ratio_of_means_is_not_the_mean_of_ratios() -> None:
     assert values == pytest.approx([4.0 / 3.0 + (1.0 - 4.0 / 3.0) / 1.5, 4.0 / 3.0 + (3.0 - 8.0 / 3.0) / 1.5])
 
 
-def test_what_is_uncertain_of_short_waves_does_not_depend_on_the_box_and_goes_with_the_density() -> None:
-    """ln(2) / (4 pi n xi^2) of waves from 1/(2 l) to 1/l, which have settled: a sum over many waves as an integral.
+def smooth(e_n: float) -> IFRLaw:
+    return IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
 
-    2 pi sum over k -> A int k dk; (1/2N) sum 1/(k xi)^2 = ln(2) / (4 pi n xi^2).
+
+def test_energy_of_waves_and_of_thermal_velocities_obeys_its_balance() -> None:
+    """d ln T / dtau = -z / (1 + s): with dS/dtau of every wave and T itself by small steps, one by one."""
+    phi, n, z, steps, end = 0.1, 3000, 0.5 * 0.19, 4000, 20.0
+    side = math.sqrt(math.pi * n / (4.0 * phi))
+    xi = theory.shear_length(smooth(0.9), 0.5, phi) / (2.0 * math.pi)
+    most = 0.5 / theory.mean_free_path(phi, 0.5)
+    i = np.arange(-40, 41) * 2.0 * math.pi / side
+    k = np.hypot(i[:, None], i)
+    q = (k[(k > 0.0) & (k < most)] * xi) ** 2
+    transverse, sound, log_T, step = np.ones(len(q)), np.ones(len(q)), 0.0, end / steps
+    for _ in range(steps):
+        s = (np.sum(transverse - 1.0) + np.sum(sound - 1.0)) / (2.0 * n)
+        log_T -= step * z / (1.0 + s)
+        transverse += step * z * (transverse - q * (transverse - 1.0))
+        sound += step * z * (0.5 * sound - 1.5 * q * (sound - 1.0))
+    found = gas_waves.streams([10.0, end], smooth(0.9), phi, n)
+    assert len(q) > 20
+    assert found.factor[-1] == pytest.approx(
+        math.exp(log_T + z * end), rel=1e-4
+    )  # of first order in the step
+    assert found.share[-1] == pytest.approx(s, rel=2e-3)
+    ends = (1.0 / found.factor[-1], 1.0 / (1.0 + found.share[-1]))
+    assert min(ends) < found.theta[-1] < max(ends)
+    assert found.theta_error[-1] > found.theta[-1] - min(ends)
+
+
+def test_what_is_uncertain_of_waves_goes_with_the_density_and_not_with_the_box() -> None:
+    """Waves that have settled, from 1/(2 l) to 1/l: sums over many as integrals, (1/2N) sum -> (1 / 4 pi n) int k dk.
+
+    S - 1 = 1/(q - 1) of transverse ones and 1/(3 q - 1) of sound, q = k^2 xi^2:
+    [ln(q - 1) + ln(3 q - 1) / 3] / (8 pi n xi^2) between the ends.
     """
-    law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
-    dense, dilute = (gas_sample.streams(50.0, law, phi, 300_000).error for phi in (0.02, 0.01))
-    for phi, found in ((0.02, dense), (0.01, dilute)):
-        xi = theory.shear_length(law, 0.5, phi) / (2.0 * math.pi)
-        density = 4.0 * phi / math.pi
-        # 1 / (x - 1) instead of 1 / x: x = k^2 xi^2 from (xi / 2 l)^2 on
+    found = {}
+    for phi, n in ((0.02, 300_000), (0.02, 100_000), (0.01, 300_000)):
+        found[phi, n] = gas_waves.streams(50.0, smooth(0.9), phi, n).share_error.item()
+        xi = theory.shear_length(smooth(0.9), 0.5, phi) / (2.0 * math.pi)
         low = (0.5 * xi / theory.mean_free_path(phi, 0.5)) ** 2
-        exact = 0.5 * math.log((4.0 * low - 1.0) / (low - 1.0))
-        assert found == pytest.approx(exact / (4.0 * math.pi * density * xi**2), rel=0.02)
-    assert dense / dilute == pytest.approx(2.0, rel=0.05)
+        high = 4.0 * low
+        between = (
+            math.log((high - 1.0) / (low - 1.0)) + math.log((3.0 * high - 1.0) / (3.0 * low - 1.0)) / 3.0
+        )
+        exact = between / (8.0 * math.pi * 4.0 * phi / math.pi * xi**2)
+        assert found[phi, n] == pytest.approx(exact, rel=0.05)
+    assert found[0.02, 300_000] == pytest.approx(found[0.02, 100_000], rel=0.05)
+    assert found[0.02, 300_000] == pytest.approx(2.0 * found[0.01, 300_000], rel=0.07)
+
+
+def test_waves_of_a_kicked_gas_are_those_that_its_equation_leaves_at_rest() -> None:
+    """dS/dtau = z - z q (S - 1) = 0 and z - (3/2) z q (S - 1) = 0, wave by wave."""
+    phi, n = 0.1, 400
+    side = math.sqrt(math.pi * n / (4.0 * phi))
+    xi = theory.shear_length(smooth(0.9), 0.5, phi) / (2.0 * math.pi)
+    total, most = 0.0, 0.5 / theory.mean_free_path(phi, 0.5)
+    for i in range(-9, 10):
+        for j in range(-9, 10):
+            k = math.hypot(i, j) * 2.0 * math.pi / side
+            if 0.0 < k < most:
+                total += (1.0 + 2.0 / 3.0) / (k * xi) ** 2
+    share, off = gas_waves.driven_streams(smooth(0.9), phi, n, 0.0)
+    assert share == pytest.approx(total / (2.0 * n))
+    assert off > 0.0
 
 
 def test_the_report_says_how_a_row_was_sampled() -> None:

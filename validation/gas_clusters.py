@@ -8,7 +8,7 @@ units of its thermal share, S = 1 at the start and x = k^2 xi^2,
 T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997),
 doi:10.1103/PhysRevLett.79.411. Energies of modes are distributed like exp(-S / <S>): the mean of M has the error
 <S> / sqrt(M). All of them together make T fall more slowly than Haff's law (Haff (1983),
-doi:10.1017/S0022112083003419); T is compared as long as they hold less than a twentieth of it.
+doi:10.1017/S0022112083003419); T is compared as long as they hold less than a tenth of it (validation/gas_waves.py).
 
 *Clusters.* I. Goldhirsch and G. Zanetti, Phys. Rev. Lett. 70, 1619 (1993), doi:10.1103/PhysRevLett.70.1619: density
 follows. There is no theory of numbers for what the gas looks like then; that it is far from homogeneous is asked for by
@@ -31,11 +31,13 @@ from .. import analysis, placement, theory
 from ..analysis import libraries
 from ..box import Box
 from ..cooling_theory import changes_per_collision
+from ..hydrodynamics import excess
 from ..law import IFRLaw
 from ..simulation import Simulation
 from ..state import State
 from . import style
-from .gas_sample import ELASTIC, MOST_SHARE, add, equal_disks, seeds_of, streams
+from .gas_sample import ELASTIC, add, equal_disks, seeds_of
+from .gas_waves import MOST_SHARE, streams
 from .registry import Picture, Result
 
 QUESTION = "Does a large cooling gas grow shear modes as theory says, and then clusters?"
@@ -77,13 +79,12 @@ def run(quick: bool, seed: int) -> Result:
         if look.tau in EARLY:
             waves[look.tau] = _waves(result, look, box, z, sampled)
             held = streams(look.tau, LAW, PHI, n)
-            if held.share < MOST_SHARE:
+            if held.share[0] < MOST_SHARE:
                 add(
-                    result, f"T over Haff's law after {look.tau:g} collisions per disk, shear modes' share "
-                    f"{held.share:.3f}",
-                    look.T * math.exp(z * look.tau), 1.0 + held.share, 1.0 / math.sqrt(n), math.inf, held.error,
-                    "what waves hold that are too short for hydrodynamics (`gas_sample.streams`)", WAVES, widest=0.05,
-                    **sampled,
+                    result, f"T over Haff's law after {look.tau:g} collisions per disk, waves hold {held.share[0]:.3f}",
+                    look.T * math.exp(z * look.tau), float(held.factor[0]), 1.0 / math.sqrt(n), math.inf,
+                    float(held.factor_error[0]), "waves too short for hydrodynamics (validation/gas_waves.py)", WAVES,
+                    widest=0.05, **sampled,
                 )  # fmt: skip
     _clustered(result, looks, box, z)
     result.pictures += [_fields(looks[-1], box, n), _curves(looks, box, z, waves, n)]
@@ -133,7 +134,7 @@ def transverse(state: State, box: Box, most: float) -> tuple[Array, Array]:
 
 def growth(x: Array, z_tau: float) -> Array:
     """S of waves with k^2 xi^2 = x: see the module's text."""
-    return np.asarray(1.0 + np.expm1(z_tau * (1.0 - x)) / (1.0 - x))
+    return np.asarray(1.0 + excess(z_tau, 1.0 - x)[0])
 
 
 def _waves(result: Result, look: Look, box: Box, z: float, sampled: Any) -> tuple[Array, Array]:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import placement, theory
+from .. import placement
 from ..box import Box
 from ..law import IFRLaw
 from ..simulation import Simulation
@@ -155,42 +154,6 @@ def together(result: Result, quantity: str, rows: Sequence[Row], source: str) ->
         f"chi-square of {n} rows: {quantity} (probability of more: {chi2.sf(total, n):.2g})", total, n, most - n,
         f"{most:.1f}, which chi-square of as many degrees of freedom exceeds as rarely as a Gaussian 4 errors", source,
     )  # fmt: skip
-
-
-PATHS = 2.0
-"""Wave numbers up to 1 / (2 mean free paths) count as hydrodynamic."""
-
-
-MOST_SHARE = 0.05
-"""Of T, that shear modes may hold where a gas is held against theories of homogeneous ones."""
-
-
-class Streams(NamedTuple):
-    """Energy of shear modes in units of the thermal one, and how far that may be off."""
-
-    share: float
-    error: float
-
-
-def streams(
-    collisions_per_disk: float, law: IFRLaw, packing_fraction: float, n: int, *, theta: float | None = None
-) -> Streams:
-    """What shear modes hold in a square box of n disks of diameter 1 (`theory.shear_mode_energy`).
-
-    Nobody can say exactly where hydrodynamics ends; what waves between 1 / (2 l) and 1 / l would hold, l being the
-    mean free path, is what the share may be off by. It does not shrink with the box: about
-    ln(2) / (4 pi n xi^2), proportional to density and losses. The same measures how far a gas is from
-    molecular chaos: disks near each other share such waves.
-    """
-    side = math.sqrt(0.25 * math.pi * n / packing_fraction)
-    free = theory.mean_free_path(packing_fraction, 0.5)
-    less, more = (
-        theory.shear_mode_energy(
-            collisions_per_disk, law, 0.5, packing_fraction, (side, side), theta=theta, k_max=k_max
-        )
-        for k_max in (1.0 / (PATHS * free), 1.0 / free)
-    )
-    return Streams(less, more - less)
 
 
 def equal_disks(n: int) -> Disks:
