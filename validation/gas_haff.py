@@ -144,7 +144,7 @@ def _haff_time(result: Result, runs: list[list[Measure]], z: float, a_2: float, 
 
 
 def _cumulants(result: Result, quick: bool, seed: int, axes: Any) -> None:
-    n, replicas = 20_000, 8 if quick else 16
+    n, replicas = 20_000, 16
     fine = np.linspace(0.5, 1.0, 100)
     axes.plot(fine, [theory.cooling_sonine(e) for e in fine], color=style.BLACK, label="van Noije and Ernst")
     why = "a fifth of it and 0.002: polynomials of higher order (S_2 to S_5 give -0.0303 at e_n = 0.9: sonine_theory)"
