@@ -14,7 +14,7 @@ Rev. E 69, 061303 (2004), doi:10.1103/PhysRevE.69.061303, in two dimensions. z i
 derived at `relaxation`.
 
 Crowding enters as in Enskog's theory of nearly elastic disks (J. T. Jenkins, M. W. Richman, Phys. Fluids 28, 3485
-(1985), doi:10.1063/1.865302): the kinetic stress is driven, and passed on, 1 + (1 + e_n) phi chi / 2 times as much, and
+(1985)): the kinetic stress is driven, and passed on, 1 + (1 + e_n) phi chi / 2 times as much, and
 touching disks pass on (8/pi) phi^2 chi times the dilute viscosity; chi is the contact value.
 
 Assumed: homogeneous, of zeroth and first order in the anisotropy, no correlations between velocities and spins. The

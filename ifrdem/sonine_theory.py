@@ -3,7 +3,7 @@ r"""How far from Gaussian velocities of smooth disks are: the coefficient a_2 of
 Symbols: c = v / sqrt(2 T / m); f(c) = exp(-c^2) / pi [1 + a_2 S_2(c^2)], S_2(x) = x^2/2 - 2 x + 1, so that
 <c^4> = 2 (1 + a_2), or a_2 = <v^4> / (2 <v^2>^2) - 1. e_n is the normal restitution; spins do not matter.
 
-T. P. C. van Noije and M. H. Ernst, Granul. Matter 1, 57 (1998), doi:10.1007/s100350050009: let collisions change
+T. P. C. van Noije and M. H. Ernst, Granul. Matter 1, 57 (1998): let collisions change
 <c^p> at the rate -mu_p. To first order in a_2, in d dimensions and in units in which mu_2 = 1 + (3/16) a_2,
 
     mu_4 = T_1 + a_2 T_2,  T_1 = d + 3/2 + e^2,  T_2 = (3/32) (10 d + 39 + 10 e^2) + (d - 1) / (1 - e).

@@ -41,10 +41,10 @@ from .registry import Picture, Result
 QUESTION = "Do driven, sheared and falling gases settle where kinetic theory and hydrostatics say?"
 REFERENCE = "driven_theory.py; Santos et al. (2004), doi:10.1103/PhysRevE.69.061303; hydrostatics"
 
-SHEARED = "Santos, Garzo and Dufty (2004), doi:10.1103/PhysRevE.69.061303; crowding: doi:10.1063/1.865302"
-DRIVEN = (
-    "driven_theory.py: power = loss of a Gaussian gas; van Noije and Ernst (1998), doi:10.1007/s100350050009"
+SHEARED = (
+    "Santos, Garzo and Dufty (2004), doi:10.1103/PhysRevE.69.061303; crowding: Phys. Fluids 28, 3485 (1985)"
 )
+DRIVEN = "driven_theory.py: power = loss of a Gaussian gas; Granul. Matter 1, 57 (1998)"
 COLUMN = "hydrostatics with Z of Kolafa and Rottner (2006), doi:10.1080/00268970600967963"
 Array = NDArray[np.float64]
 

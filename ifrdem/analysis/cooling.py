@@ -16,8 +16,6 @@ from .frames import correlation_time
 class HaffFit:
     """T(t) = T0 / (1 + (t - t_first) / t_H)^2: P. K. Haff, J. Fluid Mech. 134, 401 (1983).
 
-    doi:10.1017/S0022112083003419.
-
     Attributes
     ----------
     T0, T0_error : float
