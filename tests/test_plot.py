@@ -36,9 +36,10 @@ def write(
     position: np.ndarray | None = None,
     spin: np.ndarray | None = None,
     frames: int = 11,
+    k: float = 2.0,
 ) -> tuple[Disks, Box]:
     """A trajectory with made-up temperatures: T = 3/(1+t), T_rot = 1 - 1/(1+t)."""
-    disks = Disks(n, MASS, radius)
+    disks = Disks(n, MASS, radius, k=k)
     box = Box.from_packing_fraction(disks.radius, PHI)
     rng = np.random.default_rng(5)
     position = rng.random((n, 2)) * box.lengths if position is None else position
@@ -91,6 +92,17 @@ def test_theory_of_smooth_disks_is_haffs_law_in_the_same_colour(tmp_path: Path, 
     np.testing.assert_allclose(dashed[0].get_ydata(), haff, rtol=1e-6)  # the integration has rtol 1e-10
     assert np.all(np.isnan(dashed[1].get_ydata()))  # smooth disks never spin: nothing on a logarithmic axis
     assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
+
+
+def test_laws_are_judged_by_the_disks_that_have_them(tmp_path: Path, drawn: list[Figure]) -> None:
+    """e_n = 1 asks for e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
+    law = {**SMOOTH, "e_n": 1.0, "e_t": -0.3, "mu": 0.2}
+    write(tmp_path / "a.h5", law=law, k=1.0)
+    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
+    write(tmp_path / "b.h5", law=law, k=2.0)  # nobody could have run it
+    plot.cooling(tmp_path / "b.h5", tmp_path / "b.png")
+    assert "no kinetic theory here" in texts(drawn[1])
 
 
 def test_theory_of_a_mixture_begins_at_the_temperatures_of_its_species(
