@@ -41,7 +41,7 @@ from ..law import IFRLaw
 
 PATHS = 2.0
 """Wave numbers up to 1 / (2 mean free paths) count as hydrodynamic."""
-MOST_SHARE = 0.1
+MOST_SHARE = 0.08
 """Of T, that waves may hold where a gas is held against theories: with more of them they are no small noise."""
 Array = NDArray[np.float64]
 
@@ -56,14 +56,13 @@ class Streams(NamedTuple):
 
     @property
     def theta(self) -> Array:
-        """Factor of T_rot / T: between 1 / (1 + s), where spins follow T_th, and 1 / F, where nothing reaches them."""
-        return 0.5 / (1.0 + self.share) + 0.5 / self.factor
+        """Factor of T_rot / T: between 1 / (1 + s) or 1 / F, where spins follow T_th or nothing, and 1, where T."""
+        return 0.5 / np.maximum(1.0 + self.share, self.factor) + 0.5
 
     @property
     def theta_error(self) -> Array:
-        """How far that may be off: half their difference, and what is uncertain of the waves."""
-        apart = 0.5 * np.abs(1.0 / (1.0 + self.share) - 1.0 / self.factor)
-        return np.asarray(apart + np.maximum(self.share_error, self.factor_error))
+        """How far that may be off: half the difference, and what is uncertain of the share."""
+        return np.asarray(1.0 - self.theta + np.maximum(self.share_error, self.factor_error))
 
 
 def streams(
