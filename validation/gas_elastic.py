@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..collision_rates import collision_rate
 from ..dsmc import DSMC
 from ..law import IFRLaw
 from ..observables import Measure
@@ -129,9 +130,11 @@ def _replica(law: IFRLaw, seed: int) -> tuple[Array, float, float]:
     apart = np.array([one.temperature - one.rotational_temperature for one in rows])
     disks, box, begin = fluid(FEW, PHI, seed, melting=5.0, T=T, T_rot=T_ROT)
     gas = Simulation(disks, box, law, begin)
-    gas.run(collisions_per_disk=LATER[0])
+    # By time: at the moment of a collision its pair has more energy of motion than others, T / 2 in the mean.
+    first, last = (tau / collision_rate(PHI, 1.0, 1.0, 0.5) for tau in LATER)
+    gas.run(t_end=first)
     later: list[Measure] = []
-    gas.run(collisions_per_disk=LATER[1], frames=250, observers=[lambda _, measure: later.append(measure)])
+    gas.run(t_end=last, frames=250, observers=[lambda _, measure: later.append(measure)])
     drifts = [abs(run[-1].energy / run[0].energy - 1.0) for run in (rows, later)]
     moving = np.mean([one.temperature for one in later]) * FEW / (FEW - 1.0)
     shares = float(np.mean([one.rotational_temperature for one in later]) / moving)
