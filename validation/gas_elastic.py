@@ -66,15 +66,20 @@ def run(quick: bool, seed: int) -> Result:
         )  # fmt: skip
         _compare(result, name, seeds, ratio, bridge, shares)
         colour = style.COLOURS[i]
-        mean = ratio.mean(axis=0)
-        left.errorbar(TAU, mean, ratio.std(axis=0, ddof=1) / math.sqrt(len(seeds)), fmt="os"[i], mfc="none",
-                      color=colour, label=name)  # fmt: skip
-        right.plot(
-            TAU, 100.0 * (mean / np.exp(-LAMBDA * TAU) - 1.0), "os"[i], mfc="none", color=colour, label=name
+        mean, exact = ratio.mean(axis=0), np.exp(-LAMBDA * TAU)
+        error = ratio.std(axis=0, ddof=1) / math.sqrt(len(seeds))
+        label = name.replace("e_t", "$e_t$").replace("-1/2", "$-$1/2")
+        options = {"fmt": "os"[i], "mfc": "none", "color": colour, "label": label}
+        left.errorbar(TAU, mean, error, **options)
+        right.errorbar(
+            TAU + 0.01 * (2 * i - 1), 100.0 * (mean / exact - 1.0), 100.0 * error / exact, **options
         )
     left.plot(TAU, np.exp(-LAMBDA * TAU), color=style.BLACK, label=r"$e^{-2\tau/3}$")
-    right.plot(
-        TAU, 100.0 * (bridge.mean(axis=0) / np.exp(-LAMBDA * TAU) - 1.0), color=style.GREEN, label="DSMC"
+    exact = np.exp(-LAMBDA * TAU)
+    mean, error = bridge.mean(axis=0) / exact, bridge.std(axis=0, ddof=1) / math.sqrt(len(bridge)) / exact
+    right.plot(TAU, 100.0 * (mean - 1.0), color=style.GREEN, label="DSMC")
+    right.fill_between(
+        TAU, 100.0 * (mean - error - 1.0), 100.0 * (mean + error - 1.0), color=style.GREEN, alpha=0.2, lw=0.0
     )
     right.axhline(0.0, color=style.BLACK)
     left.set(
@@ -86,7 +91,8 @@ def run(quick: bool, seed: int) -> Result:
     left.legend()
     right.legend()
     caption = (
-        f"Relaxation of perfectly rough disks at packing fraction {PHI}; mean of {replicas} gases of {N}."
+        f"Relaxation of perfectly rough disks at packing fraction {PHI}; mean of {replicas} gases of {N} with standard "
+        "errors, which are those of one and the same gas at all times."
     )
     result.pictures.append(Picture("gas_elastic", caption, figure))
     return result
