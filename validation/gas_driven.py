@@ -60,7 +60,8 @@ def run(quick: bool, seed: int) -> Result:
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
     caption = (
         "Steady states. (a) Temperatures of coins (1 pta) that random kicks heat, over theory; waves, which DSMC does "
-        "not have, hold 2 % of T at packing fraction 0.1. (b) Temperature of sheared smooth disks over theory. (c) Density of a column of elastic disks under gravity, and hydrostatics "
+        "not have, hold 2 % of T at packing fraction 0.1. (b) Temperature of sheared smooth "
+        "disks over theory. (c) Density of a column of elastic disks under gravity, and hydrostatics "
         "with and without the correction for finite density (barometric law)."
     )
     result.pictures.append(Picture("gas_driven", caption, figure))
