@@ -114,7 +114,7 @@ def _compare(
             )  # fmt: skip
         mean = Mean.of(bridge[:, at])
         compare(
-            result, f"{text}, against DSMC", ratio[:, at], mean, disks=N, seeds=seeds, widest=0.06,
+            result, f"{text}, against DSMC", ratio[:, at], mean, disks=N, seeds=seeds, widest=0.08,
             systematic=0.2 * PHI * mean.value,
             why="phi / 5: two disks may meet again, having met others in between, in a gas of packing fraction phi",
             source="DSMC of the same law",
