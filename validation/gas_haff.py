@@ -67,7 +67,7 @@ def run(quick: bool, seed: int) -> Result:
     caption = (
         f"(a) Temperature of smooth disks, e_n = {E_N}, over Haff's law, both as after {TAU[NORMAL]:g} collisions per "
         "disk; lines: with shear modes, with what is uncertain of them. (b) Cumulant a_2 of the cooling state, "
-        "first-order theory and simulations."
+        "first-order theory, DSMC of the settled gas, and the simulated one while it settles."
     )
     for axes, text in ((left, "a"), (right, "b")):
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
