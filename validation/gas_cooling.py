@@ -190,7 +190,8 @@ def _one(
             wave = held[k]
             both = (wave.factor, wave.factor_error) if what == "T" else (wave.theta, wave.theta_error)
             factor, off = (float(one[0]) for one in both)
-            if when == "young" and phi in AGAINST_THEORY:
+            clear = what == "T" or wave.share[0] <= SPINS[1]
+            if when == "young" and phi in AGAINST_THEORY and clear:
                 expected = float(form[0, k]) * factor
                 compare(
                     result, text.format(TAU[k], "theory"), mine[:, k], expected, disks=n, seeds=seeds,
@@ -200,7 +201,7 @@ def _one(
                     source="cooling_theory.py; Luding et al. (1998), doi:10.1103/PhysRevE.58.3416, extended to the IFR "
                     "law",
                 )  # fmt: skip
-            seen = what == "T" or (phi <= SPINS[0] and wave.share[0] <= SPINS[1])
+            seen = clear and (what == "T" or phi <= SPINS[0])
             if not seen or (when == "last" and last == young):
                 continue
             mean = Mean.of(right[:, k]).times(factor)
