@@ -24,7 +24,7 @@ VIRIAL = (
     0.0362193,
     0.0199537,
 )
-"""B_2 ... B_10 of hard disks, B_i / B_2^(i-1): Clisby and McCoy (2006), doi:10.1007/s10955-005-8080-0."""
+"""B_2 ... B_10 of hard disks, B_i / B_2^(i-1): N. Clisby and B. M. McCoy, J. Stat. Phys. 122, 15 (2006)."""
 
 # (1 - phi)^2 g as a series in 2 phi to the same order. g itself grows like (1 - phi)^-2, and its bare series
 # is 1e-4 too small at phi = 0.3 and 3.5 % at 0.6; this product is almost constant and its series is not.
@@ -67,9 +67,9 @@ def contact_value(packing_fraction: float) -> float:
 
 
 def henderson(packing_fraction: float) -> float:
-    """Contact value of equal hard disks by Henderson (1975), (1 - 7 phi / 16) / (1 - phi)^2.
+    """Contact value of equal hard disks by Henderson, (1 - 7 phi / 16) / (1 - phi)^2.
 
-    doi:10.1080/00268977500102511. Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to 0.55.
+    D. Henderson, Mol. Phys. 30, 971 (1975). Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to 0.55.
 
     Raises
     ------

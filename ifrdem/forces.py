@@ -108,7 +108,7 @@ class RandomKicks(Force):
     A disk's velocity gets random kicks with <dv_x^2> = <dv_y^2> = 2 D dt, D = power / (2 m), of which the mean of all,
     weighted by mass, is subtracted in each step. A factor sqrt(N/(N-1)) makes up for the energy that this takes: the N
     disks get N power dt on average, whatever their masses. Williams and MacKintosh (1996),
-    doi:10.1103/PhysRevE.54.R9; van Noije and Ernst (1998), doi:10.1007/s100350050009, whose xi_0^2 is 2 D.
+    doi:10.1103/PhysRevE.54.R9; van Noije and Ernst, Granul. Matter 1, 57 (1998), whose xi_0^2 is 2 D.
 
     Parameters
     ----------

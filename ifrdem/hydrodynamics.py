@@ -32,7 +32,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from .collision_averages import checked_law
@@ -228,7 +228,7 @@ def shear_mode_energy(
     """
     growth, n = _growing(law, radius, packing_fraction, box, k, theta)
     z = -float(changes_per_collision(_theta(law, k, theta), law, k)[0])
-    return float(np.sum(np.expm1(z * collisions_per_disk * growth) / growth)) / (2.0 * n)
+    return float(np.sum(excess(z * collisions_per_disk, growth))) / (2.0 * n)
 
 
 def _growing(
@@ -243,11 +243,22 @@ def _growing(
     checked_positive(box_x=box[0], box_y=box[1])
     longest = shear_length(law, radius, packing_fraction, k=k, theta=theta)
     n = packing_fraction * box[0] * box[1] / (math.pi * radius**2)
-    if math.isinf(longest):
-        return np.empty(0), n
-    x, y = (np.arange(-int(side / longest), int(side / longest) + 1) * longest / side for side in box)
+    return (np.empty(0) if math.isinf(longest) else 1.0 - waves(box, 2.0 * math.pi / longest) * longest**2), n
+
+
+def waves(box: tuple[float, float], most: float) -> NDArray[np.float64]:
+    """(k / 2 pi)^2 [1/length^2] of all waves of a periodic box with wave numbers 0 < k < `most` [1/length]."""
+    most = most / (2.0 * math.pi)
+    x, y = (np.arange(-int(side * most), int(side * most) + 1) / side for side in box)
     q2 = (x[:, None] ** 2 + y**2).ravel()
-    return 1.0 - q2[(q2 > 0.0) & (q2 < 1.0)], n
+    return np.asarray(q2[(q2 > 0.0) & (q2 < most**2)])
+
+
+def excess(z_tau: ArrayLike, growth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """S - 1 = [exp(z tau (1 - q)) - 1] / (1 - q) for growth = 1 - q, q = k^2 xi^2; shape (times, waves)."""
+    x = np.atleast_1d(np.asarray(z_tau, dtype=np.float64))[:, None]
+    critical = np.abs(growth) < 1e-9
+    return np.asarray(np.where(critical, x, np.expm1(x * growth) / np.where(critical, 1.0, growth)))
 
 
 def shear_mode_time(
@@ -292,7 +303,7 @@ def shear_mode_time(
 
     def missing(x: float) -> float:
         """Of the share, at z tau = x."""
-        return float(np.sum(np.expm1(x * growth) / growth)) / (2.0 * n) - share
+        return float(np.sum(excess(x, growth))) / (2.0 * n) - share
 
     high = 1.0
     while missing(high) < 0.0:

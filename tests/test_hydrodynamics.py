@@ -11,11 +11,13 @@ from ifrdem.contact_values import compressibility, contact_value
 from ifrdem.errors import InputError
 from ifrdem.hydrodynamics import (
     clustering_length,
+    excess,
     shear_length,
     shear_mode_energy,
     shear_mode_time,
     shear_viscosity,
     thermal_conductivity,
+    waves,
 )
 from ifrdem.law import IFRLaw
 from ifrdem.theory import collision_rate, cooling_rates, cooling_ratio
@@ -137,6 +139,19 @@ def test_energy_of_shear_modes_solves_its_equation() -> None:
     # Haff: tau = (2 / z) ln(1 + t z nu_0 / 2), t_H = 4 / ((1 - e^2) nu_0) = 2 / (z nu_0)
     t_H = 4.0 / (0.19 * collision_rate(phi, 1.0, 1.0, R))
     assert found.time == pytest.approx(t_H * math.expm1(0.5 * z * tau), rel=1e-5)
+
+
+def test_waves_of_a_box_are_counted_each_once() -> None:
+    """In a box of 2 by 1, k / 2 pi = (i / 2, j): below 1.05, (+-1/2, 0), (+-1, 0) and (0, +-1)."""
+    found = sorted(waves((2.0, 1.0), 2.0 * math.pi * 1.05))
+    assert found == pytest.approx([0.25, 0.25, 1.0, 1.0, 1.0, 1.0])
+
+
+def test_a_wave_that_keeps_up_with_thermal_velocities_grows_by_noise_alone() -> None:
+    """dS/dx = (1 - q) S + q: for q = 1 S = 1 + x; for q > 1 it ends at q / (q - 1)."""
+    assert excess(3.0, np.array([0.0])).item() == pytest.approx(3.0)
+    assert excess(3.0, np.array([1e-8])).item() == pytest.approx(3.0, rel=1e-6)
+    assert excess(1e3, np.array([-0.5])).item() == pytest.approx(1.5 / 0.5 - 1.0)
 
 
 def test_a_box_below_the_shear_length_has_no_growing_modes() -> None:

@@ -36,9 +36,10 @@ def write(
     position: np.ndarray | None = None,
     spin: np.ndarray | None = None,
     frames: int = 11,
+    k: float = 2.0,
 ) -> tuple[Disks, Box]:
     """A trajectory with made-up temperatures: T = 3/(1+t), T_rot = 1 - 1/(1+t)."""
-    disks = Disks(n, MASS, radius)
+    disks = Disks(n, MASS, radius, k=k)
     box = Box.from_packing_fraction(disks.radius, PHI)
     rng = np.random.default_rng(5)
     position = rng.random((n, 2)) * box.lengths if position is None else position
@@ -93,10 +94,70 @@ def test_theory_of_smooth_disks_is_haffs_law_in_the_same_colour(tmp_path: Path, 
     assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
 
 
+def test_laws_are_judged_by_the_disks_that_have_them(tmp_path: Path, drawn: list[Figure]) -> None:
+    """e_n = 1 asks for e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
+    law = {**SMOOTH, "e_n": 1.0, "e_t": -0.3, "mu": 0.2}
+    write(tmp_path / "a.h5", law=law, k=1.0)
+    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
+    write(tmp_path / "b.h5", law=law, k=2.0)  # nobody could have run it
+    plot.cooling(tmp_path / "b.h5", tmp_path / "b.png")
+    assert "no kinetic theory here" in texts(drawn[1])
+
+
+def test_theory_of_a_mixture_begins_at_the_temperatures_of_its_species(
+    tmp_path: Path, drawn: list[Figure]
+) -> None:
+    """Heavy disks at T = 8, light ones at 2: mean 5; elastic smooth ones exchange energy and keep their mean.
+
+    They relax to 5 at a rate that is 4 m_1 m_2 / (m_1 + m_2)^2 of a collision between species at most, so that after
+    50 collisions per disk nothing is left of the difference; each collision has the same mean normal speed then.
+    """
+    n = 4000
+    disks = Disks(n, np.where(np.arange(n) % 2 == 0, 4.0, 1.0), 0.5, material=np.arange(n) % 2)
+    box = Box.from_packing_fraction(disks.radius, PHI)
+    rng = np.random.default_rng(7)
+    T = np.where(np.arange(n) % 2 == 0, 8.0, 2.0)
+    velocity = rng.normal(size=(n, 2)) * np.sqrt(T / disks.mass)[:, None]
+    for mine in (slice(0, None, 2), slice(1, None, 2)):  # exactly at these temperatures
+        mean = 0.5 * disks.mass[mine][0] * np.mean(np.sum(velocity[mine] ** 2, axis=1))
+        velocity[mine] *= math.sqrt(T[mine][0] / mean)
+    elastic = {**SMOOTH, "e_n": 1.0}
+    lossy = {**SMOOTH, "e_n": 0.5}
+    table = [[elastic, lossy], [lossy, elastic]]
+    totals = {"temperature": 5.0, "rotational_temperature": 0.0, "collisions": 0}
+    for name, laws in (("keeps", [[elastic, elastic], [elastic, elastic]]), ("loses", table)):
+        with TrajectoryWriter(
+            tmp_path / f"{name}.h5", disks, box, parameters={"laws": json.dumps(laws)}
+        ) as w:
+            for time in (0.0, 1e-3, 60.0):
+                w.write(State(rng.random((n, 2)) * box.lengths, velocity, np.zeros(n), time=time), totals)
+        plot.cooling(tmp_path / f"{name}.h5", tmp_path / "a.png")
+    first, second = (
+        np.asarray(next(line for line in figure.axes[0].lines if line.get_linestyle() == "--").get_ydata())
+        for figure in drawn
+    )
+    np.testing.assert_allclose(first, 5.0, rtol=1e-6)  # velocities are stored in 4 bytes
+    # The laws of both materials are used: only unlike disks lose energy. A collision of the two takes
+    # (1 - e_n^2)/2 m_n <g_n^2>, <g_n^2> = 2 (T_1/m_1 + T_2/m_2) at contact; each disk has w of them per time,
+    # w = n_2 g 2 sigma sqrt(pi/2) sqrt(T_1/m_1 + T_2/m_2), as many as half of all pairs in the mean over both.
+    sum_ = 8.0 / 4.0 + 2.0 / 1.0
+    density = PHI / (math.pi * 0.25)
+    w = 0.5 * density * theory.contact_value(PHI) * math.sqrt(2.0 * math.pi * sum_)
+    loss = 0.5 * w * 0.5 * (1.0 - 0.25) * (4.0 / 5.0) * 2.0 * sum_  # per disk: half a pair's collisions
+    when = np.asarray(
+        next(line for line in drawn[1].axes[0].lines if line.get_linestyle() == "--").get_xdata()
+    )
+    assert (5.0 - second[0]) / when[0] == pytest.approx(
+        loss, rel=2e-3
+    )  # when[0] = 1e-3: the first order in time
+    assert "kinetic theory (homogeneous mixture)" in texts(drawn[0])
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"radius": np.linspace(0.5, 0.6, 30)}, "several kinds of disks"),
+        ({"radius": np.linspace(0.5, 0.6, 30)}, "more than 16 kinds of disks"),
         ({"law": {**SMOOTH, "rho": 0.01}}, "rolling friction"),
         ({"law": None}, "no law in the file"),
     ],

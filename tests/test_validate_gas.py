@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from ifrdem import cli
+from ifrdem import cli, theory
 from ifrdem.law import IFRLaw
-from ifrdem.validation import gas_collapse, gas_sample, gas_state, page, registry, runner
+from ifrdem.validation import gas_collapse, gas_sample, gas_state, gas_waves, page, registry, runner
 from ifrdem.validation.registry import GAS, Result
 
 pytestmark = pytest.mark.unoptimised
@@ -36,12 +36,19 @@ def test_seeds_of_two_runs_have_nothing_in_common() -> None:
     assert not set(gas_sample.seeds_of(1, gas_sample.STRIDE)) & set(gas_sample.seeds_of(2, gas_sample.STRIDE))
 
 
-def compared(shift: float, *, replicas: int = 12, systematic: float = 0.0) -> registry.Row:
+def compared(
+    shift: float,
+    *,
+    replicas: int = 12,
+    systematic: float = 0.0,
+    widest: float = 1.0,
+    expected: float | gas_sample.Mean = 10.0,
+) -> registry.Row:
     values = np.random.default_rng(1).normal(shift, 1.0, replicas)
     result = Result()
     gas_sample.compare(
-        result, "x", values - values.mean() + shift, 0.0, disks=7, seeds=range(replicas), systematic=systematic,
-        why="nothing", source="a book",
+        result, "x", values - values.mean() + 10.0 + shift, expected, disks=7, seeds=range(replicas),
+        systematic=systematic, why="nothing", source="a book", widest=widest,
     )  # fmt: skip
     return result.rows[0]
 
@@ -62,6 +69,124 @@ def test_the_tolerance_is_student_s_and_the_systematic_one_and_no_more() -> None
     constant = math.gamma(6.0) / (math.sqrt(11.0 * math.pi) * math.gamma(5.5))
     density = constant * (1.0 + x**2 / 11.0) ** -6.0
     assert 2.0 * np.trapezoid(density, x) == pytest.approx(math.erfc(4.0 / math.sqrt(2.0)), rel=1e-3)
+
+
+def test_a_row_whose_tolerance_is_too_wide_to_say_anything_fails(capsys) -> None:
+    tolerance = compared(0.0).tolerance
+    assert compared(0.0, widest=1.01 * tolerance / 10.0).passed
+    blunt = compared(0.0, widest=0.99 * tolerance / 10.0)
+    assert blunt.blunt
+    assert not blunt.passed
+    table = runner._table(runner.Outcome("gas_state", "?", "a book", Result([blunt])))
+    assert "it says nothing" in table
+
+
+def test_errors_of_two_means_have_welch_s_degrees_of_freedom() -> None:
+    """(a + b)^2 / (a^2/(n - 1) + b^2/(m - 1)) for squared errors a, b: of equal ones and n = m = 12 it is 22.
+
+    Of a mean that is known much better than the other, that other's n - 1 = 11 stay.
+    """
+    alone = compared(0.0).sampling
+    assert alone is not None
+    for error, freedom in ((alone.error, 22.0), (1e-6 * alone.error, 11.0)):
+        found = compared(0.0, expected=gas_sample.Mean(10.0, error, 12)).sampling
+        assert found is not None
+        assert found.freedom == pytest.approx(freedom)
+        assert found.error == pytest.approx(math.hypot(alone.error, error))
+
+
+def test_chi_square_of_rows_finds_what_each_row_alone_lets_pass() -> None:
+    """Six values 2.2 Gaussian errors off: chi-square is 29.0, which one of 6 degrees of freedom exceeds by 6.0e-5.
+
+    Q(chi^2, 6) = exp(-x)(1 + x + x^2/2) with x = chi^2 / 2; below it, 6.334e-5 of chance are left at x = 14.46.
+    """
+    x = 14.46
+    assert math.exp(-x) * (1.0 + x + 0.5 * x * x) == pytest.approx(gas_sample.CHANCE, rel=0.02)
+    for off, passes in ((2.15, True), (2.25, False)):
+        result = Result()
+        for _ in range(6):
+            gas_sample.add(
+                result, "x", 10.0 + off * 0.1 + 0.05, 10.0, 0.1, math.inf, 0.05, "nothing", "a book", widest=1.0,
+                disks=7, seeds=[1], replicas=1,
+            )  # fmt: skip
+        assert all(row.passed for row in result.rows)
+        gas_sample.together(result, "six", result.rows[:6], "a book")
+        assert result.rows[-1].measured == pytest.approx(6.0 * off**2, rel=1e-6)
+        assert result.rows[-1].passed is passes
+
+
+def test_ratio_of_means_is_not_the_mean_of_ratios() -> None:
+    a, b = np.array([1.0, 3.0]), np.array([1.0, 2.0])
+    values = gas_sample.ratio(a, b)
+    assert values.mean() == pytest.approx(4.0 / 3.0)
+    assert values == pytest.approx([4.0 / 3.0 + (1.0 - 4.0 / 3.0) / 1.5, 4.0 / 3.0 + (3.0 - 8.0 / 3.0) / 1.5])
+
+
+def smooth(e_n: float) -> IFRLaw:
+    return IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
+
+
+def test_energy_of_waves_and_of_thermal_velocities_obeys_its_balance() -> None:
+    """d ln T / dtau = -z / (1 + s): with dS/dtau of every wave and T itself by small steps, one by one."""
+    phi, n, z, steps, end = 0.1, 3000, 0.5 * 0.19, 4000, 20.0
+    side = math.sqrt(math.pi * n / (4.0 * phi))
+    xi = theory.shear_length(smooth(0.9), 0.5, phi) / (2.0 * math.pi)
+    most = 0.5 / theory.mean_free_path(phi, 0.5)
+    i = np.arange(-40, 41) * 2.0 * math.pi / side
+    k = np.hypot(i[:, None], i)
+    q = (k[(k > 0.0) & (k < most)] * xi) ** 2
+    transverse, sound, log_T, step = np.ones(len(q)), np.ones(len(q)), 0.0, end / steps
+    for _ in range(steps):
+        s = (np.sum(transverse - 1.0) + np.sum(sound - 1.0)) / (2.0 * n)
+        log_T -= step * z / (1.0 + s)
+        transverse += step * z * (transverse - q * (transverse - 1.0))
+        sound += step * z * (0.5 * sound - 1.5 * q * (sound - 1.0))
+    found = gas_waves.streams([10.0, end], smooth(0.9), phi, n)
+    assert len(q) > 20
+    assert found.factor[-1] == pytest.approx(
+        math.exp(log_T + z * end), rel=1e-4
+    )  # of first order in the step
+    assert found.share[-1] == pytest.approx(s, rel=2e-3)
+    for end in (1.0 / (1.0 + found.share[-1]), 1.0 / found.factor[-1]):
+        assert found.theta[-1] - found.theta_error[-1] < end < 1.0
+    assert found.theta[-1] + found.theta_error[-1] > 1.0
+
+
+def test_what_is_uncertain_of_waves_goes_with_the_density_and_not_with_the_box() -> None:
+    """Waves that have settled, from 1/(2 l) to 1/l: sums over many as integrals, (1/2N) sum -> (1 / 4 pi n) int k dk.
+
+    S - 1 = 1/(q - 1) of transverse ones and 1/(3 q - 1) of sound, q = k^2 xi^2:
+    [ln(q - 1) + ln(3 q - 1) / 3] / (8 pi n xi^2) between the ends.
+    """
+    found = {}
+    for phi, n in ((0.02, 300_000), (0.02, 100_000), (0.01, 300_000)):
+        found[phi, n] = gas_waves.streams(50.0, smooth(0.9), phi, n).share_error.item()
+        xi = theory.shear_length(smooth(0.9), 0.5, phi) / (2.0 * math.pi)
+        low = (0.5 * xi / theory.mean_free_path(phi, 0.5)) ** 2
+        high = 4.0 * low
+        between = (
+            math.log((high - 1.0) / (low - 1.0)) + math.log((3.0 * high - 1.0) / (3.0 * low - 1.0)) / 3.0
+        )
+        exact = between / (8.0 * math.pi * 4.0 * phi / math.pi * xi**2)
+        assert found[phi, n] == pytest.approx(exact, rel=0.05)
+    assert found[0.02, 300_000] == pytest.approx(found[0.02, 100_000], rel=0.05)
+    assert found[0.02, 300_000] == pytest.approx(2.0 * found[0.01, 300_000], rel=0.07)
+
+
+def test_waves_of_a_kicked_gas_are_those_that_its_equation_leaves_at_rest() -> None:
+    """dS/dtau = z - z q (S - 1) = 0 and z - (3/2) z q (S - 1) = 0, wave by wave."""
+    phi, n = 0.1, 400
+    side = math.sqrt(math.pi * n / (4.0 * phi))
+    xi = theory.shear_length(smooth(0.9), 0.5, phi) / (2.0 * math.pi)
+    total, most = 0.0, 0.5 / theory.mean_free_path(phi, 0.5)
+    for i in range(-9, 10):
+        for j in range(-9, 10):
+            k = math.hypot(i, j) * 2.0 * math.pi / side
+            if 0.0 < k < most:
+                total += (1.0 + 2.0 / 3.0) / (k * xi) ** 2
+    share, off = gas_waves.driven_streams(smooth(0.9), phi, n, 0.0)
+    assert share == pytest.approx(total / (2.0 * n))
+    assert off > 0.0
 
 
 def test_the_report_says_how_a_row_was_sampled() -> None:

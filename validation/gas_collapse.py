@@ -10,7 +10,7 @@ With cos(theta) = (1 + e) / (4 sqrt(e)) it is e^((n-1)/2) sin(n theta) / sin(the
 which is ceil(pi / theta) - 1 collisions. theta is real for e^2 - 14 e + 1 < 0, that is e > 7 - 4 sqrt(3) = 0.0718;
 below, no r_n is negative, all gaps close in a finite time, and the three stay together with a third of the momentum.
 
-S. McNamara and W. R. Young, Phys. Fluids A 4, 496 (1992), doi:10.1063/1.858323; T. Zhou and L. P. Kadanoff, Phys. Rev.
+S. McNamara and W. R. Young, Phys. Fluids A 4, 496 (1992); T. Zhou and L. P. Kadanoff, Phys. Rev.
 E 54, 623 (1996), arXiv:mtrl-th/9604003.
 """
 
@@ -29,14 +29,14 @@ from .gas_sample import equal_disks
 from .registry import Picture, Result
 
 QUESTION = "Do three disks in a row collapse below e_n = 7 - 4 sqrt(3), and only there?"
-REFERENCE = "McNamara and Young (1992), doi:10.1063/1.858323; the recurrence in validation/gas_collapse.py"
+REFERENCE = "McNamara and Young, Phys. Fluids A 4, 496 (1992); the recurrence in validation/gas_collapse.py"
 
 CRITICAL = 7.0 - 4.0 * math.sqrt(3.0)
 ABOVE = (0.078, 0.08, 0.085, 0.09, 0.1, 0.13, 0.2, 0.3, 0.5, 0.7)
 BELOW = (0.01, 0.03, 0.05, 0.06, 0.07)
 GAPS = (1.0, 0.75)
 END = 30.0  # of the runs [time]; at e_n = 0.17 or 0.9 the last r_n is so small that it would take a thousand
-SOURCE = "McNamara and Young (1992), doi:10.1063/1.858323"
+SOURCE = "McNamara and Young, Phys. Fluids A 4, 496 (1992)"
 
 
 def count(e_n: float) -> float:

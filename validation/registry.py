@@ -59,6 +59,10 @@ class Sampling:
         How many of it pass.
     systematic : float
         How far the expected value may be off.
+    widest : float
+        The largest tolerance with which the row still says something: with a wider one it fails, for want of replicas.
+    freedom : float
+        Degrees of freedom of `error`: those of Student's t.
     """
 
     disks: int
@@ -67,6 +71,8 @@ class Sampling:
     error: float
     z: float
     systematic: float
+    widest: float
+    freedom: float
 
 
 @dataclass(frozen=True)
@@ -102,9 +108,14 @@ class Row:
     sampling: Sampling | None = None
 
     @property
+    def blunt(self) -> bool:
+        """Whether its tolerance is too wide for the row to say anything."""
+        return self.sampling is not None and not self.tolerance <= self.sampling.widest
+
+    @property
     def passed(self) -> bool:
-        """Whether the measured value is within the tolerance; never so for a NaN."""
-        if not abs(self.measured - self.expected) <= self.tolerance:
+        """Whether the measured value is within the tolerance, and that not too wide; never so for a NaN."""
+        if self.blunt or not abs(self.measured - self.expected) <= self.tolerance:
             return False
         return self.printed is None or abs(self.measured - self.printed) > 10.0 * self.tolerance
 

@@ -246,7 +246,8 @@ def _sampling(row: Row) -> dict[str, object]:
     s = row.sampling
     return {
         "disks": s.disks, "replicas": s.replicas, "seeds": list(s.seeds), "statistical_error": _finite(s.error),
-        "errors_allowed": s.z, "systematic_tolerance": _finite(s.systematic),
+        "errors_allowed": s.z, "degrees_of_freedom": _finite(s.freedom), "systematic_tolerance": _finite(s.systematic),
+        "widest_tolerance": _finite(s.widest),
     }  # fmt: skip
 
 
@@ -272,6 +273,10 @@ def _table(outcome: Outcome) -> str:
         )
         if not row.passed:
             lines.append(f"       off by {number(abs(row.measured - row.expected))}; tolerance: {row.reason}")
+        if row.blunt and row.sampling is not None:
+            lines.append(
+                f"       wider than {number(row.sampling.widest)}: it says nothing; more replicas are needed"
+            )
     if outcome.error:
         lines.append(f"  FAIL {outcome.error}")
         lines += [f"       {line}" for line in outcome.details.splitlines()]
