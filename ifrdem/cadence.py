@@ -139,13 +139,15 @@ class Span:
                 )
             return cls(n, time, collisions, Due(time=float(t_end)))
         assert collisions_per_disk is not None
-        end = collisions_per_disk * n / 2.0
-        if not (math.isfinite(end) and math.ceil(end) >= collisions):
+        # As a decimal fraction: 1.1 means 11 / 10, not the binary number that is a hair above.
+        finite = math.isfinite(collisions_per_disk)
+        end = math.ceil(Fraction(str(float(collisions_per_disk))) * n / 2) if finite else -1
+        if not (finite and end >= collisions):
             raise InputError(
                 f"collisions_per_disk = {collisions_per_disk}: a finite number not below those already had, "
                 f"{2 * collisions / max(n, 1):.6g}, is needed"
             )
-        return cls(n, time, collisions, Due(collisions=math.ceil(end)))
+        return cls(n, time, collisions, Due(collisions=end))
 
 
 class Schedule:
@@ -181,7 +183,7 @@ class Schedule:
         if cadence.interval is not None:
             return Due(min(span.time + k * cadence.interval, end.time), end.collisions)
         if cadence.collisions is not None:
-            return self._after(Fraction(cadence.collisions) * k * span.n / 2)
+            return self._after(Fraction(str(float(cadence.collisions))) * k * span.n / 2)
         assert cadence.number is not None
         if k >= cadence.number:
             return end

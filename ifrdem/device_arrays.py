@@ -189,7 +189,7 @@ class DeviceArrays:
         words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
         self.grid[SEED_LOW : SEED_LOW + 2] = words.view(np.int32)
         self.scale = np.zeros(21, dtype=self.real)
-        self.clock = np.zeros(6)
+        self.clock = np.zeros(7)
         self.total = np.zeros(6, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
         cell_sides = [side / count for side, count in zip(tile_sides, cells, strict=True)]

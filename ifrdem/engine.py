@@ -199,6 +199,9 @@ class Engine:
         skin = skins.choose(skin, inner, box, disks, state)
         self._released = True  # until there is anything to release
         self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
+        self._told = (
+            False  # True while observers are told of frames within an epoch, of which nothing has settled
+        )
         self.skin = skin
         self.time = float(state.time)
         self.collisions = int(state.collisions.sum()) // 2
@@ -323,10 +326,10 @@ class Engine:
         self.last_collisions = None
         stop = min(t_end, self.splitting.next_time)
         if space is not None and space.parted:
-            self._fly_apart(space, min(stop, rest_at))
+            self._fly_apart(space, stop, rest_at)
         elif self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
             self.epochs.settle(self.time)
-            self._fly_freely(min(stop, rest_at), min(t_end, rest_at))
+            self._fly_freely(stop, t_end, rest_at)
         else:
             wanted = None if collisions is None else collisions - self.collisions
             before = self.statistics.epochs
@@ -345,7 +348,7 @@ class Engine:
             self.wall_hits += outcome.wall_hits
             if outcome.still:
                 self.time = outcome.time
-                self._fly_freely(min(stop, rest_at), min(t_end, rest_at))
+                self._fly_freely(stop, t_end, rest_at)
             else:
                 self._close_epoch(outcome, t_end, passing)
         self._apply_forces()
@@ -362,7 +365,11 @@ class Engine:
         self.time = outcome.time
         try:
             if passing is not None:
-                passing(Passing(self, outcome.began))
+                self._told = True
+                try:
+                    passing(Passing(self, outcome.began))
+                finally:
+                    self._told = False
         except BaseException:
             # Whatever went wrong there, the run can go on.
             self.epochs.after_epoch(self.time)
@@ -390,6 +397,11 @@ class Engine:
             raise EngineError(
                 "this simulation has ended: another one was started with another device, precision or number of "
                 "threads, of which a process has one at a time"
+            )
+        if self._told:
+            raise EngineError(
+                "an observer is being told of a frame within an epoch, and the simulation is further by then: use the "
+                "state and the measure that the observer is given, or a sampler"
             )
         if not self._whole:
             raise EngineError(
@@ -441,13 +453,14 @@ class Engine:
         self.epochs.unsettle()
         old.release()
 
-    def _fly_apart(self, space: OpenSpace, stop: float) -> None:
-        """To `stop` [time] in one flight: no disk can meet another one before a force acts."""
+    def _fly_apart(self, space: OpenSpace, stop: float, rest_at: float) -> None:
+        """To `stop` or `rest_at` [time] in one flight: no disk can meet another one before a force acts."""
         if not math.isfinite(stop):
             raise EngineError(
                 f"t = {self.time:.6g}: the disks have flown apart, and none can meet another one any more, but "
                 "collisions are asked for"
             )
+        stop = min(stop, rest_at)
         self._whole = True
         state = self.state()
         state.position = state.position + state.velocity * (stop - self.time)
@@ -459,16 +472,22 @@ class Engine:
 
     # ------------------------------------------------------------------ rest
 
-    def _fly_freely(self, stop: float, t_end: float) -> None:
-        """To `stop` [time], where a force may set disks in motion; to `t_end` if none acts, or none can."""
-        if self.splitting.keeps_rest and self.arrays.at_rest():
-            self.splitting.skip_to(t_end)
+    def _fly_freely(self, stop: float, t_end: float, rest_at: float) -> None:
+        """To `stop` [time], where a force may set disks in motion; to `t_end` if none acts, or none can.
+
+        Not beyond `rest_at` [time]: only a rest on the way, which says nothing of whether there is a way.
+        """
+        resting = self.splitting.keeps_rest and self.arrays.at_rest()
+        if resting:
             stop = t_end
         self._resting += 1
         if not math.isfinite(stop) or (not math.isfinite(t_end) and self._resting > PATIENCE):
             raise EngineError(
                 f"t = {self.time:.6g}: no disk can meet another one, but collisions are asked for"
             )
+        stop = min(stop, rest_at)
+        if resting:
+            self.splitting.skip_to(stop)
         self.epochs.fly(stop - self.time)
         self.time = stop
 

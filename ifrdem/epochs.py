@@ -18,6 +18,7 @@ from .kernels.flow import rows_apart
 from .kernels.joining import join_tiles
 from .kernels.layout import (
     AFFECTED_ROW,
+    BEGAN,
     BEGIN,
     CELL_Y,
     CHANGED_ROW,
@@ -201,8 +202,7 @@ class Epochs:
                 self.statistics.cut_for_speed += 1
         hits = int(a.total[N_WALLS_TOTAL])
         self.statistics.elastic += int(a.total[N_ELASTIC_TOTAL])
-        at_end = float(a.clock[NOW])
-        began = now if epochs == 1 else at_end - end
+        at_end, began = float(a.clock[NOW]), float(a.clock[BEGAN])
         return Outcome(at_end, began, end, planned, done, fastest, hits, still)
 
     # ------------------------------------------------------------------ in tiles or rounds

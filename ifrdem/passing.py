@@ -37,10 +37,10 @@ class Passing:
         self._engine, self._began = engine, began
         self._before = engine.collisions - engine.epochs.standing()
 
-    def holds(self, due: Due) -> bool:
-        """Whether a point lies in the epoch and before its end; by collisions, its end counts, too."""
+    def holds(self, due: Due, end: Due) -> bool:
+        """Whether a point lies in the epoch, before its end; by collisions its end counts too, but the run's not."""
         by_count = due.collisions is not None and due.collisions <= self._engine.collisions
-        return by_count or due.time < self._engine.time
+        return (by_count and due.collisions != end.collisions) or due.time < self._engine.time
 
     def at(self, due: Due, *, single: bool = False) -> tuple[State, NDArray[np.float64]]:
         """The state at a point that the epoch `holds`, and its sums (`kernels/totals.py`).

@@ -360,7 +360,7 @@ class Simulation:
         observers : iterable of callables
             Each is called as `observer(state, measure)` at the beginning and at every frame. What tells mechanisms
             and regimes, `measure.dissipated` and `measure.regimes`, is None: samplers get them, and `measure()` gives
-            them at the end.
+            them at the end. The simulation itself is further by then, and cannot be asked or saved there.
         series : int or Cadence, optional
             How often samplers are called, likewise.
         samplers : iterable of callables
@@ -408,7 +408,7 @@ class Simulation:
         looks_back = self._engine.looks_back
 
         def pass_frames(epoch: Passing) -> None:
-            while (due := frames.due(course.next_frame)) != end and epoch.holds(due):
+            while epoch.holds(due := frames.due(course.next_frame), end):
                 # First: an observer that raises has had its frame.
                 course.next_frame = frames.following(course.next_frame)
                 self._tell(observers, *epoch.at(due, single=single))

@@ -5,6 +5,7 @@ import taichi as ti
 from .extend import AT_START_ALONE, extend
 from .flow import displace_rows, rows_apart, speed2_in_flow
 from .layout import (
+    BEGAN,
     BEGIN,
     CELL_Y,
     CELLS_X,
@@ -168,6 +169,7 @@ def epochs_by_one_thread(
                     if gas.limit[END] < gas.scale[HORIZON] or gas.counter[RESTING] > 0:
                         going = 0
                         last = 0
+                    clock[BEGAN] = clock[NOW]
                     if last == 1:
                         clock[NOW] = clock[TIME_END]
                         going = 0

@@ -22,7 +22,7 @@ counter      (17,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
 grid         (14,) int     numbers of disks, tiles, cells and walls; the seed; displacement of rows of tiles
 scale        (21,) real    lengths and times of the grid and the epoch, gravity, shear
-clock        (6,) double   times in epochs run by one thread, and what displaces rows of tiles
+clock        (7,) double   times in epochs run by one thread, and what displaces rows of tiles
 total        (6,) int64    collisions and epochs of one launch
 walls        (W, 18) real  geometry, motion, material and temperature of each wall (`walls.py`)
 near_walls   (n,) int      bits of the walls that a disk can touch in this epoch
@@ -105,9 +105,9 @@ SEED_LOW, SEED_HIGH, TILES_ASIDE, BOXES_ASIDE = range(10, 14)
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
 REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y, CONTACT_TIME = range(8, 18)
 SHEAR, DRIFT, ASIDE = range(18, 21)
-# clock, in double precision: present time, where to stop, planned length of the latest epoch, DRIFT and TILE_X, and
-# when to pause at the next end of an epoch
-NOW, TIME_END, PLANNED, ROW_SPEED, TILE_SIDE, PAUSE_AT = range(6)
+# clock, in double precision: present time, where to stop, planned length of the latest epoch, DRIFT and TILE_X, when to
+# pause at the next end of an epoch, and when the latest one began
+NOW, TIME_END, PLANNED, ROW_SPEED, TILE_SIDE, PAUSE_AT, BEGAN = range(7)
 # total, 64-bit: collisions still wanted; epochs, collisions, collisions with walls and elastic ones of this launch;
 # after how many collisions to pause at the next end of an epoch
 COLLISIONS_LEFT, N_EPOCHS, N_TOTAL, N_WALLS_TOTAL, N_ELASTIC_TOTAL, PAUSE_AFTER = range(6)

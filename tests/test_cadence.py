@@ -151,3 +151,22 @@ def test_points_that_coincide_are_passed_together() -> None:
         assert schedule.due(k - 1) != schedule.due(k)
     assert places == [1, 2, 3, 4]
     assert k == 801
+
+
+def test_collisions_per_disk_are_decimal_fractions() -> None:
+    # 0.1 collisions a disk are 10 of 200 disks, although the binary number is a hair above; 1.1 are 110.
+    schedule = Schedule(Cadence(collisions=0.1), Span.to(200, 0.0, 0, collisions_per_disk=1.1))
+    assert [schedule.due(k).collisions for k in range(1, 13)] == [
+        10,
+        20,
+        30,
+        40,
+        50,
+        60,
+        70,
+        80,
+        90,
+        100,
+        110,
+        110,
+    ]

@@ -15,6 +15,7 @@ from ifrdem.buffers import Buffers
 from ifrdem.cadence import Cadence, Span
 from ifrdem.course import Course
 from ifrdem.engine import Engine
+from ifrdem.errors import EngineError
 from ifrdem.forces import RandomKicks
 from ifrdem.law import IFRLaw
 from ifrdem.observables import Measure, measure
@@ -296,3 +297,45 @@ def test_memory_of_frames_that_nobody_holds_is_used_again() -> None:
     del column
     assert buffers.take((3, 2)).__array_interface__["data"][0] == place
     assert buffers.take((3, 2), np.float32).dtype == np.float32
+
+
+def test_frames_at_intervals_of_time_end_with_the_collisions_of_the_run(order: str) -> None:
+    simulation = gas()
+    found = frames_of(simulation, collisions_per_disk=1.0, frames=Cadence(interval=0.02))
+    times = [state.time for state, _ in found]
+    assert times[:-1] == pytest.approx(0.02 * np.arange(len(times) - 1))
+    assert times[-2] < times[-1] == simulation.time <= times[-2] + 0.02
+    assert found[-1][1].collisions == simulation.collisions == 750
+
+
+@pytest.mark.parametrize("frames", [5, Cadence(interval=0.5)])
+def test_collisions_that_can_never_come_are_said_whatever_the_frames(frames: int | Cadence) -> None:
+    disks = equal_disks(2)
+    apart = State([[2.0, 2.0], [5.0, 5.0]], [[-1.0, 0.0], [1.0, 0.0]], [0.0, 0.0])
+    still = State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0])
+    for box, begin in ((Box.open(), apart), (Box((10.0, 10.0)), still)):
+        simulation = Simulation(disks, box, COIN, begin)
+        with pytest.raises(EngineError, match=r"collisions are\s+asked for"):
+            simulation.run(collisions_per_disk=3.0, frames=frames)
+
+
+def test_an_observer_that_asks_the_simulation_is_told_to_use_what_it_is_given() -> None:
+    simulation = gas(n=300)
+    with pytest.raises(EngineError, match="an observer is being told of a frame within an epoch"):
+        simulation.run(t_end=0.6, frames=20, observers=[lambda *_: simulation.state])
+    simulation.run(t_end=0.6)
+    assert simulation.state.time == 0.6
+
+
+def test_frames_do_not_depend_on_the_speed_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    # How many epochs a launch has is a matter of time. Where the clock passes a power of two, adding up and taking
+    # away again is not the same number.
+    found = []
+    for seconds in (0.2, 1e-9):
+        monkeypatch.setattr("ifrdem.epochs.LAUNCH_SECONDS", seconds)
+        disks = equal_disks(100)
+        box, state = start(disks, 0.3)
+        simulation = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), state)
+        found.append(frames_of(simulation, t_end=70.0, frames=Cadence(interval=3.9975)))
+    for (one, _), (other, _) in zip(*found, strict=True):
+        assert np.array_equal(one.position, other.position), one.time

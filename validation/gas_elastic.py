@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +70,7 @@ def run(quick: bool, seed: int) -> Result:
         mean, exact = ratio.mean(axis=0), np.exp(-LAMBDA * TAU)
         error = ratio.std(axis=0, ddof=1) / math.sqrt(len(seeds))
         label = name.replace("e_t", "$e_t$").replace("-1/2", "$-$1/2")
-        options = {"fmt": "os"[i], "mfc": "none", "color": colour, "label": label}
+        options: dict[str, Any] = {"fmt": "os"[i], "mfc": "none", "color": colour, "label": label}
         left.errorbar(TAU, mean, error, **options)
         right.errorbar(
             TAU + 0.01 * (2 * i - 1), 100.0 * (mean / exact - 1.0), 100.0 * error / exact, **options
