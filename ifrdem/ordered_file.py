@@ -23,9 +23,6 @@ except ImportError:  # not on Windows
 MOST_HELD = 2**26
 """Bytes for new space that are held back at most, to be written as one."""
 
-MOST_PIECES = 512
-"""Pieces that the system takes at once; POSIX allows 16, and everybody 1024."""
-
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
 
 
@@ -160,25 +157,9 @@ class OrderedFile:
     def _write_new(self) -> None:
         """Write the pieces for new space."""
         if self._new:
-            self._write_pieces([data for _, data in self._new], self._new[0][0])
+            self._write(memoryview(b"".join(data for _, data in self._new)), self._new[0][0])
             self._new.clear()
             self._new_size = 0
-
-    def _write_pieces(self, pieces: list[bytes], place: int) -> None:
-        """Write pieces that follow each other, without making one of them first."""
-        if not hasattr(os, "pwritev"):
-            self._write(memoryview(b"".join(pieces)), place)
-            return
-        with self._noting():
-            while pieces and self.error is None:
-                some = pieces[:MOST_PIECES]
-                done = os.pwritev(self._descriptor, some, place)
-                place += done
-                if done == sum(map(len, some)):
-                    pieces = pieces[MOST_PIECES:]
-                else:  # the disk is full, or a signal came: the rest in one
-                    self._write(memoryview(b"".join(pieces))[done:], place)
-                    return
 
     def _wait(self, start: int, data: bytes) -> None:
         end = start + len(data)

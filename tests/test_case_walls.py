@@ -109,7 +109,7 @@ def test_the_case_is_in_order() -> None:
             'shape = "line": radius cannot stand here; known for it: point, normal',
         ),
         (["wall[0].normal=[0.0, 0.0]"], "wall[0]", "no direction"),
-        (["wall[0].normal=[0.0]"], "wall[0].normal", "at least 2 items"),
+        (["wall[0].normal=[0.0]"], "wall[0].normal", "at least 2 entries"),
         (["wall[1].radius=-1.0"], "wall[1].radius = -1.0", "greater than or equal to 0"),
         (["wall[1].shape=container", "wall[1].radius=0"], "wall[1]", "a container needs one above 0"),
         (["wall[1].surface_sped=1.0"], "wall[1].surface_sped = 1.0", "did you mean 'surface_speed'"),
@@ -131,7 +131,7 @@ def test_the_case_is_in_order() -> None:
         ),
         (["box.material="], "box", "material is missing"),
         (["box.material=steal"], "pair", "'coin' and 'steal'.*did you mean 'steel'"),
-        (["box.gravity=[0.0]"], "box.gravity", "at least 2 items"),
+        (["box.gravity=[0.0]"], "box.gravity", "at least 2 entries"),
         (["box.periodic=[true, 1]"], "box.periodic[1] = 1", "boolean"),
         (
             ["box.periodic=[true, false]", "box.gravity=[1.0, -1.0]"],
