@@ -55,7 +55,7 @@ LI = (0.69, 870, 8.969898, 7.5e-5)
 PHI = (0.1, 0.2, 0.3, 0.5, 0.6, 0.65)
 BY_IMPULSES = 0.6  # packing fraction up to which Z is measured by impulses and g(r) as well
 SHARP = 0.003  # of Z: rows with wider tolerances say nothing
-N, REPLICAS, REPLICAS_OF_LI = 1024, 24, 32
+N, REPLICAS, REPLICAS_OF_LI = 1024, 30, 32
 SOURCE = "Kolafa and Rottner (2006), doi:10.1080/00268970600967963"
 Array = NDArray[np.float64]
 
