@@ -19,7 +19,7 @@ from .gas import Gas
 from .queued_writer import QueuedWriter
 from .recorder import Ledger, Recorder
 from .simulation import Simulation
-from .trajectory_writer import TrajectoryWriter
+from .trajectory_writer import DEFAULT_FIELDS, TrajectoryWriter
 
 FRAMES = 10
 """Frames in a timed piece, one for each collision that a disk has on average."""
@@ -165,7 +165,7 @@ def measure(
                     next_frame=0 if first else 1, next_row=0 if first else 1,
                 )  # fmt: skip
                 began = time.perf_counter()
-                simulation.follow(course, single=True, **told)
+                simulation.follow(course, stored=DEFAULT_FIELDS, **told)
                 recorder.write_rows()
                 writer.flush()
                 return time.perf_counter() - began

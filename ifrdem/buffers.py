@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-MOST = 6  # of a kind that are kept: two frames wait, one is being written, one is being filled
+MOST = (
+    8  # of a kind that are kept: two frames wait, one is being written, one is being filled; two arrays each
+)
 # References to an array that only `Buffers` holds: its list, the loop's name, and the question itself.
 _UNUSED = 3
 

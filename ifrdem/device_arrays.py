@@ -37,6 +37,7 @@ from .errors import EngineError
 from .kernels.flow import displacement
 from .kernels.layout import (
     ASIDE,
+    BLOCK,
     BOXES_ASIDE,
     CELL_X,
     CONTACT_TIME,
@@ -44,6 +45,7 @@ from .kernels.layout import (
     DRIFT,
     GX,
     HEAD,
+    HEAVIEST,
     HIGHEST_LEVEL,
     LEVELS,
     LOG_CAPACITY,
@@ -72,12 +74,12 @@ from .kernels.layout import (
     Uses,
 )
 from .kernels.layout import ROW as ROW_LENGTH
+from .kernels.ledger import ALL, WRONG
 from .kernels.levels import reach_at
+from .kernels.totals import TOTALS
 from .kernels.walls import HEAT, TEMPERATURE
 from .law import IFRLaw
 from .state import Disks, State
-
-_SCAN_BLOCK = 1024
 
 
 def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -177,18 +179,18 @@ class DeviceArrays:
         self.lists = ti.ndarray(ti.i32, (LISTS, room))
         self.start = ti.ndarray(ti.i32, (total + 1,))
         self.fill = ti.ndarray(ti.i32, (total,))
-        self.block = ti.ndarray(ti.i32, (total // _SCAN_BLOCK + 1,))
-        self.squares = ti.ndarray(self._type, (room // _SCAN_BLOCK + 1,))
+        self.block = ti.ndarray(ti.i32, (total // BLOCK + 1,))
+        self.squares = ti.ndarray(self._type, (room // BLOCK + 1,))
         self.neighbour = ti.ndarray(ti.i32, (room * ROW,))
         self.law = ti.ndarray(self._type, law_table.shape)
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self.counter = np.zeros(17, dtype=np.int32)
-        self.limit = np.zeros(5, dtype=self.real)
+        self.limit = np.zeros(6, dtype=self.real)
         n_walls = 0 if walls is None else len(walls)
         self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls, 0, 0, 0, 0], dtype=np.int32)
         words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
         self.grid[SEED_LOW : SEED_LOW + 2] = words.view(np.int32)
-        self.scale = np.zeros(21, dtype=self.real)
+        self.scale = np.zeros(22, dtype=self.real)
         self.clock = np.zeros(7)
         self.total = np.zeros(6, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
@@ -197,6 +199,7 @@ class DeviceArrays:
         self.scale[SKIN] = skin
         self.scale[REACH] = skin / 2.0
         self.scale[WIDEST] = diameter
+        self.scale[HEAVIEST] = disks.mass[disks.movable].max(initial=0.0)
         self.scale[GX : GX + 2] = gravity
         self.scale[WALL_SPEED] = wall_speed
         self.scale[CUTOFF] = velocity_cutoff
@@ -240,10 +243,11 @@ class DeviceArrays:
             "wall_hits": state.wall_hits.astype(np.int32), "latest_collision": state.latest_collision.copy(),
             "last_partner": state.last_partner.astype(np.int32), "angle": state.angle.copy(),
         }  # fmt: skip
-        blocks = room // _SCAN_BLOCK + 1 if tallied else 1
         # The host reads these often, too.
-        self.losses = np.zeros((blocks, MECHANISMS))
-        self.regimes = np.zeros((blocks, REGIMES), dtype=np.int64)
+        self.losses = np.zeros((3, MECHANISMS))
+        self.losses_whole = np.zeros((2, MECHANISMS), dtype=np.int64)
+        self.sums = np.zeros((room // BLOCK + 1, TOTALS))
+        self.regimes = np.zeros(REGIMES, dtype=np.int64)
         self.last_partner = ti.ndarray(ti.i32, (room if partnered else 1,))
         self.last_partner.fill(0)
         if partnered and n:
@@ -441,11 +445,19 @@ class DeviceArrays:
         return found
 
     def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Energy that collisions took by mechanism, and their number by regime, up to the latest settling."""
-        # Block by block along each column: one order for any number of threads.
-        losses: NDArray[np.float64] = np.ascontiguousarray(self.losses.T).sum(axis=1)
-        regimes: NDArray[np.int64] = self.regimes.sum(axis=0)
-        return losses, regimes
+        """Energy that collisions took by mechanism, and their number by regime, up to the latest settling.
+
+        Raises
+        ------
+        EngineError
+            If collisions took more than there was: the law gives or takes energy without bounds.
+        """
+        if self.losses[WRONG].any():
+            raise EngineError(
+                "a collision took more energy than all disks can have, or no number: the law does not hold on to "
+                "energy; with output.ledger = false (ledger=False) nobody counts"
+            )
+        return self.losses[ALL].copy(), self.regimes.copy()
 
     def work_of_walls(self) -> float:
         """Energy that moving walls gave [energy], up to the latest settling."""

@@ -58,7 +58,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -604,18 +604,26 @@ class Engine:
         lost, regimes = self.arrays.dissipated()
         return self._lost_before + lost, self._regimes_before + regimes
 
-    def totals(self) -> NDArray[np.float64]:
-        """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
-        from .kernels.layout import BLOCK
-        from .kernels.totals import EXCESS, FALL, TOTALS, totals
+    def observed(self, stored: Collection[str] | None = None) -> tuple[State, NDArray[np.float64]]:
+        """The present state and its sums (`kernels/totals.py`); `stored` as for `Passing.at`."""
+        if stored is None or not (self.looks_back and self.n and all(self.box.periodic)):
+            return self.state(), self.totals()  # and who left the box is looked for
+        from .passing import state_at
 
         self.check_whole()
         self._whole = False
         self.epochs.settle(self.time)
         self._whole = True
-        sums = np.zeros((self.n // BLOCK + 1, TOTALS))
-        self.arrays.launch(totals, sums=sums)
-        found: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
+        return state_at(self, 0.0, self.time, stored=stored)
+
+    def totals(self) -> NDArray[np.float64]:
+        """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
+        from .kernels.totals import EXCESS, FALL
+
+        self.check_whole()
+        self._whole = False
+        found = self.epochs.totals(self.time)
+        self._whole = True
         if self.box.shear_rate:
             self._tally_flow(float(found[EXCESS]))
         if any(self.gravity):

@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .device_arrays import DeviceArrays
 from .errors import EngineError
@@ -62,6 +63,7 @@ from .kernels.passing import times_of_collisions
 from .kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
 from .kernels.sort import settle
 from .kernels.tiles import run_in_order, run_tiles
+from .kernels.totals import totals
 from .statistics import Statistics
 
 LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see to progress and interrupts
@@ -126,16 +128,30 @@ class Epochs:
         self.log_growth = 2  # a log that was too short gets longer by this factor
         self._log_growths = 0
 
-    def settle(self, now: float) -> float:
-        """Fly and sort the disks to the end of the epoch before, at time `now`; returns the largest speed."""
+    def settle(self, now: float, *, telling: bool = False) -> float:
+        """Fly and sort the disks to the end of the epoch before, at time `now`; returns the largest speed.
+
+        If `telling`, `arrays.sums` get what `kernels/totals.py` gives, unless all had settled before.
+        """
         if not self._settled:
-            self.arrays.launch(settle)
+            self.arrays.launch(settle, int(telling))
             self.arrays.scale[DURATION] = 0.0
             self._settled = True
         if self.arrays.uses.sheared:
             self.arrays.displace_rows(now)
         self._watchdog(now)
         return float(self.arrays.limit[FASTEST])
+
+    def totals(self, now: float) -> NDArray[np.float64]:
+        """Sums over all disks at time `now`, shape (TOTALS,); see `kernels/totals.py`. They settle."""
+        if self._settled:
+            self.settle(now)
+            self.arrays.launch(totals)
+        else:
+            self.settle(now, telling=True)
+        # Block by block along each column: one order for any number of threads.
+        found: NDArray[np.float64] = np.ascontiguousarray(self.arrays.sums.T).sum(axis=1)
+        return found
 
     def unsettle(self) -> None:
         """Take note that something has moved, or moves otherwise: the next settling has work to do."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
 
 import h5py
 import numpy as np
@@ -39,23 +40,26 @@ class FrameRows(Rows):
         self._deflate = deflate
 
     def _put(self, new: Mapping[str, NDArray]) -> None:
-        chunks = [
-            (self.fields[name], offset, chunk)
-            for name, values in new.items()
-            if name in self.fields
-            for offset, chunk in _chunks(self.fields[name], values[0])
-        ]
         if self._deflate is not None and not self._deflate.available:  # HDF5's filters do it
             super()._put(new)
             return
-        packed: Iterable[object] = (chunk for _, _, chunk in chunks)
+        # One after the other, so that the memory of a chunk is that of the last; compressed, all at once.
+        stored = self._cut(new)
         if self._deflate is not None:
-            packed = self._deflate.compress([chunk for _, _, chunk in chunks])
+            cut = list(stored)
+            packed = self._deflate.compress([chunk for _, _, chunk in cut])
+            stored = ((dataset, place, data) for (dataset, place, _), data in zip(cut, packed, strict=True))
         super()._put({name: values for name, values in new.items() if name not in self.fields})
         for dataset in self.fields.values():
             dataset.resize(self.committed + 1, axis=0)
-        for (dataset, offset, chunk), stored in zip(chunks, packed, strict=True):
-            self._store(dataset, (self.committed, offset, *(0,) * (chunk.ndim - 1)), stored)
+        for dataset, place, data in stored:
+            self._store(dataset, place, data)
+
+    def _cut(self, new: Mapping[str, NDArray]) -> Iterator[tuple[h5py.Dataset, tuple[int, ...], Any]]:
+        """Dataset, place and values of each chunk of the next frame."""
+        for name, dataset in self.fields.items():
+            for offset, chunk in _chunks(dataset, new[name][0]):
+                yield dataset, (self.committed, offset, *(0,) * (chunk.ndim - 1)), chunk
 
     def _store(self, dataset: h5py.Dataset, place: tuple[int, ...], chunk: object) -> None:
         """Write the bytes of one chunk, past HDF5's filters and its cache."""

@@ -12,6 +12,8 @@ first frame where possible.
 from __future__ import annotations
 
 import contextlib
+import errno
+import mmap
 import os
 from collections.abc import Iterator
 
@@ -22,6 +24,10 @@ except ImportError:  # not on Windows
 
 MOST_HELD = 2**26
 """Bytes for new space that are held back at most, to be written as one."""
+BLOCK = 4096
+"""Bytes: what passes by the system's cache must begin and end at a multiple of this, in the file and in memory."""
+LARGE = 2**22
+"""Pieces of so many bytes pass by the system's cache: a copy of them there costs a run more than the disk's work."""
 
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
 
@@ -60,10 +66,11 @@ class OrderedFile:
         self._size = os.fstat(self._descriptor).st_size
         self._in_use = self._size
         self._waiting: dict[int, bytes] = {}
-        # Pieces for new space, in order; the next usually begins where the last ends.
-        self._new: list[tuple[int, bytes]] = []
-        self._new_size = 0
-        self._new_end = self._size
+        # What is for new space, one piece: what comes next usually begins where it ends. Its memory is used again, and
+        # touched only as far as pieces reach.
+        self._staged = memoryview(mmap.mmap(-1, MOST_HELD + BLOCK))
+        self._new_start = self._new_end = self._size
+        self._past_cache = fcntl is not None and hasattr(os, "O_DIRECT")
 
     def fileno(self) -> int:
         """The descriptor."""
@@ -86,7 +93,11 @@ class OrderedFile:
             data = os.pread(self._descriptor, len(view), self._at)
         view[: len(data)] = data
         view[len(data) :] = bytes(len(view) - len(data))
-        for start, held in (*self._new, *self._waiting.items()):
+        pieces: list[tuple[int, bytes | memoryview]] = [
+            (self._new_start, self._new()),
+            *self._waiting.items(),
+        ]
+        for start, held in pieces:
             low, high = max(start, self._at), min(start + len(held), self._at + len(view))
             if low < high:
                 view[low - self._at : high - self._at] = held[low - start : high - start]
@@ -106,7 +117,7 @@ class OrderedFile:
         if old:
             self._wait(self._at, bytes(view[:old]))
         if old < len(view):
-            self._put(self._at + old, bytes(view[old:]))
+            self._put(self._at + old, view[old:])
         self._at += len(view)
         self._size = max(self._size, self._at)
         return len(view)
@@ -125,7 +136,7 @@ class OrderedFile:
         for start, data in sorted(self._waiting.items(), key=lambda item: _order(item[1])):
             self._write(memoryview(data), start)
         self._waiting.clear()
-        self._in_use = self._new_end = max(self._in_use, self._size)
+        self._in_use = self._new_start = self._new_end = max(self._in_use, self._size)
 
     def close(self) -> None:
         """Write what waits, give back reserved room, and let go of the file."""
@@ -138,28 +149,36 @@ class OrderedFile:
         os.close(self._descriptor)
         self._descriptor = -1
 
-    def _put(self, start: int, data: bytes) -> None:
+    def _put(self, start: int, data: memoryview) -> None:
         """Take a piece for new space. Pieces that follow each other are written as one.
 
         A thread beside a run gets its turn only between two kernels of Taichi, and gives it up with every writing: the
         250 chunks of a frame of 1e6 disks must not be 250 writings.
         """
-        follows = start == self._new_end and self._new_size + len(data) <= MOST_HELD
-        if not follows:
+        if start != self._new_end or start + len(data) - self._new_start > MOST_HELD:
             self._write_new()
         if start < self._new_end:  # it may replace one that came before
-            self._write(memoryview(data), start)
+            self._write(data, start)
             return
-        self._new.append((start, data))
-        self._new_size += len(data)
+        if len(data) > MOST_HELD:
+            self._write(data, start)
+            self._new_start = self._new_end = start + len(data)
+            return
+        if self._new_start == self._new_end:
+            self._new_start = start
         self._new_end = start + len(data)
+        self._new()[start - self._new_start :] = data
+
+    def _new(self) -> memoryview:
+        """What waits for new space. In memory it lies as far from a multiple of a block as in the file."""
+        offset = self._new_start % BLOCK
+        return self._staged[offset : offset + self._new_end - self._new_start]
 
     def _write_new(self) -> None:
-        """Write the pieces for new space."""
-        if self._new:
-            self._write(memoryview(b"".join(data for _, data in self._new)), self._new[0][0])
-            self._new.clear()
-            self._new_size = 0
+        """Write what is for new space."""
+        if self._new_end > self._new_start:
+            self._write(self._new(), self._new_start, past_cache=self._past_cache)
+            self._new_start = self._new_end
 
     def _wait(self, start: int, data: bytes) -> None:
         end = start + len(data)
@@ -175,11 +194,42 @@ class OrderedFile:
                 start, data, end = low, bytes(whole), high
         self._waiting[start] = data
 
-    def _write(self, view: memoryview, place: int) -> None:
+    def _write(self, view: memoryview, place: int, *, past_cache: bool = False) -> None:
+        first = -place % BLOCK
+        whole = (len(view) - first) // BLOCK * BLOCK
+        if not past_cache or whole < LARGE:
+            self._write_all(view, place)
+            return
+        self._write_all(view[:first], place)
+        done = self._write_past_cache(view[first : first + whole], place + first)
+        self._write_all(view[first + done :], place + first + done)
+
+    def _write_all(self, view: memoryview, place: int) -> None:
         with self._noting():
             while len(view) and self.error is None:
                 done = os.pwrite(self._descriptor, view, place)
                 view, place = view[done:], place + done
+
+    def _write_past_cache(self, view: memoryview, place: int) -> int:
+        """Write whole blocks from memory to the disk; returns how many bytes. What is left the cache can take.
+
+        Not all file systems do this; with those that do not, it is not tried again.
+        """
+        if self.error is not None:
+            return 0
+        flags = fcntl.fcntl(self._descriptor, fcntl.F_GETFL)
+        try:
+            fcntl.fcntl(self._descriptor, fcntl.F_SETFL, flags | os.O_DIRECT)
+            done = os.pwrite(self._descriptor, view, place)
+        except OSError as error:
+            if error.errno in (errno.EINVAL, errno.EOPNOTSUPP):
+                self._past_cache = False
+            else:
+                self.error = error
+            done = 0
+        finally:
+            fcntl.fcntl(self._descriptor, fcntl.F_SETFL, flags)
+        return done
 
     @contextlib.contextmanager
     def _noting(self) -> Iterator[None]:

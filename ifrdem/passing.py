@@ -6,6 +6,7 @@ after `backend.start`.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,11 +43,11 @@ class Passing:
         by_count = due.collisions is not None and due.collisions <= self._engine.collisions
         return (by_count and due.collisions != end.collisions) or due.time < self._engine.time
 
-    def at(self, due: Due, *, single: bool = False) -> tuple[State, NDArray[np.float64]]:
+    def at(self, due: Due, *, stored: Collection[str] | None = None) -> tuple[State, NDArray[np.float64]]:
         """The state at a point that the epoch `holds`, and its sums (`kernels/totals.py`).
 
-        Right after the last of so many collisions, and after any others at exactly that time. In `single` precision it
-        is one for a file that keeps no more (`StoredState`).
+        Right after the last of so many collisions, and after any others at exactly that time. With the fields that a
+        file in single precision has (`stored`) it is one for that (`StoredState`).
         """
         engine = self._engine
         time, moment = due.time, max(due.time - self._began, 0.0)
@@ -55,16 +56,18 @@ class Passing:
             met = engine.epochs.time_of_collision(count) if count > 0 else 0.0
             if met < moment:
                 time, moment = self._began + met, met
-        return state_at(engine, moment, time, single=single)
+        return state_at(engine, moment, time, stored=stored)
 
 
 def state_at(
-    engine: Engine, moment: float, time: float, *, single: bool = False
+    engine: Engine, moment: float, time: float, *, stored: Collection[str] | None = None
 ) -> tuple[State, NDArray[np.float64]]:
     """The state at a moment of the epoch that is over, which is this time, and its sums; 0 if all has settled."""
     n, take, arrays = engine.n, engine.buffers.take, engine.arrays
-    real = take((n, 5), np.float32 if single else np.float64)
-    integer = take((n, 3), np.int32)
+    real = np.dtype(np.float64 if stored is None else np.float32)
+    imaged = stored is None or "image" in stored
+    place, velocity, spin = take((n, 2), real), take((n, 2), real), take((n,), real)
+    events, image = take((n,), np.int32), take((n if imaged else 1, 2), np.int32)
     past = {name: _read_only(value) for name, value in arrays.before.items()}
     if arrays.uses.partnered:
         past["last_partner"] = take((n,), np.int32)
@@ -72,14 +75,12 @@ def state_at(
         past["angle"] = take((n,))
     sums = np.zeros((n // BLOCK + 1, TOTALS))
     arrays.launch(
-        look_back, moment, *engine.origin, *engine.highest(real.dtype), real_out=real, int_out=integer,
-        partner_out=past["last_partner"], angle_out=past["angle"], sums=sums,
+        look_back, moment, *engine.origin, *engine.highest(real), int(imaged), place_out=place, velocity_out=velocity,
+        spin_out=spin, events_out=events, image_out=image, partner_out=past["last_partner"], angle_out=past["angle"],
+        sums=sums,
     )  # fmt: skip
-    kind = StoredState if single else State
-    state = kind(
-        position=real[:, 0:2], velocity=real[:, 2:4], spin=real[:, 4], time=time,
-        collisions=integer[:, 0], image=integer[:, 1:3], **past,
-    )  # fmt: skip
+    kind = State if stored is None else StoredState
+    state = kind(place, velocity, spin, time, events, image if imaged else None, **past)  # type: ignore[arg-type]
     totals: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
     if not np.isfinite(totals).all():
         raise EngineError(f"t = {time:.9g}: a velocity or spin is not finite; please report this")

@@ -213,7 +213,7 @@ def drive(
         with stops, progress:
             simulation.follow(
                 job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
-                single=case.output.precision == "f4",
+                stored=case.output.fields if case.output.precision == "f4" else None,
             )  # fmt: skip
         recorder.write_rows()
         job.writer.flush()

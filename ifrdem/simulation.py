@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -394,11 +394,12 @@ class Simulation:
         samplers: Iterable[Sampler] = (),
         progress: Progress | None = None,
         between: Callable[[], None] | None = None,
-        single: bool = False,
+        stored: Collection[str] | None = None,
     ) -> None:
         """Run as `run` does, from where a course is to its end; `between()` is called wherever the run could stop.
 
-        Observers that want no more than single precision get frames within epochs as `StoredState`, which is faster.
+        Observers that want no more than what a file in single precision has, with the fields `stored`, get frames as
+        `StoredState` where the engine looks back, which is faster.
         The course is kept up to date: after an exception it tells what is due next.
         """
         observers, samplers = list(observers), list(samplers)
@@ -411,7 +412,7 @@ class Simulation:
             while epoch.holds(due := frames.due(course.next_frame), end):
                 # First: an observer that raises has had its frame.
                 course.next_frame = frames.following(course.next_frame)
-                self._tell(observers, *epoch.at(due, single=single))
+                self._tell(observers, *epoch.at(due, stored=stored))
 
         if course.next_row == 0:
             course.next_row = 1
@@ -419,7 +420,7 @@ class Simulation:
                 self._sample(samplers)
         if course.next_frame == 0:
             course.next_frame = 1
-            self._observe(observers)
+            self._observe(observers, stored)
             if between is not None:
                 between()
         while not end.reached(self.time, self.collisions) or course.next_frame == 1:
@@ -442,7 +443,7 @@ class Simulation:
                 ):
                     between()
             course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
-            self._observe(observers)
+            self._observe(observers, stored)
             if between is not None and not end.reached(self.time, self.collisions):
                 between()
         if not self._judged:
@@ -502,10 +503,9 @@ class Simulation:
             return Collisions(np.empty(0), np.empty((0, 2), dtype=np.int32))
         return Collisions(np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found]))
 
-    def _observe(self, observers: list[Observer]) -> None:
+    def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
         if observers:
-            state = self.state
-            self._tell(observers, state, self._engine.totals())
+            self._tell(observers, *self._engine.observed(stored))
 
     def _tell(self, observers: list[Observer], state: State, totals: NDArray[np.float64]) -> None:
         measured = from_totals(self.disks, totals, state.time, self.wall_hits, **self._put_in())

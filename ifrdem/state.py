@@ -187,9 +187,10 @@ class State:
 
 @dataclass(eq=False)
 class StoredState(State):
-    """A state as a file in single precision keeps it: arrays of single precision, strided, known to be finite.
+    """A state as a file in single precision keeps it: arrays of single precision, known to be finite.
 
-    An engine makes it for who wants no more than to write it, in a third of the time.
+    An engine makes it for who wants no more than to write it, in a third of the time. `image` is None if it was not
+    asked for.
     """
 
     def __post_init__(self) -> None:

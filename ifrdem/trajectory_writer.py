@@ -466,6 +466,8 @@ def _as_float(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
 
 def _keep_inside(rounded: NDArray, position: NDArray, lengths: tuple[float, float]) -> None:
     """Undo in place where rounding to fewer digits carried a disk out of the box through its upper side."""
+    if position.dtype == rounded.dtype:
+        return
     for axis, length in enumerate(lengths):
         out = (rounded[:, axis] >= length) & (position[:, axis] < length)
         rounded[out, axis] = below(length, rounded.dtype)

@@ -8,9 +8,8 @@ is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.dsmc`
 import taichi as ti
 
 from .contact import collided
-from .layout import BLOCK, SPREAD, GasArrays, Rows, Table
+from .layout import BLOCK, SPREAD, GasArrays, Rows, Table, n_blocks
 from .random import DRAWS, normals, unit, words
-from .sort import n_blocks
 
 # A disk's record
 VX, VY, SPIN, INVERSE_MASS, RADIUS, K, MATERIAL = range(7)

@@ -36,9 +36,12 @@ from .layout import (
     PAUSE_AFTER,
     PAUSE_AT,
     PLANNED,
+    RADIUS,
     REACH,
     RESTING,
     SHEAR,
+    SPIN,
+    SPINNING,
     TIME_END,
     TOP_LEVEL,
     WALL_SPEED,
@@ -49,9 +52,10 @@ from .layout import (
     Rows,
     Table,
 )
+from .ledger import close_tally, energy_unit, n_record_blocks, tally
 from .levels import epoch_length, speed_cap, too_fast
 from .lists import list_tile, open_epoch
-from .sort import clear, fly_block, lay_aside, n_blocks, order_cell, put_back
+from .sort import clear, fly, lay_aside, order_cell, put_back
 from .tiles import run_tile
 from .walls import offer_wall
 
@@ -62,7 +66,7 @@ def epochs_by_one_thread(
     kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows,
     neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
     near_walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table, latest: Rows, flow_work: Rows,
-    losses: Table, regimes: Table, last_partner: Rows, angle: Rows,
+    losses: Table, losses_whole: Table, regimes: Rows, last_partner: Rows, angle: Rows,
 ):  # fmt: skip
     """Up to `most_epochs` epochs of a gas of one tile.
 
@@ -76,7 +80,7 @@ def epochs_by_one_thread(
         start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
         log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls, wall_hits=wall_hits,
         wall_work=wall_work, wall_heat=wall_heat, latest=latest, flow_work=flow_work, losses=losses,
-        regimes=regimes, last_partner=last_partner, angle=angle, clock=clock, uses=uses,
+        losses_whole=losses_whole, regimes=regimes, last_partner=last_partner, angle=angle, clock=clock, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         n = gas.grid[N]
@@ -86,8 +90,12 @@ def epochs_by_one_thread(
             gas.limit[EARLIEST] = FAR
             for c in range(cells):
                 gas.fill[c] = 0
-            for b in range(n_blocks(n)):
-                fly_block(b, gas)
+            if ti.static(gas.uses.tallied):
+                for b in range(n_record_blocks(gas)):
+                    tally(b, energy_unit(gas), gas)
+                close_tally(energy_unit(gas), gas)
+            for i in range(n):
+                fly(i, gas)
             before = 0
             for c in range(cells):
                 gas.start[c] = before
@@ -102,6 +110,7 @@ def epochs_by_one_thread(
                 order_cell(c, gas)
             fastest2 = gas.scale[DURATION] * 0.0
             sum2 = gas.scale[DURATION] * 0.0
+            spinning = gas.scale[DURATION] * 0.0
             for s in range(n):
                 lay_aside(s, gas.order[s], gas)
             for s in range(n):
@@ -110,9 +119,11 @@ def epochs_by_one_thread(
                 square = speed2_in_flow(s, gas)
                 fastest2 = ti.max(fastest2, square)
                 sum2 += square
+                spinning = ti.max(spinning, ti.abs(gas.flight[s][SPIN]) * gas.flight[s][RADIUS])
             gas.scale[DURATION] = 0.0
             gas.limit[FASTEST] = ti.sqrt(fastest2)
             gas.limit[MEAN_SQUARE] = sum2 / n
+            gas.limit[SPINNING] = spinning
             gas.counter[MOST_NEIGHBOURS] = 0
             gas.counter[LOG_FULL] = 0
             pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])

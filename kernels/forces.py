@@ -31,9 +31,9 @@ from .layout import (
     Table,
     X,
     Y,
+    n_blocks,
 )
 from .random import DRAWS
-from .sort import n_blocks
 
 # Columns of the small arrays that the host hands over. `when`: time and length of the step. `counter_words`: number of
 # the step (low, high word), index of the force, seed (low, high word).

@@ -73,21 +73,18 @@ def flight_at(i, t, gas: ti.template()):
     started = gas.flight[i][TAU]
     later = 0
     entry = gas.link[i][HEAD]
-    looking = entry >= 0
-    while looking:
-        looking = False
-        if gas.log_real[entry][TIME] > t:
-            side = side_of(entry, i, gas)
-            first = BEFORE + 5 * side
-            x, y = gas.log_real[entry][first], gas.log_real[entry][first + 1]
-            vx, vy = gas.log_real[entry][first + 2], gas.log_real[entry][first + 3]
-            spin = gas.log_real[entry][first + 4]
-            entry = gas.log_int[entry][PREVIOUS + side]
-            started = 0.0 * started
-            if entry >= 0:
-                started = gas.log_real[entry][TIME]
-                looking = True
-            later += 1
+    # A flight begins at the time of its record: the log, far away in memory, is read only where it must be.
+    while entry >= 0 and started > t:
+        side = side_of(entry, i, gas)
+        first = BEFORE + 5 * side
+        x, y = gas.log_real[entry][first], gas.log_real[entry][first + 1]
+        vx, vy = gas.log_real[entry][first + 2], gas.log_real[entry][first + 3]
+        spin = gas.log_real[entry][first + 4]
+        entry = gas.log_int[entry][PREVIOUS + side]
+        started = 0.0 * started
+        if entry >= 0:
+            started = gas.log_real[entry][TIME]
+        later += 1
     return x, y, vx, vy, spin, started, entry, later
 
 

@@ -19,9 +19,9 @@ log_real     (c, 11) real  one collision: its time, and both disks' states befor
 log_int      (c, 8) int    its slots, links and flags
 lists        (5, n) int    work lists of the rounds
 counter      (17,) int     their lengths, and totals
-limit        (5,) real     times at which the epoch and the window end
+limit        (6,) real     times at which the epoch and the window end
 grid         (14,) int     numbers of disks, tiles, cells and walls; the seed; displacement of rows of tiles
-scale        (21,) real    lengths and times of the grid and the epoch, gravity, shear
+scale        (22,) real    lengths and times of the grid and the epoch, gravity, shear
 clock        (7,) double   times in epochs run by one thread, and what displaces rows of tiles
 total        (6,) int64    collisions and epochs of one launch
 walls        (W, 18) real  geometry, motion, material and temperature of each wall (`walls.py`)
@@ -30,10 +30,12 @@ wall_hits    (n,) int      collisions with walls, by id
 wall_work    (n,) real     energy that moving walls gave, by id
 wall_heat    (n, H) double energy that each thermal wall gave, by id
 flow_work    (n,) double   energy that the mean flow gave, by id (`flow.py`)
-losses       (B, 6) double energy that collisions took, by mechanism (`ledger.py`), of B blocks of slots
-regimes      (B, 5) int64  collisions of two disks by regime, likewise
+losses       (3, 6) double energy that collisions took, by mechanism (`ledger.py`)
+losses_whole (2, 6) int64  the same of an epoch in whole numbers
+regimes      (5,) int64    collisions of two disks by regime
 last_partner (n,) int      whom each disk hit last, by id: an id, -1 nobody, -2 - w wall w
 angle        (n,) double   how far each disk has turned, by id [rad]
+sums         (B, 8) double sums over all disks (`totals.py`), of B blocks of slots
 latest       (n + 1,)      double: time of each disk's latest collision, by id, and of the epoch's beginning
 law          (M, M, c)     coefficients of the law for each pair of materials (IFR: e_n, e_t, mu, contact_point, rho)
 ===========  ============  ==================================================================================
@@ -89,8 +91,8 @@ N_WALL_HITS = 14  # collisions with walls that stand
 N_ELASTIC = 16  # collisions that stand and were elastic for a remedy for collapse (`contact.py`)
 RESTING = 15  # 1: a disk came to rest on a wall, or its next meeting with it cannot be found
 # limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event, mean
-# square of the speeds
-END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
+# square of the speeds; with a ledger, the largest speed of a rim
+END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE, SPINNING = range(6)
 # grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records;
 # highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back; walls; the seed of
 # random numbers, low and high 32 bits; how many tiles, and before that boxes, a row of tiles was displaced against
@@ -101,10 +103,11 @@ SEED_LOW, SEED_HIGH, TILES_ASIDE, BOXES_ASIDE = range(10, 14)
 # window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter,
 # gravity, a speed that walls may give to disks, approach below which collisions are elastic,
 # where the box begins in the coordinates of the tiles, time since the latest collision below which one is elastic;
-# shear rate, velocity of a row of tiles against the one below, rest of its displacement when the epoch began
+# shear rate, velocity of a row of tiles against the one below, rest of its displacement when the epoch began; largest
+# mass of a disk that can move
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
 REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y, CONTACT_TIME = range(8, 18)
-SHEAR, DRIFT, ASIDE = range(18, 21)
+SHEAR, DRIFT, ASIDE, HEAVIEST = range(18, 22)
 # clock, in double precision: present time, where to stop, planned length of the latest epoch, DRIFT and TILE_X, when to
 # pause at the next end of an epoch, and when the latest one began
 NOW, TIME_END, PLANNED, ROW_SPEED, TILE_SIDE, PAUSE_AT, BEGAN = range(7)
@@ -129,6 +132,12 @@ LEVELS = 4.0  # levels by which a disk's range grows by one reach
 HIGHEST_LEVEL = (
     12  # a disk may come so many quarters of a reach further than others of its list, and once as far
 )
+
+
+@ti.func
+def n_blocks(items):
+    """Blocks that hold so many items."""
+    return (items + BLOCK - 1) // BLOCK
 
 
 @ti.func
@@ -217,6 +226,7 @@ class GasArrays(NamedTuple):
     latest: Any = None
     flow_work: Any = None
     losses: Any = None
+    losses_whole: Any = None
     regimes: Any = None
     last_partner: Any = None
     angle: Any = None

@@ -13,26 +13,38 @@ they give or take is heat (`tally.py`).
 import taichi as ti
 
 from .contact import coefficients, pair_of
-from .history import side_of
 from .law import relative_motion
 from .layout import (
+    DRIFT,
+    DURATION,
+    FASTEST,
     GX,
     GY,
-    HEAD,
+    HEAVIEST,
     INVERSE_MASS,
     KIND,
+    KIND_RADIUS,
     MATERIAL,
-    PREVIOUS,
-    RADIUS,
+    N_LOG,
     SLOT,
+    SPINNING,
+    STANDS,
+    WALL_SPEED,
     K,
 )
 from .seen import before, disks_seen, wall_seen, was_elastic
 from .walls import TEMPERATURE, WALL_MATERIAL
 
+# Rows of `losses`: all so far; those of the epoch in plain double precision, a check; 1 where it fails.
+ALL, EPOCH, WRONG = range(3)
 # Columns of `losses` and `regimes`.
 NORMAL, RESTITUTION, SLIDING_LOSS, STICKING_LOSS, ROLLING_LOSS, AT_WALLS = range(6)
 SLIDES, STICKS, ROLLS_SLIDING, ROLLS_STICKING, ELASTICALLY = range(5)
+
+RECORDS = 256  # that one thread handles at a time
+# What one disk has at most, in units; parts of a unit. Sums reach 2^63 units, 2^41 times that; a loss is rounded by
+# 2^-55 of it.
+MOST_IN_UNITS, PARTS = 2.0**22, 2.0**32
 
 
 @ti.func
@@ -88,61 +100,132 @@ def losses_of(
 
 
 @ti.func
-def tally(i, lost: ti.template(), counts: ti.template(), gas: ti.template()):
-    """Add what the collisions took of which disk i is the first, latest first, to sums of a block of disks."""
-    entry = gas.link[i][HEAD]
-    while entry >= 0:
-        side = side_of(entry, i, gas)
-        other = gas.log_int[entry][SLOT + 1]
-        if side == 0:
-            if was_elastic(entry, gas):
-                counts[ELASTICALLY] += other >= 0
-            else:
-                kind = gas.meta[i][KIND]
-                radius = gas.flight[i][RADIUS]
-                # Who the partner is decides its numbers only: the law is compiled once.
-                nx, ny, ux, uy, w_j = 0.0 * radius, 0.0 * radius, 0.0 * radius, 0.0 * radius, 0.0 * radius
-                im_j, radius_j, k_j, q = 0.0 * radius, radius, 1.0 + 0.0 * radius, 0
-                vx, vy, w_i = before(entry, 0, gas)
-                there = 1
-                if other >= 0:
-                    _t, _x, _y, nx, ny, drift = disks_seen(entry, gas)
-                    ux, uy, w_j = before(entry, 1, gas)
-                    ux += drift
-                    kind_j = gas.meta[other][KIND]
-                    im_j, k_j = gas.kinds[kind_j][INVERSE_MASS], gas.kinds[kind_j][K]
-                    radius_j = gas.flight[other][RADIUS]
-                    q = ti.cast(gas.kinds[kind_j][MATERIAL], ti.i32)
-                elif ti.static(gas.uses.walled):
-                    w = -1 - other
-                    if gas.walls[w][TEMPERATURE] > 0.0:
-                        there = 0
-                    else:
-                        t, _x, _y, nx, ny, ux, uy = wall_seen(entry, gas)
-                        vx += gas.scale[GX] * t
-                        vy += gas.scale[GY] * t
-                        q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
-                if there == 1:
-                    took, sticks, rolls = losses_of(
-                        ti.cast(gas.kinds[kind][MATERIAL], ti.i32), q, nx, ny,
-                        gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, w_i,
-                        im_j, radius_j, k_j, ux, uy, w_j, gas,
-                    )  # fmt: skip
-                    if other >= 0:
-                        for column in ti.static(range(5)):
-                            lost[column] += took[column]
-                        regime = 2 * rolls + sticks
-                        for column in ti.static(range(4)):
-                            counts[column] += regime == column
-                    else:
-                        lost[AT_WALLS] += took.sum()
-        entry = gas.log_int[entry][PREVIOUS + side]
+def energy_unit(gas: ti.template()):
+    """How many of the whole numbers that energies are added up as make an energy of 1; 0 where nothing moves.
+
+    No disk has more energy than the heaviest with the largest speed and spin, and all do not lose more than they have.
+    """
+    pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])
+    fastest = ti.cast(
+        gas.limit[FASTEST] + gas.scale[WALL_SPEED] + pull * gas.scale[DURATION] + ti.abs(gas.scale[DRIFT]),
+        ti.f64,
+    )
+    spinning = ti.cast(gas.limit[SPINNING], ti.f64)
+    most = ti.cast(gas.scale[HEAVIEST], ti.f64) * (fastest * fastest + spinning * spinning)
+    unit = 0.0 * most
+    if most > 0.0:
+        unit = MOST_IN_UNITS / most
+    return unit
 
 
 @ti.func
-def keep_sums(b, lost, counts, gas: ti.template()):
-    """Add the sums of block b to the ledger."""
+def kind_of(i, gas: ti.template()):
+    """Kind of disk i; where there is but one, without a look at the disk, which is far away in memory."""
+    kind = 0
+    if gas.kinds.shape[0] > 1:
+        kind = gas.meta[i][KIND]
+    return kind
+
+
+@ti.func
+def loss_in(entry, gas: ti.template()):
+    """Energy that the collision of a record took, by mechanism, and its regime; -1 for those with walls."""
+    lost = ti.Vector([0.0] * 6, ti.f64)
+    regime = -1
+    i, other = gas.log_int[entry][SLOT], gas.log_int[entry][SLOT + 1]
+    if was_elastic(entry, gas):
+        if other >= 0:
+            regime = ELASTICALLY
+    else:
+        kind = kind_of(i, gas)
+        radius = gas.kinds[kind][KIND_RADIUS]
+        # Who the partner is decides its numbers only: the law is compiled once.
+        nx, ny, ux, uy, w_j = 0.0 * radius, 0.0 * radius, 0.0 * radius, 0.0 * radius, 0.0 * radius
+        im_j, radius_j, k_j, q = 0.0 * radius, radius, 1.0 + 0.0 * radius, 0
+        vx, vy, w_i = before(entry, 0, gas)
+        there = 1
+        if other >= 0:
+            _t, _x, _y, nx, ny, drift = disks_seen(entry, gas)
+            ux, uy, w_j = before(entry, 1, gas)
+            ux += drift
+            kind_j = kind_of(other, gas)
+            im_j, k_j = gas.kinds[kind_j][INVERSE_MASS], gas.kinds[kind_j][K]
+            radius_j = gas.kinds[kind_j][KIND_RADIUS]
+            q = ti.cast(gas.kinds[kind_j][MATERIAL], ti.i32)
+        elif ti.static(gas.uses.walled):
+            w = -1 - other
+            if gas.walls[w][TEMPERATURE] > 0.0:
+                there = 0
+            else:
+                t, _x, _y, nx, ny, ux, uy = wall_seen(entry, gas)
+                vx += gas.scale[GX] * t
+                vy += gas.scale[GY] * t
+                q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
+        if there == 1:
+            took, sticks, rolls = losses_of(
+                ti.cast(gas.kinds[kind][MATERIAL], ti.i32), q, nx, ny,
+                gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, w_i,
+                im_j, radius_j, k_j, ux, uy, w_j, gas,
+            )  # fmt: skip
+            if other >= 0:
+                regime = 2 * rolls + sticks
+                for column in ti.static(range(5)):
+                    lost[column] = took[column]
+            else:
+                lost[AT_WALLS] = took.sum()
+    return lost, regime
+
+
+@ti.func
+def tally(b, unit, gas: ti.template()):
+    """Enter what the collisions of a block of records took, those that stand, into the sums of the epoch."""
+    whole, rest = ti.Vector([0] * 6, ti.i64), ti.Vector([0] * 6, ti.i64)
+    rounded = ti.Vector([0.0] * 6, ti.f64)
+    counts = ti.Vector([0] * 5, ti.i32)
+    for entry in range(b * RECORDS, ti.min(gas.counter[N_LOG], (b + 1) * RECORDS)):
+        if gas.log_int[entry][STANDS] == 1:
+            lost, regime = loss_in(entry, gas)
+            for column in ti.static(range(5)):
+                counts[column] += regime == column
+            for column in ti.static(range(6)):
+                value = lost[column] * unit
+                near = ti.floor(value + 0.5)
+                whole[column] += ti.cast(near, ti.i64)
+                rest[column] += ti.cast((value - near) * PARTS, ti.i64)
+                rounded[column] += lost[column]
     for column in ti.static(range(6)):
-        gas.losses[b, column] = gas.losses[b, column] + lost[column]
+        ti.atomic_add(gas.losses_whole[0, column], whole[column])
+        ti.atomic_add(gas.losses_whole[1, column], rest[column])
+        ti.atomic_add(gas.losses[EPOCH, column], rounded[column])
     for column in ti.static(range(5)):
-        gas.regimes[b, column] = gas.regimes[b, column] + counts[column]
+        ti.atomic_add(gas.regimes[column], ti.cast(counts[column], ti.i64))
+
+
+@ti.func
+def close_tally(unit, gas: ti.template()):
+    """Add the sums of the epoch to the ledger, and forget its records. By one thread."""
+    scale = ti.cast(0.0, ti.f64)
+    for column in ti.static(range(6)):
+        scale += ti.abs(gas.losses[EPOCH, column])
+    for column in ti.static(range(6)):
+        units = (
+            ti.cast(gas.losses_whole[0, column], ti.f64)
+            + ti.cast(gas.losses_whole[1, column], ti.f64) / PARTS
+        )
+        lost = ti.cast(0.0, ti.f64)
+        if unit > 0.0:
+            lost = units / unit
+        # Watchdog: what is no number (NaN), or more than anybody had.
+        if not ti.abs(lost - gas.losses[EPOCH, column]) * unit <= 1024.0 + 1e-6 * scale * unit:
+            gas.losses[WRONG, column] = 1.0
+        gas.losses[ALL, column] = gas.losses[ALL, column] + lost
+        gas.losses[EPOCH, column] = 0.0
+        gas.losses_whole[0, column] = 0
+        gas.losses_whole[1, column] = 0
+    gas.counter[N_LOG] = 0
+
+
+@ti.func
+def n_record_blocks(gas: ti.template()):
+    """Blocks of the records of the epoch that ends."""
+    return (gas.counter[N_LOG] + RECORDS - 1) // RECORDS

@@ -5,6 +5,8 @@ import taichi as ti
 from .history import flight_at
 from .layout import (
     BLOCK,
+    CELLS_X,
+    CELLS_Y,
     EVENTS,
     FAR,
     ID,
@@ -12,31 +14,37 @@ from .layout import (
     SLOT,
     SPREAD,
     STANDS,
+    TILE_X,
+    TILE_Y,
+    TILES_X,
+    TILES_Y,
     TIME,
     GasArrays,
     N,
     Rows,
     Table,
+    n_blocks,
 )
-from .seen import in_box
-from .sort import n_blocks
+from .seen import folded
 from .tally import partner_in, turned
 from .totals import ALL_EVENTS, TOTALS, moving
+from .walls import corner_of_tile
 
 
 @ti.kernel
 def look_back(
-    t: ti.f64, origin_x: ti.f64, origin_y: ti.f64, highest_x: ti.f64, highest_y: ti.f64,
+    t: ti.f64, origin_x: ti.f64, origin_y: ti.f64, highest_x: ti.f64, highest_y: ti.f64, imaged: ti.i32,
     uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
-    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, last_partner: Rows, angle: Rows, real_out: Table,
-    int_out: Table, partner_out: Rows, angle_out: Rows, sums: Table,
+    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, last_partner: Rows, angle: Rows, place_out: Table,
+    velocity_out: Table, spin_out: Rows, events_out: Rows, image_out: Table, partner_out: Rows, angle_out: Rows,
+    sums: Table,
 ):  # fmt: skip
     """Disks at time t of the epoch, in id order, collisions at t included; and the sums that `totals` has.
 
-    `real_out` (n, 5), `int_out` (n, 3): what `sort.export` gives, but places in the user's box, from its `origin` on
-    and not beyond the `highest` place in it. A disk's numbers stand together: its place in memory is far from that of
-    the disk before. `partner_out` and `angle_out` (n,) only where the gas keeps them. `sums` (blocks, TOTALS), block by
-    block of slots. Not in a gas with walls or shear, whose frames fall or move.
+    `place_out` (n, 2): in the user's box, from its `origin` on and not beyond the `highest` place in it.
+    `velocity_out` (n, 2), `spin_out`, `events_out` (n,): what `sort.export` gives; so `image_out` (n, 2), if `imaged`
+    is 1. `partner_out` and `angle_out` (n,) only where the gas keeps them. `sums` (blocks, TOTALS), block by block of
+    slots. Not in a gas with walls or shear, whose frames fall or move.
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
@@ -46,20 +54,31 @@ def look_back(
         if item % SPREAD == 0:
             b = item // SPREAD
             total = ti.Vector([0.0] * TOTALS, ti.f64)
+            cells = gas.grid[CELLS_X] * gas.grid[CELLS_Y]
+            length_x, length_y = gas.grid[TILES_X] * gas.scale[TILE_X], gas.grid[TILES_Y] * gas.scale[TILE_Y]
+            first = -cells
+            corner_x, corner_y = 0.0 * length_x, 0.0 * length_y
             for s in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
                 x, y, vx, vy, spin, started, entry, later = flight_at(s, t, gas)
                 since = t - started
-                x, y, boxes_x, boxes_y = in_box(s, x + vx * since, y + vy * since, gas)
+                if gas.cell[s] < first or gas.cell[s] >= first + cells:
+                    # Disks of a tile stand together: these divisions are done once for all of them.
+                    tile = gas.cell[s] // cells
+                    first = tile * cells
+                    corner_x, corner_y = corner_of_tile(tile, gas)
+                x, boxes_x = folded(corner_x + x + vx * since, length_x)
+                y, boxes_y = folded(corner_y + y + vy * since, length_y)
                 events = gas.meta[s][EVENTS] + gas.link[s][SEQ] - later
                 i = gas.meta[s][ID]
-                real_out[i, 0] = ti.min(x - origin_x, highest_x)
-                real_out[i, 1] = ti.min(y - origin_y, highest_y)
-                real_out[i, 2] = vx
-                real_out[i, 3] = vy
-                real_out[i, 4] = spin
-                int_out[i, 0] = events
-                int_out[i, 1] = gas.image[i][0] + boxes_x
-                int_out[i, 2] = gas.image[i][1] + boxes_y
+                place_out[i, 0] = ti.min(x - origin_x, highest_x)
+                place_out[i, 1] = ti.min(y - origin_y, highest_y)
+                velocity_out[i, 0] = vx
+                velocity_out[i, 1] = vy
+                spin_out[i] = spin
+                events_out[i] = events
+                if imaged == 1:
+                    image_out[i, 0] = gas.image[i][0] + boxes_x
+                    image_out[i, 1] = gas.image[i][1] + boxes_y
                 if ti.static(gas.uses.partnered):
                     partner_out[i] = partner_in(entry, s, gas)
                 if ti.static(gas.uses.turned):

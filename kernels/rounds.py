@@ -50,10 +50,10 @@ from .layout import (
     N,
     Rows,
     Table,
+    n_blocks,
     push,
 )
 from .levels import too_fast
-from .sort import n_blocks
 
 
 @ti.func

@@ -26,15 +26,23 @@ from .walls import corner_of, wall_met
 
 
 @ti.func
+def folded(at, length):
+    """A coordinate inside the box, and how many lengths beyond it was."""
+    boxes = 0
+    if at < 0.0 or at >= length:
+        beyond = ti.floor(at / length)
+        at -= beyond * length
+        boxes = ti.cast(beyond, ti.i32)
+    return at, boxes
+
+
+@ti.func
 def in_box(i, x, y, gas: ti.template()):
     """From disk i's tile into the box: place, and box lengths beyond the box it was in when the epoch began."""
     corner_x, corner_y = corner_of(i, gas)
-    length_x, length_y = gas.grid[TILES_X] * gas.scale[TILE_X], gas.grid[TILES_Y] * gas.scale[TILE_Y]
-    at_x, at_y = corner_x + x, corner_y + y
-    boxes_x, boxes_y = ti.floor(at_x / length_x), ti.floor(at_y / length_y)
-    return (
-        at_x - boxes_x * length_x, at_y - boxes_y * length_y, ti.cast(boxes_x, ti.i32), ti.cast(boxes_y, ti.i32)
-    )  # fmt: skip
+    at_x, boxes_x = folded(corner_x + x, gas.grid[TILES_X] * gas.scale[TILE_X])
+    at_y, boxes_y = folded(corner_y + y, gas.grid[TILES_Y] * gas.scale[TILE_Y])
+    return at_x, at_y, boxes_x, boxes_y
 
 
 @ti.func

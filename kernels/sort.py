@@ -34,6 +34,7 @@ from .layout import (
     RADIUS,
     SEQ,
     SPIN,
+    SPINNING,
     SPREAD,
     TAU,
     TE,
@@ -53,21 +54,17 @@ from .layout import (
     Table,
     X,
     Y,
+    n_blocks,
 )
-from .ledger import keep_sums, tally
+from .ledger import close_tally, energy_unit, n_record_blocks, tally
 from .tally import note_latest, note_partner, note_turn, tally_walls
+from .totals import TOTALS, count_in
 
 
 @ti.func
 def n_cells(gas: ti.template()):
     """Cells of the whole box."""
     return gas.grid[TILES_X] * gas.grid[TILES_Y] * gas.grid[CELLS_X] * gas.grid[CELLS_Y]
-
-
-@ti.func
-def n_blocks(items):
-    """Blocks that hold so many items."""
-    return (items + BLOCK - 1) // BLOCK
 
 
 @ti.func
@@ -138,20 +135,6 @@ def fly(i, gas: ti.template()):
     if gas.flight[i][TE] < gas.scale[DURATION]:
         # Watchdog: an event before the end of the epoch was not processed.
         ti.atomic_min(gas.limit[EARLIEST], gas.flight[i][TE])
-
-
-@ti.func
-def fly_block(b, gas: ti.template()):
-    """Enter what the collisions of the disks of block b took into the ledger, in the order of slots: the same sums for
-    any number of threads; and move these disks on. Both at once, because both want the same memory."""
-    lost = ti.Vector([0.0] * 6, ti.f64)
-    counts = ti.Vector([0] * 5, ti.i32)
-    for i in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
-        if ti.static(gas.uses.tallied):
-            tally(i, lost, counts, gas)
-        fly(i, gas)
-    if ti.static(gas.uses.tallied):
-        keep_sums(b, lost, counts, gas)
 
 
 @ti.func
@@ -250,32 +233,39 @@ def clear(s, gas: ti.template()):
 
 @ti.kernel
 def settle(
-    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
+    telling: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
     link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows, order: Rows,
     squares: Rows, limit: Rows, law: Cube, walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table,
-    latest: Rows, flow_work: Rows, losses: Table, regimes: Table, last_partner: Rows, angle: Rows,
+    latest: Rows, flow_work: Rows, losses: Table, losses_whole: Table, regimes: Rows, last_partner: Rows, angle: Rows,
+    counter: Rows, sums: Table,
 ):  # fmt: skip
     """Fly every disk on by `gas.scale[DURATION]`, count its collisions, and sort by cell, within a cell by id.
 
     Counting sort: `start` (cells + 1,) gets the first slot of each cell, `order` (n,) the old slot of each new one.
     Slots within a cell come from atomics in any order; sorting them by id makes the result independent of threads.
-    `limit` gets the largest and the mean square speed. `link` is cleared.
+    `limit` gets the largest and the mean square speed; `sums`, if `telling` is 1, what `totals` gives, at next to no
+    cost. `link` is cleared.
     The disks move by way of the log, whose records are lost.
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order, squares=squares,
         limit=limit, law=law, walls=walls, wall_hits=wall_hits, wall_work=wall_work, wall_heat=wall_heat,
-        latest=latest, flow_work=flow_work, losses=losses, regimes=regimes, last_partner=last_partner, angle=angle,
-        uses=uses,
+        latest=latest, flow_work=flow_work, losses=losses, losses_whole=losses_whole, regimes=regimes,
+        last_partner=last_partner, angle=angle, counter=counter, uses=uses,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0
     for _ in range(1):
         gas.limit[EARLIEST] = FAR
-    for item in range(SPREAD * n_blocks(gas.grid[N])):
-        if item % SPREAD == 0:
-            fly_block(item // SPREAD, gas)
+    if ti.static(gas.uses.tallied):
+        for item in range(SPREAD * n_record_blocks(gas)):
+            if item % SPREAD == 0:
+                tally(item // SPREAD, energy_unit(gas), gas)
+        for _ in range(1):
+            close_tally(energy_unit(gas), gas)
+    for i in range(gas.grid[N]):
+        fly(i, gas)
     for item in range(SPREAD * n_blocks(n_cells(gas))):
         if item % SPREAD == 0:
             sum_block(item // SPREAD, n_cells(gas), gas)
@@ -283,6 +273,7 @@ def settle(
         scan_blocks(n_blocks(n_cells(gas)), gas)
         gas.start[n_cells(gas)] = gas.grid[N]
         gas.limit[FASTEST] = 0.0
+        gas.limit[SPINNING] = 0.0
     for item in range(SPREAD * n_blocks(n_cells(gas))):
         if item % SPREAD == 0:
             scan_block(item // SPREAD, n_cells(gas), gas)
@@ -300,12 +291,23 @@ def settle(
             b = item // SPREAD
             fastest2 = gas.limit[FASTEST] * 0.0
             sum2 = gas.limit[FASTEST] * 0.0
+            spinning = gas.limit[FASTEST] * 0.0
+            total = ti.Vector([0.0] * TOTALS, ti.f64)
             for s in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
                 speed2 = speed2_in_flow(s, gas)
                 fastest2 = ti.max(fastest2, speed2)
                 sum2 += speed2
+                if ti.static(gas.uses.tallied):
+                    spinning = ti.max(spinning, ti.abs(gas.flight[s][SPIN]) * gas.flight[s][RADIUS])
+                if telling == 1:
+                    count_in(s, total, gas)
+            if telling == 1:
+                for column in ti.static(range(TOTALS)):
+                    sums[b, column] = total[column]
             ti.atomic_max(gas.limit[FASTEST], ti.sqrt(fastest2))
             gas.squares[b] = sum2
+            if ti.static(gas.uses.tallied):
+                ti.atomic_max(gas.limit[SPINNING], spinning)
     for _ in range(1):
         # Block by block: the order of a sum of rounded numbers matters.
         total = gas.limit[FASTEST] * 0.0

@@ -4,6 +4,7 @@ import taichi as ti
 
 from .flow import flow_at
 from .layout import (
+    BLOCK,
     CELLS_X,
     CELLS_Y,
     EVENTS,
@@ -26,8 +27,8 @@ from .layout import (
     Table,
     X,
     Y,
+    n_blocks,
 )
-from .sort import BLOCK, n_blocks
 
 TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
 TOTALS = 8
@@ -43,13 +44,37 @@ def moving(i, vx, vy, spin, gas: ti.template()):
     kind = gas.meta[i][KIND]
     im = ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
     if im > 0.0:
+        mass = 1.0 / im
         turning = spin * ti.cast(gas.flight[i][RADIUS], ti.f64)
-        shares[TRANSLATIONAL] = 0.5 * (vx * vx + vy * vy) / im
-        shares[ROTATIONAL] = 0.5 * turning * turning / (gas.kinds[kind][K] * im)
-        shares[MOMENTUM_X] = vx / im
-        shares[MOMENTUM_Y] = vy / im
-        shares[SHEAR_PRESSURE] = vx * vy / im
+        shares[TRANSLATIONAL] = 0.5 * mass * (vx * vx + vy * vy)
+        shares[ROTATIONAL] = 0.5 * mass * turning * turning / gas.kinds[kind][K]
+        shares[MOMENTUM_X] = mass * vx
+        shares[MOMENTUM_Y] = mass * vy
+        shares[SHEAR_PRESSURE] = mass * vx * vy
     return shares
+
+
+@ti.func
+def count_in(s, total: ti.template(), gas: ti.template()):
+    """Add a settled disk to the sums that `totals` has."""
+    kind = gas.meta[s][KIND]
+    total[ALL_EVENTS] += gas.meta[s][EVENTS]
+    im = ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
+    if im > 0.0:
+        vx, vy = ti.cast(gas.flight[s][VX], ti.f64), ti.cast(gas.flight[s][VY], ti.f64)
+        if ti.static(gas.uses.sheared):
+            flow = ti.cast(flow_at(gas.flight[s][Y], gas), ti.f64)
+            total[EXCESS] += flow * (vx - 0.5 * flow) / im
+            vx -= flow
+        shares = moving(s, vx, vy, ti.cast(gas.flight[s][SPIN], ti.f64), gas)
+        for column in ti.static(range(5)):
+            total[column] += shares[column]
+        if ti.static(gas.uses.walled):
+            tile = gas.cell[s] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y])
+            tile_x = tile // gas.grid[TILES_Y]
+            x = tile_x * gas.scale[TILE_X] + ti.cast(gas.flight[s][X], ti.f64)
+            y = (tile - tile_x * gas.grid[TILES_Y]) * gas.scale[TILE_Y] + ti.cast(gas.flight[s][Y], ti.f64)
+            total[FALL] += (x * gas.scale[GX] + y * gas.scale[GY]) / im
 
 
 @ti.kernel
@@ -60,7 +85,7 @@ def totals(
 
     Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls.
     Velocities are peculiar ones in a sheared gas; the last sum is how much more kinetic energy the frames of its rows
-    of tiles see (`sort.export`). Disks of infinite mass count for nothing.
+    of tiles see (`sort.export`). Disks of infinite mass count for nothing. `sort.settle` gives the same, if asked.
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, cell=cell, uses=uses,
@@ -70,25 +95,6 @@ def totals(
             b = item // SPREAD
             total = ti.Vector([0.0] * TOTALS, ti.f64)
             for s in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
-                kind = gas.meta[s][KIND]
-                total[ALL_EVENTS] += gas.meta[s][EVENTS]
-                im = ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
-                if im > 0.0:
-                    vx, vy = ti.cast(gas.flight[s][VX], ti.f64), ti.cast(gas.flight[s][VY], ti.f64)
-                    if ti.static(gas.uses.sheared):
-                        flow = ti.cast(flow_at(gas.flight[s][Y], gas), ti.f64)
-                        total[EXCESS] += flow * (vx - 0.5 * flow) / im
-                        vx -= flow
-                    shares = moving(s, vx, vy, ti.cast(gas.flight[s][SPIN], ti.f64), gas)
-                    for column in ti.static(range(5)):
-                        total[column] += shares[column]
-                    if ti.static(gas.uses.walled):
-                        tile = gas.cell[s] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y])
-                        tile_x = tile // gas.grid[TILES_Y]
-                        x = tile_x * gas.scale[TILE_X] + ti.cast(gas.flight[s][X], ti.f64)
-                        y = (tile - tile_x * gas.grid[TILES_Y]) * gas.scale[TILE_Y] + ti.cast(
-                            gas.flight[s][Y], ti.f64
-                        )
-                        total[FALL] += (x * gas.scale[GX] + y * gas.scale[GY]) / im
+                count_in(s, total, gas)
             for column in ti.static(range(TOTALS)):
                 sums[b, column] = total[column]

@@ -259,7 +259,12 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
 @ti.func
 def corner_of(i, gas: ti.template()):
     """Lower left corner of disk i's tile."""
-    tile = gas.cell[i] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y])
+    return corner_of_tile(gas.cell[i] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y]), gas)
+
+
+@ti.func
+def corner_of_tile(tile, gas: ti.template()):
+    """Lower left corner of a tile."""
     tx = tile // gas.grid[TILES_Y]
     return tx * gas.scale[TILE_X], (tile - tx * gas.grid[TILES_Y]) * gas.scale[TILE_Y]
 

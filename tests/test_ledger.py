@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import gases
 import numpy as np
 import pytest
 from gases import equal_disks, mixture, start
+from law_examples import Weak
 
 from ifrdem.box import Box
 from ifrdem.cadence import Cadence
+from ifrdem.engine import Engine
+from ifrdem.errors import EngineError
 from ifrdem.forces import Drag, RandomKicks
 from ifrdem.law import IFRLaw, Regime, collide
 from ifrdem.observables import MECHANISMS, REGIMES, Measure
@@ -97,6 +101,29 @@ def test_collisions_are_counted_by_their_regime(arch):
     assert dict(zip(REGIMES, simulation.measure().regimes.tolist(), strict=True)) == expected
 
 
+def test_the_ledger_closes_where_spins_hold_nearly_all_energy(arch):
+    """10^12 times that of flights: the unit in which losses are counted must suit both."""
+    disks = equal_disks(300)
+    box, state = start(disks, 0.3)
+    state.spin[::2] *= 1e6
+    measures: list[Measure] = []
+    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+    simulation.run(collisions_per_disk=2.0, series=2, samplers=[measures.append])
+    assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
+    assert abs(residual(measures[0], measures[-1])) < 1e-13
+
+
+@pytest.mark.filterwarnings("ignore::ifrdem.law.EnergyWarning")
+def test_losses_beyond_all_energy_are_not_counted_but_refused(arch):
+    """A law that hands out 3e7 times the impulse gives 4.5e14 times the energy of a head-on collision."""
+    disks = Disks(2, mass=1.0, radius=0.5)
+    state = State(np.array([[4.0, 5.0], [6.0, 5.0]]), np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2))
+    simulation = Simulation(disks, Box((10.0, 10.0)), Weak(part=3e7), state, arch=arch, ledger=True)
+    simulation.collide(1)
+    with pytest.raises(EngineError, match="more energy than all disks can have"):
+        simulation.measure()
+
+
 @pytest.mark.parametrize("n", [300, 2000])
 @pytest.mark.parametrize("law", [ROLLING, COIN])
 def test_the_ledger_closes_in_a_cooling_gas(arch, n, law):
@@ -150,17 +177,30 @@ def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(arch):
         assert abs(residual(measures[0], measures[-1])) < 1e-12
 
 
-def test_threads_agree_on_the_ledger_to_the_bit(monkeypatch):
-    monkeypatch.setattr("ifrdem.engine.ALONE", 1000)  # tiles, which threads share
+def test_the_ledger_has_the_same_bits_for_any_number_of_threads_and_order_of_records():
+    """Two tiles log in turns, rounds in the order in which disks are found; losses are the same whole numbers."""
     disks = mixture(3000)
     box, state = start(disks, 0.4)
     found = []
-    for threads in (1, 2):
-        simulation = Simulation(disks, box, COIN, state, threads=threads, ledger=True)
-        simulation.run(collisions_per_disk=1.0)
-        found.append(simulation.measure())
-    assert np.array_equal(found[0].dissipated, found[1].dissipated)
-    assert np.array_equal(found[0].regimes, found[1].regimes)
+    for threads, order in ((1, "tiles"), (2, "tiles"), (2, "rounds")):
+        engine = Engine(
+            disks,
+            box,
+            state,
+            np.array([[gases.COIN]]),
+            ledger=True,
+            threads=threads,
+            order=order,
+            tile_disks=500,
+        )
+        while engine.collisions < 1500:
+            engine.advance(collisions=1500)
+        engine.totals()  # settles
+        found.append(engine.dissipated())
+    assert found[0][1].sum() == 1500
+    for lost, regimes in found[1:]:
+        assert np.array_equal(lost, found[0][0])
+        assert np.array_equal(regimes, found[0][1])
 
 
 def test_series_at_the_ends_of_epochs_change_nothing(arch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 from pathlib import Path
@@ -12,12 +13,13 @@ import pytest
 from test_trajectory import BOX, some_disks, some_state
 from trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
 
-from ifrdem import h5md, history_columns
+from ifrdem import h5md, history_columns, ordered_file
 from ifrdem.errors import InputError
 from ifrdem.ordered_file import OrderedFile
 from ifrdem.output_file import OutputFile
 from ifrdem.trajectory import TrajectoryWriter
 
+fcntl = pytest.importorskip("fcntl")
 pytestmark = pytest.mark.skipif(not hasattr(os, "pwrite"), reason="HDF5 writes by itself here")
 
 N = 40
@@ -34,9 +36,9 @@ def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, m
     writes: list[tuple[int, bytes]] = []
     write = OrderedFile._write
 
-    def record(self: OrderedFile, view: memoryview, place: int) -> None:
+    def record(self: OrderedFile, view: memoryview, place: int, **how: bool) -> None:
         writes.append((place, bytes(view)))
-        write(self, view, place)
+        write(self, view, place, **how)
 
     monkeypatch.setattr(OrderedFile, "_write", record)
     commits = []  # writes, frames, rows, batches
@@ -75,15 +77,20 @@ def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, m
     assert cut > 150
 
 
-def test_the_file_is_what_was_written_where_pieces_overlap(tmp_path):
-    """Random reads and writes against an array, across flushes."""
+@pytest.mark.parametrize("longest", [1000, 20_000])
+def test_the_file_is_what_was_written_where_pieces_overlap(tmp_path, monkeypatch, longest):
+    """Random reads and writes against an array, across flushes; long pieces pass by the system's cache."""
+    monkeypatch.setattr(ordered_file, "LARGE", 8192)
+    monkeypatch.setattr(ordered_file, "MOST_HELD", 2 * longest)
     rng = np.random.default_rng(5)
     path = tmp_path / "file"
     path.write_bytes(b"")
-    file, expected = OrderedFile(path), np.zeros(4000, np.uint8)
+    file, expected = OrderedFile(path), np.zeros(4 * longest, np.uint8)
     end = 0
     for _ in range(3000):
-        place, length = int(rng.integers(0, 3000)), int(rng.integers(1, 1000))
+        place, length = int(rng.integers(0, 3 * longest)), int(rng.integers(1, longest))
+        if rng.random() < 0.3:  # where the last piece ended
+            place = min(file.tell(), 3 * longest)
         file.seek(place)
         if rng.random() < 0.5:
             data = rng.integers(0, 256, length, dtype=np.uint8)
@@ -94,9 +101,69 @@ def test_the_file_is_what_was_written_where_pieces_overlap(tmp_path):
             assert file.read(length) == expected[place : place + length].tobytes()
         if rng.random() < 0.02:
             file.flush()
+    assert file.error is None
     assert file.seek(0, os.SEEK_END) == end
     file.close()
     assert path.read_bytes() == expected[:end].tobytes()
+
+
+def large_pieces(path: Path, count: int) -> bytes:
+    """Give a new file pieces that are flushed each; returns what it must hold."""
+    path.write_bytes(b"")
+    file = OrderedFile(path)
+    pieces = [bytes([i + 1]) * (ordered_file.LARGE + 5000 * i + 777) for i in range(count)]
+    for piece in pieces:
+        file.write(piece)
+        file.flush()
+    if file.error is not None:
+        raise file.error
+    file.close()
+    return b"".join(pieces)
+
+
+def watch(monkeypatch, failing: int = 0) -> list[bool]:
+    """Whether each writing passes by the system's cache; those that do may fail with an errno."""
+    past: list[bool] = []
+    pwrite = os.pwrite
+
+    def watched(descriptor: int, data: memoryview, place: int) -> int:
+        past.append(bool(fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_DIRECT))
+        if past[-1]:
+            address = np.frombuffer(data, np.uint8).ctypes.data
+            assert address % 4096 == len(data) % 4096 == place % 4096 == 0
+            if failing:
+                raise OSError(failing, os.strerror(failing))
+        return pwrite(descriptor, data, place)
+
+    monkeypatch.setattr(os, "pwrite", watched)
+    return past
+
+
+@pytest.fixture
+def way_past_the_cache(tmp_path):
+    """Not everywhere is there one."""
+    try:
+        os.close(os.open(tmp_path / "probe", os.O_CREAT | os.O_RDWR | os.O_DIRECT))
+    except (AttributeError, OSError):
+        pytest.skip("writings cannot pass by the cache here")
+
+
+@pytest.mark.usefixtures("way_past_the_cache")
+@pytest.mark.parametrize(("failing", "times"), [(0, 3), (errno.EINVAL, 1), (errno.EOPNOTSUPP, 1)])
+def test_large_pieces_pass_by_the_cache_unless_that_cannot_be(tmp_path, monkeypatch, failing, times):
+    """A file system that cannot gets the others by way of the cache; the file is the same."""
+    past = watch(monkeypatch, failing)
+    expected = large_pieces(tmp_path / "file", 3)
+    assert sum(past) == times
+    assert (tmp_path / "file").read_bytes() == expected
+
+
+@pytest.mark.usefixtures("way_past_the_cache")
+def test_a_full_disk_is_told_where_pieces_pass_by_the_cache(tmp_path, monkeypatch):
+    past = watch(monkeypatch, errno.ENOSPC)
+    with pytest.raises(OSError, match="No space left"):
+        large_pieces(tmp_path / "file", 2)
+    assert sum(past) == 1
 
 
 def test_space_in_use_changes_only_at_a_flush(tmp_path):
@@ -116,7 +183,7 @@ def test_new_space_is_on_the_disk_before_space_in_use_changes(tmp_path):
     path.write_bytes(b"old")
     file = OrderedFile(path)
     order: list[tuple[int, bytes]] = []
-    file._write = lambda view, place: order.append((place, bytes(view)))  # type: ignore[method-assign]
+    file._write = lambda view, place, **how: order.append((place, bytes(view)))  # type: ignore[method-assign]
     for place, data in ((3, b"aa"), (0, b"new"), (5, b"bb"), (9, b"cc")):
         file.seek(place)
         file.write(data)
@@ -129,7 +196,7 @@ def test_the_superblock_goes_first_and_indexes_go_before_numbers_of_rows(tmp_pat
     path.write_bytes(bytes(1000))
     file = OrderedFile(path)
     order: list[int] = []
-    file._write = lambda view, place: order.append(place)  # type: ignore[method-assign]
+    file._write = lambda view, place, **how: order.append(place)  # type: ignore[method-assign]
     pieces = {
         0: b"SNOD....",
         50: b"TREE\x00\x00..",  # a leaf of names

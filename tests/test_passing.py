@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from gases import equal_disks, mixture, start
 
+from ifrdem import h5md
 from ifrdem.box import Box, below
 from ifrdem.buffers import Buffers
 from ifrdem.cadence import Cadence, Span
@@ -26,6 +27,7 @@ pytestmark = pytest.mark.unoptimised
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 SEEN = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
+ALL_FIELDS = tuple(h5md.FIELDS)
 Frames = list[tuple[State, Measure]]
 
 
@@ -246,16 +248,16 @@ def test_single_precision_looks_back_to_its_rounding() -> None:
 
 def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str) -> None:
     found: list[list[State]] = [[], []]
-    for frames, single in zip(found, (False, True), strict=True):
+    for frames, stored in zip(found, (None, ALL_FIELDS), strict=True):
         simulation = gas()
         span = Span.to(1500, 0.0, 0, t_end=0.6)
         simulation.follow(
             Course(span, Cadence(number=12)),
             observers=[lambda state, _, to=frames: to.append(state)],
-            single=single,
+            stored=stored,
         )
     exact, rounded = found
-    assert sum(isinstance(state, StoredState) for state in rounded) == 11  # all but the first and the last
+    assert sum(isinstance(state, StoredState) for state in rounded) == 13  # the first and the last, too
     for one, other in zip(exact, rounded, strict=True):
         assert one.time == other.time
         inside = np.array([below(length, np.float32) for length in gas().box.lengths])
@@ -268,8 +270,8 @@ def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str)
             assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
-@pytest.mark.parametrize("single", [False, True])
-def test_frames_that_are_kept_are_not_written_over(single: bool) -> None:
+@pytest.mark.parametrize("stored", [None, ALL_FIELDS])
+def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | None) -> None:
     # Memory of frames is used again; there are more than ever wait for a writer, and every one is still held.
     kept: list[State] = []
     copies: list[tuple[np.ndarray, ...]] = []
@@ -279,7 +281,7 @@ def test_frames_that_are_kept_are_not_written_over(single: bool) -> None:
         copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
 
     gas(n=300).follow(
-        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), observers=[look], single=single
+        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), observers=[look], stored=stored
     )
     assert len(kept) == 21
     for state, copy in zip(kept, copies, strict=True):
