@@ -111,6 +111,8 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[st
                 )
             record: dict[str, Any] = json.loads(file["record"][()])
             return {name: np.asarray(item[()]) for name, item in file["arrays"].items()}, record
+    except InputError:
+        raise
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: {error}") from error
 

@@ -29,6 +29,8 @@ BLOCK = 4096
 LARGE = 2**22
 """Pieces of so many bytes pass by the system's cache: a copy of them there costs a run more than the disk's work."""
 
+_PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_ANONYMOUS") else {}
+"""What is staged belongs to the process: a fork of it must not write into it."""
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
 
 
@@ -68,7 +70,8 @@ class OrderedFile:
         self._waiting: dict[int, bytes] = {}
         # What is for new space, one piece: what comes next usually begins where it ends. Its memory is used again, and
         # touched only as far as pieces reach.
-        self._staged = memoryview(mmap.mmap(-1, MOST_HELD + BLOCK))
+        self._memory = mmap.mmap(-1, MOST_HELD + BLOCK, **_PRIVATE)
+        self._staged = memoryview(self._memory)
         self._new_start = self._new_end = self._size
         self._past_cache = fcntl is not None and hasattr(os, "O_DIRECT")
 
@@ -148,6 +151,8 @@ class OrderedFile:
                 os.ftruncate(self._descriptor, self._size)
         os.close(self._descriptor)
         self._descriptor = -1
+        self._staged.release()
+        self._memory.close()
 
     def _put(self, start: int, data: memoryview) -> None:
         """Take a piece for new space. Pieces that follow each other are written as one.
@@ -177,7 +182,7 @@ class OrderedFile:
     def _write_new(self) -> None:
         """Write what is for new space."""
         if self._new_end > self._new_start:
-            self._write(self._new(), self._new_start, past_cache=self._past_cache)
+            self._write(self._new(), self._new_start)
             self._new_start = self._new_end
 
     def _wait(self, start: int, data: bytes) -> None:
@@ -194,10 +199,10 @@ class OrderedFile:
                 start, data, end = low, bytes(whole), high
         self._waiting[start] = data
 
-    def _write(self, view: memoryview, place: int, *, past_cache: bool = False) -> None:
+    def _write(self, view: memoryview, place: int) -> None:
         first = -place % BLOCK
         whole = (len(view) - first) // BLOCK * BLOCK
-        if not past_cache or whole < LARGE:
+        if not self._past_cache or whole < LARGE or view.obj is not self._memory:
             self._write_all(view, place)
             return
         self._write_all(view[:first], place)

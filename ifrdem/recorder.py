@@ -16,8 +16,9 @@ from .observables import MECHANISMS, REGIMES, Measure
 from .queued_writer import QueuedWriter
 from .state import State
 
-ROWS_AT_ONCE, ROWS_WAIT = 256, 1.0
-"""Rows of the time series that are written together, and how long the first one waits at most [s]."""
+ROWS_AT_ONCE, ROWS_WAIT = 256, 2.0
+"""Rows of the time series that are written together at most, and seconds after which the next row or frame has those
+written that wait: each commit costs a run, however few its rows are."""
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
 COLUMNS = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
@@ -148,7 +149,7 @@ class Recorder:
 
     def frame(self, state: State, measure: Measure) -> None:
         """Write a frame, and the events until now."""
-        self.write_rows()
+        self._write_due_rows()
         self._gather()
         self._write_events(measure.time if self._now is None else self._now())
         self._writer.write(state, self.ledger.observables(measure))
@@ -158,6 +159,9 @@ class Recorder:
     def row(self, measure: Measure) -> None:
         """Write a row of the time series, now or together with some others."""
         self._rows.append((measure.time, self.ledger.row(measure)))
+        self._write_due_rows()
+
+    def _write_due_rows(self) -> None:
         if len(self._rows) >= ROWS_AT_ONCE or self._clock() - self._wrote >= ROWS_WAIT:
             self.write_rows()
 

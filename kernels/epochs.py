@@ -23,6 +23,7 @@ from .layout import (
     LEVEL,
     LOG_FULL,
     MEAN_SQUARE,
+    MOST_ENERGY,
     MOST_LEVEL,
     MOST_NEIGHBOURS,
     N_ELASTIC,
@@ -36,12 +37,9 @@ from .layout import (
     PAUSE_AFTER,
     PAUSE_AT,
     PLANNED,
-    RADIUS,
     REACH,
     RESTING,
     SHEAR,
-    SPIN,
-    SPINNING,
     TIME_END,
     TOP_LEVEL,
     WALL_SPEED,
@@ -52,7 +50,7 @@ from .layout import (
     Rows,
     Table,
 )
-from .ledger import close_tally, energy_unit, n_record_blocks, tally
+from .ledger import close_tally, energy_of, energy_unit, n_record_blocks, tally
 from .levels import epoch_length, speed_cap, too_fast
 from .lists import list_tile, open_epoch
 from .sort import clear, fly, lay_aside, order_cell, put_back
@@ -110,7 +108,7 @@ def epochs_by_one_thread(
                 order_cell(c, gas)
             fastest2 = gas.scale[DURATION] * 0.0
             sum2 = gas.scale[DURATION] * 0.0
-            spinning = gas.scale[DURATION] * 0.0
+            most_energy = gas.scale[DURATION] * 0.0
             for s in range(n):
                 lay_aside(s, gas.order[s], gas)
             for s in range(n):
@@ -119,11 +117,12 @@ def epochs_by_one_thread(
                 square = speed2_in_flow(s, gas)
                 fastest2 = ti.max(fastest2, square)
                 sum2 += square
-                spinning = ti.max(spinning, ti.abs(gas.flight[s][SPIN]) * gas.flight[s][RADIUS])
+                if ti.static(gas.uses.tallied):
+                    most_energy = ti.max(most_energy, energy_of(s, square, gas))
             gas.scale[DURATION] = 0.0
             gas.limit[FASTEST] = ti.sqrt(fastest2)
             gas.limit[MEAN_SQUARE] = sum2 / n
-            gas.limit[SPINNING] = spinning
+            gas.limit[MOST_ENERGY] = most_energy
             gas.counter[MOST_NEIGHBOURS] = 0
             gas.counter[LOG_FULL] = 0
             pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])

@@ -91,8 +91,8 @@ N_WALL_HITS = 14  # collisions with walls that stand
 N_ELASTIC = 16  # collisions that stand and were elastic for a remedy for collapse (`contact.py`)
 RESTING = 15  # 1: a disk came to rest on a wall, or its next meeting with it cannot be found
 # limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event, mean
-# square of the speeds; with a ledger, the largest speed of a rim
-END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE, SPINNING = range(6)
+# square of the speeds; with a ledger, the largest energy of a disk
+END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE, MOST_ENERGY = range(6)
 # grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records;
 # highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back; walls; the seed of
 # random numbers, low and high 32 bits; how many tiles, and before that boxes, a row of tiles was displaced against

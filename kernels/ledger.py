@@ -17,7 +17,6 @@ from .law import relative_motion
 from .layout import (
     DRIFT,
     DURATION,
-    FASTEST,
     GX,
     GY,
     HEAVIEST,
@@ -25,9 +24,10 @@ from .layout import (
     KIND,
     KIND_RADIUS,
     MATERIAL,
+    MOST_ENERGY,
     N_LOG,
     SLOT,
-    SPINNING,
+    SPIN,
     STANDS,
     WALL_SPEED,
     K,
@@ -100,31 +100,39 @@ def losses_of(
 
 
 @ti.func
-def energy_unit(gas: ti.template()):
-    """How many of the whole numbers that energies are added up as make an energy of 1; 0 where nothing moves.
-
-    No disk has more energy than the heaviest with the largest speed and spin, and all do not lose more than they have.
-    """
-    pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])
-    fastest = ti.cast(
-        gas.limit[FASTEST] + gas.scale[WALL_SPEED] + pull * gas.scale[DURATION] + ti.abs(gas.scale[DRIFT]),
-        ti.f64,
-    )
-    spinning = ti.cast(gas.limit[SPINNING], ti.f64)
-    most = ti.cast(gas.scale[HEAVIEST], ti.f64) * (fastest * fastest + spinning * spinning)
-    unit = 0.0 * most
-    if most > 0.0:
-        unit = MOST_IN_UNITS / most
-    return unit
-
-
-@ti.func
 def kind_of(i, gas: ti.template()):
     """Kind of disk i; where there is but one, without a look at the disk, which is far away in memory."""
     kind = 0
     if gas.kinds.shape[0] > 1:
         kind = gas.meta[i][KIND]
     return kind
+
+
+@ti.func
+def energy_of(i, speed2, gas: ti.template()):
+    """Kinetic energy of disk i, whose speed squared is `speed2`; of an immovable one what it may give to another."""
+    kind = kind_of(i, gas)
+    im = gas.kinds[kind][INVERSE_MASS]
+    rim = gas.flight[i][SPIN] * gas.kinds[kind][KIND_RADIUS]
+    mass = gas.scale[HEAVIEST]
+    if im > 0.0:
+        mass = 1.0 / im
+    return 0.5 * mass * (speed2 + rim * rim / gas.kinds[kind][K])
+
+
+@ti.func
+def energy_unit(gas: ti.template()):
+    """How many of the whole numbers that energies are added up as make an energy of 1; 0 where nothing moves.
+
+    They suit the disk that has most energy as the epoch begins, and what gravity, walls and a flow may give to one.
+    """
+    pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])
+    given = ti.cast(gas.scale[WALL_SPEED] + pull * gas.scale[DURATION] + ti.abs(gas.scale[DRIFT]), ti.f64)
+    most = ti.cast(gas.limit[MOST_ENERGY], ti.f64) + ti.cast(gas.scale[HEAVIEST], ti.f64) * given * given
+    unit = 0.0 * most
+    if most > 0.0:
+        unit = MOST_IN_UNITS / most
+    return unit
 
 
 @ti.func
@@ -191,7 +199,7 @@ def tally(b, unit, gas: ti.template()):
                 value = lost[column] * unit
                 near = ti.floor(value + 0.5)
                 whole[column] += ti.cast(near, ti.i64)
-                rest[column] += ti.cast((value - near) * PARTS, ti.i64)
+                rest[column] += ti.cast(ti.floor((value - near) * PARTS + 0.5), ti.i64)
                 rounded[column] += lost[column]
     for column in ti.static(range(6)):
         ti.atomic_add(gas.losses_whole[0, column], whole[column])
@@ -216,7 +224,7 @@ def close_tally(unit, gas: ti.template()):
         if unit > 0.0:
             lost = units / unit
         # Watchdog: what is no number (NaN), or more than anybody had.
-        if not ti.abs(lost - gas.losses[EPOCH, column]) * unit <= 1024.0 + 1e-6 * scale * unit:
+        if not ti.abs(lost - gas.losses[EPOCH, column]) * unit <= 1.0 + 1e-6 * scale * unit:
             gas.losses[WRONG, column] = 1.0
         gas.losses[ALL, column] = gas.losses[ALL, column] + lost
         gas.losses[EPOCH, column] = 0.0

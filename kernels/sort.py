@@ -29,12 +29,12 @@ from .layout import (
     KIND_RADIUS,
     LENGTH,
     MEAN_SQUARE,
+    MOST_ENERGY,
     NEVER,
     PARTNER,
     RADIUS,
     SEQ,
     SPIN,
-    SPINNING,
     SPREAD,
     TAU,
     TE,
@@ -56,7 +56,7 @@ from .layout import (
     Y,
     n_blocks,
 )
-from .ledger import close_tally, energy_unit, n_record_blocks, tally
+from .ledger import close_tally, energy_of, energy_unit, n_record_blocks, tally
 from .tally import note_latest, note_partner, note_turn, tally_walls
 from .totals import TOTALS, count_in
 
@@ -273,7 +273,7 @@ def settle(
         scan_blocks(n_blocks(n_cells(gas)), gas)
         gas.start[n_cells(gas)] = gas.grid[N]
         gas.limit[FASTEST] = 0.0
-        gas.limit[SPINNING] = 0.0
+        gas.limit[MOST_ENERGY] = 0.0
     for item in range(SPREAD * n_blocks(n_cells(gas))):
         if item % SPREAD == 0:
             scan_block(item // SPREAD, n_cells(gas), gas)
@@ -291,14 +291,14 @@ def settle(
             b = item // SPREAD
             fastest2 = gas.limit[FASTEST] * 0.0
             sum2 = gas.limit[FASTEST] * 0.0
-            spinning = gas.limit[FASTEST] * 0.0
+            most = gas.limit[FASTEST] * 0.0
             total = ti.Vector([0.0] * TOTALS, ti.f64)
             for s in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
                 speed2 = speed2_in_flow(s, gas)
                 fastest2 = ti.max(fastest2, speed2)
                 sum2 += speed2
                 if ti.static(gas.uses.tallied):
-                    spinning = ti.max(spinning, ti.abs(gas.flight[s][SPIN]) * gas.flight[s][RADIUS])
+                    most = ti.max(most, energy_of(s, speed2, gas))
                 if telling == 1:
                     count_in(s, total, gas)
             if telling == 1:
@@ -307,7 +307,7 @@ def settle(
             ti.atomic_max(gas.limit[FASTEST], ti.sqrt(fastest2))
             gas.squares[b] = sum2
             if ti.static(gas.uses.tallied):
-                ti.atomic_max(gas.limit[SPINNING], spinning)
+                ti.atomic_max(gas.limit[MOST_ENERGY], most)
     for _ in range(1):
         # Block by block: the order of a sum of rounded numbers matters.
         total = gas.limit[FASTEST] * 0.0

@@ -36,9 +36,9 @@ def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, m
     writes: list[tuple[int, bytes]] = []
     write = OrderedFile._write
 
-    def record(self: OrderedFile, view: memoryview, place: int, **how: bool) -> None:
+    def record(self: OrderedFile, view: memoryview, place: int) -> None:
         writes.append((place, bytes(view)))
-        write(self, view, place, **how)
+        write(self, view, place)
 
     monkeypatch.setattr(OrderedFile, "_write", record)
     commits = []  # writes, frames, rows, batches
@@ -183,7 +183,7 @@ def test_new_space_is_on_the_disk_before_space_in_use_changes(tmp_path):
     path.write_bytes(b"old")
     file = OrderedFile(path)
     order: list[tuple[int, bytes]] = []
-    file._write = lambda view, place, **how: order.append((place, bytes(view)))  # type: ignore[method-assign]
+    file._write = lambda view, place: order.append((place, bytes(view)))  # type: ignore[method-assign]
     for place, data in ((3, b"aa"), (0, b"new"), (5, b"bb"), (9, b"cc")):
         file.seek(place)
         file.write(data)
@@ -196,7 +196,7 @@ def test_the_superblock_goes_first_and_indexes_go_before_numbers_of_rows(tmp_pat
     path.write_bytes(bytes(1000))
     file = OrderedFile(path)
     order: list[int] = []
-    file._write = lambda view, place, **how: order.append(place)  # type: ignore[method-assign]
+    file._write = lambda view, place: order.append(place)  # type: ignore[method-assign]
     pieces = {
         0: b"SNOD....",
         50: b"TREE\x00\x00..",  # a leaf of names
