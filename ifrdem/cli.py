@@ -174,7 +174,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         help="cases or groups to run: paper (default), bullet, gas, or see --list",
     )
     validate.add_argument(
-        "--quick", action="store_true", help="fewer samples: under a minute (gas: some minutes)"
+        "--quick", action="store_true", help="fewer samples: under a minute (gas: two minutes)"
     )
     validate.add_argument("--seed", type=int, metavar="N", help="of the random gases of gas (default: 1)")
     validate.add_argument(

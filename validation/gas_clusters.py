@@ -253,7 +253,7 @@ def _curves(
         )  # fmt: skip
     middle.set(xlabel=r"$k\xi$", ylabel="transverse waves / thermal", yscale="log")
     middle.legend()
-    shown = [looks[0], *[look for look in looks if look.tau in (10.0, 20.0, 30.0, 40.0)], looks[-1]]
+    shown = [looks[0], *[look for look in looks[:-1] if look.tau in (10.0, 20.0, 30.0, 40.0)], looks[-1]]
     for i, look in enumerate(shown):
         found = analysis.structure_factor(look.state.position, box, k_max=1.5, rings=60)
         right.plot(found.k, found.S, color=style.COLOURS[i], label=rf"$\tau$ = {look.tau:g}")
