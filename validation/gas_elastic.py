@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 def run(quick: bool, seed: int) -> Result:
     """See the module's QUESTION."""
     result = Result()
-    replicas, span = (12, QUICK_LATER) if quick else (24, LATER)
+    replicas, span = (20, QUICK_LATER) if quick else (24, LATER)
     figure, (left, right) = style.panels(2)
     bridge = np.array([_dsmc(one, N) for one in seeds_of(seed, replicas, 180)])
     laws = dict(list(LAWS.items())[-1:]) if quick else LAWS
@@ -108,7 +108,7 @@ def _compare(
     shares: Array,
     span: tuple[float, float],
 ) -> None:
-    for tau in (0.5, 1.0, 2.0) if len(seeds) > 12 else (0.5, 1.0):
+    for tau in (0.5, 1.0, 2.0) if span == LATER else (0.5, 1.0):
         expected = math.exp(-LAMBDA * tau)
         at = int(np.argmin(np.abs(TAU - tau)))
         text = f"(T - T_rot) / that at the start after {tau:g} collisions per disk, {name}"

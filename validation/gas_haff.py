@@ -89,7 +89,7 @@ def _haff(result: Result, quick: bool, seed: int, axes: Any) -> None:
     z = 0.5 * (1.0 - E_N**2)
     a_2 = theory.cooling_sonine(E_N)
     exact = z * float(theory.cooling_factor(a_2) / theory.collision_factor(a_2))
-    replicas = 12 if quick else 24
+    replicas = 18 if quick else 24
     for i, (phi, n) in enumerate((DILUTE,) if quick else (DILUTE, DENSE)):
         seeds = seeds_of(seed, replicas, 300 + 40 * i)
         runs = [_replica(phi, n, one) for one in seeds]
@@ -142,7 +142,7 @@ def _haff_time(result: Result, runs: list[list[Measure]], z: float, a_2: float, 
 
 
 def _cumulants(result: Result, quick: bool, seed: int, axes: Any) -> None:
-    n, replicas = 20_000, 12 if quick else 16
+    n, replicas = 20_000, 16
     fine = np.linspace(0.5, 1.0, 100)
     axes.plot(fine, [theory.cooling_sonine(e) for e in fine], color=style.BLACK, label="van Noije and Ernst")
     why = "a fifth of it and 0.002: polynomials of higher order (S_2 to S_5 give -0.0303 at e_n = 0.9: sonine_theory)"

@@ -56,7 +56,7 @@ PHI = (0.1, 0.2, 0.3, 0.5, 0.6, 0.65)
 BY_IMPULSES = 0.6  # packing fraction up to which Z is measured by impulses and g(r) as well
 SHARP = 0.003  # of Z: rows with wider tolerances say nothing
 N, REPLICAS, REPLICAS_OF_LI = 1024, 30, 32
-QUICK_REPLICAS = 20  # at one packing fraction, without impulses
+QUICK_REPLICAS = 24  # at one packing fraction, without impulses
 SOURCE = "Kolafa and Rottner (2006), doi:10.1080/00268970600967963"
 Array = NDArray[np.float64]
 
