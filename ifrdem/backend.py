@@ -38,6 +38,7 @@ class Running:
 
 
 _running: Running | None = None
+_most_threads: int | None = None
 
 
 def cpu_name() -> str:
@@ -57,6 +58,12 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def limit_threads(most: int) -> None:
+    """Have what is started from now on without a number of threads take so many at most: others share the cores."""
+    global _most_threads
+    _most_threads = most
 
 
 def memory_available() -> int | None:
@@ -184,7 +191,7 @@ def start(
     arch : str
         "cpu" or "cuda". A device that is not there is refused; there is no fall-back.
     threads : int, optional
-        Threads on the CPU; all cores by default. Results do not depend on it.
+        Threads on the CPU; all cores by default, or as many as `limit_threads` says. Results do not depend on it.
     precision : {"f64", "f32"}
         Type of literals and of real numbers whose type is not said.
     profile : bool
@@ -198,7 +205,7 @@ def start(
     """
     global _running
     check(arch, threads, precision)
-    wanted = Running(arch, threads or cores(), precision, profile)
+    wanted = Running(arch, threads or min(cores(), _most_threads or cores()), precision, profile)
     import taichi as ti
 
     os.environ.pop("TI_ARCH", None)  # Taichi would follow it instead of what was asked for

@@ -23,7 +23,7 @@ from . import (
     tail_options,
     views_options,
 )
-from .arguments import Parser
+from .arguments import Parser, whole
 from .errors import EngineError, InputError, nearest
 
 BAD_INPUT = 2
@@ -174,9 +174,14 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         help="cases or groups to run: paper (default), bullet, gas, or see --list",
     )
     validate.add_argument(
-        "--quick", action="store_true", help="fewer samples: under a minute (gas: some minutes)"
+        "--quick", action="store_true", help="fewer samples: under a minute (gas: two minutes)"
     )
     validate.add_argument("--seed", type=int, metavar="N", help="of the random gases of gas (default: 1)")
+    validate.add_argument(
+        "--jobs",
+        metavar="N",
+        help="cases at a time, each in a process of its own (default: gas as many as there are cores, others 1)",
+    )
     validate.add_argument("--list", action="store_true", help="list the cases and run none")
     validate.add_argument(
         "-o",
@@ -454,6 +459,7 @@ def _validate(options: argparse.Namespace) -> int:
         quick=options.quick,
         force=options.force,
         seed=options.seed,
+        jobs=None if options.jobs is None else whole("--jobs", options.jobs, 1),
         say=_say,
     )
 

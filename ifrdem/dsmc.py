@@ -113,7 +113,8 @@ class DSMC:
         kind: Any = checked_class(laws)
         check_energy(laws, disks)
         self.area = math.pi * float(np.sum(disks.radius**2)) / packing_fraction
-        backend.start(arch, threads=threads, precision=precision)
+        running = backend.start(arch, threads=threads, precision=precision)
+        self._alone = arch == "cpu" and running.threads == 1
         self._real: Any = np.float32 if precision == "f32" else np.float64
         a, b = crowding_of_mixture(packing_fraction, disks.radius, None, contact)
         largest = float(disks.radius.max())
@@ -355,6 +356,12 @@ class DSMC:
         counter[:] = (count, 0, 0, kernels.NONE)
         if count:
             kernels.draw(count, self._disk, self._pair, self._todo, key)
+        if self._alone:
+            kernels.settle_in_order(
+                self._uses, count, self._disk, self._hits, self._pair, counter, self._law, self._scale,
+                self._crowding, key,
+            )  # fmt: skip
+            return int(counter[kernels.CUT])
         now = 0
         while counter[now]:
             for _ in range(_ROUNDS):

@@ -130,6 +130,18 @@ def settle(
 
 
 @ti.kernel
+def settle_in_order(
+    uses: ti.template(), count: ti.i32, disk: Rows, hits: Rows, pair: Rows, counter: Rows,
+    law: ti.types.ndarray(ndim=3), scale: Rows, crowding: Rows, key: Rows,
+):  # fmt: skip
+    """Settle all candidates one after the other: what one thread does fastest, to the same last bit."""
+    gas = ti.static(GasArrays(law=law, scale=scale, uses=uses))
+    for _ in range(1):
+        for c in range(count):
+            meet(c, pair[c][0], pair[c][1], disk, hits, crowding, key, counter, gas)
+
+
+@ti.kernel
 def kick(disk: Rows, key: Rows, factors: Rows, gains: Rows):
     """Linear friction and noise on every disk over a time; sums of the energy that they give, by blocks of disks.
 

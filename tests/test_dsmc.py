@@ -159,6 +159,7 @@ def test_species_of_a_young_mixture_follow_the_mixture_theory() -> None:
 @pytest.mark.parametrize("precision", ["f64", "f32"])
 @pytest.mark.skipif(backend.cores() < 2, reason="one core only")
 def test_one_and_two_threads_give_the_same_bits(precision: str) -> None:
+    """One thread settles candidates in order, two in rounds."""
     ends = []
     for threads in (1, 2):
         one = gas(4000, COIN, threads=threads, precision=precision, T_rot=1.0)

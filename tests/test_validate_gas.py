@@ -9,7 +9,7 @@ import pytest
 
 from ifrdem import cli, theory
 from ifrdem.law import IFRLaw
-from ifrdem.validation import gas_collapse, gas_sample, gas_state, gas_waves, page, registry, runner
+from ifrdem.validation import gas_collapse, gas_sample, gas_state, gas_waves, page, registry, runner, terminal
 from ifrdem.validation.registry import GAS, Result
 
 pytestmark = pytest.mark.unoptimised
@@ -77,7 +77,7 @@ def test_a_row_whose_tolerance_is_too_wide_to_say_anything_fails(capsys) -> None
     blunt = compared(0.0, widest=0.99 * tolerance / 10.0)
     assert blunt.blunt
     assert not blunt.passed
-    table = runner._table(runner.Outcome("gas_state", "?", "a book", Result([blunt])))
+    table = terminal.table(runner.Outcome("gas_state", "?", "a book", Result([blunt])))
     assert "it says nothing" in table
 
 

@@ -44,7 +44,7 @@ N, PHI = 16384, 0.02
 FEW = 512  # disks of the longer runs for equipartition
 T, T_ROT = 1.4, 0.2  # at the start: the mean energy of a component is 1/2
 TAU = np.linspace(0.0, 2.0, 9)
-LATER = (40.0, 540.0)  # collisions per disk over which equipartition is measured
+LATER, QUICK_LATER = (40.0, 540.0), (40.0, 240.0)  # collisions per disk over which equipartition is measured
 SOURCE = "Luding et al. (1998), doi:10.1103/PhysRevE.58.3416"
 Array = NDArray[np.float64]
 
@@ -52,20 +52,20 @@ Array = NDArray[np.float64]
 def run(quick: bool, seed: int) -> Result:
     """See the module's QUESTION."""
     result = Result()
-    replicas = 12 if quick else 24
+    replicas, span = (20, QUICK_LATER) if quick else (24, LATER)
     figure, (left, right) = style.panels(2)
     bridge = np.array([_dsmc(one, N) for one in seeds_of(seed, replicas, 180)])
     laws = dict(list(LAWS.items())[-1:]) if quick else LAWS
     for i, (name, law) in enumerate(laws.items()):
         seeds = seeds_of(seed, replicas, 100 + 40 * i)
         ratio, drift, shares = (
-            np.array(part) for part in zip(*(_replica(law, one) for one in seeds), strict=True)
+            np.array(part) for part in zip(*(_replica(law, one, span) for one in seeds), strict=True)
         )
         result.near(
-            f"largest relative change of the energy, {name}, {int(LATER[1])} collisions per disk",
+            f"largest relative change of the energy, {name}, {span[1]:g} collisions per disk",
             drift.max(), 0.0, 1e-12, "f64 round-off of 3e5 collisions", "conservation of energy",
         )  # fmt: skip
-        _compare(result, name, seeds, ratio, bridge, shares)
+        _compare(result, name, seeds, ratio, bridge, shares, span)
         colour = style.COLOURS[i]
         mean, exact = ratio.mean(axis=0), np.exp(-LAMBDA * TAU)
         error = ratio.std(axis=0, ddof=1) / math.sqrt(len(seeds))
@@ -100,9 +100,15 @@ def run(quick: bool, seed: int) -> Result:
 
 
 def _compare(
-    result: Result, name: str, seeds: Sequence[int], ratio: Array, bridge: Array, shares: Array
+    result: Result,
+    name: str,
+    seeds: Sequence[int],
+    ratio: Array,
+    bridge: Array,
+    shares: Array,
+    span: tuple[float, float],
 ) -> None:
-    for tau in (0.5, 1.0, 2.0) if len(seeds) > 12 else (0.5, 1.0):
+    for tau in (0.5, 1.0, 2.0) if span == LATER else (0.5, 1.0):
         expected = math.exp(-LAMBDA * tau)
         at = int(np.argmin(np.abs(TAU - tau)))
         text = f"(T - T_rot) / that at the start after {tau:g} collisions per disk, {name}"
@@ -121,12 +127,12 @@ def _compare(
             source="DSMC of the same law",
         )  # fmt: skip
     compare(
-        result, f"T_rot / T, {LATER[0]:g} to {LATER[1]:g} collisions per disk, {name}", shares, 1.0, disks=FEW,
+        result, f"T_rot / T, {span[0]:g} to {span[1]:g} collisions per disk, {name}", shares, 1.0, disks=FEW,
         seeds=seeds, systematic=0.0, why="none: both are known exactly", source="equipartition", widest=0.02,
     )  # fmt: skip
 
 
-def _replica(law: IFRLaw, seed: int) -> tuple[Array, float, float]:
+def _replica(law: IFRLaw, seed: int, span: tuple[float, float]) -> tuple[Array, float, float]:
     """(T - T_rot) relative to the start at `TAU`, the relative change of the energy, and T_rot / T later on."""
     disks, box, begin = fluid(N, PHI, seed, melting=3.0, T=T, T_rot=T_ROT)
     gas = Simulation(disks, box, law, begin)
@@ -138,10 +144,14 @@ def _replica(law: IFRLaw, seed: int) -> tuple[Array, float, float]:
     disks, box, begin = fluid(FEW, PHI, seed, melting=5.0, T=T, T_rot=T_ROT)
     gas = Simulation(disks, box, law, begin)
     # By time: at the moment of a collision its pair has more energy of motion than others, T / 2 in the mean.
-    first, last = (tau / collision_rate(PHI, 1.0, 1.0, 0.5) for tau in LATER)
+    first, last = (tau / collision_rate(PHI, 1.0, 1.0, 0.5) for tau in span)
     gas.run(t_end=first)
     later: list[Measure] = []
-    gas.run(t_end=last, frames=250, observers=[lambda _, measure: later.append(measure)])
+    gas.run(
+        t_end=last,
+        frames=round((span[1] - span[0]) / 2.0),
+        observers=[lambda _, measure: later.append(measure)],
+    )
     drifts = [abs(run[-1].energy / run[0].energy - 1.0) for run in (rows, later)]
     moving = np.mean([one.temperature for one in later]) * FEW / (FEW - 1.0)
     shares = float(np.mean([one.rotational_temperature for one in later]) / moving)

@@ -7,11 +7,13 @@ import html
 import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from .registry import BULLET, GAS, Picture, Row, Table
+from .terminal import number
 
 if TYPE_CHECKING:
     from .runner import Outcome
@@ -121,7 +123,7 @@ def _case(place: Path, outcome: Outcome) -> str:
     if outcome.error:
         parts.append(f'<p><span class="failed">failed</span> {_text(outcome.error)}</p>')
         parts.append(f"<pre>{_text(outcome.details)}</pre>")
-    parts += [_figure(place, picture) for picture in outcome.result.pictures]
+    parts += [_figure(place, drawing) for drawing in outcome.drawings]
     parts += [_table(table) for table in outcome.result.tables]
     if outcome.result.rows:
         parts.append(_comparisons(outcome))
@@ -130,8 +132,6 @@ def _case(place: Path, outcome: Outcome) -> str:
 
 def _comparisons(outcome: Outcome) -> str:
     """The rows of a case; the reasons of the tolerances below, by letter."""
-    from .runner import number
-
     rows = outcome.result.rows
     letters = {
         reason: chr(ord("a") + i) for i, reason in enumerate(dict.fromkeys(row.reason for row in rows))
@@ -165,8 +165,6 @@ def _comparisons(outcome: Outcome) -> str:
 
 def _sampling(row: Row) -> tuple[str, str, str, str]:
     """Standard error, systematic tolerance, disks and seeds of a row; empty if nothing was random."""
-    from .runner import number
-
     s = row.sampling
     if s is None:
         return "", "", "", ""
@@ -178,27 +176,44 @@ def _sampling(row: Row) -> tuple[str, str, str, str]:
     )
 
 
-def _figure(place: Path, picture: Picture) -> str:
+@dataclass(frozen=True)
+class Drawing:
+    """A picture as it is written: its files by their endings, and its width and height in pixels on the page."""
+
+    name: str
+    caption: str
+    size: tuple[int, int]
+    files: dict[str, bytes]
+
+
+def draw(picture: Picture) -> Drawing:
+    """Render a picture, as PNG, PDF and SVG."""
+    figure = picture.figure
     # One layout serves the three files.
-    picture.figure.draw_without_rendering()
-    picture.figure.set_layout_engine("none")
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    files = {}
+    # Without the date, the same results give the same files.
+    for ending, no_date in (("png", {}), ("pdf", {"CreationDate": None}), ("svg", {"Date": None})):
+        file = io.BytesIO()
+        figure.savefig(file, format=ending, metadata=no_date)
+        files[ending] = file.getvalue()
+    width, height = (round(96 * inches) for inches in figure.get_size_inches())
+    return Drawing(picture.name, picture.caption, (width, height), files)
+
+
+def _figure(place: Path, drawing: Drawing) -> str:
     for ending in ("png", "pdf"):
-        # Without the date, the same results give the same files.
-        no_date = {"CreationDate": None} if ending == "pdf" else {}
-        picture.figure.savefig(place / f"{picture.name}.{ending}", metadata=no_date)
-    svg = io.BytesIO()
-    picture.figure.savefig(svg, format="svg", metadata={"Date": None})
-    data = base64.b64encode(svg.getvalue()).decode()
-    width, height = (round(96 * inches) for inches in picture.figure.get_size_inches())
+        (place / f"{drawing.name}.{ending}").write_bytes(drawing.files[ending])
+    data = base64.b64encode(drawing.files["svg"]).decode()
+    width, height = drawing.size
     return (
-        f'<figure id="{_text(picture.name)}"><img width="{width}" height="{height}" alt="{_text(picture.caption)}" '
-        f'src="data:image/svg+xml;base64,{data}"><figcaption>{rich(picture.caption)}</figcaption></figure>'
+        f'<figure id="{_text(drawing.name)}"><img width="{width}" height="{height}" alt="{_text(drawing.caption)}" '
+        f'src="data:image/svg+xml;base64,{data}"><figcaption>{rich(drawing.caption)}</figcaption></figure>'
     )
 
 
 def _table(table: Table) -> str:
-    from .runner import number
-
     cells = [
         tuple(rich(cell) if isinstance(cell, str) else number(float(cell)) for cell in row)
         for row in table.rows

@@ -39,6 +39,13 @@ GROUPS = {"paper": PAPER, "bullet": BULLET, "gas": GAS}
 """Names that stand for several cases."""
 
 
+SECONDS = {
+    "gas_state": (250.0, 13.0), "gas_elastic": (80.0, 26.0), "gas_haff": (150.0, 28.0), "gas_cooling": (200.0, 22.0),
+    "gas_driven": (170.0, 36.0), "gas_collapse": (5.0, 5.0), "gas_clusters": (185.0, 23.0),
+}  # fmt: skip
+"""What cases take, in full and quick, on one thread of the machine that README names [s]; of others a second or so."""
+
+
 class Skip(Exception):
     """A case cannot run here (a package is missing, say); the message says why. It never counts as passed."""
 
@@ -217,6 +224,11 @@ def check_names(names: list[str]) -> None:
                 f"case = '{name}': there is no such case{nearest(name, known)}; there are: {', '.join(CASES)}; "
                 f"groups of them: {', '.join(GROUPS)}"
             )
+
+
+def seconds(name: str, quick: bool) -> float:
+    """What a case takes, roughly: see `SECONDS`."""
+    return SECONDS.get(name, (1.0, 1.0))[quick]
 
 
 def chosen(names: list[str]) -> list[str]:

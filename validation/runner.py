@@ -8,18 +8,22 @@ import os
 import platform
 import time
 import traceback
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib import metadata
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from .. import __version__, bullet
+from .. import __version__, backend, bullet
 from ..errors import InputError
-from . import registry
+from . import registry, workers
 from .registry import Result, Row, Skip
+from .terminal import Course, Say, closing
 
-Say = Callable[[str], None]
+if TYPE_CHECKING:
+    from .page import Drawing
 
 
 @dataclass
@@ -31,7 +35,9 @@ class Outcome:
     name, question, reference : str
         See `registry`.
     result : Result
-        What it found; empty if it was skipped or raised.
+        What it found; empty if it was skipped or raised. Its pictures are in `drawings`.
+    drawings : list of page.Drawing
+        Its pictures, rendered where it ran.
     skipped, error, details : str
         Why it was skipped, or what it raised, with the traceback; empty otherwise.
     seconds : float
@@ -42,6 +48,7 @@ class Outcome:
     question: str
     reference: str
     result: Result = field(default_factory=Result)
+    drawings: list[Drawing] = field(default_factory=list)
     skipped: str = ""
     error: str = ""
     details: str = ""
@@ -75,6 +82,7 @@ def validate(
     quick: bool = False,
     force: bool = False,
     seed: int | None = None,
+    jobs: int | None = None,
     say: Say = print,
 ) -> int:
     """Run cases and write their report into a folder.
@@ -91,6 +99,9 @@ def validate(
         Replace a report that is there; figures of cases that do not run again stay.
     seed : int, optional
         Of the random gases of the group `gas`, 0 to a million; 1 without it. Another one shares no random number.
+    jobs : int, optional
+        Cases at a time, each in a process of its own; results do not depend on it. By default as many as there are
+        cores, but no more than cases of the group `gas`; other cases take seconds, and run in this process.
     say : callable
         Takes the lines to show.
 
@@ -103,34 +114,30 @@ def validate(
     Raises
     ------
     InputError
-        If a name is wrong, a seed is given where nothing is random or is not one, the folder cannot be written, or it
-        holds a report and `force` is not given.
+        If a name is wrong, a seed is given where nothing is random or is not one, there are less than 1 `jobs`, the
+        folder cannot be written, or it holds a report and `force` is not given.
     """
     names = list(names)
     registry.check_names(names)
-    _check_seed(seed, registry.chosen(names))
+    chosen = registry.chosen(names)
+    _check_seed(seed, chosen)
+    jobs = _jobs(jobs, chosen)
     seed = 1 if seed is None else seed
     place = _folder(folder, force)
-    import matplotlib as mpl
+    from . import page
 
-    from . import page, style
-
-    chosen = registry.chosen(names)
-    outcomes = []
     began = time.perf_counter()
-    with mpl.rc_context(style.RC):
-        for number, name in enumerate(chosen, 1):
-            say(f"[{number}/{len(chosen)}] {name}: {registry.load(name).QUESTION}")
-            outcomes.append(_run(name, quick, seed))
-            say(_table(outcomes[-1]))
-        record = environment(quick=quick, seconds=time.perf_counter() - began)
-        if any(name in registry.GAS for name in chosen):
-            record["seed"] = str(seed)
-        _write(place / "results.json", json.dumps(rows_as_json(outcomes), indent=1, allow_nan=False))
-        say("writing the report")
-        page.write(place, outcomes, record)
+    outcomes = _run_all(chosen, quick, seed, jobs, say)
+    record = environment(quick=quick, seconds=time.perf_counter() - began)
+    if any(name in registry.GAS for name in chosen):
+        record["seed"] = str(seed)
+    if jobs > 1:
+        record["cases at a time"] = str(jobs)
+    _write(place / "results.json", json.dumps(rows_as_json(outcomes), indent=1, allow_nan=False))
+    say("writing the report")
+    page.write(place, outcomes, record)
     status = exit_status(outcomes, named=bool(names))
-    say(_closing(outcomes, place, time.perf_counter() - began, status))
+    say(closing(outcomes, place, time.perf_counter() - began, status))
     if not names:
         say(
             f"not run: the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()}); and "
@@ -175,12 +182,54 @@ def _write(path: Path, text: str) -> None:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _run(name: str, quick: bool, seed: int) -> Outcome:
+def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
+    """How many cases run at a time."""
+    if jobs is None:
+        jobs = min(backend.cores(), sum(name in registry.GAS for name in chosen))
+    elif jobs < 1:
+        raise InputError(f"--jobs {jobs}: a whole number, 1 or more, is needed")
+    return max(1, min(jobs, len(chosen)))
+
+
+def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, say: Say) -> list[Outcome]:
+    """All cases, in this process one after another, or in workers, the longest first."""
+    order = list(chosen)
+    if jobs > 1:
+        order.sort(key=lambda name: -registry.seconds(name, quick))
+    found: dict[str, Outcome] = {}
+    course = Course(order, quick=quick, jobs=jobs, say=say)
+
+    def ended(name: str, outcome: Outcome | workers.Died) -> None:
+        if isinstance(outcome, workers.Died):
+            case, died = registry.load(name), f"no result: {outcome.reason}"
+            outcome = Outcome(name, case.QUESTION, case.REFERENCE, error=died, seconds=course.seconds(name))
+        found[name] = outcome
+        course.ended(outcome)
+
+    work = partial(run_case, quick=quick, seed=seed)
+    if jobs > 1:
+        workers.run(work, order, jobs, begun=course.begun, ended=ended, waiting=lambda _: course.waiting())
+    else:
+        for name in order:
+            course.begun(name)
+            ended(name, work(name))
+    return [found[name] for name in chosen]
+
+
+def run_case(name: str, *, quick: bool, seed: int) -> Outcome:
+    """Run one case and render its pictures, here and now; whatever it raises is told of in the outcome."""
+    import matplotlib as mpl
+
+    from . import page, style
+
     case = registry.load(name)
     outcome = Outcome(name, case.QUESTION, case.REFERENCE)
     began = time.perf_counter()
     try:
-        outcome.result = case.run(quick, seed) if name in registry.GAS else case.run(quick)
+        with mpl.rc_context(style.RC):
+            result = case.run(quick, seed) if name in registry.GAS else case.run(quick)
+            outcome.result = replace(result, pictures=[])
+            outcome.drawings = [page.draw(picture) for picture in result.pictures]
         if not outcome.result.rows:
             outcome.error = "the case compared nothing"
     except Skip as reason:
@@ -255,52 +304,8 @@ def _finite(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else float(value)
 
 
-def number(value: float | None) -> str:
-    """A number as the tables show it."""
-    if value is None:
-        return ""
-    return f"{value:.6g}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:.2e}"
-
-
-def _table(outcome: Outcome) -> str:
-    lines = []
-    for row in outcome.result.rows:
-        mark = "ok  " if row.passed else "FAIL"
-        printed = "" if row.printed is None else f"  (printed {number(row.printed)})"
-        lines.append(
-            f"  {mark} {row.quantity}: {number(row.measured)}, expected {number(row.expected)} "
-            f"+- {number(row.tolerance)}{printed}  [{row.source}]"
-        )
-        if not row.passed:
-            lines.append(f"       off by {number(abs(row.measured - row.expected))}; tolerance: {row.reason}")
-        if row.blunt and row.sampling is not None:
-            lines.append(
-                f"       wider than {number(row.sampling.widest)}: it says nothing; more replicas are needed"
-            )
-    if outcome.error:
-        lines.append(f"  FAIL {outcome.error}")
-        lines += [f"       {line}" for line in outcome.details.splitlines()]
-    if outcome.skipped:
-        lines.append(f"  SKIP {outcome.skipped}")
-    lines.append(f"  {outcome.name} {outcome.status} in {outcome.seconds:.1f} s")
-    return "\n".join(lines)
-
-
-def _closing(outcomes: Sequence[Outcome], place: Path, seconds: float, status: int) -> str:
-    rows = sum(len(each.result.rows) for each in outcomes)
-    failed = sum(len(each.failures) for each in outcomes)
-    lines = [f"{rows} rows in {seconds:.1f} s: {rows - failed} passed, {failed} failed"]
-    for word in ("failed", "skipped"):
-        some = [each.name for each in outcomes if each.status == word]
-        if some:
-            lines.append(f"cases {word}: {', '.join(some)}")
-    lines.append(f"report: {place / 'report.html'}" + ("" if status == 0 else "  (not everything passed)"))
-    return "\n".join(lines)
-
-
 def environment(*, quick: bool, seconds: float) -> dict[str, str]:
     """What the report says of where it comes from."""
-    from .. import backend
     from ..run import revision
 
     packages = ("numpy", "scipy", "taichi", "h5py", "matplotlib")
