@@ -141,8 +141,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     check = verbs.add_parser(
         "check",
         help="look at a case without running it",
-        description="Report every mistake of a case at once; of a good one its packing fraction, mean free "
-        "paths, whether its laws can add energy, its file size and memory.",
+        description="Report the mistakes of a case, all of a kind at once; of a good one its packing fraction, mean "
+        "free paths, whether its laws can add energy, its file size and memory.",
         allow_abbrev=False,
     )
     _add_case(check)

@@ -122,8 +122,9 @@ class Estimate:
             for each in (output.frame_cadence, output.series_cadence)
         )
         tracked = _tracked(output, gas)
-        # Every collision of a tracked disk; unknown ones do not count.
-        events = 0 if math.isnan(per_disk) else round(tracked * per_disk)
+        # Every collision of a tracked disk, and each time that forces act on it; unknown ones do not count.
+        changes = [per_disk, *(end / step for step in {force.step for force in case.force})]
+        events = sum(round(tracked * each) for each in changes if not math.isnan(each))
         return cls(
             packing_fraction=phi,
             number_density=n / area,

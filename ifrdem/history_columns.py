@@ -70,6 +70,13 @@ COLUMNS = {
     "regime": Column(1, np.int8),
 }
 
+MEANINGS = {
+    "partner": "0 or more: a disk; -1: none, a force changed the motion; -2 - w: wall w",
+    "regime": "0 none; 1 sliding, 2 sticking; with rolling friction 3 sliding rolling, 4 sticking rolling, 5 sliding "
+    "non-rolling, 6 sticking non-rolling; 9 elastic by a remedy for collapse; -1 not known",
+}
+"""What numbers stand for; in the file an attribute of the column."""
+
 START = {
     "position": Column(2, np.float64),
     "velocity": Column(2, np.float64),
@@ -96,6 +103,8 @@ def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict
                 ),
                 dtype=column.dtype,
             )
+        for name, text in MEANINGS.items():
+            group[f"events/{name}"].attrs["meaning"] = text
         for name, first in (("events", np.int64(0)), ("time", np.float64(time))):
             group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
 

@@ -12,9 +12,9 @@ def add_to(verbs: Any) -> None:
     """Add the verb."""
     parser = verbs.add_parser(
         "history",
-        help="say what a tracked disk did: every collision",
+        help="say what a tracked disk did: its collisions",
         description="The history of a tracked disk: its collisions with times, partners, places, velocities, spins, "
-        "impulses, angles and regimes. Prints a summary and the latest, and writes all with -o.",
+        "impulses, angles and regimes. Prints a summary and the latest ten, and writes all with -o.",
         allow_abbrev=False,
     )
     parser.add_argument("file", metavar="FILE", help="a trajectory (.h5) of a run with output.histories")
@@ -64,6 +64,8 @@ def summary(trajectory: Any, history: Any) -> list[str]:
     # Kicks would fill the list of a driven disk.
     shown = np.flatnonzero(history.partner != KICK)[-SHOWN:]
     if len(shown):
+        if len(shown) < history.collisions:
+            lines.append(f"  the latest {len(shown)} (-o writes all; psi in rad):")
         header = f"  {'time':>14} {'partner':>8} {'regime':<20} {'psi':>7} {'P_n':>11} {'P_t':>11} {'spin after':>12}"
         lines.append(header)
     for i in shown:

@@ -142,8 +142,9 @@ def resume(
             )
         )
         job = Job(file, gas, outputs, simulation, course, ledger, queue, device_of(case), pending)
+        before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
-    finish(job, began, rate, say)
+    finish(job, began, before, rate, say)
 
 
 def _events(arrays: Mapping[str, NDArray[Any]]) -> Events | None:

@@ -130,8 +130,9 @@ def run(
         )  # fmt: skip
         course = Course(span, case.output.frame_cadence, case.output.series_cadence)
         job = Job(file, gas, outputs, simulation, course, Ledger(), queue, device_of(case))
+        before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
-    finish(job, began, rate, say)
+    finish(job, began, before, rate, say)
 
 
 def how(case: Case) -> str:
@@ -234,7 +235,7 @@ def drive(
             job.outputs.checkpoint.unlink(missing_ok=True)
         raise KeyboardInterrupt(text) from None
     except (EngineError, TrajectoryError, InputError) as error:
-        status.finish("failed", str(error))
+        status.finish("failed", _one_line(str(error)))
         raise
     job.outputs.checkpoint.unlink(missing_ok=True)
     status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
@@ -264,18 +265,22 @@ def save(job: Job, recorder: Recorder) -> None:
     try:
         job.simulation.save_checkpoint(job.outputs.checkpoint, extra, arrays)
     except InputError as error:  # a full disk is nobody's bad input
-        raise TrajectoryError(str(error)) from error
+        raise TrajectoryError(_remains(job, str(error))) from error
 
 
-def finish(job: Job, began: float, rate: float, say: Callable[[str], None]) -> None:
-    """Draw the picture, and say what the run did; it began at this time (`perf_counter`)."""
+def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
+    """Draw the picture, and say what the run did; it began, or went on, at this time (`perf_counter`).
+
+    There were so many collisions before.
+    """
     ran = time.perf_counter() - began
     if job.outputs.views:
         write_views(job.outputs.trajectory)
     if job.outputs.picture is not None:
         _draw(job.file.case, job.gas)(job.outputs.trajectory, job.outputs.picture)
     last = job.simulation.measure()
-    say(_closing(job.file.case, job.gas, job.ledger, last, ran, time.perf_counter() - began, rate))
+    overall = (last.collisions - before) / ran
+    say(_closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall))
     if job.simulation.statistics.elastic:
         say(f"  {job.simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
     for path, size in job.outputs.sizes().items():
@@ -319,9 +324,9 @@ def _remains(job: Job, reason: str) -> str:
 
 
 def _closing(
-    case: Case, gas: Gas, ledger: Ledger, last: Measure, ran: float, wall: float, rate: float
+    case: Case, gas: Gas, ledger: Ledger, last: Measure, wall: float, rate: float, overall: float
 ) -> str:
-    """The lines below a run; `last` is its end."""
+    """The lines below a run; `last` is its end, rates are collisions a second without and with compilation."""
     first = ledger.first
     assert first is not None
     done = last.collisions - first.collisions
@@ -329,7 +334,7 @@ def _closing(
     lines = [
         f"done in {wall:.1f} s: {done} collisions ({per_disk:.4g} per disk) "
         f"to t = {last.time:.5g}{case.unit('time')}; "
-        f"{rate:.3g} collisions/s once compiled, {done / ran:.3g} in all"
+        f"{rate:.3g} collisions/s once compiled, {overall:.3g} in all"
     ]
     if first.temperature > 0.0:
         lines.append(f"  T/T0 = {last.temperature / first.temperature:.5g}")

@@ -617,6 +617,16 @@ def test_estimate_of_the_main_job() -> None:
     assert estimate.file_bytes == pytest.approx(101 * 50_000 * 32, rel=0.02)
 
 
+def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
+    """100 disks, 500 steps to the end: 50,000 events of 177 bytes, beside those of collisions."""
+    text = SMALL.replace("collisions_per_disk = 5.0", "t_end = 1.0") + "[output]\nhistories_all = true\n"
+    sizes = []
+    for step in (1.0, 2e-3):
+        case = case_of(f'{text}[[force]]\nkind = "kicks"\nstep = {step}\npower = 1e-6\n')
+        sizes.append(Estimate.of(Gas.from_case(case), case).file_bytes)
+    assert sizes[1] - sizes[0] == pytest.approx(177 * 100 * 499, rel=0.05)
+
+
 def test_expected_end_is_where_theory_has_the_wanted_collisions() -> None:
     case = case_of()
     gas = Gas.from_case(case)

@@ -50,6 +50,14 @@ def test_history_shows_a_summary_and_the_latest_collisions(run, capsys):
     assert not any("kick" in line for line in lines[1:])
 
 
+def test_history_says_that_it_shows_the_latest_of_more(run, monkeypatch, capsys):
+    monkeypatch.setattr("ifrdem.history_options.SHOWN", 3)
+    assert main(["history", str(run), "--id", "7"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2] == "  the latest 3 (-o writes all; psi in rad):"
+    assert len(lines) == 4 + 3
+
+
 def test_history_writes_every_column_and_digit(run, tmp_path, capsys):
     out = tmp_path / "seven.csv"
     assert main(["history", str(run), "--id", "7", "-o", str(out)]) == 0

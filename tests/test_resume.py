@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +19,8 @@ import pytest
 
 from ifrdem import checkpoint, cli, h5md, run
 from ifrdem.case import Case
+from ifrdem.errors import InputError
+from ifrdem.simulation import Simulation
 from ifrdem.stops import Stopped, Stops
 
 pytestmark = pytest.mark.unoptimised
@@ -178,6 +181,48 @@ def test_a_file_that_was_changed_is_not_gone_on_with(whole, tmp_path, monkeypatc
     told = capsys.readouterr().err
     assert "velocity" in told
     assert "17" in told
+
+
+def test_rates_after_a_resume_are_those_of_what_was_done_since(whole, tmp_path, stopping, capsys):
+    """With what was done before they would be twice as large or more."""
+    stopping += [60]
+    assert cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"]) == 130
+    capsys.readouterr()
+    assert cli.main(["resume", str(tmp_path), "--no-picture"]) == 0
+    told = capsys.readouterr().out
+    found = re.search(r"done in ([\d.]+) s: (\d+) collisions .*, ([\d.e+]+) in all", told)
+    assert found is not None
+    seconds, done, overall = (float(each) for each in found.groups())
+    before = int(re.search(r"after (\d+) collisions", told).group(1))  # type: ignore[union-attr]
+    assert 2 * before > done
+    assert overall * seconds == pytest.approx(
+        done - before, rel=0.3
+    )  # seconds are told with one digit behind the point
+
+
+def test_a_checkpoint_that_cannot_be_written_tells_what_remains(
+    whole, tmp_path, monkeypatch, stopping, capsys
+):
+    case = whole.parent / "gas.toml"
+    stopping += [30]
+    save = Simulation.save_checkpoint
+    calls: list[int] = []
+
+    def first_only(self: Simulation, path: Path, *record: object) -> None:
+        calls.append(1)
+        if len(calls) > 1:
+            raise InputError(f"checkpoint {path} cannot be written: Read-only file system")
+        save(self, path, *record)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Simulation, "save_checkpoint", first_only)
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 1
+    told = capsys.readouterr().err
+    assert "gas.checkpoint.h5 cannot be written: Read-only file system: " in told
+    assert "frames so far" in told
+    assert f"to go on: ifrdem resume {tmp_path / 'gas.h5'}" in told
+    monkeypatch.undo()
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
 
 
 def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, capsys):
