@@ -15,7 +15,11 @@ import contextlib
 import errno
 import mmap
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 try:
     import fcntl
@@ -29,6 +33,8 @@ BLOCK = 4096
 LARGE = 2**22
 """Pieces of so many bytes pass by the system's cache: a copy of them there costs a run more than the disk's work."""
 
+LEAST_LENT = 4096
+"""Smaller pieces are copied at once."""
 _PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_ANONYMOUS") else {}
 """What is staged belongs to the process: a fork of it must not write into it."""
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
@@ -73,6 +79,9 @@ class OrderedFile:
         self._memory = mmap.mmap(-1, MOST_HELD + BLOCK, **_PRIVATE)
         self._staged = memoryview(self._memory)
         self._new_start = self._new_end = self._size
+        # Arrays that are lent, by their addresses, and what of them is still to be copied: place, array, first, length.
+        self._lent: list[tuple[int, NDArray[np.uint8]]] = []
+        self._late: list[tuple[int, NDArray[np.uint8], int, int]] = []
         self._past_cache = fcntl is not None and hasattr(os, "O_DIRECT")
 
     def fileno(self) -> int:
@@ -96,6 +105,7 @@ class OrderedFile:
             data = os.pread(self._descriptor, len(view), self._at)
         view[: len(data)] = data
         view[len(data) :] = bytes(len(view) - len(data))
+        self._copy_late()
         pieces: list[tuple[int, bytes | memoryview]] = [
             (self._new_start, self._new()),
             *self._waiting.items(),
@@ -125,6 +135,12 @@ class OrderedFile:
         self._size = max(self._size, self._at)
         return len(view)
 
+    def lend(self, arrays: Iterable[NDArray[Any]]) -> None:
+        """What of these arrays is written until the next flush may be copied then: they must stay as they are."""
+        for array in arrays:
+            if array.flags.c_contiguous and array.nbytes >= LEAST_LENT:
+                self._lent.append((array.ctypes.data, array.reshape(-1).view(np.uint8)))
+
     def truncate(self, size: int | None = None) -> int:
         """Set the size; a file that is to be shorter is cut when it is closed."""
         self._size = self._at if size is None else size
@@ -139,6 +155,7 @@ class OrderedFile:
         for start, data in sorted(self._waiting.items(), key=lambda item: _order(item[1])):
             self._write(memoryview(data), start)
         self._waiting.clear()
+        self._lent.clear()
         self._in_use = self._new_start = self._new_end = max(self._in_use, self._size)
 
     def close(self) -> None:
@@ -172,7 +189,37 @@ class OrderedFile:
         if self._new_start == self._new_end:
             self._new_start = start
         self._new_end = start + len(data)
-        self._new()[start - self._new_start :] = data
+        if not self._put_off(start, data):
+            self._new()[start - self._new_start :] = data
+
+    def _put_off(self, start: int, data: memoryview) -> bool:
+        """Leave a piece of an array that is lent where it is; whether it is one.
+
+        All of an array can then be copied at once, without Python's lock, which a thread beside a run has to wait for.
+        """
+        if not self._lent or len(data) < LEAST_LENT:
+            return False
+        address = np.frombuffer(data, np.uint8).ctypes.data
+        for begin, array in self._lent:
+            first = address - begin
+            if first >= 0 and first + len(data) <= len(array):
+                if self._late:
+                    place, last, its_first, length = self._late[-1]
+                    if last is array and its_first + length == first and place + length == start:
+                        self._late[-1] = place, array, its_first, length + len(data)
+                        return True
+                self._late.append((start, array, first, len(data)))
+                return True
+        return False
+
+    def _copy_late(self) -> None:
+        """Copy what was put off."""
+        if self._late:
+            staged = np.frombuffer(self._new(), np.uint8)
+            for place, array, first, length in self._late:
+                begin = place - self._new_start
+                np.copyto(staged[begin : begin + length], array[first : first + length])
+            self._late.clear()
 
     def _new(self) -> memoryview:
         """What waits for new space. In memory it lies as far from a multiple of a block as in the file."""
@@ -182,6 +229,7 @@ class OrderedFile:
     def _write_new(self) -> None:
         """Write what is for new space."""
         if self._new_end > self._new_start:
+            self._copy_late()
             self._write(self._new(), self._new_start)
             self._new_start = self._new_end
 

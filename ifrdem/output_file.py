@@ -8,10 +8,12 @@ import os
 import secrets
 import shutil
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
+from numpy.typing import NDArray
 
 from .errors import InputError
 from .ordered_file import OrderedFile
@@ -133,6 +135,11 @@ class OutputFile:
             else:
                 self._present.unlink()
         self._present = self.path
+
+    def lend(self, arrays: Iterable[NDArray[Any]]) -> None:
+        """Arrays that are going to be written, and stay as they are until the next flush: it copies them then."""
+        if self._raw is not None:
+            self._raw.lend(arrays)
 
     def reserve(self, room: int) -> None:
         """Reserve so many bytes on the disk, and see that the file is still there.

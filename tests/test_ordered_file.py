@@ -81,20 +81,29 @@ def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, m
 def test_the_file_is_what_was_written_where_pieces_overlap(tmp_path, monkeypatch, longest):
     """Random reads and writes against an array, across flushes; long pieces pass by the system's cache."""
     monkeypatch.setattr(ordered_file, "LARGE", 8192)
+    monkeypatch.setattr(ordered_file, "LEAST_LENT", 100)
     monkeypatch.setattr(ordered_file, "MOST_HELD", 2 * longest)
     rng = np.random.default_rng(5)
     path = tmp_path / "file"
     path.write_bytes(b"")
     file, expected = OrderedFile(path), np.zeros(4 * longest, np.uint8)
     end = 0
+    lent = rng.integers(0, 256, 3 * longest, dtype=np.uint8)
     for _ in range(3000):
         place, length = int(rng.integers(0, 3 * longest)), int(rng.integers(1, longest))
         if rng.random() < 0.3:  # where the last piece ended
             place = min(file.tell(), 3 * longest)
         file.seek(place)
         if rng.random() < 0.5:
-            data = rng.integers(0, 256, length, dtype=np.uint8)
-            file.write(data.tobytes())
+            if rng.random() < 0.3:  # of an array that is lent
+                first = int(rng.integers(0, len(lent) - length))
+                data = lent[first : first + length]
+                file.lend([lent])
+                for part in np.array_split(data, int(rng.integers(1, 4))):
+                    file.write(part)
+            else:
+                data = rng.integers(0, 256, length, dtype=np.uint8)
+                file.write(data.tobytes())
             expected[place : place + length] = data
             end = max(end, place + length)
         else:
@@ -164,6 +173,28 @@ def test_a_full_disk_is_told_where_pieces_pass_by_the_cache(tmp_path, monkeypatc
     with pytest.raises(OSError, match="No space left"):
         large_pieces(tmp_path / "file", 2)
     assert sum(past) == 1
+
+
+def test_the_fields_of_a_frame_are_copied_by_the_flush_alone(tmp_path, monkeypatch):
+    """Whole chunks of arrays as the file wants them stay where they are until then; the last chunk is padded."""
+    put_off: list[int] = []
+    ask = OrderedFile._put_off
+
+    def asked(self: OrderedFile, start: int, data: memoryview) -> bool:
+        answer = ask(self, start, data)
+        put_off.extend([len(data)] * answer)
+        return answer
+
+    monkeypatch.setattr(OrderedFile, "_put_off", asked)
+    n = 40_000
+    state = some_state(n, 0)
+    with TrajectoryWriter(
+        tmp_path / "run.h5", some_disks(n), BOX, precision="f8", fields=["velocity"]
+    ) as writer:
+        writer.write(state)
+    assert sum(put_off) > 0.6 * 16 * n
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert np.array_equal(file["particles/all/velocity/value_2d"][0], state.velocity)
 
 
 def test_space_in_use_changes_only_at_a_flush(tmp_path):
