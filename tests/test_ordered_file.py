@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import io
 import os
+import weakref
 from pathlib import Path
 
 import h5py
@@ -114,6 +115,42 @@ def test_the_file_is_what_was_written_where_pieces_overlap(tmp_path, monkeypatch
     assert file.seek(0, os.SEEK_END) == end
     file.close()
     assert path.read_bytes() == expected[:end].tobytes()
+
+
+def test_the_file_is_what_was_written_as_it_grows_by_pieces_of_lent_arrays(tmp_path, monkeypatch):
+    """At its end, in new space: parts of arrays in and out of turn, others between them, and reads of both."""
+    monkeypatch.setattr(ordered_file, "LARGE", 8192)
+    monkeypatch.setattr(ordered_file, "LEAST_LENT", 100)
+    monkeypatch.setattr(ordered_file, "MOST_HELD", 60_000)
+    rng = np.random.default_rng(7)
+    path = tmp_path / "file"
+    path.write_bytes(b"")
+    file, expected = OrderedFile(path), bytearray()
+    for _ in range(300):
+        arrays = [rng.integers(0, 256, 20_000, dtype=np.uint8) for _ in range(2)]
+        file.lend(arrays)
+        at = [0, 0]
+        for _ in range(int(rng.integers(1, 12))):
+            which, length = int(rng.integers(0, 2)), int(rng.integers(1, 4000))
+            if rng.random() < 0.2:  # out of turn
+                at[which] = int(rng.integers(0, 15_000))
+            part = arrays[which][at[which] : at[which] + length]
+            at[which] += length
+            if rng.random() < 0.3:
+                part = rng.integers(0, 256, length, dtype=np.uint8)
+            file.seek(len(expected))
+            file.write(part)
+            expected += part.tobytes()
+            if rng.random() < 0.3:
+                place = max(0, len(expected) - int(rng.integers(1, 9000)))
+                file.seek(place)
+                assert file.read(5000) == bytes(expected[place : place + 5000]).ljust(5000, b"\0")
+        file.flush()
+        known = weakref.ref(arrays[0])
+        del arrays, part
+        assert known() is None  # the flush has given them back
+    file.close()
+    assert path.read_bytes() == bytes(expected)
 
 
 def large_pieces(path: Path, count: int) -> bytes:
