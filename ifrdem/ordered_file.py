@@ -33,6 +33,11 @@ BLOCK = 4096
 LARGE = 2**22
 """Pieces of so many bytes pass by the system's cache: a copy of them there costs a run more than the disk's work."""
 
+MOST_GAP = 2**16
+"""Bytes between two pieces for new space up to which they are written as one: HDF5 leaves such gaps for the parts of an
+index, and fills them at the flush. A frame of 1e6 disks is then one writing, and not five, of which two were too short
+to pass by the cache."""
+
 LEAST_LENT = 4096
 """Smaller pieces are copied at once."""
 _PRIVATE = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_ANONYMOUS") else {}
@@ -177,20 +182,25 @@ class OrderedFile:
         A thread beside a run gets its turn only between two kernels of Taichi, and gives it up with every writing: the
         250 chunks of a frame of 1e6 disks must not be 250 writings.
         """
-        if start != self._new_end or start + len(data) - self._new_start > MOST_HELD:
+        end = start + len(data)
+        if self._new_start == self._new_end <= start:
+            self._new_start = self._new_end = start
+        if not self._new_start <= start <= self._new_end + MOST_GAP or end - self._new_start > MOST_HELD:
             self._write_new()
-        if start < self._new_end:  # it may replace one that came before
-            self._write(data, start)
-            return
-        if len(data) > MOST_HELD:
-            self._write(data, start)
-            self._new_start = self._new_end = start + len(data)
-            return
-        if self._new_start == self._new_end:
-            self._new_start = start
-        self._new_end = start + len(data)
-        if not self._put_off(start, data):
-            self._new()[start - self._new_start :] = data
+            if start < self._new_end or len(data) > MOST_HELD:  # it may replace one that came before
+                self._write(data, start)
+                self._new_start = self._new_end = max(self._new_end, end)
+                return
+            self._new_start = self._new_end = start
+        replaces, gap = start < self._new_end, start - self._new_end
+        if replaces:
+            self._copy_late()  # what it replaces may have been put off
+        self._new_end = max(self._new_end, end)
+        staged, first = self._new(), start - self._new_start
+        if gap > 0:
+            staged[first - gap : first] = bytes(gap)
+        if replaces or not self._put_off(start, data):
+            staged[first : first + len(data)] = data
 
     def _put_off(self, start: int, data: memoryview) -> bool:
         """Leave a piece of an array that is lent where it is; whether it is one.

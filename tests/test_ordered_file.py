@@ -118,14 +118,20 @@ def test_the_file_is_what_was_written_where_pieces_overlap(tmp_path, monkeypatch
 
 
 def test_the_file_is_what_was_written_as_it_grows_by_pieces_of_lent_arrays(tmp_path, monkeypatch):
-    """At its end, in new space: parts of arrays in and out of turn, others between them, and reads of both."""
+    """At its end, in new space: parts of arrays in and out of turn, others between them, reads of both, and gaps.
+
+    Gaps of up to MOST_GAP and larger ones, which are read as zeros until a later piece fills them, before the flush or
+    after it; or stay.
+    """
     monkeypatch.setattr(ordered_file, "LARGE", 8192)
+    monkeypatch.setattr(ordered_file, "MOST_GAP", 1000)
     monkeypatch.setattr(ordered_file, "LEAST_LENT", 100)
-    monkeypatch.setattr(ordered_file, "MOST_HELD", 60_000)
+    monkeypatch.setattr(ordered_file, "MOST_HELD", 20_000)
     rng = np.random.default_rng(7)
     path = tmp_path / "file"
     path.write_bytes(b"")
     file, expected = OrderedFile(path), bytearray()
+    gaps: list[tuple[int, int]] = []
     for _ in range(300):
         arrays = [rng.integers(0, 256, 20_000, dtype=np.uint8) for _ in range(2)]
         file.lend(arrays)
@@ -138,9 +144,22 @@ def test_the_file_is_what_was_written_as_it_grows_by_pieces_of_lent_arrays(tmp_p
             at[which] += length
             if rng.random() < 0.3:
                 part = rng.integers(0, 256, length, dtype=np.uint8)
+            if rng.random() < 0.2:
+                gaps.append((len(expected), int(rng.integers(1, 1500))))
+                expected += bytes(gaps[-1][1])
             file.seek(len(expected))
             file.write(part)
             expected += part.tobytes()
+            if gaps and rng.random() < 0.2:
+                place, length = gaps.pop(int(rng.integers(0, len(gaps))))
+                file.seek(place)
+                file.write(filling := rng.integers(0, 256, length, dtype=np.uint8).tobytes())
+                expected[place : place + length] = filling
+            if rng.random() < 0.2:  # over what is there, and beyond its end
+                place = max(0, len(expected) - int(rng.integers(1, 9000)))
+                file.seek(place)
+                file.write(anew := rng.integers(0, 256, int(rng.integers(1, 9500)), dtype=np.uint8).tobytes())
+                expected[place : place + len(anew)] = anew
             if rng.random() < 0.3:
                 place = max(0, len(expected) - int(rng.integers(1, 9000)))
                 file.seek(place)
@@ -257,7 +276,8 @@ def test_new_space_is_on_the_disk_before_space_in_use_changes(tmp_path):
         file.seek(place)
         file.write(data)
     file.flush()
-    assert order == [(3, b"aabb"), (9, b"cc"), (0, b"new")]  # what follows each other is one writing
+    # What follows each other is one writing, and so is what has a small gap between.
+    assert order == [(3, b"aabb\0\0cc"), (0, b"new")]
 
 
 def test_the_superblock_goes_first_and_indexes_go_before_numbers_of_rows(tmp_path):
