@@ -17,7 +17,7 @@ from . import h5md
 from .errors import InputError
 from .state import State
 
-FORMAT = 3
+FORMAT = 4
 _KIND = "ifrdem checkpoint"
 
 

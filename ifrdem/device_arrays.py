@@ -26,6 +26,7 @@ from .engine_limits import (
     LINK,
     LISTS,
     LOG_INT,
+    LOG_LOSS,
     LOG_REAL,
     MECHANISMS,
     META,
@@ -45,7 +46,6 @@ from .kernels.layout import (
     DRIFT,
     GX,
     HEAD,
-    HEAVIEST,
     HIGHEST_LEVEL,
     LEVELS,
     LOG_CAPACITY,
@@ -74,7 +74,7 @@ from .kernels.layout import (
     Uses,
 )
 from .kernels.layout import ROW as ROW_LENGTH
-from .kernels.ledger import ALL, WRONG
+from .kernels.ledger import ALL
 from .kernels.levels import reach_at
 from .kernels.totals import TOTALS
 from .kernels.walls import HEAT, TEMPERATURE
@@ -83,7 +83,7 @@ from .state import Disks, State
 
 
 def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """What kinds of disks there are, shape (kinds, 4): inverse mass, k, radius, material; and each disk's kind."""
+    """What kinds of disks there are, shape (kinds, 6), columns as in `kernels/layout.py`; and each disk's kind."""
     columns = (1.0 / disks.mass, disks.k, disks.radius, disks.material.astype(np.float64))
     code: NDArray[np.int64] = np.zeros(disks.n, dtype=np.int64)
     for column in columns:
@@ -95,7 +95,9 @@ def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         if code.any()
         else (None, np.zeros(min(disks.n, 1), dtype=np.int64))
     )
-    return np.stack([column[first] for column in columns], axis=1), code
+    mass = np.where(np.isfinite(disks.mass[first]), disks.mass[first], 0.0)
+    inertia = mass * disks.radius[first] ** 2 / disks.k[first]
+    return np.stack([*(column[first] for column in columns), mass, inertia], axis=1), code
 
 
 class DeviceArrays:
@@ -185,12 +187,12 @@ class DeviceArrays:
         self.law = ti.ndarray(self._type, law_table.shape)
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self.counter = np.zeros(17, dtype=np.int32)
-        self.limit = np.zeros(6, dtype=self.real)
+        self.limit = np.zeros(5, dtype=self.real)
         n_walls = 0 if walls is None else len(walls)
         self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls, 0, 0, 0, 0], dtype=np.int32)
         words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
         self.grid[SEED_LOW : SEED_LOW + 2] = words.view(np.int32)
-        self.scale = np.zeros(22, dtype=self.real)
+        self.scale = np.zeros(21, dtype=self.real)
         self.clock = np.zeros(7)
         self.total = np.zeros(6, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
@@ -199,7 +201,6 @@ class DeviceArrays:
         self.scale[SKIN] = skin
         self.scale[REACH] = skin / 2.0
         self.scale[WIDEST] = diameter
-        self.scale[HEAVIEST] = disks.mass[disks.movable].max(initial=0.0)
         self.scale[GX : GX + 2] = gravity
         self.scale[WALL_SPEED] = wall_speed
         self.scale[CUTOFF] = velocity_cutoff
@@ -244,7 +245,7 @@ class DeviceArrays:
             "last_partner": state.last_partner.astype(np.int32), "angle": state.angle.copy(),
         }  # fmt: skip
         # The host reads these often, too.
-        self.losses = np.zeros((3, MECHANISMS))
+        self.losses = np.zeros((2, MECHANISMS))
         self.losses_whole = np.zeros((2, MECHANISMS), dtype=np.int64)
         self.sums = np.zeros((room // BLOCK + 1, TOTALS))
         self.regimes = np.zeros(REGIMES, dtype=np.int64)
@@ -270,6 +271,7 @@ class DeviceArrays:
             self.latest.from_numpy(np.append(state.latest_collision, state.time))
         self.log_real: Any = None
         self.log_int: Any = None
+        self.log_loss: Any = None
         self.make_log(n // 2 + 1024)
         self._put(box, state, disks, kinds, kind, law_table, tiles, cells)
 
@@ -411,7 +413,7 @@ class DeviceArrays:
 
     def make_log(self, records: int) -> None:
         """Make room for so many collisions an epoch; the epoch at hand loses its log. Half the disks at least."""
-        for old in (self.log_real, self.log_int):
+        for old in (self.log_real, self.log_int, self.log_loss):
             if old is not None:
                 backend.free_array(old)
         # Sorting needs half the disks; every tile takes records by the chunk.
@@ -420,6 +422,7 @@ class DeviceArrays:
         self.grid[LOG_CAPACITY] = records
         self.log_real = self._vectors(LOG_REAL, self._type, records)
         self.log_int = self._vectors(LOG_INT, ti.i32, records)
+        self.log_loss = self._vectors(LOG_LOSS, ti.f64, records if self.uses.tallied else 1)
 
     def standing_records(self) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Times, shape (c,), and slots, shape (c, 2), of the collisions of two disks that stand, in any order."""
@@ -450,12 +453,12 @@ class DeviceArrays:
         Raises
         ------
         EngineError
-            If collisions took more than there was: the law gives or takes energy without bounds.
+            If a collision took no number (NaN), or an infinite one: the law gives or takes energy without bounds.
         """
-        if self.losses[WRONG].any():
+        if not np.isfinite(self.losses[ALL]).all():
             raise EngineError(
-                "a collision took more energy than all disks can have, or no number: the law does not hold on to "
-                "energy; with output.ledger = false (ledger=False) nobody counts"
+                "a collision took an energy beyond all bounds, or no number: the law does not hold on to energy; with "
+                "output.ledger = false (ledger=False) nobody counts"
             )
         return self.losses[ALL].copy(), self.regimes.copy()
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 # Columns of the arrays (`kernels/layout.py`).
-FLIGHT, KIND, LINK, META, IMAGE, LISTS = 8, 4, 8, 3, 2, 5
-LOG_REAL, LOG_INT = 11, 8
+FLIGHT, KIND, LINK, META, IMAGE, LISTS = 8, 6, 8, 3, 2, 5
+LOG_REAL, LOG_INT, LOG_LOSS = 11, 8, 4
 WALL = 18
 MECHANISMS, REGIMES = 6, 5
 MOST_WALLS = 31  # those that a disk can touch in an epoch are the bits of one integer

@@ -11,8 +11,11 @@ import taichi as ti
 
 from .law import after_impulses, relative_motion
 from .layout import CONTACT_TIME, CUTOFF, HEAD, ID, TIME, Cube, GasArrays, N, Table, Uses
+from .losses import losses_of
 
-ELASTIC = 4  # in HOW: the collision was elastic by one of the two
+# Bits in HOW: the collision was elastic by one of the two; with a ledger, whether friction stopped the slip, and
+# whether the rolling torque was its greatest.
+STICKS, ROLLS, ELASTIC = 1, 2, 4
 
 
 @ti.func
@@ -50,13 +53,17 @@ def pair_of(
 def impulses_between(
     p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas: ti.template()
 ):  # fmt: skip
-    """P_n, P_t, T by the law of materials p and q, and g_n, m_n. Arguments as for `law.collide_pair`."""
+    """P_n, P_t, T by the law of materials p and q; g_n; the pair and the coefficients that the law was told.
+
+    Arguments as for `law.collide_pair`.
+    """
     g_n, g_t, m_n, m_t = relative_motion(
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
     )
     pair = pair_of(g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
-    P_n, P_t, T = gas.uses.collision_law.impulses(pair, coefficients(p, q, gas))
-    return P_n, P_t, T, g_n, m_n
+    row = coefficients(p, q, gas)
+    P_n, P_t, T = gas.uses.collision_law.impulses(pair, row)
+    return P_n, P_t, T, g_n, pair, row
 
 
 @ti.func
@@ -64,29 +71,36 @@ def collided(
     p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, lasting,
     gas: ti.template(),
 ):  # fmt: skip
-    """Velocities and spins (vx_i, vy_i, w_i, vx_j, vy_j, w_j) of materials p and q after a collision; and ELASTIC or 0.
+    """Velocities and spins (vx_i, vy_i, w_i, vx_j, vy_j, w_j) of p and q after a collision; how it was; its losses.
 
-    Arguments as for `law.collide_pair`. A pair that separates keeps its own. With `lasting` > 0 (the tc rule), or below
-    the cut-off, disks collide like smooth elastic ones: a bounce is not followed by ever smaller ones in a finite time.
+    How: ELASTIC; else, with a ledger, STICKS and ROLLS; else 0. Losses: by the columns of `log_loss`; 0 without one.
+    Arguments as for `law.collide_pair`; p and q are materials. A pair that separates keeps
+    its own. With `lasting` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones: a bounce is
+    not followed by ever smaller ones in a finite time.
     """
-    P_n, P_t, T, g_n, m_n = impulses_between(
+    P_n, P_t, T, g_n, pair, row = impulses_between(
         p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas
     )
     elastic = g_n < gas.scale[CUTOFF]
     if ti.static(gas.uses.remembers):
         elastic = elastic or lasting > 0
-    remedy = 0
+    how = 0
+    lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
+    approaching = 1.0 * (g_n > 0.0)
     if elastic:
-        P_n = 2.0 * m_n * g_n
+        P_n = 2.0 * pair.m_n * g_n
         P_t = 0.0
         T = 0.0
-        remedy = ELASTIC
-    approaching = 1.0 * (g_n > 0.0)
+        how = ELASTIC
+    elif g_n > 0.0:
+        if ti.static(gas.uses.tallied):
+            lost, sticks, rolls = losses_of(P_n, P_t, T, pair, row, gas)
+            how = STICKS * sticks + ROLLS * rolls
     vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new = after_impulses(
         approaching * P_n, approaching * P_t, approaching * T,
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j,
     )  # fmt: skip
-    return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new, remedy
+    return vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new, how, lost
 
 
 @ti.kernel
@@ -99,12 +113,12 @@ def try_law(collision_law: ti.template(), law: Cube, pairs: Table, found: Table)
     gas = ti.static(GasArrays(law=law, uses=Uses(collision_law=collision_law)))
     for c in range(pairs.shape[0]):
         p, q = ti.cast(pairs[c, 0], ti.i32), ti.cast(pairs[c, 1], ti.i32)
-        P_n, P_t, T, g_n, m_n = impulses_between(
+        P_n, P_t, T, g_n, pair, _ = impulses_between(
             p, q, 1.0, 0.0, pairs[c, 2], pairs[c, 3], pairs[c, 4], pairs[c, 8], pairs[c, 9], pairs[c, 10],
             pairs[c, 5], pairs[c, 6], pairs[c, 7], 0.0, 0.0, pairs[c, 11], gas,
         )  # fmt: skip
         found[c, 0] = P_n
-        found[c, 1] = m_n * g_n
+        found[c, 1] = pair.m_n * g_n
         found[c, 2], found[c, 3], found[c, 4], found[c, 5], found[c, 6], found[c, 7] = after_impulses(
             P_n, P_t, T, 1.0, 0.0, pairs[c, 2], pairs[c, 3], pairs[c, 4], pairs[c, 8], pairs[c, 9],
             pairs[c, 10], pairs[c, 5], pairs[c, 6], pairs[c, 7], 0.0, 0.0, pairs[c, 11],

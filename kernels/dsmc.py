@@ -90,7 +90,7 @@ def meet(c, i, j, disk: ti.template(), hits: ti.template(), crowding: ti.templat
         sine = ti.cast(2.0 * unit(w[2], w[3]) - 1.0, float)
         cosine = ti.sqrt(ti.max(1.0 - sine * sine, 0.0))
         n_x, n_y = (gx * cosine - gy * sine) / speed, (gy * cosine + gx * sine) / speed
-        vx_i, vy_i, w_i, vx_j, vy_j, w_j, _ = collided(
+        vx_i, vy_i, w_i, vx_j, vy_j, w_j, _how, _lost = collided(
             ti.cast(a[MATERIAL], ti.i32), ti.cast(b[MATERIAL], ti.i32), n_x, n_y,
             a[INVERSE_MASS], a[RADIUS], a[K], a[VX], a[VY], a[SPIN],
             b[INVERSE_MASS], b[RADIUS], b[K], b[VX], b[VY], b[SPIN], 0, gas,

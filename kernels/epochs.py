@@ -23,7 +23,6 @@ from .layout import (
     LEVEL,
     LOG_FULL,
     MEAN_SQUARE,
-    MOST_ENERGY,
     MOST_LEVEL,
     MOST_NEIGHBOURS,
     N_ELASTIC,
@@ -50,7 +49,7 @@ from .layout import (
     Rows,
     Table,
 )
-from .ledger import close_tally, energy_of, energy_unit, n_record_blocks, tally
+from .ledger import close_tally, n_record_blocks, tally, weigh
 from .levels import epoch_length, speed_cap, too_fast
 from .lists import list_tile, open_epoch
 from .sort import clear, fly, lay_aside, order_cell, put_back
@@ -62,7 +61,7 @@ from .walls import offer_wall
 def epochs_by_one_thread(
     most_epochs: ti.i32, uses: ti.template(), clock: Rows, total: Rows, grid: Rows, scale: Rows, flight: Rows,
     kinds: Rows, meta: Rows, image: Rows, link: Rows, cell: Rows, start: Rows, fill: Rows, order: Rows,
-    neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows,
+    neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, log_loss: Rows, law: Cube, walls: Rows,
     near_walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table, latest: Rows, flow_work: Rows,
     losses: Table, losses_whole: Table, regimes: Rows, last_partner: Rows, angle: Rows,
 ):  # fmt: skip
@@ -76,9 +75,10 @@ def epochs_by_one_thread(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
         start=start, fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit,
-        log_real=log_real, log_int=log_int, law=law, walls=walls, near_walls=near_walls, wall_hits=wall_hits,
-        wall_work=wall_work, wall_heat=wall_heat, latest=latest, flow_work=flow_work, losses=losses,
-        losses_whole=losses_whole, regimes=regimes, last_partner=last_partner, angle=angle, clock=clock, uses=uses,
+        log_real=log_real, log_int=log_int, log_loss=log_loss, law=law, walls=walls, near_walls=near_walls,
+        wall_hits=wall_hits, wall_work=wall_work, wall_heat=wall_heat, latest=latest, flow_work=flow_work,
+        losses=losses, losses_whole=losses_whole, regimes=regimes, last_partner=last_partner, angle=angle,
+        clock=clock, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         n = gas.grid[N]
@@ -90,8 +90,10 @@ def epochs_by_one_thread(
                 gas.fill[c] = 0
             if ti.static(gas.uses.tallied):
                 for b in range(n_record_blocks(gas)):
-                    tally(b, energy_unit(gas), gas)
-                close_tally(energy_unit(gas), gas)
+                    weigh(b, gas)
+                for b in range(n_record_blocks(gas)):
+                    tally(b, gas)
+                close_tally(gas)
             for i in range(n):
                 fly(i, gas)
             before = 0
@@ -108,7 +110,6 @@ def epochs_by_one_thread(
                 order_cell(c, gas)
             fastest2 = gas.scale[DURATION] * 0.0
             sum2 = gas.scale[DURATION] * 0.0
-            most_energy = gas.scale[DURATION] * 0.0
             for s in range(n):
                 lay_aside(s, gas.order[s], gas)
             for s in range(n):
@@ -117,12 +118,9 @@ def epochs_by_one_thread(
                 square = speed2_in_flow(s, gas)
                 fastest2 = ti.max(fastest2, square)
                 sum2 += square
-                if ti.static(gas.uses.tallied):
-                    most_energy = ti.max(most_energy, energy_of(s, square, gas))
             gas.scale[DURATION] = 0.0
             gas.limit[FASTEST] = ti.sqrt(fastest2)
             gas.limit[MEAN_SQUARE] = sum2 / n
-            gas.limit[MOST_ENERGY] = most_energy
             gas.counter[MOST_NEIGHBOURS] = 0
             gas.counter[LOG_FULL] = 0
             pull = ti.sqrt(gas.scale[GX] * gas.scale[GX] + gas.scale[GY] * gas.scale[GY])

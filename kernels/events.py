@@ -92,7 +92,7 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     p = ti.cast(gas.kinds[kind_a][MATERIAL], ti.i32)
     q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
     nx, ny = rx / r, ry / r
-    vx_a, vy_a, w_a, vx_b, vy_b, w_b, remedy = collided(
+    vx_a, vy_a, w_a, vx_b, vy_b, w_b, how, lost = collided(
         p, q, nx, ny,
         gas.kinds[kind_a][INVERSE_MASS], gas.flight[a][RADIUS], gas.kinds[kind_a][K],
         gas.flight[a][VX], gas.flight[a][VY], gas.flight[a][SPIN],
@@ -114,8 +114,10 @@ def collide_at(entry, t, a, b, shift, gas: ti.template()):
     gas.flight[b][VY] = vy_b
     gas.flight[b][TAU] = t
     gas.flight[b][SPIN] = w_b
-    gas.log_int[entry][HOW] = remedy + SHIFT_BITS * shift
-    if remedy > 0:
+    gas.log_int[entry][HOW] = how + SHIFT_BITS * shift
+    if ti.static(gas.uses.tallied):
+        gas.log_loss[entry] = lost
+    if how >= ELASTIC:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
     limit_if_too_fast(a, t, gas)

@@ -15,6 +15,16 @@ import taichi as ti
 
 
 @ti.pyfunc
+def inverse_masses(im_i, k_i, im_j, k_j):
+    """1 / m_n and 1 / m_t of a pair, from inverse masses and shape numbers.
+
+    An impulse P along n changes g_n by -P/m_n (Eq. 1). An impulse P along t changes g_t by -P/m_t: it moves each disk
+    by P/m (Eq. 2) and turns it by R dw = -k P/m (Eq. 3 with I = m R^2 / k).
+    """
+    return im_i + im_j, (1.0 + k_i) * im_i + (1.0 + k_j) * im_j
+
+
+@ti.pyfunc
 def relative_motion(n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j):
     """How the contact moves, from the arguments of `collide_pair`: g_n, g_t, m_n, m_t.
 
@@ -32,11 +42,8 @@ def relative_motion(n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, v
     g_n = dvx * n_x + dvy * n_y
     g_t = dvy * n_x - dvx * n_y + (R_i * w_i + R_j * w_j)
 
-    # Effective masses. An impulse P along n changes g_n by -P/m_n (Eq. 1). An impulse P along t changes g_t
-    # by -P/m_t: it moves each disk by P/m (Eq. 2) and turns it by R dw = -k P/m (Eq. 3 with I = m R^2 / k).
-    m_n = 1.0 / (im_i + im_j)
-    m_t = 1.0 / ((1.0 + k_i) * im_i + (1.0 + k_j) * im_j)
-    return g_n, g_t, m_n, m_t
+    inverse_n, inverse_t = inverse_masses(im_i, k_i, im_j, k_j)
+    return g_n, g_t, 1.0 / inverse_n, 1.0 / inverse_t
 
 
 @ti.pyfunc

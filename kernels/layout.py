@@ -8,7 +8,7 @@ neighbouring cells can be neighbours; *tiles* are rectangles of cells, whose dis
 array        shape, type   a row holds
 ===========  ============  ==================================================================================
 flight       (n, 8) real   what flights and events need (64 bytes in double precision)
-kinds        (m, 4) real   inverse mass, k, radius, material of each kind of disk
+kinds        (m, 6) real   inverse mass, k, radius, material, mass, moment of inertia of each kind of disk
 link         (n, 8) int    partner, log chain and stamps of the current epoch
 meta         (n, 3) int    id, kind, collisions with disks and walls
 image        (n, 2) int    box crossings, by id
@@ -17,11 +17,12 @@ neighbour    (n, K) int    slots of neighbours in the same frame from the front;
                            others from the back
 log_real     (c, 11) real  one collision: its time, and both disks' states before it
 log_int      (c, 8) int    its slots, links and flags
+log_loss     (c, 4) double with a ledger, the energy that it took (`losses.py`)
 lists        (5, n) int    work lists of the rounds
 counter      (17,) int     their lengths, and totals
-limit        (6,) real     times at which the epoch and the window end
+limit        (5,) real     times at which the epoch and the window end
 grid         (14,) int     numbers of disks, tiles, cells and walls; the seed; displacement of rows of tiles
-scale        (22,) real    lengths and times of the grid and the epoch, gravity, shear
+scale        (21,) real    lengths and times of the grid and the epoch, gravity, shear
 clock        (7,) double   times in epochs run by one thread, and what displaces rows of tiles
 total        (6,) int64    collisions and epochs of one launch
 walls        (W, 18) real  geometry, motion, material and temperature of each wall (`walls.py`)
@@ -30,7 +31,7 @@ wall_hits    (n,) int      collisions with walls, by id
 wall_work    (n,) real     energy that moving walls gave, by id
 wall_heat    (n, H) double energy that each thermal wall gave, by id
 flow_work    (n,) double   energy that the mean flow gave, by id (`flow.py`)
-losses       (3, 6) double energy that collisions took, by mechanism (`ledger.py`)
+losses       (2, 6) double energy that collisions took, by mechanism (`ledger.py`)
 losses_whole (2, 6) int64  the same of an epoch in whole numbers
 regimes      (5,) int64    collisions of two disks by regime
 last_partner (n,) int      whom each disk hit last, by id: an id, -1 nobody, -2 - w wall w
@@ -58,8 +59,8 @@ import taichi as ti
 
 # flight: position at time TAU, velocity, spin, radius, time of the earliest predicted event
 X, Y, VX, VY, TAU, SPIN, RADIUS, TE = range(8)
-# kinds
-INVERSE_MASS, K, KIND_RADIUS, MATERIAL = range(4)
+# kinds; mass and moment of inertia are 0 where they are infinite: sums over disks leave these out
+INVERSE_MASS, K, KIND_RADIUS, MATERIAL, KIND_MASS, KIND_INERTIA = range(6)
 # link: code of the earliest event's partner; latest log record; collisions in this epoch; stamps with the number of
 # a round; the collision from which on to undo; lengths of the neighbour row's two parts
 PARTNER, HEAD, SEQ, ACTIVE, DIRTY, AFFECTED, UNDO, LENGTH = range(8)
@@ -69,8 +70,8 @@ NEXT, PREVIOUS_IN_BIN = ACTIVE, DIRTY
 ID, KIND, EVENTS = range(3)
 # log_real: time, then x, y, vx, vy, spin of either disk from column BEFORE + 5 * side on
 TIME, BEFORE = 0, 1
-# log_int: slot, previous record and number in its epoch of either disk (column + side); whether it was elastic by a
-# remedy for collapse, plus SHIFT_BITS times the shift from the first disk to the second; whether it stands
+# log_int: slot, previous record and number in its epoch of either disk (column + side); how it was (bits in
+# `contact.py`), plus SHIFT_BITS times the shift from the first disk to the second; whether it stands
 SLOT, PREVIOUS, NUMBER, HOW, STANDS = 0, 2, 4, 6, 7
 SHIFT_BITS = 8
 # lists: disks that predicted again because they changed (two rows, for even and odd rounds), because a
@@ -91,8 +92,8 @@ N_WALL_HITS = 14  # collisions with walls that stand
 N_ELASTIC = 16  # collisions that stand and were elastic for a remedy for collapse (`contact.py`)
 RESTING = 15  # 1: a disk came to rest on a wall, or its next meeting with it cannot be found
 # limit: end of the epoch, the same as read by the current round, largest speed, earliest unprocessed event, mean
-# square of the speeds; with a ledger, the largest energy of a disk
-END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE, MOST_ENERGY = range(6)
+# square of the speeds
+END, LATCHED, FASTEST, EARLIEST, MEAN_SQUARE = range(5)
 # grid: disks; tiles along each side; cells along each side of a tile; entries of a neighbour row; log records;
 # highest level that the box allows; 1, or 0 to see what happens when nothing is ever rolled back; walls; the seed of
 # random numbers, low and high 32 bits; how many tiles, and before that boxes, a row of tiles was displaced against
@@ -103,11 +104,10 @@ SEED_LOW, SEED_HIGH, TILES_ASIDE, BOXES_ASIDE = range(10, 14)
 # window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter,
 # gravity, a speed that walls may give to disks, approach below which collisions are elastic,
 # where the box begins in the coordinates of the tiles, time since the latest collision below which one is elastic;
-# shear rate, velocity of a row of tiles against the one below, rest of its displacement when the epoch began; largest
-# mass of a disk that can move
+# shear rate, velocity of a row of tiles against the one below, rest of its displacement when the epoch began
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
 REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y, CONTACT_TIME = range(8, 18)
-SHEAR, DRIFT, ASIDE, HEAVIEST = range(18, 22)
+SHEAR, DRIFT, ASIDE = range(18, 21)
 # clock, in double precision: present time, where to stop, planned length of the latest epoch, DRIFT and TILE_X, when to
 # pause at the next end of an epoch, and when the latest one began
 NOW, TIME_END, PLANNED, ROW_SPEED, TILE_SIDE, PAUSE_AT, BEGAN = range(7)
@@ -156,6 +156,15 @@ def n_others(lengths):
 def level_of(lengths):
     """Level of a disk: it may move (1 + level / LEVELS) reaches in this epoch."""
     return lengths // LEVEL
+
+
+@ti.func
+def kind_of(i, gas: ti.template()):
+    """Kind of disk i; where there is but one, without a look at the disk, which may be far away in memory."""
+    kind = 0
+    if gas.kinds.shape[0] > 1:
+        kind = gas.meta[i][KIND]
+    return kind
 
 
 @ti.func
@@ -216,6 +225,7 @@ class GasArrays(NamedTuple):
     limit: Any = None
     log_real: Any = None
     log_int: Any = None
+    log_loss: Any = None
     law: Any = None
     clock: Any = None
     walls: Any = None

@@ -125,7 +125,7 @@ def predict_again(i, gas: ti.template()):
 def one_round(
     everybody: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows,
     meta: Rows, cell: Rows, start: Rows, neighbour: Rows, lists: Table, counter: Rows, limit: Rows,
-    log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows, latest: Rows,
+    log_real: Rows, log_int: Rows, log_loss: Rows, law: Cube, walls: Rows, near_walls: Rows, latest: Rows,
 ):  # fmt: skip
     """One round in parallel. `everybody` = n makes all disks active (a window's first round), 0 the last predicted.
 
@@ -135,7 +135,7 @@ def one_round(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, lists=lists, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
-        law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
+        log_loss=log_loss, law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         # Latched: an end brought forward by this round's collisions holds from the next round on.
@@ -164,7 +164,7 @@ def one_round(
 def rounds_by_one_thread(
     first: ti.i32, most_active: ti.i32, most_rounds: ti.i32, uses: ti.template(), grid: Rows, scale: Rows,
     flight: Rows, kinds: Rows, link: Rows, meta: Rows, cell: Rows, start: Rows, neighbour: Rows, lists: Table,
-    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows,
+    counter: Rows, limit: Rows, log_real: Rows, log_int: Rows, log_loss: Rows, law: Cube, walls: Rows, near_walls: Rows,
     latest: Rows,
 ):  # fmt: skip
     """The rounds of `one_round`, one after another by one thread, while no more than `most_active` disks are active.
@@ -174,7 +174,7 @@ def rounds_by_one_thread(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         neighbour=neighbour, lists=lists, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
-        law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
+        log_loss=log_loss, law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         everybody = first

@@ -29,7 +29,6 @@ from .layout import (
     KIND_RADIUS,
     LENGTH,
     MEAN_SQUARE,
-    MOST_ENERGY,
     NEVER,
     PARTNER,
     RADIUS,
@@ -56,7 +55,7 @@ from .layout import (
     Y,
     n_blocks,
 )
-from .ledger import close_tally, energy_of, energy_unit, n_record_blocks, tally
+from .ledger import close_tally, n_record_blocks, tally, weigh
 from .tally import note_latest, note_partner, note_turn, tally_walls
 from .totals import TOTALS, count_in
 
@@ -234,8 +233,8 @@ def clear(s, gas: ti.template()):
 @ti.kernel
 def settle(
     telling: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
-    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, start: Rows, fill: Rows, block: Rows, order: Rows,
-    squares: Rows, limit: Rows, law: Cube, walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table,
+    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, log_loss: Rows, start: Rows, fill: Rows, block: Rows,
+    order: Rows, squares: Rows, limit: Rows, law: Cube, walls: Rows, wall_hits: Rows, wall_work: Rows, wall_heat: Table,
     latest: Rows, flow_work: Rows, losses: Table, losses_whole: Table, regimes: Rows, last_partner: Rows, angle: Rows,
     counter: Rows, sums: Table,
 ):  # fmt: skip
@@ -249,10 +248,10 @@ def settle(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
-        log_real=log_real, log_int=log_int, start=start, fill=fill, block=block, order=order, squares=squares,
-        limit=limit, law=law, walls=walls, wall_hits=wall_hits, wall_work=wall_work, wall_heat=wall_heat,
-        latest=latest, flow_work=flow_work, losses=losses, losses_whole=losses_whole, regimes=regimes,
-        last_partner=last_partner, angle=angle, counter=counter, uses=uses,
+        log_real=log_real, log_int=log_int, log_loss=log_loss, start=start, fill=fill, block=block,
+        order=order, squares=squares, limit=limit, law=law, walls=walls, wall_hits=wall_hits, wall_work=wall_work,
+        wall_heat=wall_heat, latest=latest, flow_work=flow_work, losses=losses, losses_whole=losses_whole,
+        regimes=regimes, last_partner=last_partner, angle=angle, counter=counter, uses=uses,
     ))  # fmt: skip
     for c in range(n_cells(gas)):
         gas.fill[c] = 0
@@ -261,9 +260,12 @@ def settle(
     if ti.static(gas.uses.tallied):
         for item in range(SPREAD * n_record_blocks(gas)):
             if item % SPREAD == 0:
-                tally(item // SPREAD, energy_unit(gas), gas)
+                weigh(item // SPREAD, gas)
+        for item in range(SPREAD * n_record_blocks(gas)):
+            if item % SPREAD == 0:
+                tally(item // SPREAD, gas)
         for _ in range(1):
-            close_tally(energy_unit(gas), gas)
+            close_tally(gas)
     for i in range(gas.grid[N]):
         fly(i, gas)
     for item in range(SPREAD * n_blocks(n_cells(gas))):
@@ -273,7 +275,6 @@ def settle(
         scan_blocks(n_blocks(n_cells(gas)), gas)
         gas.start[n_cells(gas)] = gas.grid[N]
         gas.limit[FASTEST] = 0.0
-        gas.limit[MOST_ENERGY] = 0.0
     for item in range(SPREAD * n_blocks(n_cells(gas))):
         if item % SPREAD == 0:
             scan_block(item // SPREAD, n_cells(gas), gas)
@@ -291,14 +292,11 @@ def settle(
             b = item // SPREAD
             fastest2 = gas.limit[FASTEST] * 0.0
             sum2 = gas.limit[FASTEST] * 0.0
-            most = gas.limit[FASTEST] * 0.0
             total = ti.Vector([0.0] * TOTALS, ti.f64)
             for s in range(b * BLOCK, ti.min(gas.grid[N], (b + 1) * BLOCK)):
                 speed2 = speed2_in_flow(s, gas)
                 fastest2 = ti.max(fastest2, speed2)
                 sum2 += speed2
-                if ti.static(gas.uses.tallied):
-                    most = ti.max(most, energy_of(s, speed2, gas))
                 if telling == 1:
                     count_in(s, total, gas)
             if telling == 1:
@@ -306,8 +304,6 @@ def settle(
                     sums[b, column] = total[column]
             ti.atomic_max(gas.limit[FASTEST], ti.sqrt(fastest2))
             gas.squares[b] = sum2
-            if ti.static(gas.uses.tallied):
-                ti.atomic_max(gas.limit[MOST_ENERGY], most)
     for _ in range(1):
         # Block by block: the order of a sum of rounded numbers matters.
         total = gas.limit[FASTEST] * 0.0

@@ -303,7 +303,7 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
 def run_tiles(
     uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows, cell: Rows,
     start: Rows, fill: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows,
-    log_int: Rows, law: Cube, walls: Rows, near_walls: Rows, latest: Rows,
+    log_int: Rows, log_loss: Rows, law: Cube, walls: Rows, near_walls: Rows, latest: Rows,
 ):  # fmt: skip
     """All tiles at once, one thread each, up to the end of the window.
 
@@ -312,7 +312,7 @@ def run_tiles(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit, log_real=log_real,
-        log_int=log_int, law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
+        log_int=log_int, log_loss=log_loss, law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
     ))  # fmt: skip
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:
@@ -329,7 +329,7 @@ def run_tiles(
 def run_in_order(
     most: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows,
     meta: Rows, cell: Rows, start: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows,
-    log_real: Rows, log_int: Rows, law: Cube, walls: Rows, near_walls: Rows, latest: Rows,
+    log_real: Rows, log_int: Rows, log_loss: Rows, law: Cube, walls: Rows, near_walls: Rows, latest: Rows,
 ):  # fmt: skip
     """All tiles as one, by one thread, up to the end of the epoch or to `most` collisions.
 
@@ -338,7 +338,7 @@ def run_in_order(
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
         order=order, neighbour=neighbour, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
-        law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
+        log_loss=log_loss, law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
     ))  # fmt: skip
     for _ in range(1):
         run_tile(0, gas.grid[N], True, most, gas)

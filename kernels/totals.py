@@ -10,9 +10,8 @@ from .layout import (
     EVENTS,
     GX,
     GY,
-    INVERSE_MASS,
-    KIND,
-    RADIUS,
+    KIND_INERTIA,
+    KIND_MASS,
     SPIN,
     SPREAD,
     TILE_X,
@@ -21,12 +20,12 @@ from .layout import (
     VX,
     VY,
     GasArrays,
-    K,
     N,
     Rows,
     Table,
     X,
     Y,
+    kind_of,
     n_blocks,
 )
 
@@ -40,41 +39,39 @@ def moving(i, vx, vy, spin, gas: ti.template()):
 
     Nothing for a disk of infinite mass.
     """
+    kind = kind_of(i, gas)
+    mass, inertia = (
+        ti.cast(gas.kinds[kind][KIND_MASS], ti.f64),
+        ti.cast(gas.kinds[kind][KIND_INERTIA], ti.f64),
+    )
     shares = ti.Vector([0.0, 0.0, 0.0, 0.0, 0.0], ti.f64)
-    kind = gas.meta[i][KIND]
-    im = ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
-    if im > 0.0:
-        mass = 1.0 / im
-        turning = spin * ti.cast(gas.flight[i][RADIUS], ti.f64)
-        shares[TRANSLATIONAL] = 0.5 * mass * (vx * vx + vy * vy)
-        shares[ROTATIONAL] = 0.5 * mass * turning * turning / gas.kinds[kind][K]
-        shares[MOMENTUM_X] = mass * vx
-        shares[MOMENTUM_Y] = mass * vy
-        shares[SHEAR_PRESSURE] = mass * vx * vy
+    shares[MOMENTUM_X] = mass * vx
+    shares[MOMENTUM_Y] = mass * vy
+    shares[TRANSLATIONAL] = 0.5 * (shares[MOMENTUM_X] * vx + shares[MOMENTUM_Y] * vy)
+    shares[ROTATIONAL] = 0.5 * inertia * spin * spin
+    shares[SHEAR_PRESSURE] = shares[MOMENTUM_X] * vy
     return shares
 
 
 @ti.func
 def count_in(s, total: ti.template(), gas: ti.template()):
     """Add a settled disk to the sums that `totals` has."""
-    kind = gas.meta[s][KIND]
     total[ALL_EVENTS] += gas.meta[s][EVENTS]
-    im = ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
-    if im > 0.0:
-        vx, vy = ti.cast(gas.flight[s][VX], ti.f64), ti.cast(gas.flight[s][VY], ti.f64)
-        if ti.static(gas.uses.sheared):
-            flow = ti.cast(flow_at(gas.flight[s][Y], gas), ti.f64)
-            total[EXCESS] += flow * (vx - 0.5 * flow) / im
-            vx -= flow
-        shares = moving(s, vx, vy, ti.cast(gas.flight[s][SPIN], ti.f64), gas)
-        for column in ti.static(range(5)):
-            total[column] += shares[column]
-        if ti.static(gas.uses.walled):
-            tile = gas.cell[s] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y])
-            tile_x = tile // gas.grid[TILES_Y]
-            x = tile_x * gas.scale[TILE_X] + ti.cast(gas.flight[s][X], ti.f64)
-            y = (tile - tile_x * gas.grid[TILES_Y]) * gas.scale[TILE_Y] + ti.cast(gas.flight[s][Y], ti.f64)
-            total[FALL] += (x * gas.scale[GX] + y * gas.scale[GY]) / im
+    mass = ti.cast(gas.kinds[kind_of(s, gas)][KIND_MASS], ti.f64)
+    vx, vy = ti.cast(gas.flight[s][VX], ti.f64), ti.cast(gas.flight[s][VY], ti.f64)
+    if ti.static(gas.uses.sheared):
+        flow = ti.cast(flow_at(gas.flight[s][Y], gas), ti.f64)
+        total[EXCESS] += flow * (vx - 0.5 * flow) * mass
+        vx -= flow
+    shares = moving(s, vx, vy, ti.cast(gas.flight[s][SPIN], ti.f64), gas)
+    for column in ti.static(range(5)):
+        total[column] += shares[column]
+    if ti.static(gas.uses.walled):
+        tile = gas.cell[s] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y])
+        tile_x = tile // gas.grid[TILES_Y]
+        x = tile_x * gas.scale[TILE_X] + ti.cast(gas.flight[s][X], ti.f64)
+        y = (tile - tile_x * gas.grid[TILES_Y]) * gas.scale[TILE_Y] + ti.cast(gas.flight[s][Y], ti.f64)
+        total[FALL] += (x * gas.scale[GX] + y * gas.scale[GY]) * mass
 
 
 @ti.kernel

@@ -34,7 +34,7 @@ HEAT            column of `wall_heat` of a thermal wall, else -1
 
 import taichi as ti
 
-from .contact import collided, just_collided
+from .contact import ELASTIC, collided, just_collided
 from .flights import rounding
 from .history import record
 from .layout import (
@@ -355,7 +355,7 @@ def hit_wall(entry, t, i, gas: ti.template()):
     q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
     radius = gas.flight[i][RADIUS]
     vx, vy = gas.flight[i][VX] + gx * t, gas.flight[i][VY] + gy * t
-    vx, vy, spin, _, _, _, remedy = collided(
+    vx, vy, spin, _, _, _, how, lost = collided(
         p, q, -nx, -ny,
         gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, gas.flight[i][SPIN],
         0.0, radius, 1.0, ux, uy, 0.0, lasting, gas,
@@ -365,15 +365,18 @@ def hit_wall(entry, t, i, gas: ti.template()):
             vx, vy, spin = thermal_velocity(
                 i, gas.log_int[entry][NUMBER], gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas
             )
-            remedy = 0
+            how = 0
+            lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
     gas.flight[i][X] = x
     gas.flight[i][Y] = y
     gas.flight[i][VX] = vx - gx * t
     gas.flight[i][VY] = vy - gy * t
     gas.flight[i][TAU] = t
     gas.flight[i][SPIN] = spin
-    gas.log_int[entry][HOW] = remedy
-    if remedy > 0:
+    gas.log_int[entry][HOW] = how
+    if ti.static(gas.uses.tallied):
+        gas.log_loss[entry] = lost
+    if how >= ELASTIC:
         ti.atomic_add(gas.counter[N_ELASTIC], 1)
     gas.log_int[entry][STANDS] = 1
     ti.atomic_add(gas.counter[N_WALL_HITS], 1)

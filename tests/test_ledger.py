@@ -102,7 +102,7 @@ def test_collisions_are_counted_by_their_regime(arch):
 
 
 def test_the_ledger_closes_where_spins_hold_nearly_all_energy(arch):
-    """10^12 times that of flights: the unit in which losses are counted must suit both."""
+    """10^12 times that of flights: what small losses add up to must not be lost beside the large."""
     disks = equal_disks(300)
     box, state = start(disks, 0.3)
     state.spin[::2] *= 1e6
@@ -129,14 +129,20 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(arch, mas
 
 
 @pytest.mark.filterwarnings("ignore::ifrdem.law.EnergyWarning")
-def test_losses_beyond_all_energy_are_not_counted_but_refused(arch):
-    """A law that hands out 3e7 times the impulse gives 4.5e14 times the energy of a head-on collision."""
+@pytest.mark.parametrize(("part", "speed"), [(3e7, 1.0), (1e16, 1e135)])
+def test_losses_beyond_all_energy_are_counted_as_far_as_numbers_reach_and_then_refused(arch, part, speed):
+    """A law that hands out 3e7 times the impulse and more. g_n = 2 and m_n = 1/2: P_n = part takes P_n (2 - P_n)."""
     disks = Disks(2, mass=1.0, radius=0.5)
-    state = State(np.array([[4.0, 5.0], [6.0, 5.0]]), np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2))
-    simulation = Simulation(disks, Box((10.0, 10.0)), Weak(part=3e7), state, arch=arch, ledger=True)
+    state = State(
+        np.array([[4.0, 5.0], [6.0, 5.0]]), speed * np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2)
+    )
+    simulation = Simulation(disks, Box((10.0, 10.0)), Weak(part=part), state, arch=arch, ledger=True)
     simulation.collide(1)
-    with pytest.raises(EngineError, match="more energy than all disks can have"):
-        simulation.measure()
+    if speed > 1.0:
+        with pytest.raises(EngineError, match="an energy beyond all bounds"):
+            simulation.measure()
+    else:
+        assert simulation.measure().dissipated.sum() == pytest.approx(part * (2.0 - part), rel=1e-14)
 
 
 @pytest.mark.parametrize("n", [300, 2000])
