@@ -11,7 +11,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
-from . import bench, equilibrium
+from . import bench, equilibrium, writer_process
 from .cadence import Cadence, Span
 from .case_output import ROWS_PER_FRAME
 from .course import Course
@@ -19,7 +19,7 @@ from .gas import Gas
 from .queued_writer import QueuedWriter
 from .recorder import Ledger, Recorder
 from .simulation import Simulation
-from .trajectory_writer import DEFAULT_FIELDS, TrajectoryWriter
+from .trajectory_writer import DEFAULT_FIELDS
 
 FRAMES = 20
 """Frames in a timed piece, one for each collision that a disk has on average."""
@@ -157,7 +157,7 @@ def measure(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.h5"
         with (
-            QueuedWriter(TrajectoryWriter(path, gas.disks, gas.box, compression=compression)) as writer,
+            QueuedWriter(writer_process.begin(path, gas.disks, gas.box, compression=compression)) as writer,
             (Path(folder) / "plain").open("wb", buffering=0) as beside,
         ):
             recorder = Recorder(writer, Ledger())

@@ -7,6 +7,7 @@ import errno
 import os
 import secrets
 import shutil
+import time
 import weakref
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 
 from .errors import InputError
 from .ordered_file import OrderedFile
+
+LOCK_WAIT = 2.0  # seconds for which a lock may yet be given back
 
 
 class TrajectoryError(RuntimeError):
@@ -103,7 +106,7 @@ class OutputFile:
             raise InputError(f"{os.fspath(given)}: there is no such file to go on with")
         raw = None
         try:
-            raw = _ordered(path)
+            raw = _ordered_soon(path)
             file = h5py.File(raw or path, "r+")
         except BlockingIOError as error:
             raise InputError(
@@ -251,6 +254,18 @@ class OutputFile:
 def _ordered(path: Path) -> OrderedFile | None:
     """The file below HDF5; None where the system has no writing at a place (Windows), and HDF5 opens it itself."""
     return OrderedFile(path) if hasattr(os, "pwrite") else None
+
+
+def _ordered_soon(path: Path) -> OrderedFile | None:
+    """The same for a file that may be locked for a moment yet: by the writing process of a run that was killed."""
+    until = time.monotonic() + LOCK_WAIT
+    while True:
+        try:
+            return _ordered(path)
+        except BlockingIOError:
+            if time.monotonic() > until:
+                raise
+        time.sleep(0.02)
 
 
 def _close(file: h5py.File | None, raw: OrderedFile | None) -> None:

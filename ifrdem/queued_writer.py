@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from .output_file import TrajectoryError
 from .state import State
 from .trajectory_writer import TrajectoryWriter
+from .writer_process import RemoteWriter
 
 # How many calls of each kind may wait: they bound the memory.
 WAITING = {"frame": 2, "series": 1024, "histories": 2}
@@ -30,17 +31,17 @@ class QueuedWriter:
 
     Use it as a context manager: leaving it writes all that waits, and closes the file.
 
-    Taichi holds Python's lock while a kernel runs, so that beside kernels the thread gets on between them: some 15
-    turns a frame, and a few hundred if 1e6 disks are compressed. Where that is possible it takes only what the run
-    leaves of the processors; where the run waits for it, that is all of them.
+    Taichi holds Python's lock while a kernel runs, so that beside kernels the thread gets on between them: where frames
+    are large, a `RemoteWriter` does the work elsewhere. Where that is possible both take only what the run leaves of the
+    processors; where the run waits for them, that is all of them.
 
     Parameters
     ----------
-    writer : TrajectoryWriter
+    writer : TrajectoryWriter or RemoteWriter
         What writes. It belongs to the thread until `close`; only what `QueuedWriter` has may be called.
     """
 
-    def __init__(self, writer: TrajectoryWriter) -> None:
+    def __init__(self, writer: TrajectoryWriter | RemoteWriter) -> None:
         self._writer = writer
         self._jobs: deque[tuple[str, Callable[[], None]]] = deque()
         self._waiting: Counter[str] = Counter()

@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from . import backend, check, checkpoint
+from . import backend, check, checkpoint, writer_process
 from .case import Case
 from .case_file import CaseFile
 from .course import Course
@@ -22,7 +22,6 @@ from .outputs import CHECKPOINT, Outputs, checkpoint_of
 from .queued_writer import QueuedWriter
 from .recorder import Ledger
 from .run import Job, device_of, drive, finish, how
-from .trajectory_writer import TrajectoryWriter
 
 
 def find(place: str | os.PathLike[str]) -> Path:
@@ -119,7 +118,7 @@ def resume(
     pending = _events(arrays)
     ledger = Ledger.from_record(extra["ledger"])
     course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
-    writer = TrajectoryWriter.resume(
+    writer = writer_process.go_on(
         trajectory,
         gas.disks,
         gas.box,

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import backend, check, plot, scan_picture, table_picture
+from . import backend, check, plot, scan_picture, table_picture, writer_process
 from .cadence import Span
 from .case import IMPACT_SCAN, UNITS, Case
 from .case_file import CaseFile
@@ -32,7 +32,7 @@ from .recorder import Ledger, Recorder
 from .simulation import Simulation
 from .status import Status
 from .stops import Stopped, Stops
-from .trajectory_writer import TrajectoryError, TrajectoryWriter
+from .trajectory_writer import TrajectoryError
 from .views import write_views
 
 
@@ -109,7 +109,7 @@ def run(
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
     if force:  # the checkpoint of the trajectory that is replaced is of no use
         outputs.checkpoint.unlink(missing_ok=True)
-    writer = TrajectoryWriter(
+    writer = writer_process.begin(
         outputs.trajectory,
         gas.disks,
         gas.box,

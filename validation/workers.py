@@ -11,12 +11,12 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
 from typing import Any
 
-from .. import backend
+from .. import backend, children
 
 PATIENCE = 20.0  # seconds in which a worker that is told to end, or has closed its line, does so
 
@@ -89,7 +89,8 @@ class _Worker:
         self.line, theirs = context.Pipe()
         self.name = ""
         self._process = context.Process(target=_serve, args=(theirs, work, threads), daemon=True)
-        with _deaf():
+        resource_tracker.ensure_running()  # which starting a process does otherwise, and lets signals in again
+        with children.deaf():
             self._process.start()
         theirs.close()  # so that the line breaks when the worker ends
 
@@ -106,12 +107,7 @@ class _Worker:
             self._process.join(PATIENCE)
             status = self._process.exitcode
             self.end()
-        if status is None:
-            return Died("its process closed its line and had to be killed")
-        if status < 0:
-            hint = ": the system does that when memory runs out" if status == -signal.SIGKILL else ""
-            return Died(f"its process was killed by {signal.Signals(-status).name}{hint}")
-        return Died(f"its process ended with status {status} and without a result")
+        return Died(f"its process {children.how_it_ended(status)}")
 
     def dismiss(self) -> None:
         """Let it end by itself, which keeps the kernels that it compiled."""
@@ -124,20 +120,6 @@ class _Worker:
         self._process.kill()
         self._process.join()
         self.line.close()
-
-
-@contextlib.contextmanager
-def _deaf() -> Iterator[None]:
-    """Processes that are started here never see Ctrl-C, which a terminal sends to all; here it comes a little later."""
-    if not hasattr(signal, "pthread_sigmask"):  # not on Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # which starting a process does otherwise, and lets signals in again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(line: Any, work: Callable[[str], Any], threads: int) -> None:
