@@ -32,8 +32,8 @@ class QueuedWriter:
     Use it as a context manager: leaving it writes all that waits, and closes the file.
 
     Taichi holds Python's lock while a kernel runs, so that beside kernels the thread gets on between them: where frames
-    are large, a `RemoteWriter` does the work elsewhere. Where that is possible both take only what the run leaves of the
-    processors; where the run waits for them, that is all of them.
+    are large, a `RemoteWriter` does the work elsewhere. Where that is possible both take only what the run leaves of
+    the processors; where the run waits for them, that is all of them.
 
     Parameters
     ----------
