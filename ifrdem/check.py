@@ -190,7 +190,8 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
         _row("file", f"{case.run.name}.h5, {size(estimate.file_bytes)}: {what}"),
         _row(
             "memory",
-            f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x {BYTES_PER_DISK} bytes), "
+            f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x "
+            f"{estimate.array_bytes // max(gas.disks.n, 1)} bytes), "
             "beside Python, Taichi and their libraries",
         ),
     ]

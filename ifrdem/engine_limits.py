@@ -17,6 +17,8 @@ MOST_DISKS = ADDRESSABLE // 24  # with rows as long as a dense gas may need
 BYTES_PER_DISK = (
     8 * FLIGHT + 4 * (LINK + META + IMAGE + LISTS + ROW + 1 + 1 + 1) + (8 * LOG_REAL + 4 * LOG_INT) // 2
 )
+LEDGER_BYTES_PER_DISK = 8 * LOG_LOSS // 2
+"""What the energy ledger takes beyond: the losses of each record of the log."""
 
 ALONE = 20_000  # up to so many disks, one thread runs whole epochs by itself
 TILE_DISKS = 4000  # disks of a tile: what fits the cache next to a core

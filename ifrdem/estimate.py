@@ -150,7 +150,8 @@ class Estimate:
             frames=frames,
             rows=rows,
             tracked=tracked,
-            array_bytes=n * engine_limits.BYTES_PER_DISK,
+            array_bytes=n
+            * (engine_limits.BYTES_PER_DISK + output.ledger * engine_limits.LEDGER_BYTES_PER_DISK),
         )
 
 

@@ -13,7 +13,7 @@ import ifrdem.epochs
 from ifrdem import backend, placement
 from ifrdem.box import Box
 from ifrdem.engine import Engine
-from ifrdem.engine_limits import BYTES_PER_DISK
+from ifrdem.engine_limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from ifrdem.errors import EngineError, InputError
 from ifrdem.law import IFRLaw
 from ifrdem.simulation import Simulation
@@ -300,12 +300,14 @@ def test_a_skin_out_of_range_is_refused(skin: float) -> None:
         Simulation(equal_disks(1), Box((5.0, 5.0)), SMOOTH, state, skin=skin)
 
 
-def test_memory_is_what_the_estimate_says() -> None:
+@pytest.mark.parametrize("ledger", [False, True])
+def test_memory_is_what_the_estimate_says(ledger: bool) -> None:
     disks = equal_disks(20_000)
     box, state = start(disks, 0.3)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]))
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), ledger=ledger)
     # Cells come on top, about one for two disks; the log has 1024 records more.
-    assert engine.bytes_allocated == pytest.approx(disks.n * BYTES_PER_DISK, rel=0.05)
+    expected = disks.n * (BYTES_PER_DISK + ledger * LEDGER_BYTES_PER_DISK)
+    assert engine.bytes_allocated == pytest.approx(expected, rel=0.04)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import functools
 import json
 import os
@@ -26,6 +27,7 @@ from ifrdem.history_columns import COLUMNS
 from ifrdem.ordered_file import OrderedFile
 from ifrdem.queued_writer import QueuedWriter
 from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.writer_process import RemoteWriter
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 
@@ -58,8 +60,8 @@ for line in sys.stdin:
 """
 
 
-def write(path: str, told: str, compression: str, queued: bool, n: int, limit: int) -> None:
-    """Write until something ends it."""
+def write(path: str, told: str, compression: str, how: str, n: int, limit: int) -> None:
+    """Write until something ends it; how: plain, queued, or queued and apart, in a process of its own."""
     if limit:
         import resource
 
@@ -68,8 +70,12 @@ def write(path: str, told: str, compression: str, queued: bool, n: int, limit: i
         )  # a write beyond the limit is an error then, not a death
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
     voice = os.open(told, os.O_CREAT | os.O_WRONLY | os.O_APPEND)
-    plain = TrajectoryWriter(path, some_disks(n), BOX, compression=compression)
-    writer = QueuedWriter(plain) if queued else plain
+    plain = (
+        RemoteWriter("begin", path, some_disks(n), BOX, compression=compression)
+        if how == "apart"
+        else TrajectoryWriter(path, some_disks(n), BOX, compression=compression)
+    )
+    writer = plain if how == "plain" else QueuedWriter(plain)
     said = {"f": 0, "s": 0, "e": 0}
     try:
         writer.begin_histories(TRACKED, some_state(n, 0))
@@ -108,7 +114,7 @@ def started(forks: subprocess.Popen[str], path: Path, told: Path, **options) -> 
     """Fork a writer; returns its process id."""
     assert forks.stdin is not None
     assert forks.stdout is not None
-    given = {"compression": "none", "queued": False, "n": N, "limit": 0, **options}
+    given = {"compression": "none", "how": "plain", "n": N, "limit": 0, **options}
     forks.stdin.write(json.dumps({"path": str(path), "told": str(told), **given}) + "\n")
     forks.stdin.flush()
     return int(forks.stdout.readline())
@@ -117,6 +123,19 @@ def started(forks: subprocess.Popen[str], path: Path, told: Path, **options) -> 
 def gone(forks: subprocess.Popen[str]) -> None:
     assert forks.stdout is not None
     assert forks.stdout.readline() == "gone\n"
+
+
+def wait_for_lock(path: Path) -> None:
+    """Until a process of its own, which a killed run takes with it, has gone, too: HDF5 itself does not wait."""
+    with path.open() as file:
+        for _ in range(1000):
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                time.sleep(0.002)
+            else:
+                return
+    raise AssertionError("the process that writes has outlived its run")
 
 
 def assert_whole(path: Path, n: int, told: str) -> tuple[int, int, int]:
@@ -183,8 +202,9 @@ def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, 
     committed = []
     for moment in range(MOMENTS):
         path, told = tmp_path / f"{moment}.h5", tmp_path / f"{moment}.told"
-        compression, queued, n = ("none", "gzip")[moment % 2], moment % 4 >= 2, (40, N)[moment % 3 != 0]
-        pid = started(forks, path, told, compression=compression, queued=queued, n=n)
+        compression, how = ("none", "gzip")[moment % 2], ("plain", "queued", "apart")[moment % 3]
+        n = (40, N)[moment % 5 != 0]
+        pid = started(forks, path, told, compression=compression, how=how, n=n)
         # So many letters on, and a little more: a slow machine is killed no earlier than a fast one.
         rng = np.random.default_rng(moment)
         letters = int(rng.integers(0, 13))
@@ -194,6 +214,8 @@ def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, 
         os.kill(pid, signal.SIGKILL)
         gone(forks)
         text = told.read_text() if told.exists() else ""
+        if how == "apart":
+            wait_for_lock(path)
         seen = assert_whole(path, n, text)
         with h5py.File(path, "r+") as file:
             assert len(file["particles/all/position/step"]) == seen[0]
@@ -204,11 +226,11 @@ def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, 
     assert len(set(committed)) > 4
 
 
-@pytest.mark.parametrize("queued", [False, True])
-def test_a_limit_on_the_file_leaves_all_that_was_committed(tmp_path, forks, queued):
+@pytest.mark.parametrize("how", ["plain", "queued", "apart"])
+def test_a_limit_on_the_file_leaves_all_that_was_committed(tmp_path, forks, how):
     """A limit on the size of files fails writes as a full disk does."""
     path, told = tmp_path / "run.h5", tmp_path / "told"
-    started(forks, path, told, queued=queued, limit=8_000_000)
+    started(forks, path, told, how=how, limit=8_000_000)
     gone(forks)
     text, _, error = told.read_text().partition("!")
     assert "could not be written (File too large); the " in error
@@ -236,11 +258,11 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(folder)], check=True)
 
 
-@pytest.mark.parametrize("queued", [False, True])
+@pytest.mark.parametrize("how", ["plain", "queued", "apart"])
 @pytest.mark.parametrize("compression", ["none", "gzip"])
-def test_a_full_disk_leaves_all_that_was_committed(tmp_path, small_disk, forks, queued, compression):
+def test_a_full_disk_leaves_all_that_was_committed(tmp_path, small_disk, forks, how, compression):
     path, told = small_disk / "run.h5", tmp_path / "told"
-    started(forks, path, told, queued=queued, compression=compression)
+    started(forks, path, told, how=how, compression=compression)
     gone(forks)
     text, _, error = told.read_text().partition("!")
     assert "could not be written (No space left on device); the " in error

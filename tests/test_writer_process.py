@@ -1,0 +1,270 @@
+"""A writer in a process of its own: the same file, the same errors, and nothing left of it, however it ends."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from test_trajectory import BOX, some_disks, some_state
+from test_trajectory_resume import N, begun, content, go_on
+from trajectory_parts import TRACKED, batch
+
+from ifrdem import output_file, writer_process
+from ifrdem.errors import InputError
+from ifrdem.h5md import FIELDS
+from ifrdem.ordered_file import OrderedFile
+from ifrdem.queued_writer import QueuedWriter
+from ifrdem.trajectory_writer import TrajectoryError, TrajectoryWriter
+from ifrdem.writer_process import RemoteWriter
+
+pytestmark = pytest.mark.skipif(
+    # Elsewhere writers are threads, which other tests look at.
+    not writer_process.possible(),
+    reason="processes that share memory are for Linux here",
+)
+
+
+@pytest.fixture(params=[100, 2**16])
+def shared(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Nearly all arrays go by way of the shared memory, or none that a small frame has."""
+    monkeypatch.setattr(writer_process, "SHARED", request.param)
+    return int(request.param)
+
+
+@pytest.mark.parametrize("options", [{}, {"compression": "gzip", "precision": "f8", "fields": list(FIELDS)}])
+def test_its_file_is_that_of_a_writer_here(tmp_path, shared, options):
+    begun(tmp_path / "plain.h5", 12, **options)
+    remote = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX, **options)
+    with QueuedWriter(remote) as writer:
+        writer.begin_histories(TRACKED, some_state(N, 0))
+        go_on(writer, 0, 12)
+        writer.flush()
+        assert (len(writer), writer.series_rows, writer.events) == (12, 12, 600)
+        assert writer.seen == {"frames": 12, "series_rows": 12, "events": 600}
+        assert writer.path == (tmp_path / "run.h5").resolve()
+        assert (writer.compressor is None) == (not options)
+    assert content(tmp_path / "run.h5") == content(tmp_path / "plain.h5")
+    assert remote._process.poll() == 0
+
+
+def test_frames_that_grow_larger_than_the_memory_that_was_shared_arrive(tmp_path, monkeypatch):
+    """Each batch of events needs more of it than the one before."""
+    monkeypatch.setattr(writer_process, "SHARED", 100)
+    counts = [50, 500, 20, 5000, 40_000]
+    writers = [
+        TrajectoryWriter(tmp_path / "plain.h5", some_disks(N), BOX),
+        RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX),
+    ]
+    for writer in writers:
+        writer.begin_histories(TRACKED, some_state(N, 0))
+        for number, count in enumerate(counts):
+            writer.write_histories(*batch(number, count))
+            writer.write(some_state(N, number))
+        writer.close()
+    assert content(tmp_path / "run.h5") == content(tmp_path / "plain.h5")
+
+
+def test_it_goes_on_with_a_file(tmp_path):
+    begun(tmp_path / "whole.h5", 9)
+    begun(tmp_path / "run.h5", 5)
+    seen = {"frames": 2, "series_rows": 2, "events": 100}
+    writer = RemoteWriter("go_on", tmp_path / "run.h5", some_disks(N), BOX, **seen)
+    assert (len(writer), writer.seen) == (5, seen)
+    writer.begin_histories(TRACKED, some_state(N, 0))
+    go_on(writer, 2, 9)
+    writer.close()
+    assert content(tmp_path / "run.h5") == content(tmp_path / "whole.h5")
+
+
+def test_frames_of_many_disks_have_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer_process, "LEAST_DISKS", 41)
+    for n, kind in ((40, TrajectoryWriter), (41, RemoteWriter)):
+        path = tmp_path / f"{n}.h5"
+        writer = writer_process.begin(path, some_disks(n), BOX)
+        assert type(writer) is kind
+        writer.write(some_state(n, 0))
+        writer.close()
+        writer = writer_process.go_on(path, some_disks(n), BOX, frames=1)
+        assert type(writer) is kind
+        writer.close()
+
+
+def test_what_is_wrong_is_said_as_by_a_writer_here(tmp_path):
+    path = tmp_path / "run.h5"
+    path.write_text("other")
+    with pytest.raises(InputError, match=r"run\.h5 exists: choose another name"):
+        RemoteWriter("begin", path, some_disks(N), BOX)
+    with pytest.raises(InputError, match="field = 'spin'"):
+        RemoteWriter("begin", tmp_path / "new.h5", some_disks(N), BOX, fields=["spin"])
+    assert os.listdir(tmp_path) == ["run.h5"]
+    writer = RemoteWriter("begin", path, some_disks(N), BOX, force=True)
+    writer.write(some_state(N, 0))
+    with pytest.raises(InputError, match="41 disks: 40 are needed"):
+        writer.write(some_state(N + 1, 1))
+    path.unlink()
+    with pytest.raises(TrajectoryError, match="somebody has deleted"):
+        writer.write(some_state(N, 1))
+    writer.close()
+    assert writer._process.poll() is not None
+
+
+def test_a_fault_of_its_own_is_told_with_its_place(tmp_path):
+    """What no writer raises, here a name that none has, is no dead process, and the file is closed as ever."""
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    writer.write(some_state(N, 0))
+    with pytest.raises(
+        RuntimeError, match=r"the process that writes: AttributeError.*no_such[\s\S]*in serve"
+    ):
+        writer._call("no_such")
+    writer.close()
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert len(file["particles/all/position/step"]) == 1
+
+
+@pytest.mark.parametrize("queued", [False, True])
+def test_one_that_is_killed_is_told_of_and_the_file_keeps_what_is_committed(tmp_path, queued):
+    remote = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    writer = QueuedWriter(remote) if queued else remote
+    for number in range(3):
+        writer.write(some_state(N, number))
+    if queued:
+        writer.flush()
+    remote._process.kill()
+    remote._process.wait()
+
+    def write_and_wait() -> None:
+        writer.write(some_state(N, 3))
+        if isinstance(writer, QueuedWriter):
+            writer.flush()
+
+    with pytest.raises(
+        TrajectoryError,
+        match=r"run\.h5: the process that writes it was killed by SIGKILL: the system does that when memory runs "
+        "out; the 3 frames before are kept",
+    ):
+        write_and_wait()
+    writer.close()  # what was raised is not raised again
+    with h5py.File(tmp_path / "run.h5", "r+") as file:  # and nobody holds it
+        assert len(file["particles/all/position/step"]) == 3
+
+
+def test_one_that_is_killed_in_the_middle_of_a_call_is_told_of(tmp_path):
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    writer.write(some_state(N, 0))
+    writer._process.send_signal(signal.SIGSTOP)  # so that the call waits
+    killer = threading.Timer(0.3, writer._process.kill)
+    killer.start()
+    with pytest.raises(TrajectoryError, match="was killed by SIGKILL"):
+        writer.write(some_state(N, 1))
+    writer.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signals_that_mean_the_run_do_not_end_it(tmp_path, number):
+    """Also one that comes while it starts: SIGINT and SIGTERM are blocked from its first instruction on."""
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    status = Path(f"/proc/{writer._process.pid}/status").read_text()
+    blocked = int(next(line for line in status.splitlines() if line.startswith("SigBlk")).split()[1], 16)
+    assert blocked & (1 << (signal.SIGINT - 1))
+    assert blocked & (1 << (signal.SIGTERM - 1))
+    writer._process.send_signal(number)
+    time.sleep(0.05)
+    writer.write(some_state(N, 0))
+    writer.close()
+    assert writer._process.poll() == 0
+
+
+def test_nothing_stays_of_one_that_is_forgotten(tmp_path):
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    process, memory = writer._process, writer._memory_file
+    del writer
+    gc.collect()
+    assert process.poll() is not None
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(memory)
+
+
+PARENT = """
+import os, sys
+sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests"]
+from test_trajectory import BOX, some_disks, some_state
+from ifrdem.writer_process import RemoteWriter
+writer = RemoteWriter("begin", sys.argv[2], some_disks(3), BOX)
+writer.write(some_state(3, 0))
+print(writer._process.pid, flush=True)
+if sys.argv[3] == "leaves":
+    sys.exit(0)
+if sys.argv[3] == "crashes":
+    os._exit(7)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.parametrize("end", ["leaves", "crashes", "is killed"])
+def test_it_ends_with_its_run_however_that_ends(tmp_path, end):
+    root = str(Path(__file__).resolve().parents[1])
+    path = tmp_path / "run.h5"
+    with subprocess.Popen(
+        [sys.executable, "-c", PARENT, root, str(path), end],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as run:  # fmt: skip
+        assert run.stdout is not None
+        process = int(run.stdout.readline())
+        if end == "is killed":
+            run.kill()
+        run.wait(30.0)
+    for _ in range(500):
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            break
+        state = Path(f"/proc/{process}/stat")
+        if state.exists() and state.read_text().split()[2] == "Z":  # whoever has it now has not looked yet
+            break
+        time.sleep(0.01)
+    else:
+        raise AssertionError("it has outlived its run")
+    with TrajectoryWriter.resume(path, some_disks(3), BOX, frames=1) as writer:
+        writer.write(some_state(3, 1))
+
+
+def test_a_lock_that_is_given_back_soon_is_waited_for_and_another_not(tmp_path, monkeypatch):
+    begun(tmp_path / "run.h5", 2)
+    holder = OrderedFile(tmp_path / "run.h5")
+    threading.Timer(0.3, holder.close).start()
+    TrajectoryWriter.resume(tmp_path / "run.h5", some_disks(N), BOX, frames=2).close()
+    monkeypatch.setattr(output_file, "LOCK_WAIT", 0.1)
+    holder = OrderedFile(tmp_path / "run.h5")
+    with pytest.raises(InputError, match="is open elsewhere"):
+        TrajectoryWriter.resume(tmp_path / "run.h5", some_disks(N), BOX, frames=2)
+    holder.close()
+
+
+def test_no_process_to_be_had_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "none"))
+    with pytest.raises(InputError, match=r"run\.h5: no process can be started to write it"):
+        RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    assert os.listdir(tmp_path) == []
+
+
+def test_what_it_is_given_is_not_changed_and_may_change_afterwards(tmp_path, shared):
+    """A call has done with its arguments when it returns."""
+    state = some_state(N, 0)
+    copies = {name: np.array(value) for name, value in vars(state).items() if isinstance(value, np.ndarray)}
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX, precision="f8")
+    writer.write(state)
+    for name, value in copies.items():
+        assert np.array_equal(getattr(state, name), value)
+    state.velocity[:] = 7.0
+    writer.close()
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert np.array_equal(file["particles/all/velocity/value_2d"][0], copies["velocity"])
