@@ -14,7 +14,7 @@ from . import backend
 from .case import Case
 from .case_output import MOST_FRAMES
 from .describe import describe_sides
-from .engine_limits import BYTES_PER_DISK
+from .engine_limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from .errors import InputError
 from .estimate import OBSERVABLES, Estimate
 from .file_size import disk_bytes
@@ -25,6 +25,8 @@ HOST_BYTES_PER_DISK = 300
 """What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
 
 GROWTH_BYTES_PER_DISK = 1000
+# What waits to be written, here and in the process that writes.
+WRITER_BYTES_PER_DISK = 60
 """The same for a start by growth: 940 bytes a disk were seen."""
 
 COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
@@ -97,7 +99,8 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
     `positions` is start.positions: growth needs more.
     """
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
-    needed = n * (host + (BYTES_PER_DISK if arch == "cpu" else 0))
+    engine = BYTES_PER_DISK + LEDGER_BYTES_PER_DISK if arch == "cpu" else 0
+    needed = n * (host + WRITER_BYTES_PER_DISK + engine)
     free = backend.memory_available()
     if free is not None and needed > free:
         most = n * free // needed

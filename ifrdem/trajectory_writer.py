@@ -286,7 +286,8 @@ class TrajectoryWriter:
             }
             new = rows.known(1) == 0
             self._output.reserve(rows.room(1))
-            self._output.lend(fields.values())
+            if new:
+                self._output.lend(fields.values())
             rows.add({name: np.asarray(value)[None] for name, value in frame.items()})
             if new:
                 for view in self._empty_views:

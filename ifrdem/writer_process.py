@@ -21,6 +21,7 @@ import subprocess
 import sys
 import threading
 import traceback
+import warnings
 import weakref
 from collections.abc import Mapping, Sequence
 from multiprocessing import connection
@@ -43,11 +44,21 @@ SHARED = 2**16
 """Bytes from which on an array goes by way of the memory that both have."""
 PATIENCE = 20.0  # seconds in which the process ends once its line is broken
 PAGE = 4096
-_SERVE = (
-    "import sys; a = sys.argv; sys.path[:] = a[5:]; "
-    "from ifrdem.writer_process import serve; serve(int(a[1]), int(a[2]), int(a[3]), a[4] == 'main')"
-)
+# It imports this very package, whatever the present folder and others of its name are by now; all else as it is found.
+_SERVE = """
+import sys
+line, memory, parent, main, package, *sys.path[:] = sys.argv[1:]
+import h5py, numpy
+sys.path.insert(0, package)
+from ifrdem.writer_process import serve
+del sys.path[0]
+serve(int(line), int(memory), int(parent), main == "main")
+"""
 _DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG
+
+
+class NoProcessError(InputError):
+    """There can be no further process, or none with which memory can be shared."""
 
 
 def possible() -> bool:
@@ -63,20 +74,38 @@ def begin(
     Raises
     ------
     InputError
-        As `TrajectoryWriter`, or if there can be no further process.
+        As `TrajectoryWriter`.
+
+    Warns
+    -----
+    RuntimeWarning
+        If there can be no further process: the writer is one here then.
     """
-    if disks.n < LEAST_DISKS or not possible():
-        return TrajectoryWriter(path, disks, box, **options)
-    return RemoteWriter("begin", path, disks, box, **options)
+    apart = _apart(path, disks, "begin", box, options)
+    return TrajectoryWriter(path, disks, box, **options) if apart is None else apart
 
 
 def go_on(
     path: str | os.PathLike[str], disks: Disks, box: Box, **options: Any
 ) -> TrajectoryWriter | RemoteWriter:
     """`TrajectoryWriter.resume` with these arguments, likewise."""
+    apart = _apart(path, disks, "go_on", box, options)
+    return TrajectoryWriter.resume(path, disks, box, **options) if apart is None else apart
+
+
+def _apart(
+    path: str | os.PathLike[str], disks: Disks, how: str, box: Box, options: Mapping[str, Any]
+) -> RemoteWriter | None:
+    """The writer in a process of its own, or None where there is to be none."""
     if disks.n < LEAST_DISKS or not possible():
-        return TrajectoryWriter.resume(path, disks, box, **options)
-    return RemoteWriter("go_on", path, disks, box, **options)
+        return None
+    try:
+        return RemoteWriter(how, path, disks, box, **options)
+    except NoProcessError as error:
+        warnings.warn(
+            f"{error}; a thread of the run writes, which takes more of its time", RuntimeWarning, stacklevel=3
+        )
+        return None
 
 
 class RemoteWriter:
@@ -92,18 +121,18 @@ class RemoteWriter:
     Raises
     ------
     InputError
-        As these; or if there can be no further process. Nothing is left behind.
+        As these. Nothing is left behind.
+    NoProcessError
+        If there can be no further process.
     """
 
     def __init__(
         self, how: str, path: str | os.PathLike[str], disks: Disks, box: Box, **options: Any
     ) -> None:
         self.path = Path(path)
-        self._fields = [
-            h5md.FIELDS[name].attribute
-            for name in options.get("fields", DEFAULT_FIELDS)
-            if name in h5md.FIELDS
-        ]
+        fields = options.get("fields", DEFAULT_FIELDS)
+        fields = [fields] if isinstance(fields, str) else fields
+        self._fields = [h5md.FIELDS[name].attribute for name in fields if name in h5md.FIELDS]
         self._news: dict[str, Any] = {
             "frames": 0,
             "series_rows": 0,
@@ -112,29 +141,13 @@ class RemoteWriter:
             "compressor": None,
         }
         self._closed = False
-        self._memory_file = os.memfd_create("ifrdem-frames")
         self._memory: mmap.mmap | None = None
-        self._line, theirs = connection.Pipe()
-        main = threading.current_thread() is threading.main_thread()
         try:
-            with children.deaf():
-                self._process = subprocess.Popen(
-                    [
-                        sys.executable, "-c", _SERVE, str(theirs.fileno()), str(self._memory_file), str(os.getpid()),
-                        "main" if main else "other", *sys.path,
-                    ],
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.DEVNULL,
-                    pass_fds=(theirs.fileno(), self._memory_file),
-                )  # fmt: skip
+            self._process, self._line, self._memory_file = _start()
         except OSError as error:
-            self._line.close()
-            os.close(self._memory_file)
-            raise InputError(
+            raise NoProcessError(
                 f"output {os.fspath(path)}: no process can be started to write it: {error}"
             ) from error
-        finally:
-            theirs.close()  # so that the line breaks when the process ends
         self._end = weakref.finalize(self, _end, self._process, self._line, self._memory_file)
         try:
             self._call(how, path, disks, box, **options)
@@ -208,6 +221,7 @@ class RemoteWriter:
                 self._process.wait(PATIENCE)
         finally:
             self._end()
+            self._memory = None
 
     def _call(self, name: str, *given: Any, **options: Any) -> None:
         buffers: list[pickle.PickleBuffer] = []
@@ -226,15 +240,21 @@ class RemoteWriter:
             places = self._share(buffers)
             self._line.send((places, data))
             error, self._news = self._line.recv()
-        except (EOFError, ConnectionError) as broken:
+        except (EOFError, OSError) as broken:
             self._closed = True
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(PATIENCE)
-            ended = children.how_it_ended(self._process.poll())
+            if isinstance(broken, EOFError | ConnectionError):
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    self._process.wait(PATIENCE)
+                what = f"the process that writes it {children.how_it_ended(self._process.poll())}"
+            else:  # there is no memory to be had, or the like
+                what = f"what is to be written cannot be handed on ({broken.strerror or broken})"
             self._end()
-            raise TrajectoryError(
-                f"{self.path}: the process that writes it {ended}; the {len(self)} frames before are kept"
-            ) from broken
+            raise TrajectoryError(f"{self.path}: {what}; the {len(self)} frames before are kept") from broken
+        except BaseException:
+            # The answer is still to come: another call must not take it for its own.
+            self._closed = True
+            self._end()
+            raise
         self.path = Path(self._news["path"] or self.path)
         if error is not None:
             raise error
@@ -248,12 +268,36 @@ class RemoteWriter:
             end = begin + buffer.raw().nbytes
             places.append((begin, end))
         if end and (self._memory is None or len(self._memory) < end):
-            os.ftruncate(self._memory_file, end)
+            # Reserved now: where there is too little, it would otherwise be the end of whoever touches it first.
+            os.posix_fallocate(self._memory_file, 0, end)
             self._memory = mmap.mmap(self._memory_file, end)
         for buffer, (begin, end) in zip(buffers, places, strict=True):
             assert self._memory is not None
             np.copyto(_bytes_of(self._memory)[begin:end], _bytes_of(buffer.raw()))
         return places
+
+
+def _start() -> tuple[subprocess.Popen[bytes], connection.Connection, int]:
+    """Start a process: it, the line to it, and the file of the memory that both have."""
+    package = str(Path(__file__).resolve().parents[1])
+    main = threading.current_thread() is threading.main_thread()
+    with contextlib.ExitStack() as undo:
+        memory = os.memfd_create("ifrdem-frames")
+        undo.callback(os.close, memory)
+        line, theirs = connection.Pipe()
+        undo.callback(line.close)
+        with theirs, children.deaf():  # it is closed here, so that the line breaks when the process ends
+            process = subprocess.Popen(
+                [
+                    sys.executable, "-c", _SERVE, str(theirs.fileno()), str(memory), str(os.getpid()),
+                    "main" if main else "other", package, *filter(os.path.isabs, sys.path),
+                ],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                pass_fds=(theirs.fileno(), memory),
+            )  # fmt: skip
+        undo.pop_all()
+    return process, line, memory
 
 
 def _bytes_of(memory: mmap.mmap | memoryview) -> NDArray[np.uint8]:

@@ -49,7 +49,7 @@ def losses_of(P_n, P_t, T, pair: ti.template(), coefficients: ti.template(), gas
     lost[BY_NORMAL] = ti.cast(P_n, ti.f64) * (pair.g_n - 0.5 * P_n * inverse_n)
     lost[BY_RESTITUTION] = restitution
     lost[BY_FRICTION] = tangential - restitution
-    if T > 0.0:
+    if T != 0.0:  # a law of one's own may give a negative one, which drives spins
         free_i = pair.spin_i - pair.k_i * pair.inverse_mass_i / pair.radius_i * P_t
         free_j = pair.spin_j - pair.k_j * pair.inverse_mass_j / pair.radius_j * P_t
         lost[BY_ROLLING] = braking_loss(T, free_i, pair.inverse_mass_i, pair.radius_i, pair.k_i)

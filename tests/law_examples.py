@@ -33,6 +33,14 @@ class Weak(CollisionLaw):
         return coefficients[0] * pair.m_n * pair.g_n, 0.0, 0.0
 
 
+class Driving(CollisionLaw):
+    """Smooth disks with e_n = 1/2 and a torque that drives spins instead of braking them."""
+
+    @staticmethod
+    def collide(pair, coefficients):  # type: ignore[no-untyped-def]
+        return 1.5 * pair.m_n * pair.g_n, 0.0, -0.01 * pair.m_n * pair.g_n
+
+
 class Half(CollisionLaw):
     """Smooth disks with e_n = 1/2; no coefficients."""
 

@@ -6,7 +6,7 @@ import gases
 import numpy as np
 import pytest
 from gases import equal_disks, mixture, start
-from law_examples import Weak
+from law_examples import Driving, Weak
 
 from ifrdem.box import Box
 from ifrdem.cadence import Cadence
@@ -143,6 +143,18 @@ def test_losses_beyond_all_energy_are_counted_as_far_as_numbers_reach_and_then_r
             simulation.measure()
     else:
         assert simulation.measure().dissipated.sum() == pytest.approx(part * (2.0 - part), rel=1e-14)
+
+
+@pytest.mark.filterwarnings("ignore::ifrdem.law.EnergyWarning")
+def test_the_ledger_closes_where_a_law_drives_spins(arch):
+    """A negative T gives spins energy: a loss below 0."""
+    disks = equal_disks(300)
+    box, state = start(disks, 0.3)
+    measures: list[Measure] = []
+    simulation = Simulation(disks, box, Driving(), state, arch=arch, ledger=True)
+    simulation.run(collisions_per_disk=3.0, series=3, samplers=[measures.append])
+    assert measures[-1].dissipated[MECHANISMS.index("rolling")] < -1e-3
+    assert abs(residual(measures[0], measures[-1])) < 1e-13
 
 
 @pytest.mark.parametrize("n", [300, 2000])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import os
 import signal
@@ -249,11 +250,76 @@ def test_a_lock_that_is_given_back_soon_is_waited_for_and_another_not(tmp_path, 
     holder.close()
 
 
-def test_no_process_to_be_had_is_said(tmp_path, monkeypatch):
+def test_where_no_process_is_to_be_had_a_writer_here_does_it_and_that_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "executable", str(tmp_path / "none"))
+    monkeypatch.setattr(writer_process, "LEAST_DISKS", 0)
+    descriptors = len(os.listdir("/proc/self/fd"))
     with pytest.raises(InputError, match=r"run\.h5: no process can be started to write it"):
         RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
     assert os.listdir(tmp_path) == []
+    assert len(os.listdir("/proc/self/fd")) == descriptors
+    with pytest.warns(RuntimeWarning, match="a thread of the run writes"):
+        writer = writer_process.begin(tmp_path / "run.h5", some_disks(N), BOX)
+    assert type(writer) is TrajectoryWriter
+    writer.write(some_state(N, 0))
+    writer.close()
+
+
+def test_memory_that_is_not_to_be_had_is_told_and_the_file_keeps_what_is_committed(tmp_path, monkeypatch):
+    monkeypatch.setattr(writer_process, "SHARED", 100)
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    writer.write(some_state(N, 0))
+
+    def refused(*_: int) -> None:
+        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+    monkeypatch.setattr(os, "posix_fallocate", refused)
+    with pytest.raises(
+        TrajectoryError, match=r"cannot be handed on \(Cannot allocate memory\); the 1 frames before are kept"
+    ):
+        writer.write_histories(*batch(0, 5000))
+    writer.close()
+    with h5py.File(tmp_path / "run.h5", "r+") as file:
+        assert len(file["particles/all/position/step"]) == 1
+
+
+def test_an_answer_that_was_not_waited_for_is_nobody_elses(tmp_path, monkeypatch):
+    """Ctrl-C in the middle of a call: the writer has ended then, and says so."""
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    writer.write(some_state(N, 0))
+
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(writer._line, "recv", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            writer.write(some_state(N, 1))
+    assert writer._process.poll() is not None
+    with pytest.raises(TrajectoryError, match="was killed by SIGKILL"):
+        writer.write(some_state(N, 2))
+    writer.close()
+
+
+def test_one_field_may_be_given_as_a_text(tmp_path):
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX, fields="velocity")
+    writer.write(some_state(N, 0))
+    writer.close()
+    with h5py.File(tmp_path / "run.h5") as file:
+        expected = some_state(N, 0).velocity.astype(np.float32)
+        assert np.array_equal(file["particles/all/velocity/value_2d"][0], expected)
+
+
+def test_it_is_this_package_that_writes_whatever_the_present_folder_is(tmp_path, monkeypatch):
+    """Where it was found by a relative path, which means another folder by now."""
+    (tmp_path / "ifrdem").mkdir()
+    (tmp_path / "ifrdem" / "__init__.py").write_text("raise SystemExit(9)\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    writer.write(some_state(N, 0))
+    writer.close()
+    assert len(writer) == 1
 
 
 def test_what_it_is_given_is_not_changed_and_may_change_afterwards(tmp_path, shared):

@@ -125,6 +125,10 @@ class _Worker:
 def _serve(line: Any, work: Callable[[str], Any], threads: int) -> None:
     """The worker: calls of names from the line until there is a None."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's matter
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(
+            signal.SIG_UNBLOCK, {signal.SIGTERM}
+        )  # by which Python ends workers that are left over
     threading.Thread(target=_end_with_parent, daemon=True).start()
     backend.limit_threads(threads)
     while (name := line.recv()) is not None:
