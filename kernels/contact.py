@@ -53,17 +53,24 @@ def pair_of(
 def impulses_between(
     p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas: ti.template()
 ):  # fmt: skip
-    """P_n, P_t, T by the law of materials p and q; g_n; the pair and the coefficients that the law was told.
+    """P_n, P_t, T by the law of materials p and q; with a ledger P_et, sticking, rolling; g_n; the pair.
 
-    Arguments as for `law.collide_pair`.
+    A law of one's own does not tell what of P_t is restitution: all of it then is. Arguments as for `law.collide_pair`.
     """
     g_n, g_t, m_n, m_t = relative_motion(
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j
     )
     pair = pair_of(g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
     row = coefficients(p, q, gas)
-    P_n, P_t, T = gas.uses.collision_law.impulses(pair, row)
-    return P_n, P_t, T, g_n, pair, row
+    # One of the two, so that a law is compiled once.
+    impulses = ti.Vector([0.0 * g_n] * 6)
+    if ti.static(gas.uses.tallied and gas.uses.collision_law.parts):
+        P_n, P_t, T, P_et, sticking, rolling = gas.uses.collision_law.parts(pair, row)
+        impulses = ti.Vector([P_n, P_t, T, P_et, sticking, rolling])
+    else:
+        P_n, P_t, T = gas.uses.collision_law.impulses(pair, row)
+        impulses = ti.Vector([P_n, P_t, T, P_t, 0.0 * g_n, 0.0 * g_n])
+    return impulses[0], impulses[1], impulses[2], impulses[3], impulses[4], impulses[5], g_n, pair
 
 
 @ti.func
@@ -78,7 +85,7 @@ def collided(
     its own. With `lasting` > 0 (the tc rule), or below the cut-off, disks collide like smooth elastic ones: a bounce is
     not followed by ever smaller ones in a finite time.
     """
-    P_n, P_t, T, g_n, pair, row = impulses_between(
+    P_n, P_t, T, P_et, sticking, rolling, g_n, pair = impulses_between(
         p, q, n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j, gas
     )
     elastic = g_n < gas.scale[CUTOFF]
@@ -94,8 +101,8 @@ def collided(
         how = ELASTIC
     elif g_n > 0.0:
         if ti.static(gas.uses.tallied):
-            lost, sticks, rolls = losses_of(P_n, P_t, T, pair, row, gas)
-            how = STICKS * sticks + ROLLS * rolls
+            lost = losses_of(P_n, P_t, T, P_et, pair)
+            how = STICKS * ti.cast(sticking, ti.i32) + ROLLS * ti.cast(rolling, ti.i32)
     vx_i_new, vy_i_new, w_i_new, vx_j_new, vy_j_new, w_j_new = after_impulses(
         approaching * P_n, approaching * P_t, approaching * T,
         n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j,
@@ -113,7 +120,7 @@ def try_law(collision_law: ti.template(), law: Cube, pairs: Table, found: Table)
     gas = ti.static(GasArrays(law=law, uses=Uses(collision_law=collision_law)))
     for c in range(pairs.shape[0]):
         p, q = ti.cast(pairs[c, 0], ti.i32), ti.cast(pairs[c, 1], ti.i32)
-        P_n, P_t, T, g_n, pair, _ = impulses_between(
+        P_n, P_t, T, _, _, _, g_n, pair = impulses_between(
             p, q, 1.0, 0.0, pairs[c, 2], pairs[c, 3], pairs[c, 4], pairs[c, 8], pairs[c, 9], pairs[c, 10],
             pairs[c, 5], pairs[c, 6], pairs[c, 7], 0.0, 0.0, pairs[c, 11], gas,
         )  # fmt: skip

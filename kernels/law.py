@@ -224,12 +224,12 @@ def ifr(pair, coefficients):
 
 @ti.func
 def ifr_parts(pair, coefficients):
-    """What the ledger asks of the IFR law: P_et, the part of P_t from tangential restitution; sticking; rolling.
+    """The IFR law with a ledger: P_n, P_t, T; and P_et, the part of P_t from tangential restitution; sticking; rolling.
 
     Both are 1.0 or 0.0, as `collide_pair` returns them, but rolling is 0.0 without rolling friction.
     """
-    _, _, _, sticking, rolling, P_et = ifr_impulses(
+    P_n, P_t, T, sticking, rolling, P_et = ifr_impulses(
         coefficients[0], coefficients[1], coefficients[2], coefficients[3], coefficients[4],
         pair.g_n, pair.g_t, pair.m_n, pair.m_t, pair.radius_i, pair.radius_j,
     )  # fmt: skip
-    return P_et, sticking, rolling * (coefficients[4] > 0.0)
+    return P_n, P_t, T, P_et, sticking, rolling * (coefficients[4] > 0.0)

@@ -182,7 +182,7 @@ class Law(NamedTuple):
 
     impulses: Any
     n_coefficients: int
-    parts: Any = None  # which part of P_t restitution gives, sticking, rolling: of laws that tell them apart
+    parts: Any = None  # what `impulses` gives, and P_et, sticking, rolling: of laws that tell them apart
 
 
 class Uses(NamedTuple):

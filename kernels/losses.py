@@ -29,22 +29,12 @@ def braking_loss(T, w_free, inverse_mass, radius, k):
 
 
 @ti.func
-def losses_of(P_n, P_t, T, pair: ti.template(), coefficients: ti.template(), gas: ti.template()):
-    """Energy that these impulses take from a pair that approaches (`contact.pair_of`), by the columns of `log_loss`.
-
-    And 1 or 0 for each: whether it sticks, whether it rolls. A law of one's own does not tell what of P_t is
-    restitution: all of it then counts as tangential restitution.
-    """
+def losses_of(P_n, P_t, T, P_et, pair: ti.template()):
+    """Energy that these impulses take from a pair that approaches (`contact.pair_of`), by the columns of `log_loss`."""
     # Divisions are what this costs: none that can be spared.
     inverse_n, inverse_t = inverse_masses(pair.inverse_mass_i, pair.k_i, pair.inverse_mass_j, pair.k_j)
     tangential = ti.cast(P_t, ti.f64) * (pair.g_t - 0.5 * P_t * inverse_t)
-    restitution = tangential
-    sticks, rolls = 0, 0
-    if ti.static(gas.uses.collision_law.parts):
-        P_et, sticking, rolling = gas.uses.collision_law.parts(pair, coefficients)
-        restitution = ti.cast(P_et, ti.f64) * (pair.g_t - 0.5 * P_et * inverse_t)
-        sticks = ti.cast(sticking, ti.i32)
-        rolls = ti.cast(rolling, ti.i32)
+    restitution = ti.cast(P_et, ti.f64) * (pair.g_t - 0.5 * P_et * inverse_t)
     lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)
     lost[BY_NORMAL] = ti.cast(P_n, ti.f64) * (pair.g_n - 0.5 * P_n * inverse_n)
     lost[BY_RESTITUTION] = restitution
@@ -54,4 +44,4 @@ def losses_of(P_n, P_t, T, pair: ti.template(), coefficients: ti.template(), gas
         free_j = pair.spin_j - pair.k_j * pair.inverse_mass_j / pair.radius_j * P_t
         lost[BY_ROLLING] = braking_loss(T, free_i, pair.inverse_mass_i, pair.radius_i, pair.k_i)
         lost[BY_ROLLING] += braking_loss(T, free_j, pair.inverse_mass_j, pair.radius_j, pair.k_j)
-    return lost, sticks, rolls
+    return lost
