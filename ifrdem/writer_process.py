@@ -329,6 +329,7 @@ def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -
     line: connection.Connection[Any, Any] = connection.Connection(line_file)
     memory: mmap.mmap | None = None
     writer: TrajectoryWriter | None = None
+    name = ""
     while True:
         try:
             places, data = line.recv()
@@ -348,7 +349,8 @@ def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -
             del given, options, views
         except (InputError, TrajectoryError) as caught:
             error = caught
-        except Exception as caught:  # whatever it is, the run has to hear of it
+        except Exception as caught:
+            # Not swallowed: the run raises it, with where it was; here nobody would see it.
             error = RuntimeError(f"the process that writes: {caught!r}\n{traceback.format_exc()}")
         news: dict[str, Any] = {
             "frames": 0,
