@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import Any
 
@@ -11,6 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 MOST = (
     8  # of a kind that are kept: two frames wait, one is being written, one is being filled; two arrays each
 )
+LINE = 64  # bytes that memory hands out at once: arrays begin where such a line does
 # References to an array that only `Buffers` holds: its list, the loop's name, and the question itself.
 _UNUSED = 3
 
@@ -19,17 +21,35 @@ class Buffers:
     """Hands out arrays whose content is undefined; views of them keep them out of use."""
 
     def __init__(self) -> None:
-        self._arrays: dict[tuple[tuple[int, ...], str], list[NDArray[Any]]] = {}
+        self._kept: dict[tuple[tuple[int, ...], str], list[NDArray[np.uint8]]] = {}
 
     def take(self, shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:
         """An array that nobody else holds, or any view of it."""
-        kind = (shape, np.dtype(dtype).str)
-        kept = self._arrays.setdefault(kind, [])
-        for array in kept:
-            if sys.getrefcount(array) == _UNUSED:
-                return array[...]
-        fresh: NDArray[Any] = np.empty(shape, dtype)
-        if len(kept) < MOST:
-            kept.append(fresh)
-            return fresh[...]
-        return fresh
+        kind = np.dtype(dtype)
+        size = math.prod(shape) * kind.itemsize
+        kept = self._kept.setdefault((shape, kind.str), [])
+        for memory in kept:
+            if sys.getrefcount(memory) == _UNUSED:
+                break
+        else:
+            memory = np.empty(size + LINE, np.uint8)
+            if len(kept) < MOST:
+                kept.append(memory)
+        first = -memory.__array_interface__["data"][0] % LINE
+        return memory[first : first + size].view(kind).reshape(shape)
+
+
+def pairs(array: NDArray[Any]) -> NDArray[Any]:
+    """Rows of two numbers as one item each where they stand in larger rows: NumPy copies those at once, not in turn."""
+    if array.ndim == 2 and array.shape[1] == 2 and array.strides[1] == array.itemsize in (4, 8):
+        return array.view(np.complex64 if array.itemsize == 4 else np.complex128)[:, 0]
+    return array
+
+
+def compact(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, or a copy of it where its items do not stand one after another."""
+    if array.flags.c_contiguous:
+        return array
+    found = np.empty(array.shape, array.dtype)
+    np.copyto(pairs(found), pairs(array))
+    return found

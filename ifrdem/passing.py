@@ -12,10 +12,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .buffers import compact
 from .cadence import Due
 from .errors import EngineError
 from .kernels.layout import BLOCK
-from .kernels.passing import look_back
+from .kernels.passing import (
+    ROW_EVENTS,
+    ROW_IMAGE_X,
+    ROW_IMAGE_Y,
+    ROW_SPIN,
+    ROW_VX,
+    ROW_VY,
+    ROW_WORDS,
+    ROW_X,
+    ROW_Y,
+    look_back,
+)
 from .kernels.totals import TOTALS
 from .state import State, StoredState
 
@@ -64,10 +76,10 @@ def state_at(
 ) -> tuple[State, NDArray[np.float64]]:
     """The state at a moment of the epoch that is over, which is this time, and its sums; 0 if all has settled."""
     n, take, arrays = engine.n, engine.buffers.take, engine.arrays
-    real = np.dtype(np.float64 if stored is None else np.float32)
+    wide = stored is None
+    real, whole = (np.float64, np.int64) if wide else (np.float32, np.int32)
     imaged = stored is None or "image" in stored
-    place, velocity, spin = take((n, 2), real), take((n, 2), real), take((n,), real)
-    events, image = take((n,), np.int32), take((n if imaged else 1, 2), np.int32)
+    rows = take((n, ROW_WORDS), whole)
     past = {name: _read_only(value) for name, value in arrays.before.items()}
     if arrays.uses.partnered:
         past["last_partner"] = take((n,), np.int32)
@@ -75,12 +87,18 @@ def state_at(
         past["angle"] = take((n,))
     sums = np.zeros((n // BLOCK + 1, TOTALS))
     arrays.launch(
-        look_back, moment, *engine.origin, *engine.highest(real), int(imaged), place_out=place, velocity_out=velocity,
-        spin_out=spin, events_out=events, image_out=image, partner_out=past["last_partner"], angle_out=past["angle"],
-        sums=sums,
+        look_back, wide, moment, *engine.origin, *engine.highest(np.dtype(real)), int(imaged), rows_out=rows,
+        partner_out=past["last_partner"], angle_out=past["angle"], sums=sums,
     )  # fmt: skip
-    kind = State if stored is None else StoredState
-    state = kind(place, velocity, spin, time, events, image if imaged else None, **past)  # type: ignore[arg-type]
+    reals = rows.view(real)
+    place, velocity = reals[:, ROW_X : ROW_Y + 1], reals[:, ROW_VX : ROW_VY + 1]
+    spin = reals[:, ROW_SPIN]
+    if wide:
+        place, velocity, spin = compact(place), compact(velocity), compact(spin)
+    events = rows[:, ROW_EVENTS].astype(np.int32, copy=False)
+    image = rows[:, ROW_IMAGE_X : ROW_IMAGE_Y + 1].astype(np.int32, copy=False) if imaged else None
+    kind = State if wide else StoredState
+    state = kind(place, velocity, spin, time, events, image, **past)  # type: ignore[arg-type]
     totals: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
     if not np.isfinite(totals).all():
         raise EngineError(f"t = {time:.9g}: a velocity or spin is not finite; please report this")

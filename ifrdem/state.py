@@ -189,8 +189,8 @@ class State:
 class StoredState(State):
     """A state as a file in single precision keeps it: arrays of single precision, known to be finite.
 
-    An engine makes it for who wants no more than to write it, in a third of the time. `image` is None if it was not
-    asked for.
+    An engine makes it for who wants no more than to write it, in a third of the time. Its arrays are columns of one:
+    what belongs to a disk stands together. `image` is None if it was not asked for.
     """
 
     def __post_init__(self) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import h5md, quantities, resumable
 from .box import Box, below
+from .buffers import compact
 from .deflate import Deflate
 from .errors import InputError, nearest
 from .frame_rows import FrameRows
@@ -418,7 +419,7 @@ class TrajectoryWriter:
             raise InputError(f"time = {state.time}: a finite time not before {self._last_time} is needed")
         checked = {}
         for name, dataset in self._rows.fields.items():
-            value = np.asarray(getattr(state, h5md.FIELDS[name].attribute))
+            value = compact(np.asarray(getattr(state, h5md.FIELDS[name].attribute)))
             if value.shape != dataset.shape[1:]:
                 raise InputError(f"{name} has shape {value.shape}: {dataset.shape[1:]} is needed")
             if h5md.FIELDS[name].count:

@@ -4,8 +4,8 @@ A thread beside a run needs Python's lock, which Taichi holds while a kernel run
 time is the run's. A process takes what the run leaves of the processors. It is a new one, not a fork, which would share
 the run's memory until one of the two writes there.
 
-Calls go to it by name with their arguments, pickled; arrays by way of memory that both have, of which it writes to the
-file without another copy than the file's own.
+Calls go to it by name with their arguments, pickled; large arrays by way of memory that both have, of which it writes
+to the file without another copy than the file's own.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from __future__ import annotations
 import contextlib
 import copy
 import ctypes
+import io
+import math
 import mmap
 import os
 import pickle
@@ -33,6 +35,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import children, h5md
 from .box import Box
+from .buffers import pairs
 from .errors import InputError
 from .output_file import TrajectoryError
 from .state import Disks, State
@@ -55,6 +58,8 @@ del sys.path[0]
 serve(int(line), int(memory), int(parent), main == "main")
 """
 _DEATH_OF_PARENT = 1  # PR_SET_PDEATHSIG
+# Where an array is in the memory that both have: its first byte, type and shape.
+_Place = tuple[int, np.dtype[Any], tuple[int, ...]]
 
 
 class NoProcessError(InputError):
@@ -224,21 +229,14 @@ class RemoteWriter:
             self._memory = None
 
     def _call(self, name: str, *given: Any, **options: Any) -> None:
-        buffers: list[pickle.PickleBuffer] = []
-
-        def apart(buffer: pickle.PickleBuffer) -> bool:
-            """Whether a buffer stays among the rest."""
-            if buffer.raw().nbytes < SHARED:
-                return True
-            buffers.append(buffer)
-            return False
-
-        data = pickle.dumps((name, given, options), protocol=5, buffer_callback=apart)
+        message = io.BytesIO()
+        pickler = _Pickler(message)
+        pickler.dump((name, given, options))
         try:
             if self._process.poll() is not None:
                 raise EOFError
-            places = self._share(buffers)
-            self._line.send((places, data))
+            places = self._share(pickler.apart)
+            self._line.send((places, message.getvalue()))
             error, self._news = self._line.recv()
         except (EOFError, OSError) as broken:
             self._closed = True
@@ -259,22 +257,54 @@ class RemoteWriter:
         if error is not None:
             raise error
 
-    def _share(self, buffers: Sequence[pickle.PickleBuffer]) -> list[tuple[int, int]]:
-        """Copy these into the memory that both have, without Python's lock; returns where they are: begin and end."""
-        places: list[tuple[int, int]] = []
+    def _share(self, arrays: Sequence[NDArray[Any]]) -> list[_Place]:
+        """Copy these into the memory that both have, without Python's lock; returns where they are."""
+        places: list[_Place] = []
         end = 0
-        for buffer in buffers:
+        for array in arrays:
             begin = -(-end // PAGE) * PAGE
-            end = begin + buffer.raw().nbytes
-            places.append((begin, end))
+            end = begin + array.nbytes
+            places.append((begin, array.dtype, array.shape))
         if end and (self._memory is None or len(self._memory) < end):
             # Reserved now: where there is too little, it would otherwise be the end of whoever touches it first.
             os.posix_fallocate(self._memory_file, 0, end)
             self._memory = mmap.mmap(self._memory_file, end)
-        for buffer, (begin, end) in zip(buffers, places, strict=True):
+        for array, place in zip(arrays, places, strict=True):
             assert self._memory is not None
-            np.copyto(_bytes_of(self._memory)[begin:end], _bytes_of(buffer.raw()))
+            np.copyto(pairs(_array_in(self._memory, place)), pairs(array))
         return places
+
+
+class _Pickler(pickle.Pickler):
+    """Leaves large arrays out, which go by way of the memory that both have: `apart`."""
+
+    def __init__(self, file: io.BytesIO) -> None:
+        super().__init__(file, protocol=5)
+        self.apart: list[NDArray[Any]] = []
+
+    def persistent_id(self, thing: Any) -> int | None:
+        """The number of an array that is left out."""
+        if type(thing) is not np.ndarray or thing.nbytes < SHARED or thing.dtype.hasobject:
+            return None
+        self.apart.append(thing)
+        return len(self.apart) - 1
+
+
+class _Unpickler(pickle.Unpickler):
+    """Puts arrays in for those that were left out."""
+
+    def __init__(self, data: bytes, arrays: Sequence[NDArray[Any]]) -> None:
+        super().__init__(io.BytesIO(data))
+        self._arrays = arrays
+
+    def persistent_load(self, number: int) -> NDArray[Any]:
+        """The array of this number."""
+        return self._arrays[number]
+
+
+def _array_in(memory: mmap.mmap, place: _Place) -> NDArray[Any]:
+    begin, kind, shape = place
+    return np.frombuffer(memory, kind, math.prod(shape), begin).reshape(shape)
 
 
 def _start() -> tuple[subprocess.Popen[bytes], connection.Connection, int]:
@@ -298,10 +328,6 @@ def _start() -> tuple[subprocess.Popen[bytes], connection.Connection, int]:
             )  # fmt: skip
         undo.pop_all()
     return process, line, memory
-
-
-def _bytes_of(memory: mmap.mmap | memoryview) -> NDArray[np.uint8]:
-    return np.frombuffer(memory, np.uint8)
 
 
 def _end(process: subprocess.Popen[bytes], line: connection.Connection, memory_file: int) -> None:
@@ -337,16 +363,16 @@ def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -
             os._exit(1)
         error: Exception | None = None
         try:
-            if places and (memory is None or len(memory) < places[-1][1]):
+            if places and (memory is None or len(memory) < os.fstat(memory_file).st_size):
                 memory = mmap.mmap(memory_file, 0)
-            views = [memoryview(memory)[begin:end] for begin, end in places]  # type: ignore[arg-type]
-            name, given, options = pickle.loads(data, buffers=views)
+            arrays = [_array_in(memory, place) for place in places]  # type: ignore[arg-type]
+            name, given, options = _Unpickler(data, arrays).load()
             if name in ("begin", "go_on"):
                 make = TrajectoryWriter if name == "begin" else TrajectoryWriter.resume
                 writer = make(*given, **options)
             else:
                 getattr(writer, name)(*given, **options)
-            del given, options, views
+            del given, options, arrays
         except (InputError, TrajectoryError) as caught:
             error = caught
         except Exception as caught:

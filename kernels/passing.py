@@ -30,21 +30,34 @@ from .tally import partner_in, turned
 from .totals import ALL_EVENTS, TOTALS, moving
 from .walls import corner_of_tile
 
+# What a frame has of a disk, a word each: a word is as long as a real number of the frame, and may hold one.
+ROW_X, ROW_Y, ROW_VX, ROW_VY, ROW_SPIN, ROW_EVENTS, ROW_IMAGE_X, ROW_IMAGE_Y = range(8)
+ROW_WORDS = 8
+
+
+@ti.func
+def put_real(row, column, value, wide: ti.template(), rows_out: ti.template()):
+    """Write a real number into a word, bit by bit."""
+    if ti.static(wide):
+        rows_out[row, column] = ti.bit_cast(ti.cast(value, ti.f64), ti.i64)
+    else:
+        rows_out[row, column] = ti.bit_cast(ti.cast(value, ti.f32), ti.i32)
+
 
 @ti.kernel
 def look_back(
-    t: ti.f64, origin_x: ti.f64, origin_y: ti.f64, highest_x: ti.f64, highest_y: ti.f64, imaged: ti.i32,
-    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
-    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, last_partner: Rows, angle: Rows, place_out: Table,
-    velocity_out: Table, spin_out: Rows, events_out: Rows, image_out: Table, partner_out: Rows, angle_out: Rows,
-    sums: Table,
+    wide: ti.template(), t: ti.f64, origin_x: ti.f64, origin_y: ti.f64, highest_x: ti.f64, highest_y: ti.f64,
+    imaged: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, meta: Rows, image: Rows,
+    link: Rows, cell: Rows, log_real: Rows, log_int: Rows, last_partner: Rows, angle: Rows, rows_out: Table,
+    partner_out: Rows, angle_out: Rows, sums: Table,
 ):  # fmt: skip
     """Disks at time t of the epoch, in id order, collisions at t included; and the sums that `totals` has.
 
-    `place_out` (n, 2): in the user's box, from its `origin` on and not beyond the `highest` place in it.
-    `velocity_out` (n, 2), `spin_out`, `events_out` (n,): what `sort.export` gives; so `image_out` (n, 2), if `imaged`
-    is 1. `partner_out` and `angle_out` (n,) only where the gas keeps them. `sums` (blocks, TOTALS), block by block of
-    slots. Not in a gas with walls or shear, whose frames fall or move.
+    `rows_out` (n, ROW_WORDS), whole numbers of 32 bits, or of 64 if `wide`, for real numbers of as many: position in
+    the user's box, from its `origin` on and not beyond the `highest` place in it; velocity, spin and count as
+    `sort.export` gives them, and so images, if `imaged` is 1. All of a disk stands together because ids lie anywhere
+    in memory: this loop waits for memory once a disk. `partner_out` and `angle_out` (n,) only where the gas keeps them.
+    `sums` (blocks, TOTALS), block by block of slots. Not in a gas with walls or shear, whose frames fall or move.
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, flight=flight, kinds=kinds, meta=meta, image=image, link=link, cell=cell,
@@ -70,15 +83,15 @@ def look_back(
                 y, boxes_y = folded(corner_y + y + vy * since, length_y)
                 events = gas.meta[s][EVENTS] + gas.link[s][SEQ] - later
                 i = gas.meta[s][ID]
-                place_out[i, 0] = ti.min(x - origin_x, highest_x)
-                place_out[i, 1] = ti.min(y - origin_y, highest_y)
-                velocity_out[i, 0] = vx
-                velocity_out[i, 1] = vy
-                spin_out[i] = spin
-                events_out[i] = events
+                put_real(i, ROW_X, ti.min(x - origin_x, highest_x), wide, rows_out)
+                put_real(i, ROW_Y, ti.min(y - origin_y, highest_y), wide, rows_out)
+                put_real(i, ROW_VX, vx, wide, rows_out)
+                put_real(i, ROW_VY, vy, wide, rows_out)
+                put_real(i, ROW_SPIN, spin, wide, rows_out)
+                rows_out[i, ROW_EVENTS] = events
                 if imaged == 1:
-                    image_out[i, 0] = gas.image[i][0] + boxes_x
-                    image_out[i, 1] = gas.image[i][1] + boxes_y
+                    rows_out[i, ROW_IMAGE_X] = gas.image[i][0] + boxes_x
+                    rows_out[i, ROW_IMAGE_Y] = gas.image[i][1] + boxes_y
                 if ti.static(gas.uses.partnered):
                     partner_out[i] = partner_in(entry, s, gas)
                 if ti.static(gas.uses.turned):

@@ -12,7 +12,7 @@ from gases import equal_disks, mixture, start
 
 from ifrdem import h5md
 from ifrdem.box import Box, below
-from ifrdem.buffers import Buffers
+from ifrdem.buffers import Buffers, compact
 from ifrdem.cadence import Cadence, Span
 from ifrdem.course import Course
 from ifrdem.engine import Engine
@@ -341,3 +341,24 @@ def test_frames_do_not_depend_on_the_speed_of_the_machine(monkeypatch: pytest.Mo
         found.append(frames_of(simulation, t_end=70.0, frames=Cadence(interval=3.9975)))
     for (one, _), (other, _) in zip(*found, strict=True):
         assert np.array_equal(one.position, other.position), one.time
+
+
+@pytest.mark.parametrize("kind", ["f4", "i4", "f8", "i8"])
+def test_columns_become_arrays_of_their_own_bit_by_bit(kind: str) -> None:
+    """Numbers that are none, too; a column of two words is copied as one item, which must not show."""
+    rows = np.random.default_rng(3).integers(
+        -(2**31), 2**31, (1000, 4 * np.dtype(kind).itemsize), dtype=np.int32
+    )
+    numbers = rows.view(kind)
+    for column in (numbers[:, 0:2], numbers[:, 3:5], numbers[:, 1:4], numbers[:, 2], numbers[:, ::2]):
+        found = compact(column)
+        assert found.flags.c_contiguous
+        assert found.dtype == column.dtype
+        assert found.tobytes() == column.tobytes()
+    assert compact(numbers) is numbers
+
+
+def test_memory_of_frames_begins_with_a_line_of_memory() -> None:
+    buffers = Buffers()
+    held = [buffers.take((n, 8), kind) for n in (1, 3, 1000, 200_000) for kind in (np.int32, np.int64)]
+    assert all(array.ctypes.data % 64 == 0 for array in held)

@@ -24,6 +24,7 @@ from ifrdem.errors import InputError
 from ifrdem.h5md import FIELDS
 from ifrdem.ordered_file import OrderedFile
 from ifrdem.queued_writer import QueuedWriter
+from ifrdem.state import StoredState
 from ifrdem.trajectory_writer import TrajectoryError, TrajectoryWriter
 from ifrdem.writer_process import RemoteWriter
 
@@ -334,3 +335,30 @@ def test_what_it_is_given_is_not_changed_and_may_change_afterwards(tmp_path, sha
     writer.close()
     with h5py.File(tmp_path / "run.h5") as file:
         assert np.array_equal(file["particles/all/velocity/value_2d"][0], copies["velocity"])
+
+
+def test_columns_of_larger_rows_arrive_as_they_are(tmp_path, shared):
+    """The engine's frames: all numbers of a disk together, words of 4 bytes; whole numbers beside real ones."""
+    plain = TrajectoryWriter(tmp_path / "plain.h5", some_disks(N), BOX, fields=list(FIELDS))
+    remote = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX, fields=list(FIELDS))
+    for number in range(3):
+        whole = some_state(N, number)
+        rows = np.zeros((N, 8), np.int32)
+        reals = rows.view(np.float32)
+        reals[:, 0:2], reals[:, 2:4], reals[:, 4] = whole.position, whole.velocity, whole.spin
+        rows[:, 5], rows[:, 6:8] = whole.collisions, whole.image
+        wide = np.arange(3 * N, dtype=np.int32).reshape(N, 3)
+        state = StoredState(
+            reals[:, 0:2], reals[:, 2:4], reals[:, 4], whole.time, rows[:, 5], rows[:, 6:8],
+            last_partner=wide[:, number], angle=whole.angle,
+        )  # fmt: skip
+        for writer in (plain, remote):
+            writer.write(state)
+    plain.close()
+    remote.close()
+    assert content(tmp_path / "run.h5") == content(tmp_path / "plain.h5")
+    with h5py.File(tmp_path / "run.h5") as file:
+        at = file["particles/all"]
+        assert np.array_equal(at["velocity/value_2d"][2], some_state(N, 2).velocity.astype(np.float32))
+        assert np.array_equal(at["image/value_2d"][2], some_state(N, 2).image)
+        assert np.array_equal(at["last_partner/value"][2], wide[:, 2])
