@@ -64,6 +64,7 @@ from .kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
 from .kernels.sort import settle
 from .kernels.tiles import run_in_order, run_tiles
 from .kernels.totals import totals
+from .selection import nth_smallest
 from .statistics import Statistics
 
 LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see to progress and interrupts
@@ -419,6 +420,6 @@ class Epochs:
         """When collision `count` = 1, 2, ... of the epoch was, of those of two disks that stand, in their order."""
         a = self.arrays
         written = int(a.counter[N_LOG])
-        times = np.empty(written, dtype=a.real)
+        times: NDArray[np.floating] = np.empty(written, dtype=a.real)
         a.launch(times_of_collisions, written, times=times)
-        return float(np.partition(times, count - 1)[count - 1])
+        return nth_smallest(times, count)
