@@ -19,6 +19,7 @@ COMPRESSIONS = ("none", "gzip")
 DENSEST = 0.9068  # packing fraction, nearly that of equal disks that touch on a hexagonal lattice
 THINNEST = 1e-5  # thinner gases hardly ever collide
 RUNS, SECONDS = 5, 0.5
+TURNS = 24  # of short pieces with and without output
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,7 @@ class Timing:
     Attributes
     ----------
     runs : int
-        Timed runs.
+        Timed runs; turns with and without output.
     seconds : float
         Least length of each [s].
     skin : float or None
@@ -125,7 +126,7 @@ class BenchOptions:
             cls.phi,
         )
         timing = Timing(
-            runs=count("runs", 1, 10_000, RUNS),
+            runs=count("runs", 1, 10_000, RUNS if given.output is None else TURNS),
             seconds=positive("seconds", "a positive number of seconds", SECONDS),
             skin=None
             if given.skin is None

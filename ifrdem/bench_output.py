@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import itertools
+import math
 import statistics
 import tempfile
 import time
@@ -11,6 +14,8 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
+from scipy.stats import quantile_test
+
 from . import bench, equilibrium, writer_process
 from .cadence import Cadence, Span
 from .case_output import ROWS_PER_FRAME
@@ -18,16 +23,22 @@ from .course import Course
 from .gas import Gas
 from .queued_writer import QueuedWriter
 from .recorder import Ledger, Recorder
-from .simulation import Simulation
 from .trajectory_writer import DEFAULT_FIELDS
 
-FRAMES = 20
+FRAMES = 4
 """Frames in a timed piece, one for each collision that a disk has on average."""
+LEAD = 1
+"""Frames before it, not timed."""
+BARE, TALLIED, WRITING = WAYS = ("bare", "with ledger", "writing")
+
+
+class _LongEnough(Exception):
+    """A piece is over."""
 
 
 @dataclass(frozen=True)
 class OutputCost:
-    """Times of pieces of a run [s]: bare, with the energy ledger, and with all output, in turn.
+    """Times that a collision per disk takes [s]: bare, with the energy ledger, and with all output, in turns.
 
     Attributes
     ----------
@@ -38,7 +49,7 @@ class OutputCost:
     compression : str
         Of the frames; `compressor` says by whom.
     bare, tallied, writing : list of float
-        Seconds of each piece, FRAMES collisions per disk.
+        Seconds of each piece for one collision per disk.
     plainly : list of float
         Seconds that a plain writing of as many bytes as a frame has took beside each piece, with nothing else going on.
     rows : int
@@ -79,7 +90,7 @@ class OutputCost:
             "n": self.n, "phi": self.phi, "compression": self.compression, "compressor": self.compressor,
             "seconds_bare": self.bare, "seconds_with_ledger": self.tallied, "seconds_writing": self.writing,
             "seconds_plain_write": self.plainly, "share": self.share, "ledger_share": self.ledger_share,
-            "writing_share": self.writing_share,
+            "writing_share": self.writing_share, "share_between": between(_shares(self.writing, self.bare)),
             "series_rows": self.rows, "frame_bytes": self.frame_bytes, "environment": bench.environment(),
         }  # fmt: skip
 
@@ -92,13 +103,13 @@ class OutputCost:
                 "has, time series and ledger",
                 f"  a frame                {self.frame_bytes / 1e6:.3g} MB in the file, compression "
                 f"{self.compression}{by}",
-                f"  without output         {_spread(self.bare, 's')} for {FRAMES} collisions per disk",
+                f"  without output         {_spread(self.bare, 's')} for a collision per disk",
                 f"  with the ledger        {_spread(self.tallied, 's')}",
                 f"  and frames and series  {_spread(self.writing, 's')}, {self.rows} rows of series",
                 f"  a plain writing        {_spread(self.plainly, 's')} for the bytes of a frame, alone",
-                f"  the ledger costs       {_spread(_shares(self.tallied, self.bare, 100.0), '%')}",
-                f"  frames, series cost    {_spread(_shares(self.writing, self.tallied, 100.0), '%')}",
-                f"  all output costs       {_spread(_shares(self.writing, self.bare, 100.0), '%')}",
+                f"  the ledger costs       {_cost(self.tallied, self.bare)}",
+                f"  frames, series cost    {_cost(self.writing, self.tallied)}",
+                f"  all output costs       {_cost(self.writing, self.bare)}",
             ]
         )
 
@@ -110,6 +121,19 @@ def _shares(with_it: list[float], without: list[float], whole: float = 1.0) -> l
 def _spread(values: list[float], unit: str) -> str:
     middle = statistics.median(values)
     return f"{middle:.3g} {unit} (median of {len(values)}; {min(values):.3g} to {max(values):.3g} {unit})"
+
+
+def between(values: list[float]) -> tuple[float, float] | None:
+    """Where the median of all such values lies, with 95 % confidence, by the binomial test; None if they are few."""
+    low, high = quantile_test(values, p=0.5).confidence_interval(0.95)
+    return (float(low), float(high)) if math.isfinite(low) and math.isfinite(high) else None
+
+
+def _cost(with_it: list[float], without: list[float]) -> str:
+    shares = _shares(with_it, without, 100.0)
+    found = between(shares)
+    sure = "" if found is None else f"; 95 % sure: {found[0]:.3g} to {found[1]:.3g} %"
+    return _spread(shares, "%") + sure
 
 
 def _write(file: FileIO, size: int) -> float:
@@ -133,9 +157,8 @@ def measure(
 ) -> OutputCost:
     """Time pieces of an elastic gas at equilibrium, bare, with the ledger and writing, in turn.
 
-    Two simulations of the same start run side by side, so that a change of the machine's speed hits both. Where their
-    arrays come to lie in memory can make one of them faster than the other by some 5 %: each round builds both anew,
-    now the one first and now the other.
+    One simulation does all three: where its arrays come to lie in memory can make one faster than its equal by 5 %. The
+    pieces are short and take turns in every order, so that a change of the machine's speed hits all.
 
     Raises
     ------
@@ -145,13 +168,10 @@ def measure(
         If the temporary file cannot be written.
     """
     case = equilibrium.elastic_gas(n, phi, arch=arch, threads=threads, seed=seed)
+    case = case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
     gas = Gas.from_case(case)
-    kept = case.output.model_copy(update={"ledger": True})
-    cases = {"bare": case, "telling": case.model_copy(update={"output": kept})}
-    state = gas.start(case)
-    bare: list[float] = []
-    tallied: list[float] = []
-    writing: list[float] = []
+    simulation = gas.simulation(case, gas.start(case))
+    seconds: dict[str, list[float]] = {way: [] for way in WAYS}
     plainly: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.h5"
@@ -162,44 +182,50 @@ def measure(
             recorder = Recorder(writer, Ledger())
             told: dict[str, Any] = {"observers": [recorder.frame], "samplers": [recorder.row]}
 
-            def piece(simulation: Simulation, *, first: bool = False, **told: Any) -> float:
-                done = 2.0 * simulation.collisions / n
-                span = Span.to(n, simulation.time, simulation.collisions, collisions_per_disk=done + FRAMES)
+            def piece(way: str) -> float:
+                """Seconds for a collision per disk, of FRAMES after LEAD; from one end of an epoch to another."""
+                simulation.switch_ledger(way != BARE)
+                saying = told if way == WRITING else {}
+                before = simulation.collisions
+                last = LEAD + FRAMES + 1  # never reached
+                span = Span.to(n, simulation.time, before, collisions_per_disk=2.0 * before / n + last)
                 course = Course(
-                    span, Cadence(number=FRAMES if told else 1),
-                    Cadence(number=ROWS_PER_FRAME * FRAMES, exact=False) if told else None,
-                    next_frame=0 if first else 1, next_row=0 if first else 1,
+                    span, Cadence(number=last), Cadence(number=ROWS_PER_FRAME * last, exact=False),
+                    next_frame=1, next_row=1,
                 )  # fmt: skip
-                began = time.perf_counter()
-                simulation.follow(course, stored=DEFAULT_FIELDS, **told)
-                ended = time.perf_counter()
-                # A run goes on while its latest frame is written; the next piece must not.
+                marks: list[tuple[float, int]] = []
+
+                def after_epoch(_time: float, collisions: int) -> None:
+                    if collisions - before >= (LEAD + FRAMES * len(marks)) * n / 2.0:
+                        marks.append((time.perf_counter(), collisions))
+                    if len(marks) == 2:
+                        raise _LongEnough
+
+                with contextlib.suppress(_LongEnough):
+                    simulation.follow(course, progress=after_epoch, stored=DEFAULT_FIELDS, **saying)
+                # What a run has to do with frames goes on while the next one comes. So it does here, from a frame
+                # before the piece to its last one.
                 recorder.write_rows()
                 writer.flush()
-                return ended - began
+                (began, first), (ended, collisions) = marks
+                return (ended - began) / (collisions - first) * n / 2.0
 
+            simulation.run(t_end=simulation.time + equilibrium.mixing_time(gas))
+            bench.warm_up(simulation)
+            for way in WAYS:
+                piece(way)  # compiles its kernels
+            orders = list(itertools.permutations(WAYS))
             for i in range(runs):
-                built = {
-                    name: gas.simulation(cases[name], state) for name in sorted(cases, reverse=i % 2 == 1)
-                }
-                for simulation in built.values():
-                    simulation.run(t_end=simulation.time + (equilibrium.mixing_time(gas) if i == 0 else 0.0))
-                    bench.warm_up(simulation)
-                    simulation.run(collisions_per_disk=2.0 * simulation.collisions / n + 2.0)
-                if i == 0:
-                    piece(built["telling"], first=True, **told)  # compiles the kernels of output
-                bare.append(piece(built["bare"]))
-                for seconds, said in [(tallied, {}), (writing, told)][:: 1 - 2 * (i % 2)]:
-                    seconds.append(piece(built["telling"], **said))
+                for way in orders[i % len(orders)]:
+                    seconds[way].append(piece(way))
                 plainly.append(_write(beside, path.stat().st_size // len(writer)))
                 note(
-                    f"piece {i + 1} of {runs}: {bare[-1]:.3g} s without output, {tallied[-1]:.3g} s with the ledger, "
-                    f"{writing[-1]:.3g} s with all"
+                    f"turn {i + 1} of {runs}: {seconds[BARE][-1]:.3g} s without output, {seconds[TALLIED][-1]:.3g} s "
+                    f"with the ledger, {seconds[WRITING][-1]:.3g} s with all"
                 )
-                state = built["telling"].state
-                del built, simulation  # their memory, before there are others
             frames, rows, compressor = len(writer), writer.series_rows, writer.compressor
         size = path.stat().st_size
     return OutputCost(
-        n, phi, compression, compressor, bare, tallied, writing, plainly, rows, (size - 28 * n) / frames
-    )
+        n, phi, compression, compressor, seconds[BARE], seconds[TALLIED], seconds[WRITING], plainly, rows,
+        (size - 28 * n) / frames,
+    )  # fmt: skip

@@ -299,7 +299,9 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="extra distance, in diameters of the largest disk, within which neighbours are listed",
     )
-    parser.add_argument("--runs", metavar="R", help="timed runs (default: 5)")
+    parser.add_argument(
+        "--runs", metavar="R", help="timed runs (default: 5); turns with --output (default: 24)"
+    )
     parser.add_argument("--seconds", metavar="S", help="least length of a timed run (default: 0.5)")
     parser.add_argument("--seed", metavar="N", help="seed of the random numbers")
     parser.add_argument("--json", action="store_true", help="print one JSON object with every figure")

@@ -496,6 +496,11 @@ class DeviceArrays:
         """Let collisions that came too early stand."""
         self.grid[ROLL_BACK] = 0
 
+    def switch_ledger(self, on: bool) -> None:
+        """Tally from here on or not; all must have settled."""
+        self.counter[N_LOG] = 0  # without a ledger nobody strikes out what has settled
+        self.uses = self.uses._replace(tallied=on)
+
     @property
     def most_level(self) -> int:
         """Highest level that the box allows a fast disk (`kernels/extend.py`)."""

@@ -293,6 +293,12 @@ class Engine:
         """Let collisions that came too early stand: to see that tests notice. Never do so for results."""
         self.arrays.switch_off_rollback()
 
+    def switch_ledger(self, on: bool) -> None:
+        """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
+        self.check_whole()
+        self.epochs.settle(self.time)
+        self.arrays.switch_ledger(on)
+
     # ------------------------------------------------------------------ running
 
     def advance(

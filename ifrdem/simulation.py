@@ -386,6 +386,20 @@ class Simulation:
         )
         self.follow(Course(span, frames, series), observers=observers, samplers=samplers, progress=progress)
 
+    def switch_ledger(self, on: bool) -> None:
+        """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.
+
+        It is there to time what the ledger costs.
+
+        Raises
+        ------
+        InputError
+            If the simulation was made without a ledger.
+        """
+        if not self.has_ledger:
+            raise InputError("this simulation has no ledger to switch: make it with ledger=True")
+        self._engine.switch_ledger(on)
+
     def follow(
         self,
         course: Course,
@@ -412,7 +426,8 @@ class Simulation:
             while epoch.holds(due := frames.due(course.next_frame), end):
                 # First: an observer that raises has had its frame.
                 course.next_frame = frames.following(course.next_frame)
-                self._tell(observers, *epoch.at(due, stored=stored))
+                if observers:
+                    self._tell(observers, *epoch.at(due, stored=stored))
 
         if course.next_row == 0:
             course.next_row = 1

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
-from ifrdem import bench_output, cli
-from ifrdem.bench_output import FRAMES, OutputCost
+from ifrdem import cli
+from ifrdem.bench_output import FRAMES, LEAD, OutputCost, between
 from ifrdem.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
@@ -15,36 +16,40 @@ pytestmark = pytest.mark.unoptimised
 SMALL = ["bench", "--n", "300", "--phi", "0.3", "--threads", "1", "--runs", "2", "--output"]
 
 
-def test_each_round_times_the_same_collisions_bare_with_the_ledger_and_with_all(
+def test_each_turn_times_the_same_collisions_bare_with_the_ledger_and_with_all(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two rounds, and a piece before the first that is not timed; whose turn it is changes between them."""
-    pieces: list[tuple[bool, bool, int]] = []
+    """Two turns, in other orders, after one that is not timed. A piece ends with an epoch, soon after a frame."""
+    pieces: list[tuple[bool, int]] = []
+    lengths: list[float] = []
     follow = Simulation.follow
 
-    def followed(self: Simulation, course, **options) -> None:  # type: ignore[no-untyped-def]
-        before = self.collisions
-        follow(self, course, **options)
-        if "stored" in options:  # not a warming up
-            pieces.append(
-                (self.measure().dissipated is not None, "observers" in options, self.collisions - before)
-            )
+    def followed(self: Simulation, course, observers=(), **options) -> None:  # type: ignore[no-untyped-def]
+        frames: list[float] = []
+        before = self.measure()
+        try:
+            watching = [*observers, lambda _state, measure: frames.append(measure.time)] if observers else []
+            follow(self, course, observers=watching, **options)
+        finally:
+            after = self.measure()
+            if "stored" in options:  # not a warming up
+                assert before.regimes is not None
+                assert after.regimes is not None
+                pieces.append((after.regimes.sum() > before.regimes.sum(), len(frames)))
+                lengths.append(2.0 * (after.collisions - before.collisions) / 300)
 
     monkeypatch.setattr(Simulation, "follow", followed)
     assert cli.main([*SMALL, "none", "--json"]) == 0
     own = json.loads(capsys.readouterr().out)
-    bare, tallied, written = (False, False), (True, False), (True, True)
-    assert [piece[:2] for piece in pieces] == [written, bare, tallied, written, bare, written, tallied]
-    assert {count - FRAMES * 300 // 2 for _, _, count in pieces} <= {
-        0,
-        1,
-    }  # a sum of collisions per disk is rounded
+    bare, tallied, written = (False, 0), (True, 0), (True, LEAD + FRAMES)
+    assert pieces == [bare, tallied, written, bare, tallied, written, bare, written, tallied]
+    assert all(LEAD + FRAMES <= length < LEAD + FRAMES + 1 for length in lengths)
     for name in ("seconds_bare", "seconds_with_ledger", "seconds_writing", "seconds_plain_write"):
         assert len(own[name]) == 2
         assert min(own[name]) > 0.0
-    assert own["series_rows"] > 3 * FRAMES
-    # 24 bytes a disk, and what HDF5 needs for 60 frames of so few disks: indexes, and whole chunks of the series.
-    assert 24 * 300 < own["frame_bytes"] < 24 * 300 + 8000
+    assert own["series_rows"] > 3 * FRAMES  # one at the end of each epoch
+    # 24 bytes a disk, and what HDF5 needs for 15 frames of so few disks: indexes, and whole chunks of the series.
+    assert 24 * 300 < own["frame_bytes"] < 24 * 300 + 20_000
     assert (own["n"], own["phi"], own["compression"], own["compressor"]) == (300, 0.3, "none", None)
 
 
@@ -58,4 +63,17 @@ def test_shares_are_medians_over_pieces_side_by_side() -> None:
     text = cost.report()
     assert "compression gzip by somebody" in text
     assert "all output costs       20 % (median of 3; 15.5 to 21 %)" in text
-    assert f"10 s (median of 3; 10 to 20 s) for {bench_output.FRAMES} collisions per disk" in text
+    assert "10 s (median of 3; 10 to 20 s) for a collision per disk" in text
+    assert "sure" not in text  # of three
+    assert cost.figures()["share_between"] is None
+    longer = replace(cost, bare=[10.0] * 9, tallied=[10.0] * 9, writing=[10.0 + k for k in range(9)])
+    assert "all output costs       40 % (median of 9; 0 to 80 %); 95 % sure: 10 to 70 %" in longer.report()
+    assert longer.figures()["share_between"] == pytest.approx((0.1, 0.7))
+
+
+def test_how_sure_a_median_is_comes_from_the_binomial_distribution() -> None:
+    """Of 9 values, the median lies between the second and the eighth with 1 - 2 (1 + 9) / 2^9 = 96.1 %, and between
+    the third and the seventh with 1 - 2 (1 + 9 + 36) / 2^9 = 82.0 % only; of 5, the extremes enclose it with 93.8 %."""
+    values = [3.0, 1.0, 4.0, 1.5, 9.0, 2.6, 5.0, 3.5, 8.0]
+    assert between(values) == (sorted(values)[1], sorted(values)[7])
+    assert between(values[:5]) is None

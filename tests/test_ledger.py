@@ -11,7 +11,7 @@ from law_examples import Driving, Weak
 from ifrdem.box import Box
 from ifrdem.cadence import Cadence
 from ifrdem.engine import Engine
-from ifrdem.errors import EngineError
+from ifrdem.errors import EngineError, InputError
 from ifrdem.forces import Drag, RandomKicks
 from ifrdem.law import IFRLaw, Regime, collide
 from ifrdem.observables import MECHANISMS, REGIMES, Measure
@@ -276,3 +276,28 @@ def test_totals_on_the_device_are_those_of_the_state(arch):
         "momentum", "shear_pressure", "potential_energy", "wall_hits", "energy_input",
     ):  # fmt: skip
         assert getattr(device, name) == pytest.approx(getattr(host, name), rel=1e-12, abs=1e-11), name
+
+
+def test_a_ledger_that_is_switched_off_misses_just_that_time(arch):
+    """And switched on again, goes on; the collisions are the same to the bit."""
+    disks = equal_disks(300)
+    box, state = start(disks, 0.4)
+    whole, parts = (Simulation(disks, box, COIN, state, arch=arch, ledger=True) for _ in range(2))
+    for k, on in enumerate([True, False, True]):
+        parts.switch_ledger(on)
+        before = [simulation.measure().dissipated for simulation in (whole, parts)]
+        for simulation in (whole, parts):
+            simulation.run(t_end=0.3 * (k + 1))
+        after = [simulation.measure().dissipated for simulation in (whole, parts)]
+        gained, counted = (new - old for new, old in zip(after, before, strict=True))
+        assert gained.sum() > 1.0
+        assert counted == pytest.approx(gained if on else 0.0 * gained, rel=1e-12)
+    assert np.array_equal(whole.state.velocity, parts.state.velocity)
+
+
+def test_a_simulation_without_a_ledger_has_none_to_switch(arch):
+    disks = equal_disks(10)
+    box, state = start(disks, 0.4)
+    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    with pytest.raises(InputError, match="no ledger to switch"):
+        simulation.switch_ledger(True)
