@@ -25,9 +25,11 @@ HOST_BYTES_PER_DISK = 300
 """What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
 
 GROWTH_BYTES_PER_DISK = 1000
-# What waits to be written, here and in the process that writes.
-WRITER_BYTES_PER_DISK = 60
 """The same for a start by growth: 940 bytes a disk were seen."""
+WRITER_BYTES_PER_DISK = 200
+"""Frames that are being told, wait or are written, here and in the process that writes.
+
+A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all, the process that writes not counted."""
 
 COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
