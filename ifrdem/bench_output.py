@@ -26,9 +26,11 @@ from .recorder import Ledger, Recorder
 from .trajectory_writer import DEFAULT_FIELDS
 
 FRAMES = 4
-"""Frames in a timed piece, one for each collision that a disk has on average."""
+"""Frames in a timed piece, one for each collision that a disk has on average: so many at least."""
 LEAD = 1
 """Frames before it, not timed."""
+LEAST_SECONDS = 0.5
+"""A piece with all output takes as long at least; of small gases it has more frames."""
 BARE, TALLIED, WRITING = WAYS = ("bare", "with ledger", "writing")
 
 
@@ -52,6 +54,8 @@ class OutputCost:
         Seconds of each piece for one collision per disk.
     plainly : list of float
         Seconds that a plain writing of as many bytes as a frame has took beside each piece, with nothing else going on.
+    frames : int
+        Of a piece.
     rows : int
         Rows of the time series in all.
     frame_bytes : float
@@ -66,6 +70,7 @@ class OutputCost:
     tallied: list[float]
     writing: list[float]
     plainly: list[float]
+    frames: int
     rows: int
     frame_bytes: float
 
@@ -89,7 +94,8 @@ class OutputCost:
         return {
             "n": self.n, "phi": self.phi, "compression": self.compression, "compressor": self.compressor,
             "seconds_bare": self.bare, "seconds_with_ledger": self.tallied, "seconds_writing": self.writing,
-            "seconds_plain_write": self.plainly, "share": self.share, "ledger_share": self.ledger_share,
+            "seconds_plain_write": self.plainly, "frames": self.frames,
+            "share": self.share, "ledger_share": self.ledger_share,
             "writing_share": self.writing_share, "share_between": between(_shares(self.writing, self.bare)),
             "series_rows": self.rows, "frame_bytes": self.frame_bytes, "environment": bench.environment(),
         }  # fmt: skip
@@ -101,15 +107,18 @@ class OutputCost:
             [
                 f"elastic gas: {self.n} disks, packing fraction {self.phi:g}; a frame for each collision that a disk "
                 "has, time series and ledger",
-                f"  a frame                {self.frame_bytes / 1e6:.3g} MB in the file, compression "
-                f"{self.compression}{by}",
-                f"  without output         {_spread(self.bare, 's')} for a collision per disk",
-                f"  with the ledger        {_spread(self.tallied, 's')}",
-                f"  and frames and series  {_spread(self.writing, 's')}, {self.rows} rows of series",
-                f"  a plain writing        {_spread(self.plainly, 's')} for the bytes of a frame, alone",
-                f"  the ledger costs       {_cost(self.tallied, self.bare)}",
-                f"  frames, series cost    {_cost(self.writing, self.tallied)}",
-                f"  all output costs       {_cost(self.writing, self.bare)}",
+                f"{len(self.bare)} turns of pieces of {self.frames} frames, without output and with; times are for a "
+                "collision per disk, which is a frame's share",
+                f"  a frame                {self.frame_bytes / 1e6:.3g} MB in the file, with its share of index and "
+                f"series; compression {self.compression}{by}",
+                f"  without output         {_spread(self.bare)}",
+                f"  with the ledger        {_spread(self.tallied)}",
+                f"  and frames and series  {_spread(self.writing)}; {self.rows} rows of series",
+                f"  for comparison         {_spread(self.plainly)}: a plain write of a frame's bytes, with nothing "
+                "else going on",
+                f"  the ledger costs       {_cost(self.tallied, self.bare, 'without')}",
+                f"  frames, series cost    {_cost(self.writing, self.tallied, 'with the ledger')}",
+                f"  all output costs       {_cost(self.writing, self.bare, 'without')}",
             ]
         )
 
@@ -118,9 +127,8 @@ def _shares(with_it: list[float], without: list[float], whole: float = 1.0) -> l
     return [whole * (w / b - 1.0) for w, b in zip(with_it, without, strict=True)]
 
 
-def _spread(values: list[float], unit: str) -> str:
-    middle = statistics.median(values)
-    return f"{middle:.3g} {unit} (median of {len(values)}; {min(values):.3g} to {max(values):.3g} {unit})"
+def _spread(values: list[float]) -> str:
+    return f"{statistics.median(values):.3g} s (median; {min(values):.3g} to {max(values):.3g} s)"
 
 
 def between(values: list[float]) -> tuple[float, float] | None:
@@ -129,11 +137,14 @@ def between(values: list[float]) -> tuple[float, float] | None:
     return (float(low), float(high)) if math.isfinite(low) and math.isfinite(high) else None
 
 
-def _cost(with_it: list[float], without: list[float]) -> str:
+def _cost(with_it: list[float], without: list[float], of: str) -> str:
     shares = _shares(with_it, without, 100.0)
     found = between(shares)
-    sure = "" if found is None else f"; 95 % sure: {found[0]:.3g} to {found[1]:.3g} %"
-    return _spread(shares, "%") + sure
+    sure = "too few turns to say how sure that is"
+    if found is not None:
+        sure = f"with 95 % confidence {found[0]:.3g} to {found[1]:.3g} %"
+    more = 1e3 * statistics.median(w - b for w, b in zip(with_it, without, strict=True))
+    return f"{statistics.median(shares):.3g} % of a run {of}, {more:.3g} ms a frame ({sure})"
 
 
 def _write(file: FileIO, size: int) -> float:
@@ -182,12 +193,12 @@ def measure(
             recorder = Recorder(writer, Ledger())
             told: dict[str, Any] = {"observers": [recorder.frame], "samplers": [recorder.row]}
 
-            def piece(way: str) -> float:
-                """Seconds for a collision per disk, of FRAMES after LEAD; from one end of an epoch to another."""
+            def piece(way: str, frames: int) -> float:
+                """Seconds for a collision per disk, of so many after LEAD; from one end of an epoch to another."""
                 simulation.switch_ledger(way != BARE)
                 saying = told if way == WRITING else {}
                 before = simulation.collisions
-                last = LEAD + FRAMES + 1  # never reached
+                last = LEAD + frames + 1  # never reached
                 span = Span.to(n, simulation.time, before, collisions_per_disk=2.0 * before / n + last)
                 course = Course(
                     span, Cadence(number=last), Cadence(number=ROWS_PER_FRAME * last, exact=False),
@@ -196,7 +207,7 @@ def measure(
                 marks: list[tuple[float, int]] = []
 
                 def after_epoch(_time: float, collisions: int) -> None:
-                    if collisions - before >= (LEAD + FRAMES * len(marks)) * n / 2.0:
+                    if collisions - before >= (LEAD + frames * len(marks)) * n / 2.0:
                         marks.append((time.perf_counter(), collisions))
                     if len(marks) == 2:
                         raise _LongEnough
@@ -213,19 +224,21 @@ def measure(
             simulation.run(t_end=simulation.time + equilibrium.mixing_time(gas))
             bench.warm_up(simulation)
             for way in WAYS:
-                piece(way)  # compiles its kernels
+                piece(way, FRAMES)  # compiles its kernels
+            once = piece(WRITING, FRAMES)
+            frames = max(FRAMES, math.ceil(LEAST_SECONDS / once))
             orders = list(itertools.permutations(WAYS))
             for i in range(runs):
                 for way in orders[i % len(orders)]:
-                    seconds[way].append(piece(way))
+                    seconds[way].append(piece(way, frames))
                 plainly.append(_write(beside, path.stat().st_size // len(writer)))
                 note(
                     f"turn {i + 1} of {runs}: {seconds[BARE][-1]:.3g} s without output, {seconds[TALLIED][-1]:.3g} s "
                     f"with the ledger, {seconds[WRITING][-1]:.3g} s with all"
                 )
-            frames, rows, compressor = len(writer), writer.series_rows, writer.compressor
+            written, rows, compressor = len(writer), writer.series_rows, writer.compressor
         size = path.stat().st_size
     return OutputCost(
-        n, phi, compression, compressor, seconds[BARE], seconds[TALLIED], seconds[WRITING], plainly, rows,
-        (size - 28 * n) / frames,
+        n, phi, compression, compressor, seconds[BARE], seconds[TALLIED], seconds[WRITING], plainly, frames,
+        rows, (size - 28 * n) / written,
     )  # fmt: skip

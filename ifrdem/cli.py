@@ -317,7 +317,7 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--output",
         metavar="C",
-        help="time what output costs, with compression C (none or gzip) of the frames",
+        help="time what output costs a run, with its frames uncompressed (C = none) or compressed (gzip)",
     )
     parser.add_argument("--table", action="store_true", help="time a grid of gases; prints Markdown")
     parser.add_argument("--most", metavar="N", help="leave out gases of the table with more disks")
