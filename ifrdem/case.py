@@ -22,8 +22,19 @@ from .errors import nearest
 from .section import Choice, Section
 
 UNITS: Mapping[str, Mapping[str, str]] = {
-    "SI": {"length": "m", "mass": "kg", "time": "s", "energy": "J", "momentum": "kg m s-1", "angle": "rad"},
-    "reduced": dict.fromkeys(("length", "mass", "time", "energy", "momentum", "angle"), "reduced"),
+    "SI": {
+        "length": "m",
+        "mass": "kg",
+        "time": "s",
+        "velocity": "m s-1",
+        "angular_velocity": "rad s-1",
+        "energy": "J",
+        "momentum": "kg m s-1",
+        "angle": "rad",
+    },
+    "reduced": dict.fromkeys(
+        ("length", "mass", "time", "velocity", "angular_velocity", "energy", "momentum", "angle"), "reduced"
+    ),
 }
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
