@@ -39,11 +39,26 @@ class Buffers:
         return memory[first : first + size].view(kind).reshape(shape)
 
 
-def pairs(array: NDArray[Any]) -> NDArray[Any]:
-    """Rows of two numbers as one item each where they stand in larger rows: NumPy copies those at once, not in turn."""
-    if array.ndim == 2 and array.shape[1] == 2 and array.strides[1] == array.itemsize in (4, 8):
-        return array.view(np.complex64 if array.itemsize == 4 else np.complex128)[:, 0]
-    return array
+def copy_into(target: NDArray[Any], source: NDArray[Any]) -> None:
+    """Copy an array into one of its shape and type.
+
+    Rows of two numbers are copied as one item each where both arrays let that be: NumPy copies such rows one by one.
+    """
+    if _in_pairs(target) and _in_pairs(source):
+        pair = np.complex64 if source.itemsize == 4 else np.complex128
+        target, source = target.view(pair)[:, 0], source.view(pair)[:, 0]
+    np.copyto(target, source)
+
+
+def _in_pairs(array: NDArray[Any]) -> bool:
+    plain = array.dtype.isnative and array.dtype.kind in "iuf"
+    return (
+        plain
+        and array.ndim == 2
+        and array.shape[1] == 2
+        and array.strides[1] == array.itemsize
+        and array.itemsize in (4, 8)
+    )
 
 
 def compact(array: NDArray[Any]) -> NDArray[Any]:
@@ -51,5 +66,5 @@ def compact(array: NDArray[Any]) -> NDArray[Any]:
     if array.flags.c_contiguous:
         return array
     found = np.empty(array.shape, array.dtype)
-    np.copyto(pairs(found), pairs(array))
+    copy_into(found, array)
     return found

@@ -8,6 +8,7 @@ import math
 import os
 import shlex
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -42,7 +43,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (as long as the process)
     try:
         options = _parse(given)
-        status = int(options.act(options))
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_args, **_options: _warn(str(message))
+            status = int(options.act(options))
         sys.stdout.flush()  # here, where a broken pipe is caught
         return status
     except InputError as error:

@@ -288,7 +288,7 @@ class OrderedFile:
             if error.errno in (errno.EINVAL, errno.EOPNOTSUPP):
                 self._past_cache = False
             else:
-                self.error = error
+                self._note(error)
             done = 0
         finally:
             fcntl.fcntl(self._descriptor, fcntl.F_SETFL, flags)
@@ -299,7 +299,11 @@ class OrderedFile:
         try:
             yield
         except OSError as error:
-            self.error = self.error or error
+            self._note(error)
+
+    def _note(self, error: OSError) -> None:
+        """Keep the first error, without its traceback: the frames there hold memory that has to be let go of."""
+        self.error = self.error or error.with_traceback(None)
 
 
 def _order(data: bytes) -> tuple[int, int]:

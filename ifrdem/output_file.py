@@ -122,6 +122,11 @@ class OutputFile:
         """Whether it is open."""
         return bool(self.file)
 
+    @property
+    def present(self) -> Path:
+        """Where the file is until it is published, and then."""
+        return self._present
+
     def publish(self) -> None:
         """Put the file at its place."""
         if self._present == self.path:

@@ -89,7 +89,11 @@ class QueuedWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        if error is None:
+            self.close()
+            return
+        with contextlib.suppress(TrajectoryError):  # what is on its way already is what is told
+            self.close()
 
     def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:
         """As `TrajectoryWriter.write`, later."""

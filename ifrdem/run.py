@@ -216,8 +216,9 @@ def drive(
                 job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
                 stored=case.output.fields if case.output.precision == "f4" else None,
             )  # fmt: skip
-        recorder.write_rows()
-        job.writer.flush()
+            # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
+            recorder.write_rows()
+            job.writer.flush()
     except Stopped as stop:
         save(job, recorder)
         text = _remains(job, str(stop))
@@ -234,8 +235,9 @@ def drive(
             status.path.unlink(missing_ok=True)
             job.outputs.checkpoint.unlink(missing_ok=True)
         raise KeyboardInterrupt(text) from None
-    except (EngineError, TrajectoryError, InputError) as error:
-        status.finish("failed", _one_line(str(error)))
+    except Exception as error:
+        known = isinstance(error, EngineError | TrajectoryError | InputError)
+        status.finish("failed", _one_line(str(error) if known else repr(error)))
         raise
     job.outputs.checkpoint.unlink(missing_ok=True)
     status.update(frames=len(job.writer), series_rows=job.writer.series_rows)

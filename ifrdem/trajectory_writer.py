@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -219,6 +220,11 @@ class TrajectoryWriter:
     def __len__(self) -> int:
         """Number of committed frames."""
         return self._rows.committed
+
+    @property
+    def present(self) -> Path:
+        """Where the file is now: beside its place while it is to replace another and has no frame yet."""
+        return self._output.present
 
     @property
     def series_rows(self) -> int:

@@ -35,7 +35,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import children, h5md
 from .box import Box
-from .buffers import pairs
+from .buffers import copy_into
 from .errors import InputError
 from .output_file import TrajectoryError
 from .state import Disks, State
@@ -113,6 +113,14 @@ def _apart(
         return None
 
 
+class _NoAnswerError(TrajectoryError):
+    """The process cannot be reached; `reason` says how that is, the message also what is kept."""
+
+    def __init__(self, message: str, reason: str) -> None:
+        super().__init__(message)
+        self.reason = reason
+
+
 class RemoteWriter:
     """What `QueuedWriter` needs of a `TrajectoryWriter`, done by a process of its own; each call waits for it.
 
@@ -136,15 +144,11 @@ class RemoteWriter:
     ) -> None:
         self.path = Path(path)
         fields = options.get("fields", DEFAULT_FIELDS)
-        fields = [fields] if isinstance(fields, str) else fields
+        fields = [fields] if isinstance(fields, str) else list(fields)
+        if "fields" in options:
+            options["fields"] = fields  # it may be a generator, which is empty now
         self._fields = [h5md.FIELDS[name].attribute for name in fields if name in h5md.FIELDS]
-        self._news: dict[str, Any] = {
-            "frames": 0,
-            "series_rows": 0,
-            "events": 0,
-            "seen": {},
-            "compressor": None,
-        }
+        self._news: dict[str, Any] = _news_of(None)
         self._closed = False
         self._memory: mmap.mmap | None = None
         try:
@@ -156,6 +160,8 @@ class RemoteWriter:
         self._end = weakref.finalize(self, _end, self._process, self._line, self._memory_file)
         try:
             self._call(how, path, disks, box, **options)
+        except _NoAnswerError as error:  # it never worked: so a thread may
+            raise NoProcessError(f"output {os.fspath(path)}: {error.reason}") from error
         except BaseException:
             self._end()
             raise
@@ -229,9 +235,16 @@ class RemoteWriter:
             self._memory = None
 
     def _call(self, name: str, *given: Any, **options: Any) -> None:
+        if self._closed and name != "close":
+            raise TrajectoryError(f"{self.path} is closed: nothing can be added")
         message = io.BytesIO()
         pickler = _Pickler(message)
-        pickler.dump((name, given, options))
+        try:
+            pickler.dump((name, given, options))
+        except (pickle.PicklingError, TypeError, AttributeError) as wrong:
+            raise InputError(
+                f"{name}: what is given cannot be handed to the process that writes: {wrong}"
+            ) from wrong
         try:
             if self._process.poll() is not None:
                 raise EOFError
@@ -247,7 +260,12 @@ class RemoteWriter:
             else:  # there is no memory to be had, or the like
                 what = f"what is to be written cannot be handed on ({broken.strerror or broken})"
             self._end()
-            raise TrajectoryError(f"{self.path}: {what}; the {len(self)} frames before are kept") from broken
+            kept = f"the {len(self)} frames before are kept"
+            if not len(self) and self._news["present"]:
+                # It could not do this any more. There is nothing in it.
+                Path(self._news["present"]).unlink(missing_ok=True)
+                kept = "nothing was written"
+            raise _NoAnswerError(f"{self.path}: {what}; {kept}", what) from broken
         except BaseException:
             # The answer is still to come: another call must not take it for its own.
             self._closed = True
@@ -271,7 +289,7 @@ class RemoteWriter:
             self._memory = mmap.mmap(self._memory_file, end)
         for array, place in zip(arrays, places, strict=True):
             assert self._memory is not None
-            np.copyto(pairs(_array_in(self._memory, place)), pairs(array))
+            copy_into(_array_in(self._memory, place), array)
         return places
 
 
@@ -341,6 +359,18 @@ def _end(process: subprocess.Popen[bytes], line: connection.Connection, memory_f
 # ---------------------------------------------------------------------- in the process
 
 
+def _news_of(writer: TrajectoryWriter | None) -> dict[str, Any]:
+    """What the run is told after each call."""
+    if writer is None:
+        return {
+            "frames": 0, "series_rows": 0, "events": 0, "seen": {}, "compressor": None, "path": None, "present": None
+        }  # fmt: skip
+    return {
+        "frames": len(writer), "series_rows": writer.series_rows, "events": writer.events, "seen": writer.seen,
+        "compressor": writer.compressor, "path": os.fspath(writer.path), "present": os.fspath(writer.present),
+    }  # fmt: skip
+
+
 def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -> None:
     """Do what the line says until it breaks; then end at once, as the run has ended, however it did."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -357,12 +387,12 @@ def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -
     writer: TrajectoryWriter | None = None
     name = ""
     while True:
-        try:
-            places, data = line.recv()
-        except (EOFError, ConnectionError):
-            os._exit(1)
         error: Exception | None = None
         try:
+            try:
+                places, data = line.recv()
+            except (EOFError, ConnectionError):
+                os._exit(1)
             if places and (memory is None or len(memory) < os.fstat(memory_file).st_size):
                 memory = mmap.mmap(memory_file, 0)
             arrays = [_array_in(memory, place) for place in places]  # type: ignore[arg-type]
@@ -375,24 +405,15 @@ def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -
             del given, options, arrays
         except (InputError, TrajectoryError) as caught:
             error = caught
+        except (MemoryError, OSError) as caught:  # of what is done here; the writer has messages of its own
+            frames = 0 if writer is None else len(writer)
+            why = caught.strerror if isinstance(caught, OSError) else "out of memory"
+            error = TrajectoryError(f"the process that writes: {why}; the {frames} frames before are kept")
         except Exception as caught:
             # Not swallowed: the run raises it, with where it was; here nobody would see it.
             error = RuntimeError(f"the process that writes: {caught!r}\n{traceback.format_exc()}")
-        news: dict[str, Any] = {
-            "frames": 0,
-            "series_rows": 0,
-            "events": 0,
-            "seen": {},
-            "compressor": None,
-            "path": None,
-        }
-        if writer is not None:
-            news = {
-                "frames": len(writer), "series_rows": writer.series_rows, "events": writer.events,
-                "seen": writer.seen, "compressor": writer.compressor, "path": os.fspath(writer.path),
-            }  # fmt: skip
         try:
-            line.send((error, news))
+            line.send((error, _news_of(writer)))
         except ConnectionError:
             os._exit(1)
         if name == "close":

@@ -321,3 +321,23 @@ def test_a_disk_that_fails_in_the_middle_of_a_frame_leaves_what_was_before(tmp_p
             writer.write_series(0.1, row(1))
     monkeypatch.undo()
     assert assert_whole(path, 3, "fs") == (1, 1, 0)
+
+
+def test_a_disk_that_refuses_pieces_leaves_a_file_that_can_be_closed(tmp_path, monkeypatch):
+    """An error remembers where it happened, and with that the memory that is let go of."""
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(3000), BOX) as writer:
+        writer.write(some_state(3000, 0), {"energy": 0.0})
+        pwrite = os.pwrite
+
+        def refused(descriptor: int, data: memoryview, place: int) -> int:
+            if len(data) > 20_000:
+                raise OSError(errno.EIO, os.strerror(errno.EIO))
+            return pwrite(descriptor, data, place)
+
+        monkeypatch.setattr(os, "pwrite", refused)
+        with pytest.raises(TrajectoryError, match=r"\(Input/output error\); the 1 frames before"):
+            writer.write(some_state(3000, 1), {"energy": 0.5})
+        writer.close()
+    monkeypatch.undo()
+    assert assert_whole(path, 3000, "f") == (1, 0, 0)

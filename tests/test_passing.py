@@ -355,6 +355,12 @@ def test_columns_become_arrays_of_their_own_bit_by_bit(kind: str) -> None:
         assert found.flags.c_contiguous
         assert found.dtype == column.dtype
         assert found.tobytes() == column.tobytes()
+    for turned in (
+        np.asfortranarray(numbers[:, 0:2]),
+        numbers[:, 1::-1],
+        np.broadcast_to(numbers[0, :2], (9, 2)),
+    ):
+        assert compact(turned).tobytes() == turned.tobytes()
     assert compact(numbers) is numbers
 
 

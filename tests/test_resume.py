@@ -20,6 +20,9 @@ import pytest
 from ifrdem import checkpoint, cli, h5md, run, writer_process
 from ifrdem.case import Case
 from ifrdem.errors import InputError
+from ifrdem.observables import Measure
+from ifrdem.queued_writer import QueuedWriter
+from ifrdem.recorder import Recorder
 from ifrdem.simulation import Simulation
 from ifrdem.stops import Stopped, Stops
 
@@ -208,6 +211,37 @@ def test_rates_after_a_resume_are_those_of_what_was_done_since(
     done, wall, overall = told[0]
     assert 2 * before > done
     assert overall * wall == pytest.approx(done - before, rel=0.3)
+
+
+def test_a_signal_while_the_last_frames_are_written_leaves_a_run_that_is_done(
+    whole, tmp_path, monkeypatch, capsys
+):
+    flush, sent = QueuedWriter.flush, []
+
+    def signalled(self: QueuedWriter) -> None:
+        if self.series_rows and not sent:
+            sent.append(1)
+            os.kill(os.getpid(), signal.SIGTERM)
+        flush(self)
+
+    monkeypatch.setattr(QueuedWriter, "flush", signalled)
+    assert cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"]) == 0
+    assert sent
+    assert "terminated" in capsys.readouterr().err
+    assert json.loads((tmp_path / "gas.status.json").read_text())["state"] == "done"
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_a_fault_that_nobody_foresaw_is_no_run_that_goes_on(whole, tmp_path, monkeypatch):
+    def odd(_self: Recorder, _state: object, measure: Measure) -> None:
+        if measure.time > 1.0:
+            raise ZeroDivisionError("odd")
+
+    monkeypatch.setattr(Recorder, "frame", odd)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"])
+    status = json.loads((tmp_path / "gas.status.json").read_text())
+    assert (status["state"], status["message"]) == ("failed", "ZeroDivisionError('odd')")
 
 
 def test_a_checkpoint_that_cannot_be_written_tells_what_remains(

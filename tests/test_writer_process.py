@@ -5,11 +5,14 @@ from __future__ import annotations
 import errno
 import gc
 import os
+import resource
 import signal
 import subprocess
 import sys
 import threading
 import time
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -19,12 +22,12 @@ from test_trajectory import BOX, some_disks, some_state
 from test_trajectory_resume import N, begun, content, go_on
 from trajectory_parts import TRACKED, batch
 
-from ifrdem import output_file, writer_process
+from ifrdem import cli, output_file, writer_process
 from ifrdem.errors import InputError
 from ifrdem.h5md import FIELDS
 from ifrdem.ordered_file import OrderedFile
 from ifrdem.queued_writer import QueuedWriter
-from ifrdem.state import StoredState
+from ifrdem.state import State, StoredState
 from ifrdem.trajectory_writer import TrajectoryError, TrajectoryWriter
 from ifrdem.writer_process import RemoteWriter
 
@@ -266,6 +269,25 @@ def test_where_no_process_is_to_be_had_a_writer_here_does_it_and_that_is_said(tm
     writer.close()
 
 
+def test_a_process_that_never_answers_leaves_the_writing_to_a_thread(tmp_path, monkeypatch, capsys):
+    """Another interpreter that is none, say; `ifrdem run` says so as it says all."""
+    monkeypatch.setattr(sys, "executable", "/bin/true")
+    monkeypatch.setattr(writer_process, "LEAST_DISKS", 0)
+    with pytest.warns(
+        RuntimeWarning, match="ended with status 0 and without a result; a thread of the run writes"
+    ):
+        writer = writer_process.begin(tmp_path / "run.h5", some_disks(N), BOX)
+    assert type(writer) is TrajectoryWriter
+    writer.close()
+    case = ["elastic", "--set", "species[0].number=100", "--set", "run.collisions_per_disk=1"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        assert cli.main(["run", *case, "-o", f"{tmp_path}/", "--no-picture"]) == 0
+    told = capsys.readouterr().err
+    assert "ifrdem: warning: output " in told
+    assert "run.py" not in told
+
+
 def test_memory_that_is_not_to_be_had_is_told_and_the_file_keeps_what_is_committed(tmp_path, monkeypatch):
     monkeypatch.setattr(writer_process, "SHARED", 100)
     writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
@@ -285,7 +307,7 @@ def test_memory_that_is_not_to_be_had_is_told_and_the_file_keeps_what_is_committ
 
 
 def test_an_answer_that_was_not_waited_for_is_nobody_elses(tmp_path, monkeypatch):
-    """Ctrl-C in the middle of a call: the writer has ended then, and says so."""
+    """Ctrl-C in the middle of a call: the writer has ended then."""
     writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
     writer.write(some_state(N, 0))
 
@@ -297,7 +319,7 @@ def test_an_answer_that_was_not_waited_for_is_nobody_elses(tmp_path, monkeypatch
         with pytest.raises(KeyboardInterrupt):
             writer.write(some_state(N, 1))
     assert writer._process.poll() is not None
-    with pytest.raises(TrajectoryError, match="was killed by SIGKILL"):
+    with pytest.raises(TrajectoryError, match="is closed: nothing can be added"):
         writer.write(some_state(N, 2))
     writer.close()
 
@@ -362,3 +384,68 @@ def test_columns_of_larger_rows_arrive_as_they_are(tmp_path, shared):
         assert np.array_equal(at["velocity/value_2d"][2], some_state(N, 2).velocity.astype(np.float32))
         assert np.array_equal(at["image/value_2d"][2], some_state(N, 2).image)
         assert np.array_equal(at["last_partner/value"][2], wide[:, 2])
+
+
+def in_fortran_order(state: State) -> State:
+    for name in ("position", "velocity", "image"):
+        setattr(state, name, np.asfortranarray(getattr(state, name)))
+    return state
+
+
+@pytest.mark.parametrize(
+    "turned", [in_fortran_order, lambda state: replace(state, image=state.image[:, ::-1])]
+)
+def test_arrays_that_lie_otherwise_in_memory_arrive_as_they_are(tmp_path, shared, turned):
+    observable = np.asfortranarray(np.random.default_rng(1).normal(size=(9000, 2)))
+    plain = TrajectoryWriter(tmp_path / "plain.h5", some_disks(N), BOX, fields=list(FIELDS))
+    remote = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX, fields=(each for each in FIELDS))
+    for writer in (plain, remote):
+        writer.write(turned(some_state(N, 1)), {"map": observable})
+        writer.close()
+    assert content(tmp_path / "run.h5") == content(tmp_path / "plain.h5")
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert np.array_equal(file["particles/all/image/value_2d"][0], turned(some_state(N, 1)).image)
+        assert np.array_equal(file["observables/map/value"][0], observable)
+
+
+def test_what_cannot_travel_is_refused_and_the_writer_goes_on(tmp_path):
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
+    with pytest.raises(InputError, match="write: what is given cannot be handed to the process that writes"):
+        writer.write(some_state(N, 0), {"energy": lambda: 1.0})  # type: ignore[dict-item]
+    writer.write(some_state(N, 0), {"energy": 1.0})
+    writer.close()
+    assert len(writer) == 1
+    with pytest.raises(TrajectoryError, match="is closed: nothing can be added"):
+        writer.write(some_state(N, 1), {"energy": 1.0})
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_one_that_is_killed_before_its_first_frame_leaves_nothing(tmp_path, force):
+    if force:
+        begun(tmp_path / "run.h5", 2)
+    before = sorted((each.name, each.read_bytes()) for each in tmp_path.iterdir())
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX, force=force)
+    os.kill(writer._process.pid, signal.SIGKILL)
+    writer._process.wait()
+    with pytest.raises(TrajectoryError, match=r"was killed by SIGKILL.*; nothing was written"):
+        writer.write(some_state(N, 0))
+    writer.close()
+    assert sorted((each.name, each.read_bytes()) for each in tmp_path.iterdir()) == before
+
+
+def test_memory_that_runs_out_there_is_said_in_a_line(tmp_path):
+    """It may have 200 kB more than it has, and is given more than a megabyte."""
+    n = 40_000
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(n), BOX)
+    writer.write(some_state(n, 0))
+    status = Path(f"/proc/{writer._process.pid}/statm").read_text()
+    limit = int(status.split()[0]) * os.sysconf("SC_PAGESIZE") + 200_000
+    resource.prlimit(writer._process.pid, resource.RLIMIT_AS, (limit, limit))
+    with pytest.raises(
+        TrajectoryError, match=r"the process that writes: .*; the 1 frames before are kept"
+    ) as caught:
+        writer.begin_histories(TRACKED, some_state(n, 0))
+    assert "Traceback" not in str(caught.value)
+    writer.close()
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert len(file["particles/all/position/step"]) == 1
