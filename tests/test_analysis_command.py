@@ -520,7 +520,10 @@ def test_missing_observables_are_told_from_fields_and_said_how_to_write(
             writer.write(state, {"temperature": 1.0})
     assert run("analyse", str(path), "pressure") == 2
     said = capsys.readouterr().err
-    assert "gas.h5 holds no observable collisions; its collisions of each disk are fields" in said
+    assert (
+        "gas.h5 holds no observable collisions (collisions of each disk it holds, as a field): `ifrdem run`"
+        in said
+    )
     code = '{"collisions": measure.collisions}'
     assert f"file.write(state, {code})" in said
     totals = eval(code, {"measure": observables.measure(disks, state)})  # the test's own text

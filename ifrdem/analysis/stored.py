@@ -76,21 +76,18 @@ def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], li
     missing = [name for name in names if name not in trajectory.observables]
     if missing:
         fields = [name for name in missing if name in trajectory.fields]
-        of_disks = (
-            f"; its {' and '.join(fields)} of each disk are fields, not those of the whole gas"
-            if fields
-            else ""
-        )
+        of_disks = f" ({' and '.join(fields)} of each disk it holds, as a field)" if fields else ""
         wanted = ", ".join(f'"{name}": {_measured(name)}' for name in missing)
         raise InputError(
             f"{trajectory.path} holds no observable {' and no observable '.join(missing)}{of_disks}: `ifrdem run` "
-            f"writes them into every file; from Python, file.write(state, {{{wanted}}}) does"
+            f"writes these into every file; from Python, file.write(state, {{{wanted}}}) does, with measure = "
+            "ifrdem.observables.measure(disks, state)"
         )
     return trajectory.times, [trajectory.observables[name].astype(float) for name in names]
 
 
 def _measured(name: str) -> str:
-    """Where Python has a whole-gas quantity, `measure` being what observers are given."""
+    """Where Python has a whole-gas quantity."""
     known = name in Measure.__dataclass_fields__ or hasattr(Measure, name)
     return f"measure.{name}" if known else "..."
 
