@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from . import tables
 from .errors import InputError, nearest
+from .frame import SPIN
 from .history import History
 from .outputs import check_apart, write_aside
 from .trajectory import Trajectory
@@ -37,9 +39,11 @@ def export(
     place : path
         The file to write: it appears whole or not at all, and replaces one that is there.
     to : {"gsd", "extxyz", "csv"}
-        gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box; spins and
-        times as logged quantities `particles/angular_velocity` and `time`. extxyz: extended XYZ with z = 0 and every
-        stored field. csv: a line a disk and frame, with a header. The last two keep every digit that is stored.
+        gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box; `angle` as
+        orientations, spins as angular momenta, both also as logged quantities `particles/angle` and
+        `particles/angular_velocity`, times as `time`; types are species. extxyz: extended XYZ with z = 0, every stored
+        field, and names of species without blanks in the column `kind`. csv: a line a disk and frame, with a header.
+        The last two keep every digit that is stored.
     frames : sequence of int
         Which, in this order.
     progress : callable
@@ -112,17 +116,41 @@ def _empty(trajectory: Trajectory) -> dict[str, NDArray]:
     return {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
 
 
+def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
+    """Names of the kinds of disks, and the kind of each: species, else materials; None if the file has no names."""
+    material = trajectory.disks.material
+    try:
+        species = json.loads(str(trajectory.parameters["species"]))
+        names, counts = [str(one["name"]) for one in species], [int(one["number"]) for one in species]
+        if min(counts) >= 0 and sum(counts) == len(material):
+            return names, np.repeat(np.arange(len(names)), counts)
+    except (KeyError, TypeError, ValueError):  # parameters may be anybody's
+        pass
+    try:
+        names = json.loads(str(trajectory.parameters["materials"]))
+        known = isinstance(names, list) and all(isinstance(name, str) for name in names)
+        if known and len(names) > material.max(initial=-1):
+            return names, material.astype(np.intp)
+    except (KeyError, TypeError, ValueError):
+        pass
+    return None
+
+
 def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     disks, box = trajectory.disks, trajectory.box
     constant: dict[str, NDArray] = {"radius": disks.radius, "mass": disks.mass, "material": disks.material}
     species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
+    first, first_properties = [species], ["species:S:1"]
+    if named := kinds(trajectory):
+        first.append(np.array(["_".join(name.split()) or "_" for name in named[0]])[named[1]])
+        first_properties.append("kind:S:1")
     with place.open("w", encoding="utf-8") as file:
         for index in frames:
-            columns, kinds = [species], ["species:S:1"]
+            columns, properties = list(first), list(first_properties)
             for name, value in {**_stored(trajectory, index), **constant}.items():
                 vector = value.ndim == 2
                 kind = "I" if value.dtype.kind == "i" else "R"
-                kinds.append(f"{EXTXYZ_NAMES.get(name, name)}:{kind}:{3 if vector else 1}")
+                properties.append(f"{EXTXYZ_NAMES.get(name, name)}:{kind}:{3 if vector else 1}")
                 columns += [_texts(column) for column in (value.T if vector else [value])]
                 if vector:
                     columns.append(np.full(disks.n, "0"))
@@ -134,7 +162,7 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
                 cell = f'Lattice="{width!r} 0 0 {above!r} {height!r} 0 0 0 1" '
             periodic = " ".join("T" if one else "F" for one in (*box.periodic, False))
             file.write(
-                f'{disks.n}\n{cell}Properties={":".join(kinds)} pbc="{periodic}" time={time!r} frame={index}\n'
+                f'{disks.n}\n{cell}Properties={":".join(properties)} pbc="{periodic}" time={time!r} frame={index}\n'
             )
             file.writelines(
                 f"{' '.join(row)}\n" for row in zip(*(each.tolist() for each in columns), strict=True)
@@ -143,6 +171,7 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
 
 def _gsd(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     hoomd = tables.needed("gsd.hoomd", "export")
+    place.touch()  # GSD makes files that others cannot read, whatever the umask allows
     with hoomd.open(str(place), "w") as file:
         for index in frames:
             file.append(_snapshot(hoomd, trajectory, index))
@@ -173,11 +202,19 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
     particles = snapshot.particles
     particles.N, particles.position = n, flat
     particles.mass, particles.diameter = disks.mass, 2.0 * disks.radius
-    particles.typeid = disks.material
-    particles.types = [f"M{i}" for i in range(int(disks.material.max()) + 1)] if n else []
+    numbered = [f"M{i}" for i in range(int(disks.material.max(initial=-1)) + 1)]
+    particles.types, particles.typeid = kinds(trajectory) or (numbered, disks.material)
     inertia = np.zeros((n, 3), dtype=np.float32)
     inertia[:, 2] = disks.inertia
     particles.moment_inertia = inertia
+    half = np.zeros(n)
+    if "angle" in trajectory.fields:
+        half = 0.5 * frame["angle"]
+        particles.orientation = _about_z(np.cos(half), np.sin(half))
+    if SPIN in trajectory.fields:
+        # HOOMD's angmom p is 2 q (0, L), L in the body's axes: L = Im(q* p) / 2. Immovable disks are at rest.
+        momentum = np.where(disks.movable, disks.inertia, 0.0) * frame.spin
+        particles.angmom = 2.0 * _about_z(-np.sin(half) * momentum, np.cos(half) * momentum)
     for name in ("velocity", "image"):
         # Images of a sheared box are counted along other axes than those of the parallelogram.
         if name in trajectory.fields and not (name == "image" and box.shear_rate):
@@ -189,3 +226,9 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
         if name not in ("position", "velocity", "image"):
             snapshot.log[f"particles/{name}"] = frame[name]
     return snapshot
+
+
+def _about_z(real: NDArray, along_z: NDArray) -> NDArray:
+    """Quaternions (real, 0, 0, z), shape (n, 4)."""
+    zero = np.zeros_like(real)
+    return np.stack((real, zero, zero, along_z), axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 
 from . import analysis, plot_disks
 from .analysis.outcome import Outcome, unit
-from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, few_labels, from_zero, with_unit
+from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, few_labels, from_zero, legend_above, with_unit
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -32,9 +32,10 @@ def _grid(*every: Any) -> None:
 def velocity(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     """Distributions of velocity components and spins, logarithmic, beside Gaussians and their Sonine expansion."""
     left, right = figure.subplots(1, 2, sharey=True)
-    lowest, highest = 1.0, 1.0
+    x = np.linspace(-5.0, 5.0, 400)
+    lowest = highest = float(analysis.gaussian(x).max())
     for i, (name, found) in enumerate(outcome.result.items()):
-        for axes, x, density, error in (
+        for axes, middle, density, error in (
             (left, found.speed, found.density, found.density_error),
             (right, found.spin, found.spin_density, found.spin_density_error),
         ):
@@ -45,22 +46,29 @@ def velocity(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
             highest = max(highest, float(density[seen].max()))
             look = {"color": KINDS[i % 8], "marker": MARKERS[i % 8], "mfc": "none"}
             axes.errorbar(
-                x[seen], density[seen], error[seen], ls="none", ms=4, lw=0.8, label=name.split(",")[0], **look
+                middle[seen],
+                density[seen],
+                error[seen],
+                ls="none",
+                ms=4,
+                lw=0.8,
+                label=name.split(",")[0],
+                **look,
             )
-    x = np.linspace(-5.0, 5.0, 400)
     sonine = next(iter(outcome.result.values())).sonine
     for axes, a2, label in ((left, sonine.a20, "a_{20}"), (right, sonine.a02, "a_{02}")):
         axes.plot(x, analysis.gaussian(x), "-", color=RATIO, lw=1.2, label="Gaussian")
         if np.isfinite(a2) and len(outcome.result) == 1:
             expansion = analysis.sonine_density(x, a2)
             shown = np.where(expansion > 0.0, expansion, np.nan)
+            highest = max(highest, float(np.nanmax(shown)))
             axes.plot(x, shown, "--", color=ROTATION, lw=1.2, label=rf"with ${label} = {a2:.3g}$")
         if not axes.lines or not np.isfinite(a2):
             axes.text(0.5, 0.5, "no spins", transform=axes.transAxes, ha="center")
         axes.set_yscale("log")
-        axes.set_ylim(0.3 * lowest, 60.0 * highest)  # room for the legend
         axes.set_xlim(-5.0, 5.0)
-        axes.legend(loc="upper center", frameon=False, fontsize="small")
+        legend_above(axes)
+    left.set_ylim(0.3 * lowest, 2.0 * highest)  # the right one shares it
     left.set_xlabel(r"$c = v_{x,y} / \sqrt{2 T / m}$")
     right.set_xlabel(r"$w = \omega / \sqrt{2 T_\mathrm{rot} / I}$")
     left.set_ylabel("probability density")

@@ -52,7 +52,9 @@ def add_to(verbs: Any) -> None:
     parser.add_argument("what", metavar="WHAT", nargs="?", help="a name from the list above")
     parser.add_argument("--list", action="store_true", help="list the names and draw nothing")
     parser.add_argument("--frames", metavar="A:B:C", help="frames as in Python: -1, 10:, ::10")
-    parser.add_argument("-o", "--output", metavar="PNG", help="the picture (default: FILE-WHAT.png)")
+    parser.add_argument(
+        "-o", "--output", metavar="PNG", help="the picture, NAME.png or NAME (default: FILE-WHAT.png)"
+    )
     parser.add_argument("--force", action="store_true", help="replace a file that exists")
     parser.set_defaults(act=_act)
 
@@ -91,12 +93,30 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
         )
         path = Path(options.output or f"{trajectory.path.stem}-{options.what}.png")
         check_apart(path, trajectory.path)
+        path = _as_png(path)
+        check_apart(path, trajectory.path)
         check_files([path], force=options.force)
         from . import plot
 
         plot.save(draw(trajectory, options.what, chosen), path)
     say(f"wrote {path}")
     return 0
+
+
+def _as_png(path: Path) -> Path:
+    """The file of a picture: with .png behind a name that has no ending, as in NAME of `ifrdem fit --picture`.
+
+    Raises
+    ------
+    InputError
+        If the ending is that of another format.
+    """
+    if path.suffix.lower() == ".png" or path.is_dir() or (path.exists() and not path.is_file()):
+        return path  # the latter two are refused by `check_files`
+    # Behind "mu0.21" there is no ending: what follows its point is no word.
+    if path.suffix[1:].isalpha():
+        raise InputError(f"-o {path}: pictures are PNG files: the name must end in .png, or have no ending")
+    return path.with_name(f"{path.name}.png")
 
 
 def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> Figure:

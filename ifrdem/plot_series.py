@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .analysis import stored
-from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, with_unit
+from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, legend_above, with_unit
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 INPUT, HEAT, DISSIPATED = "#009E73", "#CC79A7", "#E69F00"
 
 
-def _finish(axes: Any, trajectory: Trajectory, text: str) -> None:
+def _finish(axes: Any, trajectory: Trajectory, text: str, columns: int = 3) -> None:
     axes.set_xlabel(with_unit("time $t$", trajectory.units.get("time")))
     axes.set_ylabel(with_unit(text, trajectory.units.get("energy")))
     axes.grid(True, which="major", lw=0.4, alpha=0.5)
-    axes.legend(loc="best", frameon=False)
+    legend_above(axes, columns)
 
 
 def energy(figure: Figure, trajectory: Trajectory) -> None:
@@ -89,4 +89,4 @@ def mechanisms(figure: Figure, trajectory: Trajectory) -> None:
     ):
         if np.any(values[:, i]):
             axes.plot(when, values[:, i], style, color=colour, lw=1.5, label=name)
-    _finish(axes, trajectory, "energy dissipated")
+    _finish(axes, trajectory, "energy dissipated", columns=4)

@@ -31,6 +31,19 @@ def from_zero(axes: Axes) -> None:
     axes.set_ylim(0.0, 1.12 * highest if highest > 0.0 else 1.0)
 
 
+def legend_above(axes: Axes, columns: int = 3) -> None:
+    """A legend over the axes, in rows, where it can hide no curve; figures laid out as "constrained" make the room."""
+    entries = len(axes.get_legend_handles_labels()[1])
+    if entries:
+        axes.legend(
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            ncols=min(columns, entries),
+            frameon=False,
+            fontsize="small",
+        )
+
+
 def few_labels(axes: Axes) -> None:
     """Label a logarithmic time axis so that labels neither collide nor lack, however short it is.
 

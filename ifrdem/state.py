@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .brief import Brief
 from .errors import InputError
 
 
@@ -23,8 +24,8 @@ def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) ->
     return column
 
 
-@dataclass(frozen=True, eq=False)
-class Disks:
+@dataclass(frozen=True, eq=False, repr=False)
+class Disks(Brief):
     """The constant properties of n disks.
 
     Every argument but `n` may be a number (the same for all) or an array of shape (n,).
@@ -79,8 +80,8 @@ class Disks:
         return self.mass * self.radius**2 / self.k
 
 
-@dataclass(eq=False)
-class State:
+@dataclass(eq=False, repr=False)
+class State(Brief):
     """Where n disks are and how they move at one time.
 
     Attributes
@@ -185,7 +186,7 @@ class State:
         return self.velocity if self.flow is None else self.velocity - self.flow
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class StoredState(State):
     """A state as a file in single precision keeps it: arrays of single precision, known to be finite.
 

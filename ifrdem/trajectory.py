@@ -49,7 +49,7 @@ Result = TypeVar("Result")
 _ATTEMPTS, _PAUSE = 5, 0.05
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DiskPath:
     """One disk over the frames of a trajectory.
 
@@ -84,6 +84,12 @@ class DiskPath:
     def __len__(self) -> int:
         """Number of frames."""
         return len(self.time)
+
+    def __repr__(self) -> str:
+        """Whose it is, how much, from when to when, and what."""
+        span = f", t = {self.time[0]:.6g} to {self.time[-1]:.6g}" if len(self) else ""
+        frames = f"{len(self)} frame{'' if len(self) == 1 else 's'}"
+        return f"<DiskPath of disk {self.disk}: {frames}{span}; {', '.join(self.fields)}>"
 
 
 class Trajectory(Sequence[Frame]):

@@ -12,9 +12,9 @@ import pytest
 from figures import texts
 from matplotlib.figure import Figure
 
-from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, cli, plot_options
+from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, cli, observables, plot_options
 from ifrdem.analyse_options import NAMES, number
-from ifrdem.analysis import catalogue, outcome
+from ifrdem.analysis import catalogue, outcome, stored
 from ifrdem.errors import InputError
 from ifrdem.history_columns import COLUMNS, START
 
@@ -397,6 +397,51 @@ def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Pat
         figure.draw_without_rendering()  # labels that mathtext cannot read fail here
 
 
+@pytest.mark.parametrize("what", ["velocity", "energy", "ledger", "mechanisms"])
+def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_path: Path) -> None:
+    """Legends stand outside of the axes, on the page, and apart from the title."""
+    path = write(tmp_path / "run.h5", driven=1.0)
+    with TrajectoryWriter(
+        tmp_path / "all.h5", Disks(N, mass=1.0, radius=0.2), BOX, units={}
+    ) as writer, Trajectory(path) as gas:  # fmt: skip
+        for i, frame in enumerate(gas):
+            totals = {name: gas.observables[name][i] for name in gas.observables}
+            totals["dissipated_by_mechanism"] = i * np.arange(1.0, 7.0)
+            writer.write(State(frame.position, frame.velocity, frame.spin, time=frame.time), totals)
+    with Trajectory(tmp_path / "all.h5") as trajectory:
+        figure = plot_options.draw(trajectory, what)
+    figure.draw_without_rendering()
+    legends = 0
+    title = next(one for one in figure.texts if "disks" in one.get_text()).get_window_extent()
+    for axes in figure.axes:
+        if (legend := axes.get_legend()) is None:
+            continue
+        legends += 1
+        place = legend.get_window_extent()
+        assert place.y0 >= axes.get_window_extent().y1
+        assert place.y1 <= title.y0
+        assert place.x0 >= 0.0
+        assert place.x1 <= figure.bbox.x1
+        highest = max(np.nanmax(np.asarray(line.get_ydata(), dtype=float)) for line in axes.lines)
+        assert highest < axes.get_ylim()[1] <= 2.5 * highest
+    assert legends == (2 if what == "velocity" else 1)
+
+
+@pytest.mark.parametrize(
+    ("given", "made"), [("d0", "d0.png"), ("mu0.21", "mu0.21.png"), ("a.png", "a.png"), ("A.PNG", "A.PNG")]
+)
+def test_a_picture_gets_the_ending_png_if_its_name_has_none(
+    given: str, made: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert run("plot", "run.h5", "energy", "-o", given) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made, "run.h5"])
+    assert f"wrote {made}" in capsys.readouterr().out
+    assert run("plot", "run.h5", "energy", "-o", given) == 2
+    assert f"{made}: exists already" in capsys.readouterr().err
+
+
 def test_plot_writes_a_png_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -421,6 +466,10 @@ def test_plot_writes_a_png_once(
         (("plot", "run.h5"), "a trajectory and what to draw of it are needed"),
         (("plot", "run.h5", "disks", "-o", "run.h5", "--force"), "is the trajectory itself"),
         (("plot", "run.h5", "disks", "-o", "/dev/zero", "--force"), "is a device or pipe"),
+        (
+            ("plot", "run.h5", "disks", "-o", "a.pdf"),
+            "-o a.pdf: pictures are PNG files: the name must end in .png",
+        ),
         (
             ("analyse", "run.h5", "impact"),
             "holds no histories of collisions: name the disks to track in output.hist",
@@ -457,6 +506,30 @@ def test_missing_fields_are_named_with_the_key_that_stores_them(tmp_path: Path) 
         with pytest.raises(InputError, match=r'put "velocity" into output\.fields'):
             catalogue.ANALYSES["fields"].of(trajectory, None)
         assert 'no "image" in the file' in " ".join(catalogue.ANALYSES["msd"].of(trajectory, None).notes)
+
+
+def test_missing_observables_are_told_from_fields_and_said_how_to_write(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The field `collisions` of the disks is no observable; what the message gives as code works."""
+    path = tmp_path / "gas.h5"
+    disks, rng = Disks(N, mass=1.0, radius=0.2), np.random.default_rng(1)
+    with TrajectoryWriter(path, disks, BOX) as writer:
+        for time in (0.0, 1.0):
+            state = State(rng.random((N, 2)) * 30.0, rng.normal(size=(N, 2)), np.ones(N), time=time)
+            writer.write(state, {"temperature": 1.0})
+    assert run("analyse", str(path), "pressure") == 2
+    said = capsys.readouterr().err
+    assert (
+        "gas.h5 holds no observable collisions (collisions of each disk it holds, as a field): `ifrdem run`"
+        in said
+    )
+    code = '{"collisions": measure.collisions}'
+    assert f"file.write(state, {code})" in said
+    totals = eval(code, {"measure": observables.measure(disks, state)})  # the test's own text
+    assert totals == {"collisions": 0}
+    with Trajectory(path) as trajectory, pytest.raises(InputError, match=r'"ledger_residual": \.\.\.}'):
+        stored.series(trajectory, "ledger_residual")
 
 
 def test_driven_gases_get_no_haff_law_and_walls_no_contact_value(tmp_path: Path) -> None:

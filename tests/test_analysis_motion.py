@@ -9,6 +9,7 @@ from serial_reference import simulate
 
 from ifrdem import analysis, placement, theory
 from ifrdem.box import Box
+from ifrdem.brief import brief
 from ifrdem.errors import InputError
 from ifrdem.state import Disks, State
 
@@ -402,6 +403,46 @@ def test_fit_of_the_ratio_finds_end_and_lag() -> None:
         fit = analysis.ratio_fit(x, exact + 0.02 * noise(seed, 120, 0.5))
         pulls += [(fit.theta_end - 0.9) / fit.theta_end_error, (fit.lag - 3.0) / fit.lag_error]
     assert 0.7 < np.sqrt(np.mean(np.square(pulls))) < 1.5
+
+
+def test_swapped_times_and_paths_are_told_apart() -> None:
+    times, paths = np.arange(5.0), np.zeros((5, 7, 2))
+    for function, name in (
+        (analysis.mean_square_displacement, "paths"),
+        (analysis.velocity_autocorrelation, "velocity"),
+    ):
+        order = rf"first times of shape \(frames,\), then {name} of shape \(frames, n, d\) are needed"
+        with pytest.raises(InputError, match=rf"shape \(5, 7, 2\), {name} are .* shape \(5,\): {order}"):
+            function(paths, times)
+        with pytest.raises(InputError, match=rf"times are a generator, .*{order}"):
+            function((paths for _ in range(2)), times)
+        with pytest.raises(InputError, match=r"times hold 1: 2 frames or more"):
+            function(times[:1], paths[:1])
+        with pytest.raises(InputError, match="from 4 to 0 do not increase"):
+            function(times[::-1], paths)
+        with pytest.raises(InputError, match=rf"{name} hold an array of shape \(4, 7, 2\): .* with 5 frames"):
+            function(times, paths[:4])
+
+
+@pytest.mark.parametrize("name", analysis.__all__)
+def test_public_names_are_the_names_in_messages(name: str) -> None:
+    assert getattr(analysis, name).__name__ == name
+
+
+def test_results_have_a_short_repr() -> None:
+    paths = np.random.default_rng(1).random((50, 9, 2))
+    lag = analysis.mean_square_displacement(np.arange(50.0), paths, origins="first")
+    assert repr(lag).startswith("<Correlation: lag (50,) from 0 to 49, value (50,) from 0 to ")
+    assert repr(lag).endswith("components 2, disks 9, origins 'first'>")
+    hits = analysis.impacts(np.linspace(0.0, 1.5, 400))
+    assert repr(hits).startswith("<Impacts: psi (10,) from ")
+    near = analysis.clusters(np.array([[1.0, 1.0], [1.5, 1.0], [3.0, 3.0]]), (9.0, 9.0), radius=0.2, gap=0.2)
+    assert repr(near).startswith("<Clusters: label (3,) from 0 to 1, sizes (2,) from 1 to 2, ")
+    assert repr(near).endswith("spans (2,) with 0 true, gap 0.2>")
+    assert brief(np.array([np.nan, 2.0])) == "(2,) all 2, some nan"
+    assert brief(np.array([np.nan])) == "(1,) of nan"
+    assert brief(np.zeros((0, 2))) == "(0, 2)"
+    assert brief(np.array([3.0 + 4.0j])) == "(1,) sizes all 5"
 
 
 def test_frames_that_do_not_match_are_refused() -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import os
+import stat
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,8 @@ from ifrdem.cli import main
 from ifrdem.errors import InputError
 from ifrdem.export import export
 from ifrdem.frame_numbers import chosen, counted
-from ifrdem.trajectory import Trajectory
+from ifrdem.state import Disks, State
+from ifrdem.trajectory import Trajectory, TrajectoryWriter
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning")
 N, FRAMES = 30, 6
@@ -60,6 +63,99 @@ def test_gsd_holds_a_gas_in_two_dimensions_about_the_origin(run):
             assert np.allclose(particles.moment_inertia[:, 2], inertia, rtol=1e-6)
             assert np.array_equal(snapshot.log["particles/angular_velocity"], state.spin.astype(np.float32))
             assert snapshot.log["time"] == 0.1 * i
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Hamilton's product of quaternions (real, i, j, k), shape (n, 4)."""
+    real = a[:, 0] * b[:, 0] - np.sum(a[:, 1:] * b[:, 1:], axis=1)
+    vector = a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:] + np.cross(a[:, 1:], b[:, 1:])
+    return np.column_stack((real, vector))
+
+
+def test_gsd_holds_orientations_and_angular_momenta_as_hoomd_defines_them(tmp_path):
+    """HOOMD takes from p the momentum L = Im(q* p) / 2 in the axes of the body; of a disk, p = 4 I dq/dt."""
+    import gsd.hoomd
+
+    rng = np.random.default_rng(4)
+    mass = np.array([1.0, 2.0, 3.0, np.inf, 0.5])
+    disks = Disks(5, mass, radius=[0.3, 0.2, 0.4, 0.3, 0.1], k=2.0)
+    angle, spin = np.array([0.7, -3.5, 40.0, 0.0, np.pi]), np.array([1.5, -2.0, 0.3, 0.0, -7.0])
+    path = tmp_path / "run.h5"
+    fields = ("position", "velocity", "angular_velocity", "angle")
+    with TrajectoryWriter(path, disks, BOX, fields=fields, precision="f8") as writer:
+        writer.write(State(rng.uniform(1.0, 19.0, (5, 2)), np.zeros((5, 2)), spin, angle=angle))
+    with gsd.hoomd.open(str(exported(path, "gsd", [0]))) as file:
+        particles, log = file[0].particles, file[0].log
+    q, p = particles.orientation.astype(float), particles.angmom.astype(float)
+    # what q does to the body's x axis: q i q*
+    turned = product(product(q, np.tile([0.0, 1.0, 0.0, 0.0], (5, 1))), q * [1.0, -1.0, -1.0, -1.0])
+    expected = np.column_stack((np.zeros(5), np.cos(angle), np.sin(angle), np.zeros(5)))
+    assert np.allclose(turned, expected, atol=1e-6)  # single precision
+    momentum = np.where(np.isfinite(mass), mass, 0.0) * disks.radius**2 / 2.0 * spin
+    body = 0.5 * product(q * [1.0, -1.0, -1.0, -1.0], p)
+    assert np.allclose(body, np.column_stack((np.zeros((5, 3)), momentum)), atol=1e-6)
+
+    def orientation(t):
+        half = 0.5 * (angle + spin * t)
+        return np.column_stack((np.cos(half), np.zeros((5, 2)), np.sin(half)))
+
+    movable = np.isfinite(mass)
+    rate = (orientation(1e-5) - orientation(-1e-5)) / 2e-5
+    assert np.allclose(p[movable], 4.0 * disks.inertia[movable, None] * rate[movable], atol=1e-6)
+    assert np.array_equal(log["particles/angle"], angle)
+
+
+def test_gsd_without_angles_has_the_momenta_of_disks_that_have_not_turned(run):
+    import gsd.hoomd
+
+    with gsd.hoomd.open(str(exported(run, "gsd", [2]))) as file:
+        particles = file[0].particles
+    assert np.array_equal(particles.orientation, np.tile([1.0, 0.0, 0.0, 0.0], (N, 1)))
+    momentum = some_disks(N).inertia * some_state(N, 2).spin
+    expected = np.column_stack((np.zeros((N, 3)), 2.0 * momentum))
+    assert np.allclose(particles.angmom, expected, rtol=1e-6, atol=0.0)
+
+
+@pytest.mark.parametrize("umask", [0o022, 0o077, 0o002])
+def test_exported_files_have_the_permissions_that_the_umask_gives(run, umask):
+    before = os.umask(umask)
+    try:
+        modes = {to: stat.S_IMODE(exported(run, to, [0]).stat().st_mode) for to in ("gsd", "extxyz", "csv")}
+    finally:
+        os.umask(before)
+    assert modes == dict.fromkeys(modes, 0o666 & ~umask)
+
+
+SPECIES = [{"name": "small ones", "number": 10}, {"name": "large", "number": 20}]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "names", "of_disk"),
+    [
+        ({"species": SPECIES, "materials": ["a", "b", "c"]}, ["small ones", "large"], [0] * 10 + [1] * 20),
+        ({"species": SPECIES[:1], "materials": ["a", "b", "c"]}, ["a", "b", "c"], None),  # of another gas
+        ({"species": {"name": 1}, "materials": ["a", "b"]}, None, None),
+        ({"species": [], "materials": "abc"}, None, None),
+        ({}, None, None),
+    ],
+)
+def test_types_are_the_names_of_species_where_the_file_knows_them(tmp_path, parameters, names, of_disk):
+    import ase.io
+    import gsd.hoomd
+
+    texts = {name: json.dumps(value) for name, value in parameters.items()}
+    write(tmp_path / "run.h5", n=N, parameters=texts)
+    kind = some_disks(N).material if of_disk is None else np.array(of_disk)
+    with gsd.hoomd.open(str(exported(tmp_path / "run.h5", "gsd", [0]))) as file:
+        particles = file[0].particles
+    assert particles.types == (names or ["M0", "M1", "M2"])
+    assert np.array_equal(particles.typeid, kind)
+    atoms = ase.io.read(exported(tmp_path / "run.h5", "extxyz", [0]), format="extxyz")
+    assert set(atoms.get_chemical_symbols()) == {"X"}
+    if names is None:
+        assert "kind" not in atoms.arrays
+    else:  # words of a line end at blanks
+        assert atoms.get_array("kind").tolist() == [names[i].replace(" ", "_") for i in kind]
 
 
 def test_gsd_of_a_sheared_box_is_its_parallelogram(tmp_path):

@@ -290,6 +290,19 @@ def test_repr_says_what_is_there(tmp_path):
         assert repr(trajectory[0]) == "<Frame 0 of 1: 5 disks at t = 0>"
 
 
+def test_repr_of_what_holds_arrays_is_short(tmp_path):
+    write(tmp_path / "a.h5", n=200, frames=3)
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        path = trajectory.disk(7)
+        assert repr(path) == f"<DiskPath of disk 7: 3 frames, t = 0 to 0.2; {', '.join(trajectory.fields)}>"
+        low, high = trajectory.disks.mass.min(), trajectory.disks.mass.max()
+        assert f"mass (200,) from {low:.6g} to {high:.6g}" in repr(trajectory.disks)
+    state = some_state(200, 0)
+    assert "velocity (200, 2) from " in repr(state)
+    assert "\n" not in repr(state)
+    assert len(repr(state)) < 600
+
+
 def test_trajectory_indexes_like_a_list(tmp_path):
     path = tmp_path / "run.h5"
     write(path, frames=5)

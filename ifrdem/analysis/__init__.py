@@ -6,8 +6,7 @@ and psi_6 need the package freud, S(k) finufft: `pip install "ifrdem[analysis]"`
 
 from __future__ import annotations
 
-from .cluster import Clusters
-from .cluster import find as clusters
+from .cluster import Clusters, clusters
 from .cooling import HaffFit, RatioFit, haff_fit, ratio_fit
 from .displacement import (
     Correlation,
@@ -28,10 +27,8 @@ from .fields import Fields, coarse_grain
 from .frames import correlation_time, mean_with_error
 from .impact import Impacts, impacts
 from .pairs import ContactValue, PairCorrelation, contact_value, pair_correlation
-from .pressure import Pressure, compressibility, contact_from_rate
-from .pressure import from_impulses as pressure_from_impulses
-from .psi6 import Hexatic
-from .psi6 import order as hexatic
+from .pressure import Pressure, compressibility, contact_from_rate, pressure_from_impulses
+from .psi6 import Hexatic, hexatic
 from .structure import StructureFactor, structure_factor
 
 __all__ = [

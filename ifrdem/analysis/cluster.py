@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..box import Box
+from ..brief import Brief
 from ..errors import InputError
 from .frames import as_box, each, neighbours
 
 
-@dataclass(frozen=True, eq=False)
-class Clusters:
+@dataclass(frozen=True, eq=False, repr=False)
+class Clusters(Brief):
     """Disks joined wherever the gap between two surfaces is below `gap`; a disk alone is a cluster of one.
 
     Attributes
@@ -47,7 +48,7 @@ class Clusters:
         return float(np.sum(self.sizes.astype(float) ** 2) / self.sizes.sum()) if len(self.sizes) else 0.0
 
 
-def find(
+def clusters(
     position: NDArray[np.float64], box: Box | ArrayLike, *, radius: ArrayLike, gap: float, time: float = 0.0
 ) -> Clusters:
     """Clusters of one frame: neighbours by freud, connected components by SciPy.

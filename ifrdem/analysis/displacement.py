@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..box import Box
+from ..brief import Brief
 from ..errors import InputError, nearest
 from .frames import as_box
 
@@ -17,8 +18,8 @@ ORIGINS = ("all", "first")
 EVEN = 1e-3  # of the mean interval: how far intervals may differ where all origins are used
 
 
-@dataclass(frozen=True, eq=False)
-class Correlation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Correlation(Brief):
     """A mean over disks at lags in time, such as a mean-square displacement.
 
     Attributes
@@ -140,15 +141,31 @@ class _Means:
         return Correlation(lag, mean, error, covariance, components, n, origins)
 
 
-def _lags(times: ArrayLike, origins: str, most: int) -> NDArray[np.float64]:
-    """Lags for these times, at most so many; InputError if they do not suit the origins."""
-    t = np.asarray(times, dtype=float)
+def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> NDArray[np.float64]:
+    """Lags for these times, at most so many; InputError if they do not suit the origins, or are no times.
+
+    `values` are the other argument, called `name`: who gives both in the wrong order is told.
+    """
+    try:
+        t = np.asarray(times, dtype=float)
+    except (TypeError, ValueError):  # parts of paths, one by one
+        t = None
+    if t is None or t.ndim != 1:
+        of = f"an array of shape {t.shape}" if t is not None else f"a {type(times).__name__}"
+        other = f", {name} are an array of shape {values.shape}" if isinstance(values, np.ndarray) else ""
+        raise InputError(
+            f"times are {of}{other}: first times of shape (frames,), then {name} of shape (frames, n, d) are needed"
+        )
     if origins not in ORIGINS:
         raise InputError(
             f"origins = {origins!r}: must be one of {', '.join(ORIGINS)}{nearest(origins, ORIGINS)}"
         )
-    if t.ndim != 1 or len(t) < 2 or np.any(np.diff(t) <= 0.0):
-        raise InputError("2 frames or more at increasing times are needed")
+    if len(t) < 2:
+        raise InputError(f"times hold {len(t)}: 2 frames or more are needed")
+    if not np.all(np.diff(t) > 0.0):
+        raise InputError(
+            f"times from {t[0]:g} to {t[-1]:g} do not increase from each frame to the next, and must"
+        )
     if origins == "all" and np.ptp(np.diff(t)) > EVEN * np.mean(np.diff(t)):
         raise InputError('frames are not evenly spaced in time: origins = "first" is possible, "all" is not')
     lag = t - t[0]
@@ -182,9 +199,9 @@ def mean_square_displacement(
     InputError
         If times are not even for "all", or shapes do not match.
     """
-    lag = _lags(times, origins, most_lags)
+    lag = _lags(times, "paths", paths, origins, most_lags)
     means, components = _Means(len(lag)), 0
-    for path in _parts(paths, len(np.asarray(times))):
+    for path in _parts("paths", paths, len(np.asarray(times))):
         components = path.shape[2]
         path = path - path[0]
         if origins == "first":
@@ -210,9 +227,9 @@ def velocity_autocorrelation(
 
     `velocity` as `paths` of `mean_square_displacement` [length/time]; the rest as there.
     """
-    lag = _lags(times, origins, most_lags)
+    lag = _lags(times, "velocity", velocity, origins, most_lags)
     means, components = _Means(len(lag)), 0
-    for v in _parts(velocity, len(np.asarray(times))):
+    for v in _parts("velocity", velocity, len(np.asarray(times))):
         components = v.shape[2]
         if origins == "first":
             means.add(np.sum(v * v[0], axis=2))
@@ -222,12 +239,15 @@ def velocity_autocorrelation(
 
 
 def _parts(
-    values: NDArray[np.float64] | Iterable[NDArray[np.float64]], frames: int
+    name: str, values: NDArray[np.float64] | Iterable[NDArray[np.float64]], frames: int
 ) -> Iterable[NDArray[np.float64]]:
     found = False
     for part in [values] if isinstance(values, np.ndarray) else values:
         if part.ndim != 3 or len(part) != frames:
-            raise InputError(f"an array of shape {part.shape}: (frames, n, d) with {frames} frames is needed")
+            raise InputError(
+                f"{name} hold an array of shape {part.shape}: (frames, n, d) with {frames} frames, as many as times, "
+                "is needed"
+            )
         found = True
         yield np.asarray(part, dtype=np.float64)
     if not found:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..brief import Brief
 from ..errors import InputError
 from .frames import Positions, each
 
@@ -52,8 +53,8 @@ class SonineCoefficients:
     frames: int
 
 
-@dataclass(frozen=True, eq=False)
-class VelocityDistribution:
+@dataclass(frozen=True, eq=False, repr=False)
+class VelocityDistribution(Brief):
     """Distributions of velocity components and spins over their thermal speeds.
 
     Attributes

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..box import Box
+from ..brief import Brief
 from ..errors import InputError
 from .frames import as_box, each
 
 
-@dataclass(frozen=True, eq=False)
-class Fields:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fields(Brief):
     """Fields on a grid of a x b places.
 
     Attributes

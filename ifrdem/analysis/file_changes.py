@@ -166,7 +166,7 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         if not span[1] > span[0]:
             raise InputError(f"{trajectory.path}: its histories know no time between the frames chosen")
         seen = (found.time >= span[0]) & (found.time <= span[1])
-        result = pressure.from_impulses(
+        result = pressure.pressure_from_impulses(
             found.time[seen],
             found.normal[seen],
             found.impulse[seen],

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ..brief import Brief
 from ..errors import InputError
 from ..trajectory import Trajectory
 from . import cluster, distributions, fields, frames, pairs, psi6, stored, structure
@@ -165,8 +166,8 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     return Outcome(found, rows, {"": table}, notes, times(trajectory, [used]))
 
 
-@dataclass(frozen=True, eq=False)
-class ClusterSeries:
+@dataclass(frozen=True, eq=False, repr=False)
+class ClusterSeries(Brief):
     """Clusters of some frames: their times, and what was found."""
 
     times: list[float] = field(default_factory=list)
@@ -182,7 +183,7 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         frame = trajectory[i]
         found.times.append(frame.time)
         found.clusters.append(
-            cluster.find(
+            cluster.clusters(
                 frame.position,
                 trajectory.box,
                 radius=trajectory.disks.radius,
@@ -221,7 +222,7 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     local, whole = [], []
     for i in used:
         frame = trajectory[i]
-        result = psi6.order(frame.position, trajectory.box, time=frame.time)
+        result = psi6.hexatic(frame.position, trajectory.box, time=frame.time)
         local.append(result.local)
         whole.append(result.whole)
     rows = [

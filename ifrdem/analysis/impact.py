@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..brief import Brief
 from ..errors import InputError
 from ..law import Regime
 
@@ -31,8 +32,8 @@ PER_BIN = 40
 """Collisions that a bin has in the mean."""
 
 
-@dataclass(frozen=True, eq=False)
-class Impacts:
+@dataclass(frozen=True, eq=False, repr=False)
+class Impacts(Brief):
     """Distributions of the angle of impact psi, and of the regimes.
 
     psi is the angle between the relative velocity of the centres and the line of centres at contact. Where velocities

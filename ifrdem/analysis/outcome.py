@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..brief import Brief
 from ..errors import InputError
 from ..trajectory import Trajectory
 
@@ -30,8 +31,8 @@ class Row(NamedTuple):
     unit: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
+@dataclass(frozen=True, eq=False, repr=False)
+class Outcome(Brief):
     """What an analysis found in a file.
 
     Attributes

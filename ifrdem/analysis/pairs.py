@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..box import Box
+from ..brief import Brief
 from ..errors import InputError
 from . import libraries
 from .frames import Positions, as_box, each, freud_frame, times_of
@@ -17,8 +18,8 @@ CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
 CONTACT_BINS = 25
 
 
-@dataclass(frozen=True, eq=False)
-class PairCorrelation:
+@dataclass(frozen=True, eq=False, repr=False)
+class PairCorrelation(Brief):
     """How often centres are at a distance r, relative to an ideal gas of the same density.
 
     Attributes

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..brief import Brief
 from ..errors import InputError
 from .frames import mean_with_error
 
@@ -27,8 +28,8 @@ def blocks(span: tuple[float, float]) -> list[tuple[float, float]]:
     return [(float(low), float(high)) for low, high in itertools.pairwise(edges)]
 
 
-@dataclass(frozen=True, eq=False)
-class Pressure:
+@dataclass(frozen=True, eq=False, repr=False)
+class Pressure(Brief):
     """The pressure of a gas, in two dimensions a force on a length [energy/length^2].
 
     Attributes
@@ -53,7 +54,7 @@ class Pressure:
     collisional_tensor: NDArray[np.float64]
 
 
-def from_impulses(
+def pressure_from_impulses(
     time: ArrayLike,
     normal: ArrayLike,
     impulse: ArrayLike,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..box import Box
+from ..brief import Brief
 from ..errors import InputError, nearest
 from . import libraries
 from .frames import as_box, each, freud_frame
@@ -16,8 +17,8 @@ from .frames import as_box, each, freud_frame
 NEIGHBOURS = ("nearest", "voronoi")
 
 
-@dataclass(frozen=True, eq=False)
-class Hexatic:
+@dataclass(frozen=True, eq=False, repr=False)
+class Hexatic(Brief):
     """psi_6 of disk i: the mean of exp(6 i theta) over the directions theta to its neighbours.
 
     Attributes
@@ -38,7 +39,7 @@ class Hexatic:
     neighbours: str
 
 
-def order(
+def hexatic(
     position: NDArray[np.float64],
     box: Box | ArrayLike,
     *,

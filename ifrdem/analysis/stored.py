@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import damage, history
+from ..brief import Brief
 from ..errors import InputError
+from ..observables import Measure
 from ..trajectory import Trajectory
 
 COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")
 
 
-@dataclass(frozen=True, eq=False)
-class Collisions:
+@dataclass(frozen=True, eq=False, repr=False)
+class Collisions(Brief):
     """Collisions of tracked disks with disks, in a window of time; one of two tracked disks is there twice.
 
     Attributes
@@ -73,11 +75,21 @@ def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], li
         return trajectory.series.time, [trajectory.series[name].astype(float) for name in names]
     missing = [name for name in names if name not in trajectory.observables]
     if missing:
+        fields = [name for name in missing if name in trajectory.fields]
+        of_disks = f" ({' and '.join(fields)} of each disk it holds, as a field)" if fields else ""
+        wanted = ", ".join(f'"{name}": {_measured(name)}' for name in missing)
         raise InputError(
-            f"{trajectory.path} holds no {' and no '.join(missing)}: `ifrdem run` writes them into every file; from "
-            f'Python, file.write(state, {{"{missing[0]}": ...}}) does'
+            f"{trajectory.path} holds no observable {' and no observable '.join(missing)}{of_disks}: `ifrdem run` "
+            f"writes these into every file; from Python, file.write(state, {{{wanted}}}) does, with measure = "
+            "ifrdem.observables.measure(disks, state)"
         )
     return trajectory.times, [trajectory.observables[name].astype(float) for name in names]
+
+
+def _measured(name: str) -> str:
+    """Where Python has a whole-gas quantity."""
+    known = name in Measure.__dataclass_fields__ or hasattr(Measure, name)
+    return f"measure.{name}" if known else "..."
 
 
 def collisions(trajectory: Trajectory) -> Collisions:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..box import Box
+from ..brief import Brief
 from ..errors import InputError
 from . import libraries
 from .frames import Positions, as_box, each, times_of
@@ -17,8 +18,8 @@ MOST_MODES = 1024
 """Modes along an axis that one transform computes; beyond, only every p-th k that the box allows is taken."""
 
 
-@dataclass(frozen=True, eq=False)
-class StructureFactor:
+@dataclass(frozen=True, eq=False, repr=False)
+class StructureFactor(Brief):
     """S(k) = <|sum_j exp(-i k r_j)|^2> / n in rings of k.
 
     Attributes
