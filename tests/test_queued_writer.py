@@ -175,3 +175,16 @@ def test_the_writing_thread_leaves_the_processors_to_the_run(tmp_path):
         writer.write(some_state(3, 0))
     assert inner.priority == 19
     assert os.getpriority(os.PRIO_PROCESS, 0) == before
+
+
+def test_what_went_wrong_first_is_told_and_not_what_closing_adds(tmp_path):
+    class Torn(TrajectoryWriter):
+        def close(self) -> None:
+            super().close()
+            raise TrajectoryError("closing failed, too")
+
+    with pytest.raises(ZeroDivisionError), QueuedWriter(Torn(tmp_path / "a.h5", some_disks(3), BOX)):
+        raise ZeroDivisionError
+    with pytest.raises(TrajectoryError, match="closing failed"):  # noqa: SIM117 closing is what is looked at
+        with QueuedWriter(Torn(tmp_path / "b.h5", some_disks(3), BOX)):
+            pass
