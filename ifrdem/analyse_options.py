@@ -91,6 +91,7 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
         names, kept = _wanted(options, record, summary)
 
         from .analysis.catalogue import ANALYSES
+        from .analysis.outcome import span_text
 
         skipped = {}
         written: dict[Path, Columns] = {}
@@ -106,7 +107,7 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
             written |= files
             record["analyses"][name] = _record(outcome, [path.name for path in files])
             if not options.json:
-                say(report(name, ANALYSES[name].title, outcome, trajectory.with_unit("", "time").strip()))
+                say(report(name, ANALYSES[name].title, outcome, span_text(trajectory, outcome)))
         found = set(record["analyses"])
         record["analyses"] = {name: record["analyses"][name] for name in NAMES if name in found}
         record["not_possible"] = {
@@ -203,11 +204,8 @@ def _file(stem: str, name: str, part: str) -> str:
     return f"{stem}-{name}{f'-{part}' if part else ''}.csv"
 
 
-def report(name: str, title: str, outcome: Outcome, time_unit: str) -> str:
-    """The table of an analysis, as text for people."""
-    first, last = outcome.times
-    unit = f" {time_unit}" if time_unit else ""
-    span = f"t = {first:.4g}{unit}" if first == last else f"t = {first:.4g} to {last:.4g}{unit}"
+def report(name: str, title: str, outcome: Outcome, span: str) -> str:
+    """The table of an analysis, as text for people; `span`: of which frames and times."""
     lines = [f"{name}: {title}, {span}", *(f"  ! {doubt}" for doubt in outcome.doubts)]
     width = max((len(row.name) for row in outcome.rows), default=0)
     lines += [f"  {row.name:<{width}}  {number(row)}" for row in outcome.rows]
@@ -234,6 +232,7 @@ def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
         return float(value) if math.isfinite(value) else None
 
     return {
+        "frames": outcome.frames,
         "times": list(outcome.times),
         "values": {
             row.name: {"value": plain(row.value), "error": plain(row.error), "unit": row.unit}

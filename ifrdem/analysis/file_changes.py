@@ -106,7 +106,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
             "single D. Choose --frames over which T changes by less than a tenth, or drive the gas"
         )
     table = {"lag": found.lag, "msd": found.value, "error": found.error}
-    return Outcome((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts)
+    return Outcome((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
@@ -124,7 +124,14 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     if len(below):
         rows.append(Row("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
     table = {"lag": found.lag, "vacf": found.value, "error": found.error}
-    return Outcome(found, rows, {"": table}, notes, times(trajectory, used))
+    doubts = []
+    if not _steady(trajectory, used):
+        doubts.append(
+            f"{_unsteady(trajectory, trajectory.observables['temperature'][used])}: velocities shrink or grow with "
+            "sqrt(T), so that they do not decay by loss of memory alone. Choose --frames over which T changes by "
+            "less than a tenth, or drive the gas"
+        )
+    return Outcome(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def _span_mean(when: NDArray[np.float64], values: NDArray[np.float64], span: tuple[float, float]) -> float:
