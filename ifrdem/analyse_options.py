@@ -6,6 +6,7 @@ import argparse
 import csv
 import json
 import math
+import numbers
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -155,7 +156,7 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
     new: dict[str, Any] = {
         "file": str(trajectory.path),
         "disks": trajectory.disks.n,
-        "run": {key: value if isinstance(value, str) else float(value) for key, value in run.items()},
+        "run": {key: value if isinstance(value, str) else _plain(value) for key, value in run.items()},
         "analyses": {},
         "not_possible": {},
     }
@@ -216,6 +217,8 @@ def report(name: str, title: str, outcome: Outcome, span: str) -> str:
 def number(row: Row) -> str:
     """A value with its error to two digits and its unit."""
     unit = f" {row.unit}" if row.unit else ""
+    if isinstance(row.value, numbers.Integral):
+        return f"{row.value}{unit}"
     if not math.isfinite(row.value):
         return "none"
     if not math.isfinite(row.error) or row.error <= 0.0:
@@ -227,15 +230,19 @@ def number(row: Row) -> str:
     return f"{row.value:.{more}e} +- {row.error:.1e}{unit}"
 
 
-def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
-    def plain(value: float) -> float | None:
-        return float(value) if math.isfinite(value) else None
+def _plain(value: float) -> float | None:
+    """A number as JSON has it: counts and seeds are whole, and there is no nan."""
+    if isinstance(value, numbers.Integral):
+        return int(value)
+    return float(value) if math.isfinite(value) else None
 
+
+def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
     return {
         "frames": outcome.frames,
         "times": list(outcome.times),
         "values": {
-            row.name: {"value": plain(row.value), "error": plain(row.error), "unit": row.unit}
+            row.name: {"value": _plain(row.value), "error": _plain(row.error), "unit": row.unit}
             for row in outcome.rows
         },
         "doubts": outcome.doubts,

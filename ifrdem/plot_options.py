@@ -111,7 +111,7 @@ def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> 
 
     from . import plot, plot_analysis, plot_disks, plot_series
     from .analysis.catalogue import ANALYSES
-    from .analysis.outcome import span_text
+    from .analysis.outcome import NOT_STEADY, span_text
 
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to draw")
@@ -128,8 +128,8 @@ def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> 
         outcome = ANALYSES[what].of(trajectory, chosen)
         plot_analysis.PANELS[what](figure, trajectory, outcome)
         title += f"\n{span_text(trajectory, outcome)}"
-        if outcome.doubts:
-            title += f"; not what it seems: `ifrdem analyse FILE {what}` says why"
+        if any(doubt.startswith(NOT_STEADY) for doubt in outcome.doubts):
+            title += f"; {NOT_STEADY}: `ifrdem analyse` says how it changes"
     figure.suptitle(title, fontsize="medium")
     return figure
 

@@ -54,14 +54,9 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         ]
         if len(used) > 1:
             early, late = (distribution(which, half, 1).sonine for half in steadiness.halves(used))
-            changes += [
-                steadiness.between(
-                    f"{label}{of}",
-                    *((getattr(one, label), getattr(one, f"{label}_error")) for one in (early, late)),
-                    degrees=len(which) - 1,
-                )
-                for label in SONINE
-            ]
+            for label in SONINE:
+                then, now = ((getattr(one, label), getattr(one, f"{label}_error")) for one in (early, late))
+                changes.append(steadiness.between(f"{label}{of}", then, now, len(which) - 1))
         mark = "" if not of else f" [{name}]"
         table |= {
             f"c{mark}": found.speed,
@@ -196,8 +191,8 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     speed = np.linalg.norm(found.velocity, axis=-1)
     energy = unit(trajectory, "energy")
     rows = [
-        Row("cells along x", float(count[0])),
-        Row("cells along y", float(count[1])),
+        Row("cells along x", int(count[0])),
+        Row("cells along y", int(count[1])),
         Row("packing fraction, mean", float(phi.mean())),
         Row("packing fraction, standard deviation", float(phi.std())),
         Row("thermal temperature, mean over cells", float(T.mean()) if len(T) else float("nan"), unit=energy),
@@ -253,10 +248,10 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
     length = unit(trajectory, "length")
     rows = [
         Row("share of the largest cluster, last frame", last.largest),
-        Row("disks in it", float(last.sizes[0]) if len(last.sizes) else 0.0),
+        Row("disks in it", int(last.sizes[0]) if len(last.sizes) else 0),
         Row("its radius of gyration", float(last.radius_of_gyration[0]), unit=length),
         Row("mean size of the cluster of a disk", last.mean_size),
-        Row("clusters of 2 or more", float(np.count_nonzero(last.sizes > 1))),
+        Row("clusters of 2 or more", int(np.count_nonzero(last.sizes > 1))),
     ]
     size, count = np.unique(last.sizes, return_counts=True)
     tables = {
@@ -268,7 +263,8 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         },
         "sizes": {"size": size, "clusters": count},
     }
-    notes = [f"disks whose surfaces are nearer than {last.gap:.4g} ({GAP:g} mean diameters) are joined"]
+    gap = trajectory.with_unit(f"{last.gap:.4g}", "length")
+    notes = [f"disks whose surfaces are nearer than {gap} ({GAP:g} mean diameters) are joined"]
     if last.spans[:1].any():
         notes.append("the largest spans the box: it has no radius of gyration")
     return Outcome(found, rows, tables, notes, times(trajectory, used), frames=len(used))

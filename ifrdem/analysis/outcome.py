@@ -17,6 +17,8 @@ MOST_FRAMES = 20
 MOST_DISKS = 2_000_000
 """Disks times frames above which fewer are taken: some 30 s of g(r)."""
 MOST_KINDS = 8
+NOT_STEADY = "the gas is not steady"
+"""How a doubt begins that is one because the gas changes."""
 
 Columns = dict[str, NDArray]
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..box import Box
+from .outcome import NOT_STEADY
 
 LEVEL = 0.0027
 CELLS, DISKS = (5, 32), 40
@@ -57,7 +58,7 @@ def doubts(changes: Sequence[Change]) -> list[str]:
     if not said:
         return []
     return [
-        f"the gas is not steady: {', '.join(said)} from the first half of these frames to the second; the means are "
+        f"{NOT_STEADY}: {', '.join(said)} from the first half of these frames to the second; the means are "
         "over that change, which their errors do not know. --frames chooses others"
     ]
 
