@@ -10,8 +10,9 @@ which there are few. A mark is set beyond the two-sided level of 3 standard erro
 number of quantities that an analysis compares (Bonferroni). So at most 0.27 % of analyses of a steady gas have one, as
 long as its correlations are shorter than a cell, which in a dense or driven gas they need not be.
 
-In 2000 elastic disks at packing fraction 0.3, 25 stretches of 20 frames 0.25 collisions per disk apart, the rms of t was
-0.5 to 0.9 for neighbours and velocities, 1.2 and 1.3 for S and psi_6, where Student's t has 1.03 and 1.02; none had a mark.
+In 2000 elastic disks at packing fraction 0.3, 25 stretches of 20 frames 0.25 collisions per disk apart, the rms of t
+was 0.5 to 0.9 for neighbours and velocities, 1.2 and 1.3 for S and psi_6 where Student's t has 1.03 and 1.02;
+none had a mark.
 """
 
 from __future__ import annotations
