@@ -6,6 +6,7 @@ import argparse
 import csv
 import json
 import math
+import numbers
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -91,6 +92,7 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
         names, kept = _wanted(options, record, summary)
 
         from .analysis.catalogue import ANALYSES
+        from .analysis.outcome import span_text
 
         skipped = {}
         written: dict[Path, Columns] = {}
@@ -106,7 +108,7 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
             written |= files
             record["analyses"][name] = _record(outcome, [path.name for path in files])
             if not options.json:
-                say(report(name, ANALYSES[name].title, outcome, trajectory.with_unit("", "time").strip()))
+                say(report(name, ANALYSES[name].title, outcome, span_text(trajectory, outcome)))
         found = set(record["analyses"])
         record["analyses"] = {name: record["analyses"][name] for name in NAMES if name in found}
         record["not_possible"] = {
@@ -154,7 +156,7 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
     new: dict[str, Any] = {
         "file": str(trajectory.path),
         "disks": trajectory.disks.n,
-        "run": {key: value if isinstance(value, str) else float(value) for key, value in run.items()},
+        "run": {key: value if isinstance(value, str) else _plain(value) for key, value in run.items()},
         "analyses": {},
         "not_possible": {},
     }
@@ -203,11 +205,8 @@ def _file(stem: str, name: str, part: str) -> str:
     return f"{stem}-{name}{f'-{part}' if part else ''}.csv"
 
 
-def report(name: str, title: str, outcome: Outcome, time_unit: str) -> str:
-    """The table of an analysis, as text for people."""
-    first, last = outcome.times
-    unit = f" {time_unit}" if time_unit else ""
-    span = f"t = {first:.4g}{unit}" if first == last else f"t = {first:.4g} to {last:.4g}{unit}"
+def report(name: str, title: str, outcome: Outcome, span: str) -> str:
+    """The table of an analysis, as text for people; `span`: of which frames and times."""
     lines = [f"{name}: {title}, {span}", *(f"  ! {doubt}" for doubt in outcome.doubts)]
     width = max((len(row.name) for row in outcome.rows), default=0)
     lines += [f"  {row.name:<{width}}  {number(row)}" for row in outcome.rows]
@@ -218,6 +217,8 @@ def report(name: str, title: str, outcome: Outcome, time_unit: str) -> str:
 def number(row: Row) -> str:
     """A value with its error to two digits and its unit."""
     unit = f" {row.unit}" if row.unit else ""
+    if isinstance(row.value, numbers.Integral):
+        return f"{row.value}{unit}"
     if not math.isfinite(row.value):
         return "none"
     if not math.isfinite(row.error) or row.error <= 0.0:
@@ -229,14 +230,19 @@ def number(row: Row) -> str:
     return f"{row.value:.{more}e} +- {row.error:.1e}{unit}"
 
 
-def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
-    def plain(value: float) -> float | None:
-        return float(value) if math.isfinite(value) else None
+def _plain(value: float) -> float | None:
+    """A number as JSON has it: counts and seeds are whole, and there is no nan."""
+    if isinstance(value, numbers.Integral):
+        return int(value)
+    return float(value) if math.isfinite(value) else None
 
+
+def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
     return {
+        "frames": outcome.frames,
         "times": list(outcome.times),
         "values": {
-            row.name: {"value": plain(row.value), "error": plain(row.error), "unit": row.unit}
+            row.name: {"value": _plain(row.value), "error": _plain(row.error), "unit": row.unit}
             for row in outcome.rows
         },
         "doubts": outcome.doubts,

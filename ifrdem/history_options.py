@@ -68,6 +68,13 @@ def summary(trajectory: Any, history: Any) -> list[str]:
             lines.append(f"  the latest {len(shown)} (-o writes all; psi in rad):")
         header = f"  {'time':>14} {'partner':>8} {'regime':<20} {'psi':>7} {'P_n':>11} {'P_t':>11} {'spin after':>12}"
         lines.append(header)
+        units = trajectory.units
+        if "time" in units:
+            momentum, angle = (f"({units[one]})" if one in units else "" for one in ("momentum", "angle"))
+            time_unit, spin = f"({units['time']})", f"({units.get('angle', 'rad')}/{units['time']})"
+            lines.append(
+                f"  {time_unit:>14} {'':>8} {'':<20} {angle:>7} {momentum:>11} {momentum:>11} {spin:>12}"
+            )
     for i in shown:
         partner = int(history.partner[i])
         who = str(partner) if partner >= 0 else f"wall {-2 - partner}"

@@ -161,13 +161,17 @@ def msd(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
 
 
 def vacf(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
-    """The velocity autocorrelation over its value at 0."""
+    """The velocity autocorrelation over its value at 0; over a logarithmic time, without lag 0, if frames are so."""
     axes, found = figure.subplots(), outcome.result
     scale = found.value[0]
+    step = np.diff(found.lag)
+    # Evenly spaced frames have steps of one length, those due at collisions of a gas that cools longer and longer ones.
+    logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
+    shown = slice(1 if logarithmic else 0, None)
     axes.errorbar(
-        found.lag,
-        found.value / scale,
-        found.error / scale,
+        found.lag[shown],
+        (found.value / scale)[shown],
+        (found.error / scale)[shown],
         fmt="o-",
         ms=3.5,
         lw=0.8,
@@ -175,6 +179,9 @@ def vacf(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
         color=TRANSLATION,
     )
     axes.axhline(0.0, color=RATIO, ls=":", lw=1.2)
+    if logarithmic:
+        axes.set_xscale("log")
+        few_labels(axes)
     axes.set_xlabel(with_unit("lag $t$", trajectory.units.get("time")))
     axes.set_ylabel(r"$\langle v(0) \cdot v(t) \rangle \,/\, \langle v^2 \rangle$")
     _grid(axes)
@@ -227,7 +234,8 @@ def clusters(figure: Figure, trajectory: Trajectory, outcome: Outcome) -> None:
     right.set_xlabel("disks in a cluster")
     right.set_ylabel("clusters, last frame")
     few_labels(right)
-    right.set_title(f"joined where surfaces are nearer than {found.clusters[-1].gap:.3g}", fontsize="medium")
+    gap = trajectory.with_unit(f"{found.clusters[-1].gap:.3g}", "length")
+    right.set_title(f"joined where surfaces are nearer than {gap}", fontsize="medium")
     _grid(left, right)
 
 

@@ -131,9 +131,11 @@ def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> 
 
     from . import plot, plot_analysis, plot_disks, plot_series
     from .analysis.catalogue import ANALYSES
+    from .analysis.outcome import NOT_STEADY, span_text
 
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to draw")
+    title = plot.title(trajectory)
     size = (12.0, 5.2) if what in WIDE else (7.5, 6.2)
     figure = Figure(figsize=size, dpi=200, layout="constrained")
     if what == "temperatures":
@@ -145,7 +147,10 @@ def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> 
     else:
         outcome = ANALYSES[what].of(trajectory, chosen)
         plot_analysis.PANELS[what](figure, trajectory, outcome)
-    figure.suptitle(plot.title(trajectory), fontsize="medium")
+        title += f"\n{span_text(trajectory, outcome)}"
+        if any(doubt.startswith(NOT_STEADY) for doubt in outcome.doubts):
+            title += f"; {NOT_STEADY}: `ifrdem analyse` says how it changes"
+    figure.suptitle(title, fontsize="medium")
     return figure
 
 

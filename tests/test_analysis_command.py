@@ -305,6 +305,9 @@ def test_histories_give_angles_of_impact_once_each_and_a_pressure(tmp_path: Path
         assert found.result.collisions == len(psi)
         assert found.result.mean_b == pytest.approx(np.sin(psi).mean())
         assert found.result.p_value > 1e-3
+        shown = {row.name: row.value for row in found.rows}
+        assert shown["p-value of a uniform b (Kolmogorov-Smirnov)"] == found.result.p_value
+        assert not any("probability" in name for name in shown)
         pressure = catalogue.ANALYSES["pressure"].of(trajectory, None)
         half = catalogue.ANALYSES["impact"].of(trajectory, [0, 5])
     listed = len(psi) + 1

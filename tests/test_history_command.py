@@ -10,7 +10,7 @@ import pytest
 from layout_files import add_histories, some_state, write
 
 from ifrdem.cli import main
-from ifrdem.history_options import regime
+from ifrdem.history_options import regime, summary
 from ifrdem.law import Regime
 from ifrdem.trajectory import Trajectory
 
@@ -18,7 +18,7 @@ from ifrdem.trajectory import Trajectory
 @pytest.fixture
 def run(tmp_path):
     path = tmp_path / "run.h5"
-    write(path, n=9, units={"length": "m", "time": "s"})
+    write(path, n=9, units={"length": "m", "time": "s", "momentum": "kg m s-1", "angle": "rad"})
     state = some_state(9, 0)
     start = {"time": 0.0, **{k: getattr(state, k)[[3, 7]] for k in ("position", "velocity", "spin", "image")}}
     rng = np.random.default_rng(4)
@@ -45,9 +45,28 @@ def test_history_shows_a_summary_and_the_latest_collisions(run, capsys):
     assert lines[0] == "disk 7: 8 collisions from t = 0 to 2 s, 4 of them with walls; 4 kicks by forces"
     # collisions at 0.1, 0.3, 0.4, 0.6, ... 1.2: from the first to the eighth 1.1 in 7 steps
     assert lines[1] == f"  mean free time {1.1 / 7.0:.6g} s"
-    assert len(lines) == 3 + 8  # kicks would hide the collisions of a driven disk
+    assert len(lines) == 4 + 8  # kicks would hide the collisions of a driven disk
     assert lines[-1].split()[:4] == ["1.2", "wall", "1", "sticking"]
     assert not any("kick" in line for line in lines[1:])
+
+
+def test_units_of_the_columns_stand_under_their_names_and_reduced_files_have_none(run, capsys):
+    assert main(["history", str(run), "--id", "7"]) == 0
+    names, units, first = capsys.readouterr().out.splitlines()[2:5]
+    ends = {unit: units.index(unit) + len(unit) for unit in ("(s)", "(rad)", "(rad/s)")}
+    assert names[: ends["(s)"]].endswith("time")
+    assert names[: ends["(rad)"]].endswith("psi")
+    assert names[: ends["(rad/s)"]].endswith("spin after")
+    before, _, after = units.partition("(kg m s-1)")
+    assert names[: len(before) + 10].endswith("P_n")
+    assert names[: len(before) + 10 + len(after.partition("(kg m s-1)")[0]) + 10].endswith("P_t")
+    assert len(names) == len(units) == len(first)
+    with Trajectory(run) as trajectory:
+        history = trajectory.history(7)
+        trajectory.parameters = {k: v for k, v in trajectory.parameters.items() if not k.startswith("units/")}
+        lines = summary(trajectory, history)
+    assert lines[2] == names
+    assert lines[3] == first
 
 
 def test_history_says_that_it_shows_the_latest_of_more(run, monkeypatch, capsys):
@@ -55,7 +74,7 @@ def test_history_says_that_it_shows_the_latest_of_more(run, monkeypatch, capsys)
     assert main(["history", str(run), "--id", "7"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[2] == "  the latest 3 (-o writes all; psi in rad):"
-    assert len(lines) == 4 + 3
+    assert len(lines) == 5 + 3
 
 
 def test_history_writes_every_column_and_digit(run, tmp_path, capsys):

@@ -227,7 +227,7 @@ def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     }
     events = [{"time": 0.1 * i, "id": 7, "impulse": [i, 0.0]} for i in range(5)]
     layout_files.add_histories(path, [7], start, events, [(5, 0.5)])
-    found: dict[str, Any] = {"ifrdem": ifrdem}
+    found: dict[str, Any] = {}  # as pasted
     exec(compile(block("reading"), "README.md", "exec"), found)
     assert found["speeds"].shape == (20,)
     assert found["path"].shape == (3, 2)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..trajectory import Trajectory
 from . import cooling, displacement, impact, pressure, stored
-from .outcome import Columns, Outcome, Row, every, times, unit
+from .outcome import NOT_STEADY, Columns, Outcome, Row, every, times, unit
 
 
 def _motion(trajectory: Trajectory, chosen: Sequence[int] | None) -> tuple[list[int], str, list[str]]:
@@ -55,7 +55,7 @@ def _keeps(T: NDArray[np.float64]) -> bool:
 
 def _unsteady(trajectory: Trajectory, T: NDArray[np.float64]) -> str:
     first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
-    return f"the gas is not steady: T goes from {first} to {last} in that time"
+    return f"{NOT_STEADY}: T goes from {first} to {last} in that time"
 
 
 def _parts(
@@ -106,7 +106,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
             "single D. Choose --frames over which T changes by less than a tenth, or drive the gas"
         )
     table = {"lag": found.lag, "msd": found.value, "error": found.error}
-    return Outcome((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts)
+    return Outcome((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
@@ -124,7 +124,14 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     if len(below):
         rows.append(Row("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
     table = {"lag": found.lag, "vacf": found.value, "error": found.error}
-    return Outcome(found, rows, {"": table}, notes, times(trajectory, used))
+    doubts = []
+    if not _steady(trajectory, used):
+        doubts.append(
+            f"{_unsteady(trajectory, trajectory.observables['temperature'][used])}: velocities shrink or grow with "
+            "sqrt(T), so that they do not decay by loss of memory alone. Choose --frames over which T changes by "
+            "less than a tenth, or drive the gas"
+        )
+    return Outcome(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def _span_mean(when: NDArray[np.float64], values: NDArray[np.float64], span: tuple[float, float]) -> float:
@@ -304,9 +311,9 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     if counts is not None:
         result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))
     rows = [
-        Row("collisions", float(result.collisions)),
+        Row("collisions", result.collisions),
         Row("mean of b = sin psi", result.mean_b, result.mean_b_error),
-        Row("probability that b is uniform", result.p_value),
+        Row("p-value of a uniform b (Kolmogorov-Smirnov)", result.p_value),
         *(Row(f"share of {name}", *share) for name, share in result.regimes.items()),
     ]
     table = {"psi": result.psi, "density": result.density, "error": result.density_error}

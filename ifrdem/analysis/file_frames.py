@@ -11,11 +11,16 @@ from numpy.typing import NDArray
 from ..brief import Brief
 from ..errors import InputError
 from ..trajectory import Trajectory
-from . import cluster, distributions, fields, frames, pairs, psi6, stored, structure
+from . import cluster, distributions, fields, frames, pairs, psi6, steadiness, stored, structure
 from .outcome import Columns, Outcome, Row, kinds, latest, times, unit
 
 GAP = 0.1
 """Of the mean diameter: the gap below which disks are of one cluster."""
+NEAR = 1.25
+"""Mean diameters below which others are near a disk: by their number g near contact is held for steady or not."""
+BINS = 81
+"""Of distributions of velocities and spins."""
+SONINE = ("a20", "a02", "a11")
 
 
 def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
@@ -27,20 +32,32 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
     results: dict[str, distributions.VelocityDistribution] = {}
     rows: list[Row] = []
     table: Columns = {}
-    for name, which in kinds(trajectory).items():
-        found = distributions.velocity_distribution(
-            (trajectory[i].peculiar_velocity[which] for i in used),
-            (trajectory[i].spin[which] for i in used),
+    changes: list[steadiness.Change] = []
+
+    def distribution(
+        which: NDArray[np.intp], some: Sequence[int], bins: int
+    ) -> distributions.VelocityDistribution:
+        return distributions.velocity_distribution(
+            (trajectory[i].peculiar_velocity[which] for i in some),
+            (trajectory[i].spin[which] for i in some),
             mass=disks.mass[which],
             inertia=disks.inertia[which],
+            bins=bins,
         )
+
+    for name, which in kinds(trajectory).items():
+        found = distribution(which, used, BINS)
         results[name] = found
         of = "" if len(which) == disks.n else f" of {name}"
         sonine = found.sonine
         rows += [
-            Row(f"{label}{of}", getattr(sonine, label), getattr(sonine, f"{label}_error"))
-            for label in ("a20", "a02", "a11")
+            Row(f"{label}{of}", getattr(sonine, label), getattr(sonine, f"{label}_error")) for label in SONINE
         ]
+        if len(used) > 1:
+            early, late = (distribution(which, half, 1).sonine for half in steadiness.halves(used))
+            for label in SONINE:
+                then, now = ((getattr(one, label), getattr(one, f"{label}_error")) for one in (early, late))
+                changes.append(steadiness.between(f"{label}{of}", then, now, len(which) - 1))
         mark = "" if not of else f" [{name}]"
         table |= {
             f"c{mark}": found.speed,
@@ -51,7 +68,8 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         }
     notes = [f"of {name}" for name in results if "together" in name]
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
-    return Outcome(results, rows, {"": table}, notes, times(trajectory, used))
+    doubts = steadiness.doubts(changes)
+    return Outcome(results, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[NDArray[np.float64]]:
@@ -83,13 +101,24 @@ def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     rows.append(
         Row("r of the highest g", float(found.r[np.argmax(found.g)]), unit=unit(trajectory, "length"))
     )
-    return Outcome(
-        found,
-        rows,
-        {"": {"r": found.r, "g": found.g, "error": found.g_error}},
-        notes,
-        times(trajectory, used),
-    )
+    table = {"r": found.r, "g": found.g, "error": found.g_error}
+    doubts = _neighbours_change(trajectory, used, min(NEAR * diameter, reach))
+    return Outcome(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+
+
+def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float) -> list[str]:
+    """Why g near contact is a mean over a change: how many others a disk has near it, cell by cell."""
+    if len(used) < 2:
+        return []
+    count, where = [], []
+    for i in used:
+        frame = trajectory[i]
+        first, second, _ = frames.neighbours(frame.position, trajectory.box, reach, frame.time, "g(r)")
+        both = np.concatenate((first, second))
+        count.append(np.bincount(both, minlength=len(frame.position)).astype(float))
+        where.append(frame.position)
+    what = f"the number of others whose centres are nearer to a disk's than {NEAR:g} mean diameters"
+    return steadiness.doubts([steadiness.between_cells(what, count, where, trajectory.box)])
 
 
 def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
@@ -110,7 +139,32 @@ def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcom
     notes = [
         "errors as if frames were independent: at small k they are not if they follow each other closely"
     ]
-    return Outcome(found, rows, {"": table}, notes, times(trajectory, used))
+    doubts = _modes_change(trajectory, used)
+    return Outcome(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+
+
+def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
+    """Why S(k) is a mean over a change: the intensities of the longest waves, mode by mode."""
+    if len(used) < 2:
+        return []
+    box, most = trajectory.box, steadiness.MODES
+    # All of the longest waves lie within: along one axis only there are so many if the box is that narrow. The shear
+    # turns all waves but those across the flow.
+    reach = (0, most) if box.shear_rate else (most, most)
+    k, _ = structure.mode_intensities(
+        trajectory[used[0]].position, box, reach, time=trajectory.times[used[0]]
+    )
+    size = np.hypot(k[..., 0], k[..., 1]).ravel()
+    middle = len(size) // 2  # k = 0; of k and -k one
+    longest = middle + 1 + np.argsort(size[middle + 1 :], kind="stable")[:most]
+    found = [
+        structure.mode_intensities(trajectory[i].position, box, reach, time=trajectory.times[i])[1].ravel()[
+            longest
+        ]
+        for i in used
+    ]
+    what = f"S in the mean over the {len(longest)} longest waves"
+    return steadiness.doubts([steadiness.between_modes(what, found)])
 
 
 def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
@@ -138,8 +192,8 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     speed = np.linalg.norm(found.velocity, axis=-1)
     energy = unit(trajectory, "energy")
     rows = [
-        Row("cells along x", float(count[0])),
-        Row("cells along y", float(count[1])),
+        Row("cells along x", int(count[0])),
+        Row("cells along y", int(count[1])),
         Row("packing fraction, mean", float(phi.mean())),
         Row("packing fraction, standard deviation", float(phi.std())),
         Row("thermal temperature, mean over cells", float(T.mean()) if len(T) else float("nan"), unit=energy),
@@ -163,7 +217,7 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     notes = [f"frame {used}; temperatures relative to the mean velocity of the cell"]
     if box.shear_rate:
         notes.append("velocities relative to the flow that the box imposes")
-    return Outcome(found, rows, {"": table}, notes, times(trajectory, [used]))
+    return Outcome(found, rows, {"": table}, notes, times(trajectory, [used]), frames=1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -195,10 +249,10 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
     length = unit(trajectory, "length")
     rows = [
         Row("share of the largest cluster, last frame", last.largest),
-        Row("disks in it", float(last.sizes[0]) if len(last.sizes) else 0.0),
+        Row("disks in it", int(last.sizes[0]) if len(last.sizes) else 0),
         Row("its radius of gyration", float(last.radius_of_gyration[0]), unit=length),
         Row("mean size of the cluster of a disk", last.mean_size),
-        Row("clusters of 2 or more", float(np.count_nonzero(last.sizes > 1))),
+        Row("clusters of 2 or more", int(np.count_nonzero(last.sizes > 1))),
     ]
     size, count = np.unique(last.sizes, return_counts=True)
     tables = {
@@ -210,21 +264,25 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         },
         "sizes": {"size": size, "clusters": count},
     }
-    notes = [f"disks whose surfaces are nearer than {last.gap:.4g} ({GAP:g} mean diameters) are joined"]
+    gap = trajectory.with_unit(f"{last.gap:.4g}", "length")
+    notes = [f"disks whose surfaces are nearer than {gap} ({GAP:g} mean diameters) are joined"]
     if last.spans[:1].any():
         notes.append("the largest spans the box: it has no radius of gyration")
-    return Outcome(found, rows, tables, notes, times(trajectory, used))
+    return Outcome(found, rows, tables, notes, times(trajectory, used), frames=len(used))
 
 
 def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     stored.need(trajectory, "position")
     used = latest(trajectory, chosen)
     local, whole = [], []
+    value, where = [], []
     for i in used:
         frame = trajectory[i]
         result = psi6.hexatic(frame.position, trajectory.box, time=frame.time)
         local.append(result.local)
         whole.append(result.whole)
+        value.append(np.abs(result.psi6))
+        where.append(frame.position)
     rows = [
         Row("mean of |psi_6|", *frames.mean_with_error(local)),
         Row("|mean of psi_6|", *frames.mean_with_error(whole)),
@@ -233,4 +291,9 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     notes = ["of the six nearest neighbours"]
     if len(used) > 1:
         notes.append("errors by the scatter over frames")
-    return Outcome(result, rows, {"": table}, notes, times(trajectory, used))
+    doubts: list[str] = []
+    if len(used) > 1:
+        doubts = steadiness.doubts(
+            [steadiness.between_cells("the mean of |psi_6|", value, where, trajectory.box)]
+        )
+    return Outcome(result, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))

@@ -51,7 +51,8 @@ class Impacts(Brief):
     mean_b, mean_b_error : float
         Mean of sin psi, 1/2 in molecular chaos.
     p_value : float
-        Probability that b would be as far from uniform by chance (Kolmogorov and Smirnov), for independent collisions.
+        Probability that as many independent collisions would be as far from a uniform b, or farther, if it were uniform
+        (Kolmogorov and Smirnov); not that it is.
     regimes : dict
         Name of a regime -> share of the collisions, its standard error.
     collisions : int

@@ -18,6 +18,8 @@ MOST_FRAMES = 20
 MOST_DISKS = 2_000_000
 """Disks times frames above which fewer are taken: some 30 s of g(r)."""
 MOST_KINDS = 8
+NOT_STEADY = "the gas is not steady"
+"""How a doubt begins that is one because the gas changes."""
 
 Columns = dict[str, NDArray]
 
@@ -49,6 +51,8 @@ class Outcome(Brief):
         First and last time that was used.
     doubts : list of str
         Why numbers do not mean what their names say: shown before them.
+    frames : int
+        How many frames were used; 0 if what was used is no frames.
     """
 
     result: Any
@@ -57,6 +61,7 @@ class Outcome(Brief):
     notes: list[str]
     times: tuple[float, float]
     doubts: list[str] = field(default_factory=list)
+    frames: int = 0
 
 
 def latest(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
@@ -86,6 +91,14 @@ def unit(trajectory: Trajectory, text: str) -> str:
     for quantity in ("length", "time", "mass", "energy"):
         text = text.replace(quantity, units.get(quantity, quantity))
     return text
+
+
+def span_text(trajectory: Trajectory, outcome: Outcome) -> str:
+    """How many frames an outcome is of, and of which times."""
+    first, last = outcome.times
+    span = f"t = {first:.4g}" if first == last else f"t = {first:.4g} to {last:.4g}"
+    frames = f"{outcome.frames} frame{'s' * (outcome.frames > 1)}, " if outcome.frames else ""
+    return f"{frames}{trajectory.with_unit(span, 'time')}"
 
 
 def times(trajectory: Trajectory, used: Sequence[int]) -> tuple[float, float]:
