@@ -23,6 +23,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "History": ("history", "History"),
     "IFRLaw": ("law", "IFRLaw"),
     "InputError": ("errors", "InputError"),
+    "Ledger": ("recorder", "Ledger"),
     "Regime": ("law", "Regime"),
     "Simulation": ("simulation", "Simulation"),
     "State": ("state", "State"),
@@ -54,6 +55,7 @@ __all__ = [
     "History",
     "IFRLaw",
     "InputError",
+    "Ledger",
     "Motion",
     "Regime",
     "Simulation",
@@ -96,6 +98,7 @@ if TYPE_CHECKING:
     from .errors import EngineError, InputError
     from .history import History
     from .law import EnergyWarning, IFRLaw, Regime, collide
+    from .recorder import Ledger
     from .simulation import Simulation
     from .state import Disks, State
     from .trajectory import Trajectory

@@ -26,7 +26,15 @@ COLUMNS = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIME
 
 @dataclass
 class Ledger:
-    """The first and the latest measure in the trajectory of a run, and how many frames it has."""
+    """What a trajectory tells of the whole gas beside its frames: `observables` makes it of the measure of each.
+
+    Attributes
+    ----------
+    first, latest : Measure or None
+        Those in the trajectory.
+    frames : int
+        How many it has.
+    """
 
     first: Measure | None = None
     latest: Measure | None = None
