@@ -255,11 +255,11 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     ):
         assert "of memory, and 10 MB are free" in refusal(arguments, capsys)
     assert cli.main(["run", case_file, "--set", "species[0].number=100000"]) == cli.BAD_INPUT
-    with pytest.raises(InputError, match="100000 disks need some 36 MB"):
+    with pytest.raises(InputError, match="100000 disks need some 50 MB"):
         check.refuse_beyond_memory(100_000, "cuda")  # the GPU's own memory holds the rest
     check.refuse_beyond_memory(1000, "cpu")
     check.refuse_beyond_memory(20_000, "cuda", "random")
-    with pytest.raises(InputError, match=r"20000 disks need some 21\.2 MB"):
+    with pytest.raises(InputError, match=r"20000 disks need some 24 MB"):
         check.refuse_beyond_memory(20_000, "cuda", "growth")
 
 
