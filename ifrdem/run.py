@@ -235,7 +235,7 @@ def drive(
             status.path.unlink(missing_ok=True)
             job.outputs.checkpoint.unlink(missing_ok=True)
         raise KeyboardInterrupt(text) from None
-    except Exception as error:
+    except Exception as error:  # whatever it is, nobody must take the run for one that goes on
         known = isinstance(error, EngineError | TrajectoryError | InputError)
         status.finish("failed", _one_line(str(error) if known else repr(error)))
         raise
