@@ -150,6 +150,7 @@ class RemoteWriter:
         self._fields = [h5md.FIELDS[name].attribute for name in fields if name in h5md.FIELDS]
         self._news: dict[str, Any] = _news_of(None)
         self._closed = False
+        self._bare = how == "begin"  # the file is new, and nothing that it could hold has been handed on
         self._memory: mmap.mmap | None = None
         try:
             self._process, self._line, self._memory_file = _start()
@@ -249,6 +250,7 @@ class RemoteWriter:
             if self._process.poll() is not None:
                 raise EOFError
             places = self._share(pickler.apart)
+            self._bare = self._bare and name == "begin"
             self._line.send((places, message.getvalue()))
             error, self._news = self._line.recv()
         except (EOFError, OSError) as broken:
@@ -261,8 +263,7 @@ class RemoteWriter:
                 what = f"what is to be written cannot be handed on ({broken.strerror or broken})"
             self._end()
             kept = f"the {len(self)} frames before are kept"
-            if not len(self) and self._news["present"]:
-                # It could not do this any more. There is nothing in it.
+            if self._bare and self._news["present"]:  # otherwise it may hold more than was answered for
                 Path(self._news["present"]).unlink(missing_ok=True)
                 kept = "nothing was written"
             raise _NoAnswerError(f"{self.path}: {what}; {kept}", what) from broken
@@ -407,7 +408,7 @@ def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -
             error = caught
         except (MemoryError, OSError) as caught:  # of what is done here; the writer has messages of its own
             frames = 0 if writer is None else len(writer)
-            why = caught.strerror if isinstance(caught, OSError) else "out of memory"
+            why = (caught.strerror or str(caught)) if isinstance(caught, OSError) else "out of memory"
             error = TrajectoryError(f"the process that writes: {why}; the {frames} frames before are kept")
         except Exception as caught:
             # Not swallowed: the run raises it, with where it was; here nobody would see it.

@@ -433,6 +433,26 @@ def test_one_that_is_killed_before_its_first_frame_leaves_nothing(tmp_path, forc
     assert sorted((each.name, each.read_bytes()) for each in tmp_path.iterdir()) == before
 
 
+@pytest.mark.parametrize("force", [False, True])
+def test_a_first_frame_that_is_committed_stays_though_nobody_was_told(tmp_path, monkeypatch, force):
+    """The process dies between its commit and its answer."""
+    writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX, force=force)
+
+    def killed() -> None:
+        assert writer._line.poll(30.0)  # the answer is there, and with it the frame
+        os.kill(writer._process.pid, signal.SIGKILL)
+        writer._process.wait()
+        raise EOFError
+
+    monkeypatch.setattr(writer._line, "recv", killed)
+    with pytest.raises(TrajectoryError, match="was killed by SIGKILL"):
+        writer.write(some_state(N, 0))
+    writer.close()
+    assert [each.name for each in tmp_path.iterdir()] == ["run.h5"]
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert len(file["particles/all/position/step"]) == 1
+
+
 def test_memory_that_runs_out_there_is_said_in_a_line(tmp_path):
     """It may have 200 kB more than it has, and is given more than a megabyte."""
     n = 40_000
