@@ -24,8 +24,8 @@ from . import (
     tail_options,
     views_options,
 )
-from .arguments import Parser, whole
 from .errors import EngineError, InputError, nearest
+from .tools.arguments import Parser, whole
 
 BAD_INPUT = 2
 FAILED = 1

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from . import radii, seeds
+from . import radii
 from .box import Box
 from .case import (
     BoxSection,
@@ -27,6 +27,7 @@ from .case_walls import WallSection
 from .coins import coins
 from .errors import InputError
 from .section import Section
+from .tools import seeds
 from .walls import Motion, Wall
 
 S = TypeVar("S", bound=Section)

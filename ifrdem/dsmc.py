@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import backend, seeds
+from . import backend
 from .collision_law import CollisionLaw, checked_class, compiled
 from .contact_values import Contact, checked_packing_fraction, crowding_of_mixture
 from .driven_theory import Drive
@@ -28,6 +28,7 @@ from .law import IFRLaw
 from .law_table import check_energy, coefficient_table, law_table
 from .relaxation import Checkpoint, Relaxation, sample
 from .state import Disks, State
+from .tools import seeds
 
 MARGIN = 1.15  # how much faster than the fastest disk one may become before a batch is cut short
 _LEAST = 32  # candidates of a batch, so that the last collisions of a sample do not take hundreds of launches

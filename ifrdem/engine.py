@@ -65,9 +65,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend, engine_checks, seeds, skins
+from . import backend, engine_checks, skins
 from .box import Box, below
-from .buffers import Buffers
 from .collision_law import CollisionLaw, compiled
 from .engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
 from .errors import EngineError
@@ -75,6 +74,8 @@ from .law import IFRLaw
 from .open_space import CELLS_PER_DISK, OpenSpace, around
 from .state import Disks, State
 from .statistics import Statistics
+from .tools import seeds
+from .tools.buffers import Buffers
 from .walls import Wall, sides
 from .walls import check as check_walls
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import csv_rows
 from .errors import InputError, nearest
 from .fit_model import MEASURED
+from .tools import csv as csv_rows
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import growth, impact_scan, placement, seeds, start_file, start_frame
+from . import growth, impact_scan, placement, start_file, start_frame
 from .box import Box
 from .case import IMPACT_SCAN, Case, is_trajectory
 from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
@@ -24,6 +24,7 @@ from .simulation import Simulation
 from .stage import Stage
 from .start_file import Given
 from .state import Disks, State
+from .tools import seeds
 from .walls import Wall
 
 if TYPE_CHECKING:

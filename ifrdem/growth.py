@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
-from . import seeds
 from .box import Box
 from .errors import InputError
 from .overlaps import (
@@ -33,6 +32,7 @@ from .overlaps import (
     refuse_wider_than_box,
 )
 from .room import Room
+from .tools import seeds
 from .walls import Wall
 
 MARGIN = 1e-4

@@ -27,8 +27,8 @@ def add_to(verbs: Any) -> None:
 def act(options: argparse.Namespace) -> int:
     """Do it."""
     from . import export
-    from .arguments import whole
     from .export_options import place
+    from .tools.arguments import whole
     from .trajectory import Trajectory
 
     disk = whole("--id", options.id, 0)

@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from . import seeds
 from .start_file import Given
 from .state import Disks
+from .tools import seeds
 
 PATCH = 8.0  # side of a pair's patch, in largest contact distances
 APPROACH = 0.5  # flight before the contact, in contact distances

@@ -34,9 +34,9 @@ def add_to(verbs: Any) -> None:
 def act(options: argparse.Namespace) -> int:
     """Do it."""
     from . import frame_numbers, movie
-    from .arguments import whole
     from .errors import InputError, nearest
     from .export_options import place
+    from .tools.arguments import whole
     from .trajectory import Trajectory
 
     fps = whole("--fps", options.fps, 1, 240)

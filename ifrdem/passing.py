@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .buffers import compact
 from .cadence import Due
 from .errors import EngineError
 from .kernels.layout import BLOCK
@@ -30,6 +29,7 @@ from .kernels.passing import (
 )
 from .kernels.totals import TOTALS
 from .state import State, StoredState
+from .tools.buffers import compact
 
 if TYPE_CHECKING:
     from .engine import Engine

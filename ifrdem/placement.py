@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from . import lattice, seeds
+from . import lattice
 from .box import Box
 from .errors import InputError
 from .overlaps import (
@@ -25,6 +25,7 @@ from .overlaps import (
     size_classes,
 )
 from .room import Room
+from .tools import seeds
 from .walls import Wall
 
 SATURATION = 0.547

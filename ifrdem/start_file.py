@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from . import csv_rows
 from .box import Box
 from .errors import InputError, nearest
+from .tools import csv as csv_rows
 
 POSITION = ("x", "y")
 MOTION = ("vx", "vy", "spin")

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import h5md, quantities, resumable
 from .box import Box, below
-from .buffers import compact
 from .deflate import Deflate
 from .errors import InputError, nearest
 from .frame_rows import FrameRows
@@ -25,6 +24,7 @@ from .history_writer import HistoryWriter
 from .output_file import OutputFile, TrajectoryError
 from .series_writer import SeriesWriter
 from .state import Disks, State, StoredState
+from .tools.buffers import compact
 from .walls import Wall, to_json
 
 __all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]

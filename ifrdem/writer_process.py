@@ -33,12 +33,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import children, h5md
+from . import h5md
 from .box import Box
-from .buffers import copy_into
 from .errors import InputError
 from .output_file import TrajectoryError
 from .state import Disks, State
+from .tools import processes
+from .tools.buffers import copy_into
 from .trajectory_writer import DEFAULT_FIELDS, TrajectoryWriter
 
 LEAST_DISKS = 100_000
@@ -258,7 +259,7 @@ class RemoteWriter:
             if isinstance(broken, EOFError | ConnectionError):
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self._process.wait(PATIENCE)
-                what = f"the process that writes it {children.how_it_ended(self._process.poll())}"
+                what = f"the process that writes it {processes.how_it_ended(self._process.poll())}"
             else:  # there is no memory to be had, or the like
                 what = f"what is to be written cannot be handed on ({broken.strerror or broken})"
             self._end()
@@ -335,7 +336,7 @@ def _start() -> tuple[subprocess.Popen[bytes], connection.Connection, int]:
         undo.callback(os.close, memory)
         line, theirs = connection.Pipe()
         undo.callback(line.close)
-        with theirs, children.deaf():  # it is closed here, so that the line breaks when the process ends
+        with theirs, processes.deaf():  # it is closed here, so that the line breaks when the process ends
             process = subprocess.Popen(
                 [
                     sys.executable, "-c", _SERVE, str(theirs.fileno()), str(memory), str(os.getpid()),

@@ -9,9 +9,9 @@ from serial_reference import simulate
 
 from ifrdem import analysis, placement, theory
 from ifrdem.box import Box
-from ifrdem.brief import brief
 from ifrdem.errors import InputError
 from ifrdem.state import Disks, State
+from ifrdem.tools.reprs import brief
 
 SMOOTH = (1.0, -1.0, 0.0, 0.0, 0.0)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import case_file, check, cli, history_columns, run, seeds
+from ifrdem import case_file, check, cli, history_columns, run
 from ifrdem.cadence import Cadence
 from ifrdem.case import UNITS
 from ifrdem.case_output import OutputSection
@@ -17,6 +17,7 @@ from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
 from ifrdem.observables import measure
 from ifrdem.recorder import COLUMNS, Ledger
+from ifrdem.tools import seeds
 from ifrdem.trajectory_writer import TrajectoryWriter
 
 CASE = """

@@ -12,7 +12,6 @@ from gases import equal_disks, mixture, start
 
 from ifrdem import h5md
 from ifrdem.box import Box, below
-from ifrdem.buffers import Buffers, compact
 from ifrdem.cadence import Cadence, Span
 from ifrdem.course import Course
 from ifrdem.engine import Engine
@@ -22,6 +21,7 @@ from ifrdem.law import IFRLaw
 from ifrdem.observables import Measure, measure
 from ifrdem.simulation import Simulation
 from ifrdem.state import State, StoredState
+from ifrdem.tools.buffers import Buffers, compact
 
 pytestmark = pytest.mark.unoptimised
 

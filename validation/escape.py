@@ -17,13 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arguments import Parser, whole
 from ..box import Box
 from ..coins import coins
 from ..engine import Engine
 from ..engine_limits import ORDERS
 from ..errors import EngineError, InputError, nearest
 from ..state import Disks, State
+from ..tools.arguments import Parser, whole
 from ..walls import Motion, Wall
 
 ROUNDING = 1e-9  # of the gap, in diameters: thousands of times the rounding of a place in this room

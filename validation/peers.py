@@ -47,8 +47,8 @@ from importlib import metadata
 from typing import Any
 
 from .. import __version__, backend
-from ..arguments import Parser, whole
 from ..errors import EngineError, InputError
+from ..tools.arguments import Parser, whole
 from . import soft_disks
 from .side_by_side import Options, Row, compare
 

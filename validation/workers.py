@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
 from typing import Any
 
-from .. import backend, children
+from .. import backend
+from ..tools import processes
 
 PATIENCE = 20.0  # seconds in which a worker that is told to end, or has closed its line, does so
 
@@ -90,7 +91,7 @@ class _Worker:
         self.name = ""
         self._process = context.Process(target=_serve, args=(theirs, work, threads), daemon=True)
         resource_tracker.ensure_running()  # which starting a process does otherwise, and lets signals in again
-        with children.deaf():
+        with processes.deaf():
             self._process.start()
         theirs.close()  # so that the line breaks when the worker ends
 
@@ -107,7 +108,7 @@ class _Worker:
             self._process.join(PATIENCE)
             status = self._process.exitcode
             self.end()
-        return Died(f"its process {children.how_it_ended(status)}")
+        return Died(f"its process {processes.how_it_ended(status)}")
 
     def dismiss(self) -> None:
         """Let it end by itself, which keeps the kernels that it compiled."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..brief import Brief
 from ..errors import InputError
+from ..tools.reprs import Brief
 from .frames import Positions, each
 
 

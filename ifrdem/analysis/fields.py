@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..box import Box
-from ..brief import Brief
 from ..errors import InputError
+from ..tools.reprs import Brief
 from .frames import as_box, each
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..brief import Brief
 from ..errors import InputError
+from ..tools.reprs import Brief
 from ..trajectory import Trajectory
 from . import cluster, distributions, fields, frames, pairs, psi6, steadiness, stored, structure
 from .outcome import Columns, Outcome, Row, kinds, latest, times, unit

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..brief import Brief
 from ..errors import InputError
 from ..law import Regime
+from ..tools.reprs import Brief
 
 REGIMES = {
     -1: "not known",

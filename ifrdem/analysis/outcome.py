@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..brief import Brief
 from ..errors import InputError
+from ..tools.reprs import Brief
 from ..trajectory import Trajectory
 
 MOST_FRAMES = 20

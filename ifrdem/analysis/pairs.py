@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..box import Box
-from ..brief import Brief
 from ..errors import InputError
+from ..tools.reprs import Brief
 from . import libraries
 from .frames import Positions, as_box, each, freud_frame, times_of
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import damage, history
-from ..brief import Brief
 from ..errors import InputError
 from ..observables import Measure
+from ..tools.reprs import Brief
 from ..trajectory import Trajectory
 
 COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")

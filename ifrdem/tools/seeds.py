@@ -9,7 +9,7 @@ import operator
 
 import numpy as np
 
-from .errors import InputError
+from ..errors import InputError
 
 POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
 """What random numbers are drawn for."""

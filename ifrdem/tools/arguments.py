@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import NoReturn
 
-from .errors import InputError
+from ..errors import InputError
 
 
 class Parser(argparse.ArgumentParser):

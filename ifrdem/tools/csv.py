@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from .errors import InputError, nearest
+from ..errors import InputError, nearest
 
 
 def read(path: Path) -> tuple[list[list[str]], list[int]]:
