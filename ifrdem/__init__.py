@@ -83,27 +83,27 @@ if TYPE_CHECKING:
     from . import analysis as analysis
     from . import bullet as bullet
     from . import fit as fit
-    from . import forces as forces
     from . import growth as growth
-    from . import observables as observables
     from . import placement as placement
     from . import plot as plot
     from . import radii as radii
     from . import theory as theory
     from . import views as views
-    from .box import Box
-    from .coins import coins
-    from .collision_law import CollisionLaw
     from .dsmc import DSMC
     from .errors import EngineError, InputError
     from .history import History
-    from .law import EnergyWarning, IFRLaw, Regime, collide
+    from .model import forces as forces
+    from .model import observables as observables
+    from .model.box import Box
+    from .model.coin_table import coins
+    from .model.ifr import EnergyWarning, IFRLaw, Regime, collide
+    from .model.law import CollisionLaw
+    from .model.state import Disks, State
+    from .model.walls import Motion, Wall
     from .recorder import Ledger
     from .simulation import Simulation
-    from .state import Disks, State
     from .trajectory import Trajectory
     from .trajectory_writer import TrajectoryWriter
-    from .walls import Motion, Wall
 
 
 def __getattr__(name: str) -> Any:
@@ -121,7 +121,7 @@ def __dir__() -> list[str]:
 
 
 class _Package(types.ModuleType):
-    """Keeps `ifrdem.coins` the mapping of coins, although a submodule has that name too."""
+    """Keeps `ifrdem.model.coin_table` the mapping of coins, although a submodule has that name too."""
 
     @property
     def coins(self) -> Any:

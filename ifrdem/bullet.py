@@ -20,7 +20,7 @@ from . import bullet_package
 from .bullet_bodies import Array, Bodies, Disk, Wall, add_disk, add_wall, place
 from .bullet_package import absence, describe, load
 from .errors import EngineError
-from .law import IFRLaw, collide
+from .model.ifr import IFRLaw, collide
 
 __all__ = [
     "Bodies", "Disk", "Hit", "Wall", "absence", "add_disk", "add_wall", "describe", "load", "place", "step",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from . import h5md
 from .errors import InputError
-from .state import State
+from .model.state import State
 
 FORMAT = 4
 _KIND = "ifrdem checkpoint"

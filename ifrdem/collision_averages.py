@@ -39,7 +39,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
-from .law import IFRLaw
+from .model.ifr import IFRLaw
 
 
 class Disk(NamedTuple):

@@ -21,7 +21,7 @@ from .collision_averages import Disk, checked_law, energy_changes
 from .collision_rates import collision_rate
 from .contact_values import checked_positive
 from .errors import InputError
-from .law import IFRLaw
+from .model.ifr import IFRLaw
 
 
 def changes_per_collision(

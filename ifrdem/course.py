@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from .cadence import Cadence, Due, Schedule, Span
-from .observables import Measure
-from .state import State
+from .model.observables import Measure
+from .model.state import State
 
 Observer = Callable[[State, Measure], None]
 Sampler = Callable[[Measure], None]

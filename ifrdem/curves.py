@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from . import driven_theory, shear_theory
 from .driven_theory import Drive
 from .errors import InputError
-from .law import EnergyWarning, IFRLaw
 from .mixture_theory import Mixture
+from .model.ifr import EnergyWarning, IFRLaw
+from .model.state import Disks
 from .prediction import prediction
-from .state import Disks
 from .trajectory import Trajectory
 
 Curves = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]

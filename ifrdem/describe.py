@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from . import h5md, history, status, views
-from .box import Box
+from .model.box import Box
 from .trajectory import Trajectory
 
 

@@ -16,8 +16,6 @@ import taichi as ti
 from numpy.typing import NDArray
 
 from . import backend
-from .box import Box
-from .collision_law import compiled
 from .engine_limits import (
     ADDRESSABLE,
     FLIGHT,
@@ -78,8 +76,10 @@ from .kernels.ledger import ALL
 from .kernels.levels import reach_at
 from .kernels.totals import TOTALS
 from .kernels.walls import HEAT, TEMPERATURE
-from .law import IFRLaw
-from .state import Disks, State
+from .model.box import Box
+from .model.ifr import IFRLaw
+from .model.law import compiled
+from .model.state import Disks, State
 
 
 def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

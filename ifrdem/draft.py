@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from . import radii
-from .box import Box
 from .case import (
     BoxSection,
     Case,
@@ -24,11 +23,12 @@ from .case import (
 from .case_forces import ForceSection
 from .case_output import OutputSection
 from .case_walls import WallSection
-from .coins import coins
 from .errors import InputError
+from .model.box import Box
+from .model.coin_table import coins
+from .model.walls import Motion, Wall
 from .section import Section
 from .tools import seeds
-from .walls import Motion, Wall
 
 S = TypeVar("S", bound=Section)
 

@@ -24,7 +24,7 @@ from scipy.optimize import brentq
 from .collision_rates import collision_rate
 from .cooling_theory import checked_times, cooling_rates
 from .errors import InputError
-from .law import IFRLaw
+from .model.ifr import IFRLaw
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import backend
-from .collision_law import CollisionLaw, checked_class, compiled
 from .contact_values import Contact, checked_packing_fraction, crowding_of_mixture
 from .driven_theory import Drive
 from .errors import EngineError, InputError
-from .law import IFRLaw
-from .law_table import check_energy, coefficient_table, law_table
+from .model.ifr import IFRLaw
+from .model.law import CollisionLaw, checked_class, compiled
+from .model.law_table import check_energy, coefficient_table, law_table
+from .model.state import Disks, State
 from .relaxation import Checkpoint, Relaxation, sample
-from .state import Disks, State
 from .tools import seeds
 
 MARGIN = 1.15  # how much faster than the fastest disk one may become before a batch is cut short
@@ -125,7 +125,7 @@ class DSMC:
         table = coefficient_table(laws)
         self._make_arrays(start, compiled(kind), table)
         if kind is not IFRLaw:  # whether it adds energy is not known
-            from .law_trial import try_on
+            from .model.law_trial import try_on
 
             fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
             try_on(kind, table, disks, [], fastest or 1.0)

@@ -66,24 +66,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import backend, engine_checks, skins
-from .box import Box, below
-from .collision_law import CollisionLaw, compiled
 from .engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
 from .errors import EngineError
-from .law import IFRLaw
+from .model.box import Box, below
+from .model.ifr import IFRLaw
+from .model.law import CollisionLaw, compiled
+from .model.state import Disks, State
+from .model.walls import Wall, sides
+from .model.walls import check as check_walls
 from .open_space import CELLS_PER_DISK, OpenSpace, around
-from .state import Disks, State
 from .statistics import Statistics
 from .tools import seeds
 from .tools.buffers import Buffers
-from .walls import Wall, sides
-from .walls import check as check_walls
 
 if TYPE_CHECKING:
     from .device_arrays import DeviceArrays
     from .epochs import Outcome
     from .events import Tracking
-    from .forces import Force
+    from .model.forces import Force
     from .passing import Passing
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up

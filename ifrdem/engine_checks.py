@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from . import magnitudes
-from .box import Box
 from .engine_limits import MOST_DISKS
 from .errors import InputError
-from .state import Disks, State
-from .walls import Wall
+from .model.box import Box
+from .model.state import Disks, State
+from .model.walls import Wall
 
 if TYPE_CHECKING:
-    from .forces import Force
+    from .model.forces import Force
 
 
 def two_numbers(name: str, value: Sequence[float]) -> tuple[float, float]:
@@ -95,7 +95,7 @@ def check(
             "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
         )
     if any(gravity) and forces:
-        from .forces import TableFriction  # imports Taichi, as whoever made a force did
+        from .model.forces import TableFriction  # imports Taichi, as whoever made a force did
 
         if any(isinstance(force, TableFriction) for force in forces):
             raise InputError(

@@ -16,7 +16,7 @@ from .case_output import OutputSection
 from .driven_theory import Drive
 from .file_size import trajectory_bytes
 from .gas import Gas, Species
-from .observables import MECHANISMS, REGIMES
+from .model.observables import MECHANISMS, REGIMES
 
 OBSERVABLES = {
     "translational_energy": 1,

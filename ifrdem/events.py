@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .collision_law import CollisionLaw
 from .errors import InputError
-from .law import EnergyWarning, IFRLaw, collide
-from .state import Disks
-from .walls import Wall
+from .model.ifr import EnergyWarning, IFRLaw, collide
+from .model.law import CollisionLaw
+from .model.state import Disks
+from .model.walls import Wall
 
 if TYPE_CHECKING:
     from .device_arrays import DeviceArrays

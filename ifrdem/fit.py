@@ -33,7 +33,7 @@ from .fit_model import Model, Pair, Sticking
 from .fit_optimum import Optimum, Search
 from .fit_report import as_json, material, table
 from .fit_result import CONFIDENCE, TELLING, Closure, Estimate, Fit, Interval
-from .law import STICKING
+from .model.ifr import STICKING
 
 __all__ = [
     "CONFIDENCE",

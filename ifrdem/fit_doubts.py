@@ -11,7 +11,7 @@ from .errors import InputError
 from .fit_data import Data
 from .fit_model import MEASURED, Array, Model
 from .fit_result import TELLING, Closure
-from .law import Admissibility, EnergyWarning, IFRLaw
+from .model.ifr import Admissibility, EnergyWarning, IFRLaw
 
 _TIED = 0.995  # correlation of two coefficients that are known in combination only
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
-from .law import STICKING
+from .model.ifr import STICKING
 
 Array = NDArray[np.float64]
 Sticking = Literal["percussion_center", "contact_point"]

@@ -281,7 +281,7 @@ def _pair(given: argparse.Namespace, wrong: list[str]) -> dict[str, float]:
     named = {"M": given.M, "k_1": given.k_1, "k_2": given.k_2, "R_1": given.R_1, "R_2": given.R_2}
     texts = {name: text for name, text in named.items() if text is not None}
     if given.pair is not None:
-        from .coins import coins
+        from .model.coin_table import coins
 
         wrong += [f"--{name.replace('_', '-')}: not beside --pair, which says it" for name in texts]
         unknown = [
@@ -326,7 +326,7 @@ def _errors(texts: list[str], wrong: list[str]) -> dict[str, float]:
 
 
 def _sticking(text: str | None, wrong: list[str]) -> tuple[str, ...]:
-    from .law import STICKING
+    from .model.ifr import STICKING
 
     if text is None:
         return STICKING

@@ -11,7 +11,7 @@ import numpy as np
 from .errors import InputError
 from .fit_model import MEASURED, Array, Model
 from .fit_result import Fit
-from .law import STICKING
+from .model.ifr import STICKING
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

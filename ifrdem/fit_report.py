@@ -13,7 +13,7 @@ import numpy as np
 from .errors import InputError
 from .fit_model import MEASURED
 from .fit_result import Closure, Estimate, Fit, Interval
-from .law import STICKING
+from .model.ifr import STICKING
 
 KIND = {STICKING[0]: "percussion centre (Eq. 15)", STICKING[1]: "contact point (Eq. 12)"}
 _UNITS = {"psi_transit": "deg", "rho": "length"}

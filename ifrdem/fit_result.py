@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from .errors import InputError
 from .fit_data import Data
 from .fit_model import COEFFICIENTS, Array, Model, Pair, Sticking
-from .law import Admissibility, EnergyWarning, IFRLaw, Regime
+from .model.ifr import Admissibility, EnergyWarning, IFRLaw, Regime
 
 CONFIDENCE = 0.95
 """Of every interval."""

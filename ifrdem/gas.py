@@ -12,23 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import growth, impact_scan, placement, start_file, start_frame
-from .box import Box
 from .case import IMPACT_SCAN, Case, is_trajectory
 from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
 from .errors import InputError
-from .law import EnergyWarning, IFRLaw
+from .model.box import Box
+from .model.free_area import Room
+from .model.ifr import EnergyWarning, IFRLaw
+from .model.state import Disks, State
+from .model.walls import Wall
 from .pairing import PairVerdict, verdicts, wall_verdicts
 from .problems import problems
-from .room import Room
 from .simulation import Simulation
 from .stage import Stage
 from .start_file import Given
-from .state import Disks, State
 from .tools import seeds
-from .walls import Wall
 
 if TYPE_CHECKING:
-    from .forces import Force
+    from .model.forces import Force
 
 
 @dataclass(frozen=True)
@@ -222,7 +222,7 @@ class Gas:
 
 def forces_of(case: Case) -> list[Force]:
     """The forces of a case, in its order. Imports Taichi."""
-    from .forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
+    from .model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 
     kinds: dict[str, Callable[..., Force]] = {
         "kicks": RandomKicks,

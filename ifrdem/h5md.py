@@ -51,10 +51,10 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from . import history_columns
-from .box import Box
 from .errors import InputError
+from .model.box import Box
+from .model.state import Disks
 from .staged_group import staged
-from .state import Disks
 
 H5MD_VERSION = (1, 1)
 LAYOUT_VERSION = (1, 2)

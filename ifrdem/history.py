@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import damage
-from .box import Box
 from .errors import InputError, nearest
 from .frame import NameMissing
+from .model.box import Box
 
 GROUP = "histories"
 

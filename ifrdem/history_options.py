@@ -88,7 +88,7 @@ def summary(trajectory: Any, history: Any) -> list[str]:
 
 def regime(number: int) -> str:
     """A regime in words."""
-    from .law import Regime
+    from .model.ifr import Regime
 
     special = {-1: "not known", 0: "-", 9: "elastic"}
     return special.get(number) or Regime(number).name.lower().replace("_", " ")

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from . import staged_group
 from .errors import InputError, nearest
 from .history_columns import COLUMNS, HISTORIES, START, as_column, create
+from .model.state import State
 from .output_file import OutputFile, TrajectoryError
 from .quantities import is_number
 from .rows import Rows
-from .state import State
 
 
 class HistoryWriter:

@@ -40,7 +40,7 @@ from .collision_rates import collision_rate
 from .contact_values import checked_positive, compressibility, contact_value
 from .cooling_theory import changes_per_collision, cooling_ratio
 from .errors import InputError
-from .law import IFRLaw
+from .model.ifr import IFRLaw
 from .shear_theory import crowding, relaxation
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)

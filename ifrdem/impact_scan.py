@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from .model.state import Disks
 from .start_file import Given
-from .state import Disks
 from .tools import seeds
 
 PATCH = 8.0  # side of a pair's patch, in largest contact distances

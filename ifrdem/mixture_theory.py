@@ -26,8 +26,8 @@ from .contact_values import Contact, checked_packing_fraction, mixture_contact_v
 from .cooling_theory import checked_times
 from .driven_theory import Drive
 from .errors import InputError
-from .law import IFRLaw
-from .state import Disks
+from .model.ifr import IFRLaw
+from .model.state import Disks
 
 MOST_SPECIES = 64  # every pair of them is summed at every step
 

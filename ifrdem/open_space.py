@@ -16,9 +16,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .box import Box
 from .errors import InputError
-from .state import Disks, State
+from .model.box import Box
+from .model.state import Disks, State
 
 ROOM = 1.0
 """Free space on either side of the disks in a new box, in extents of what they fill."""

@@ -7,10 +7,10 @@ import warnings
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from .coins import coins
 from .draft import Draft, Problem, Species
 from .errors import InputError, nearest
-from .law import EnergyWarning, IFRLaw
+from .model.coin_table import coins
+from .model.ifr import EnergyWarning, IFRLaw
 
 
 class PairVerdict(NamedTuple):

@@ -28,7 +28,7 @@ from .kernels.passing import (
     look_back,
 )
 from .kernels.totals import TOTALS
-from .state import State, StoredState
+from .model.state import State, StoredState
 from .tools.buffers import compact
 
 if TYPE_CHECKING:

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from . import lattice
-from .box import Box
 from .errors import InputError
-from .overlaps import (
+from .model.box import Box
+from .model.free_area import Room
+from .model.overlaps import (
     TOLERANCE,
     check_no_overlap,
     checked_radii,
@@ -24,9 +25,8 @@ from .overlaps import (
     refuse_wider_than_box,
     size_classes,
 )
-from .room import Room
+from .model.walls import Wall
 from .tools import seeds
-from .walls import Wall
 
 SATURATION = 0.547
 """Packing fraction where random sequential addition of equal disks ends (doi:10.1103/PhysRevE.74.061308)."""

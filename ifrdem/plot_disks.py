@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .box import Box
+from .model.box import Box
+from .model.walls import Wall
 from .plot_style import with_unit
 from .trajectory import Trajectory
-from .walls import Wall
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from . import mixture_theory, shear_theory
 from .driven_theory import Drive
 from .errors import InputError
-from .law import IFRLaw
 from .mixture_theory import Mixture, MixtureTemperatures
-from .state import Disks
+from .model.ifr import IFRLaw
+from .model.state import Disks
 
 
 @dataclass(frozen=True)

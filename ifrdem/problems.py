@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import pairing, placement, radii, start_file, start_frame
-from .box import Box
 from .case import IMPACT_SCAN, is_trajectory
-from .coins import coins
 from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
 from .engine_limits import CROWD
 from .errors import InputError, nearest
+from .model.box import Box
+from .model.coin_table import coins
+from .model.free_area import Room
+from .model.walls import check as check_walls
 from .problems_output import problems_of_output
 from .problems_walls import problems_of_walls
-from .room import Room
-from .walls import check as check_walls
 
 LARGEST_DISK = (
     1.0 / 3.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .box import Box
 from .draft import Draft, Problem
+from .model.box import Box
 
 
 def problems_of_output(draft: Draft, n: int, box: Box | None) -> Iterator[Problem]:

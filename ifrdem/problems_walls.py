@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .box import Box
 from .draft import Draft, Problem, wall_of
 from .engine_limits import MOST_WALLS
 from .errors import InputError
-from .room import Room
-from .walls import Wall, check_place
+from .model.box import Box
+from .model.free_area import Room
+from .model.walls import Wall, check_place
 
 
 def problems_of_walls(draft: Draft, box: Box, radius: NDArray[np.float64]) -> Iterator[Problem]:

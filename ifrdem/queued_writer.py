@@ -13,8 +13,8 @@ from types import TracebackType
 
 from numpy.typing import ArrayLike
 
+from .model.state import State
 from .output_file import TrajectoryError
-from .state import State
 from .trajectory_writer import TrajectoryWriter
 from .writer_process import RemoteWriter
 

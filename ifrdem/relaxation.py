@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .model.state import Disks
 from .sonine_theory import sonine_coefficient
-from .state import Disks
 
 
 @dataclass(frozen=True)

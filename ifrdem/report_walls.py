@@ -10,7 +10,7 @@ from .case import Case
 from .case_walls import WallSection
 from .estimate import Estimate
 from .gas import Gas
-from .walls import Wall
+from .model.walls import Wall
 
 
 def lines_of_walls(case: Case, gas: Gas, estimate: Estimate) -> list[tuple[str, str]]:

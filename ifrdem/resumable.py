@@ -8,9 +8,9 @@ import h5py
 import numpy as np
 
 from . import h5md
-from .box import Box
 from .errors import InputError
-from .state import Disks
+from .model.box import Box
+from .model.state import Disks
 
 
 def check(

@@ -24,7 +24,7 @@ from .errors import EngineError, InputError
 from .estimate import Estimate
 from .events import Events
 from .gas import Gas
-from .observables import MECHANISMS, Measure
+from .model.observables import MECHANISMS, Measure
 from .outputs import Outputs
 from .progress import Progress
 from .queued_writer import QueuedWriter

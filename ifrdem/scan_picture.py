@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from . import impact_scan as scan
 from .errors import InputError
-from .law import IFRLaw, Regime, collide
+from .model.ifr import IFRLaw, Regime, collide
+from .model.state import Disks
 from .plot import save
 from .plot_style import RATIO, ROTATION, TRANSLATION
-from .state import Disks
 from .trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -34,7 +34,7 @@ from .collision_rates import collision_rate
 from .contact_values import contact_value
 from .cooling_theory import changes_per_collision, checked_times
 from .errors import InputError
-from .law import IFRLaw
+from .model.ifr import IFRLaw
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _HIGHEST = 7.0  # of a Gaussian variable, beyond which there is 1e-11 of it

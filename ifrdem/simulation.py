@@ -12,24 +12,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import checkpoint
-from .box import Box
 from .cadence import Cadence, Span, earlier
-from .collapse import Collapse
-from .collision_law import CollisionLaw, checked_class
 from .course import Course, Observer, Progress, Sampler
 from .engine import Collisions, Engine
 from .errors import InputError
 from .events import Events, Tracking, checked_ids
-from .law import EnergyWarning, IFRLaw
-from .law_table import check_energy, coefficient_table, law_table
-from .observables import Measure, from_totals, measure
+from .model.box import Box
+from .model.collapse import Collapse
+from .model.ifr import EnergyWarning, IFRLaw
+from .model.law import CollisionLaw, checked_class
+from .model.law_table import check_energy, coefficient_table, law_table
+from .model.observables import Measure, from_totals, measure
+from .model.state import Disks, State
+from .model.walls import Wall, sides
 from .placement import check_no_overlap
-from .state import Disks, State
 from .statistics import Statistics
-from .walls import Wall, sides
 
 if TYPE_CHECKING:
-    from .forces import Force
+    from .model.forces import Force
     from .passing import Passing
 
 
@@ -65,7 +65,7 @@ class Simulation:
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
     collapse : {"none", "tc", "velocity_cutoff"}
-        What is done about inelastic collapse (`ifrdem.collapse.Collapse`): nothing, or some collisions are elastic and
+        What is done about inelastic collapse (`ifrdem.model.collapse.Collapse`): nothing, or some collisions are elastic and
         without friction, which `statistics.elastic` counts, those with walls included.
     contact_time : float, optional
         For "tc" [time]: collisions are elastic if the latest one of either partner was less than this ago.
@@ -149,7 +149,7 @@ class Simulation:
         self._first = measure(disks, begin).energy + self._fall_energy(begin)
         self._judged = kind is IFRLaw  # whether it is known not to add energy
         if not self._judged:
-            from .law_trial import try_on
+            from .model.law_trial import try_on
 
             fastest = max(
                 float(np.abs(state.velocity).max(initial=0.0)),

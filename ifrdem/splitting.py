@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from .device_arrays import DeviceArrays
 from .errors import EngineError, InputError
-from .forces import Force
 from .kernels.forces import kernels_of
 from .kernels.layout import BLOCK
-from .state import Disks
+from .model.forces import Force
+from .model.state import Disks
 
 # Times that differ by rounding only are one time: (1 + 1/2) * 0.1 and (0 + 1/2) * 0.3.
 SAME_TIME = 8.0 * float(np.finfo(np.float64).eps)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .box import Box
 from .errors import InputError, nearest
+from .model.box import Box
 from .tools import csv as csv_rows
 
 POSITION = ("x", "y")

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import growth
-from .box import Box
 from .errors import InputError, nearest
+from .model.box import Box
+from .model.free_area import Room
+from .model.walls import Wall
+from .model.walls import check as check_walls
 from .placement import check_no_overlap
-from .room import Room
 from .start_file import Given
 from .trajectory import Trajectory
-from .walls import Wall
-from .walls import check as check_walls
 
 ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""

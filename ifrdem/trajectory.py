@@ -16,15 +16,16 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import damage, h5md, history, tables, walls
-from .box import Box
+from . import damage, h5md, history, tables
 from .damage import DamageError
 from .errors import InputError, nearest
 from .frame import SPIN, Frame, FrameError, NameMissing
 from .history import History
-from .room import Room
+from .model import walls
+from .model.box import Box
+from .model.free_area import Room
+from .model.state import Disks
 from .series import Series
-from .state import Disks
 from .trajectory_writer import TrajectoryError, TrajectoryWriter
 
 if TYPE_CHECKING:

@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import h5md, quantities, resumable
-from .box import Box, below
 from .deflate import Deflate
 from .errors import InputError, nearest
 from .frame_rows import FrameRows
 from .history_writer import HistoryWriter
+from .model.box import Box, below
+from .model.state import Disks, State, StoredState
+from .model.walls import Wall, to_json
 from .output_file import OutputFile, TrajectoryError
 from .series_writer import SeriesWriter
-from .state import Disks, State, StoredState
 from .tools.buffers import compact
-from .walls import Wall, to_json
 
 __all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
 

@@ -34,10 +34,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import h5md
-from .box import Box
 from .errors import InputError
+from .model.box import Box
+from .model.state import Disks, State
 from .output_file import TrajectoryError
-from .state import Disks, State
 from .tools import processes
 from .tools.buffers import copy_into
 from .trajectory_writer import DEFAULT_FIELDS, TrajectoryWriter

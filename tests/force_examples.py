@@ -9,11 +9,11 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from ifrdem.box import Box
-from ifrdem.forces import Force, uniforms
-from ifrdem.law import IFRLaw
+from ifrdem.model.box import Box
+from ifrdem.model.forces import Force, uniforms
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.state import Disks, State
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
 
 SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 

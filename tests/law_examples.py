@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import taichi as ti
 
-from ifrdem.collision_law import CollisionLaw
 from ifrdem.kernels.law import ifr_impulses
+from ifrdem.model.law import CollisionLaw
 
 
 class Viscoelastic(CollisionLaw):

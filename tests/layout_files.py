@@ -7,8 +7,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from ifrdem.box import Box
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 from ifrdem.trajectory_writer import TrajectoryWriter
 
 BOX = Box((30.0, 20.0))

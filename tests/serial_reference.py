@@ -23,9 +23,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ifrdem.box import Box
 from ifrdem.kernels.law import collide_pair
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 
 CROSSING = -1  # stands in a crossing's event where a contact has its smaller id
 

@@ -15,9 +15,9 @@ import math
 
 import numpy as np
 
-from ifrdem.box import Box
 from ifrdem.kernels.law import collide_pair
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 
 IMAGES = np.array([(sx, sy) for sx in (-2, -1, 0, 1, 2) for sy in (-1, 0, 1)])
 

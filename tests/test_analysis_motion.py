@@ -8,9 +8,9 @@ import serial_reference
 from serial_reference import simulate
 
 from ifrdem import analysis, placement, theory
-from ifrdem.box import Box
 from ifrdem.errors import InputError
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 from ifrdem.tools.reprs import brief
 
 SMOOTH = (1.0, -1.0, 0.0, 0.0, 0.0)

@@ -8,9 +8,9 @@ from serial_reference import simulate
 
 from ifrdem import analysis, placement, theory
 from ifrdem.analysis import frames, libraries, structure
-from ifrdem.box import Box
 from ifrdem.errors import InputError
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 
 SMOOTH = (1.0, -1.0, 0.0, 0.0, 0.0)
 UNIT = Box((30.0, 20.0))

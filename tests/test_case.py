@@ -15,10 +15,10 @@ from pydantic import ValidationError
 
 from ifrdem import case_file, template, theory
 from ifrdem.case import Case, MaterialSection, RunSection, SpeciesSection
-from ifrdem.coins import coins
 from ifrdem.errors import InputError
 from ifrdem.estimate import Estimate, collision_rates
 from ifrdem.gas import Gas, Species
+from ifrdem.model.coin_table import coins
 from ifrdem.placement import check_no_overlap
 from ifrdem.section import Section
 

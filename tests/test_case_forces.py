@@ -18,7 +18,7 @@ from ifrdem.cli import main
 from ifrdem.driven_theory import Drive, steady_state
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas, forces_of
-from ifrdem.law import IFRLaw
+from ifrdem.model.ifr import IFRLaw
 from ifrdem.trajectory import Trajectory
 
 pytestmark = pytest.mark.unoptimised

@@ -15,7 +15,7 @@ from ifrdem.case_output import OutputSection
 from ifrdem.errors import InputError
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
-from ifrdem.observables import measure
+from ifrdem.model.observables import measure
 from ifrdem.recorder import COLUMNS, Ledger
 from ifrdem.tools import seeds
 from ifrdem.trajectory_writer import TrajectoryWriter

@@ -14,7 +14,7 @@ from ifrdem import case_file, plot
 from ifrdem.cli import main
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
-from ifrdem.law import IFRLaw
+from ifrdem.model.ifr import IFRLaw
 from ifrdem.shear_theory import steady_state
 from ifrdem.trajectory import Trajectory
 

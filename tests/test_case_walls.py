@@ -17,14 +17,14 @@ from ifrdem import gas as gas_module
 from ifrdem.case import Case
 from ifrdem.case_walls import MOTIONS, SHAPES, MotionSection, WallSection
 from ifrdem.cli import main
-from ifrdem.collapse import Collapse
 from ifrdem.describe import describe
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
-from ifrdem.observables import measure
-from ifrdem.room import Room
+from ifrdem.model.collapse import Collapse
+from ifrdem.model.free_area import Room
+from ifrdem.model.observables import measure
+from ifrdem.model.walls import Motion, Wall, from_json, to_json
 from ifrdem.trajectory import Trajectory
-from ifrdem.walls import Motion, Wall, from_json, to_json
 
 pytestmark = pytest.mark.unoptimised
 

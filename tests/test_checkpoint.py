@@ -12,13 +12,13 @@ import pytest
 from gases import equal_disks, mixture, start
 
 from ifrdem import checkpoint
-from ifrdem.box import Box
 from ifrdem.errors import InputError
-from ifrdem.forces import Drag, RandomKicks
-from ifrdem.law import IFRLaw
+from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, RandomKicks
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.state import State
+from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import Simulation
-from ifrdem.state import State
-from ifrdem.walls import Motion, Wall
 
 pytestmark = pytest.mark.unoptimised
 

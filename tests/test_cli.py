@@ -20,10 +20,10 @@ from ifrdem import cli as command
 from ifrdem.cli import main
 from ifrdem.errors import EngineError
 from ifrdem.gas import Gas
-from ifrdem.observables import Measure
+from ifrdem.model.observables import Measure
+from ifrdem.model.state import State
 from ifrdem.recorder import Recorder
 from ifrdem.simulation import Simulation
-from ifrdem.state import State
 from ifrdem.trajectory import Trajectory
 from ifrdem.trajectory_writer import TrajectoryError
 
@@ -525,9 +525,9 @@ def test_every_public_name_is_there() -> None:
 
 
 def test_coins_stay_a_mapping_when_their_module_is_imported() -> None:
-    from ifrdem.coins import Coin  # binds the submodule to its package
+    from ifrdem.model.coin_table import Coin  # binds the submodule to its package
 
-    assert isinstance(ifrdem.coins["1 pta"], Coin)
+    assert isinstance(ifrdem.model.coin_table["1 pta"], Coin)
 
 
 def test_misspelt_public_name_gets_the_nearest() -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from ifrdem.coins import coins
 from ifrdem.errors import InputError
-from ifrdem.law import IFRLaw
+from ifrdem.model.coin_table import coins
+from ifrdem.model.ifr import IFRLaw
 from ifrdem.validation.paper import TABLE_II
 
 # Sec. III of the paper: mass [g], diameter [mm], alloy

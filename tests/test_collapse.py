@@ -12,12 +12,12 @@ from gases import COIN, ELASTIC, equal_disks, equilibrated
 from serial_reference import simulate
 
 from ifrdem import backend
-from ifrdem.box import Box
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
-from ifrdem.law import IFRLaw
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.state import State
 from ifrdem.simulation import Simulation
-from ifrdem.state import State
 
 pytestmark = pytest.mark.unoptimised
 

@@ -10,14 +10,14 @@ import pytest
 from gases import mixture, start
 from law_examples import Half, Short, Silent, Viscoelastic, Weak
 
-from ifrdem.box import Box
-from ifrdem.collision_law import CollisionLaw
 from ifrdem.engine import Engine
 from ifrdem.errors import InputError
-from ifrdem.law import EnergyWarning, IFRLaw, collide
-from ifrdem.observables import measure
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import EnergyWarning, IFRLaw, collide
+from ifrdem.model.law import CollisionLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
 
 pytestmark = pytest.mark.unoptimised
 

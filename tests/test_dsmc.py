@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from ifrdem import backend, dsmc, placement
-from ifrdem.collision_law import CollisionLaw
 from ifrdem.collision_rates import mixture_collision_rates
 from ifrdem.contact_values import Contact, mixture_contact_values
 from ifrdem.driven_theory import Drive, driven
 from ifrdem.dsmc import DSMC
 from ifrdem.errors import EngineError, InputError
-from ifrdem.law import EnergyWarning, IFRLaw
 from ifrdem.mixture_theory import Mixture, mixture_cooling
+from ifrdem.model.ifr import EnergyWarning, IFRLaw
+from ifrdem.model.law import CollisionLaw
+from ifrdem.model.state import Disks
 from ifrdem.sonine_theory import cooling_factor, heated_sonine
-from ifrdem.state import Disks
 from ifrdem.theory import collision_rate, cooling, haff
 
 pytestmark = pytest.mark.unoptimised

@@ -11,13 +11,13 @@ from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, st
 import ifrdem.engine
 import ifrdem.epochs
 from ifrdem import backend, placement
-from ifrdem.box import Box
 from ifrdem.engine import Engine
 from ifrdem.engine_limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from ifrdem.errors import EngineError, InputError
-from ifrdem.law import IFRLaw
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.state import Disks, State
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
 
 pytestmark = pytest.mark.unoptimised
 

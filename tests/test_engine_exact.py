@@ -11,10 +11,10 @@ from serial_reference import simulate
 from test_engine_serial_order import run
 
 from ifrdem import backend, placement
-from ifrdem.box import Box
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 
 N = 4000
 LAWS = {"elastic": ELASTIC, "coin": COIN}

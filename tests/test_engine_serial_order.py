@@ -17,10 +17,10 @@ from serial_reference import simulate
 import ifrdem.device_arrays
 import ifrdem.engine
 import ifrdem.epochs
-from ifrdem.box import Box
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 
 pytestmark = pytest.mark.unoptimised
 

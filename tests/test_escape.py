@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from ifrdem.errors import EngineError
+from ifrdem.model.walls import Wall
 from ifrdem.validation import escape
-from ifrdem.walls import Wall
 
 pytestmark = pytest.mark.unoptimised
 

@@ -14,12 +14,12 @@ import pytest
 from layout_files import BOX, some_disks, some_state, write
 from test_frame import flip
 
-from ifrdem.box import Box
 from ifrdem.cli import main
 from ifrdem.errors import InputError
 from ifrdem.export import export
 from ifrdem.frame_numbers import chosen, counted
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 from ifrdem.trajectory import Trajectory, TrajectoryWriter
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning")

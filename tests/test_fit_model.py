@@ -9,7 +9,7 @@ from ifrdem.errors import InputError
 from ifrdem.fit_data import Data
 from ifrdem.fit_likelihood import Likelihood
 from ifrdem.fit_model import MEASURED, Model, Pair
-from ifrdem.law import Regime
+from ifrdem.model.ifr import Regime
 from ifrdem.validation import paper
 from ifrdem.validation.paper import Impact
 

@@ -11,12 +11,12 @@ from force_examples import SMOOTH, Magnus, Push, Trap, one_disk, still
 from gases import mixture, start
 from numpy.typing import NDArray
 
-from ifrdem.box import Box
-from ifrdem.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks
-from ifrdem.law import IFRLaw
-from ifrdem.observables import measure
+from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
 
 pytestmark = pytest.mark.unoptimised
 

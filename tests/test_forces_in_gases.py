@@ -15,11 +15,11 @@ from ifrdem import backend
 from ifrdem.driven_theory import Drive, steady_state
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
-from ifrdem.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks
-from ifrdem.law import IFRLaw
-from ifrdem.observables import measure
+from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import State
 from ifrdem.simulation import Simulation
-from ifrdem.state import State
 
 pytestmark = pytest.mark.unoptimised
 

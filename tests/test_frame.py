@@ -11,10 +11,10 @@ import pytest
 from layout_files import BOX, FIELDS, MECHANISMS, add_series, some_disks, some_state, write
 from test_trajectory import child
 
-from ifrdem.box import Box
 from ifrdem.damage import DamageError
 from ifrdem.describe import describe
 from ifrdem.errors import InputError
+from ifrdem.model.box import Box
 from ifrdem.trajectory import Trajectory, TrajectoryWriter
 
 

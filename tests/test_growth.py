@@ -12,11 +12,11 @@ from gases import touching
 from numpy.typing import NDArray
 
 from ifrdem import growth, radii
-from ifrdem.box import Box
 from ifrdem.case import Case
 from ifrdem.errors import InputError
 from ifrdem.estimate import Estimate, collision_rates
 from ifrdem.gas import Gas
+from ifrdem.model.box import Box
 from ifrdem.placement import check_no_overlap
 from ifrdem.stage import Stage
 

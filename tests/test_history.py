@@ -9,8 +9,8 @@ import pytest
 from layout_files import BOX, EVENT_COLUMNS, add_histories, some_state, write
 
 from ifrdem import history
-from ifrdem.box import Box
 from ifrdem.errors import InputError
+from ifrdem.model.box import Box
 from ifrdem.trajectory import Trajectory
 
 TRACKED = [1, 4, 6]

@@ -11,7 +11,7 @@ from layout_files import add_histories, some_state, write
 
 from ifrdem.cli import main
 from ifrdem.history_options import regime, summary
-from ifrdem.law import Regime
+from ifrdem.model.ifr import Regime
 from ifrdem.trajectory import Trajectory
 
 

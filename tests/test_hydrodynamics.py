@@ -19,7 +19,7 @@ from ifrdem.hydrodynamics import (
     thermal_conductivity,
     waves,
 )
-from ifrdem.law import IFRLaw
+from ifrdem.model.ifr import IFRLaw
 from ifrdem.theory import collision_rate, cooling_rates, cooling_ratio
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)

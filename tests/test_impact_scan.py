@@ -11,7 +11,7 @@ import pytest
 from ifrdem import case_file, cli, impact_scan, scan_picture
 from ifrdem.errors import InputError
 from ifrdem.gas import Gas
-from ifrdem.state import Disks
+from ifrdem.model.state import Disks
 from ifrdem.trajectory import Trajectory
 
 pytestmark = pytest.mark.unoptimised

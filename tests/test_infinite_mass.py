@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ifrdem import Box, Disks, IFRLaw, InputError, Simulation, State, Trajectory, TrajectoryWriter
-from ifrdem.observables import measure
+from ifrdem.model.observables import measure
 
 pytestmark = pytest.mark.unoptimised
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ifrdem.law import Collision, IFRLaw, Regime, collide
+from ifrdem.model.ifr import Collision, IFRLaw, Regime, collide
 
 LAWS = {
     "1 pta": IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21),

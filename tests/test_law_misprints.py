@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from test_paper_equations import strike
 
-from ifrdem.coins import coins
-from ifrdem.law import Regime
+from ifrdem.model.coin_table import coins
+from ifrdem.model.ifr import Regime
 from ifrdem.validation import paper
 from ifrdem.validation.paper import FIGURE_5A, TABLE_II, Impact
 

@@ -8,16 +8,16 @@ import pytest
 from gases import equal_disks, mixture, start
 from law_examples import Driving, Weak
 
-from ifrdem.box import Box
 from ifrdem.cadence import Cadence
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
-from ifrdem.forces import Drag, RandomKicks
-from ifrdem.law import IFRLaw, Regime, collide
-from ifrdem.observables import MECHANISMS, REGIMES, Measure
+from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, RandomKicks
+from ifrdem.model.ifr import IFRLaw, Regime, collide
+from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
-from ifrdem.walls import Motion, Wall
 
 pytestmark = pytest.mark.unoptimised
 

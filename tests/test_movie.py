@@ -11,12 +11,12 @@ import pytest
 from layout_files import BOX, write
 
 from ifrdem import h5md, movie, plot_disks, raster
-from ifrdem.box import Box
 from ifrdem.cli import main
 from ifrdem.errors import InputError
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
 from ifrdem.trajectory import Trajectory, TrajectoryWriter
-from ifrdem.walls import Motion, Wall
 
 EMPTY, MARK = 900, 901
 

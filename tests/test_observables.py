@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.observables import measure
-from ifrdem.state import Disks, State
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
 
 
 def test_two_disks_measured_by_hand() -> None:

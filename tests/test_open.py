@@ -11,18 +11,18 @@ import pytest
 from gases import COIN, mixture, start
 
 from ifrdem import open_space, placement
-from ifrdem.box import Box
 from ifrdem.describe import describe
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
-from ifrdem.forces import TableFriction
-from ifrdem.law import IFRLaw
-from ifrdem.observables import measure
+from ifrdem.model.box import Box
+from ifrdem.model.forces import TableFriction
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Wall
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
 from ifrdem.trajectory import Trajectory
 from ifrdem.trajectory_writer import TrajectoryWriter
-from ifrdem.walls import Wall
 
 pytestmark = pytest.mark.unoptimised
 

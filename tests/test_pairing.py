@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from ifrdem import IFRLaw, InputError, Simulation, State, case_file
-from ifrdem.box import Box
 from ifrdem.case import Case
 from ifrdem.gas import Gas
-from ifrdem.state import Disks
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks
 
 NAMES = ("a", "b", "c", "d", "e")
 

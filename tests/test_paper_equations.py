@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ifrdem.coins import coins
-from ifrdem.law import IFRLaw, Regime, collide
+from ifrdem.model.coin_table import coins
+from ifrdem.model.ifr import IFRLaw, Regime, collide
 from ifrdem.validation import paper
 from ifrdem.validation.paper import TABLE_II, Impact
 

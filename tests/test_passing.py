@@ -11,16 +11,16 @@ import pytest
 from gases import equal_disks, mixture, start
 
 from ifrdem import h5md
-from ifrdem.box import Box, below
 from ifrdem.cadence import Cadence, Span
 from ifrdem.course import Course
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError
-from ifrdem.forces import RandomKicks
-from ifrdem.law import IFRLaw
-from ifrdem.observables import Measure, measure
+from ifrdem.model.box import Box, below
+from ifrdem.model.forces import RandomKicks
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import Measure, measure
+from ifrdem.model.state import State, StoredState
 from ifrdem.simulation import Simulation
-from ifrdem.state import State, StoredState
 from ifrdem.tools.buffers import Buffers, compact
 
 pytestmark = pytest.mark.unoptimised

@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 
 import ifrdem.validation
 from ifrdem import IFRLaw, InputError, Simulation, State
-from ifrdem.observables import measure
+from ifrdem.model.observables import measure
 from ifrdem.validation import peers, serial_events, soft_disks
 from ifrdem.validation.serial_events import SerialEvents
 from ifrdem.validation.soft_disks import SoftDisks, SoftDisksError, spring_and_damping

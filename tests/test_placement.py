@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ifrdem.box import Box
 from ifrdem.errors import InputError
+from ifrdem.model.box import Box
 from ifrdem.placement import (
     _one_by_one,
     check_no_overlap,

@@ -16,9 +16,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from ifrdem import plot, plot_disks, plot_style, theory
-from ifrdem.box import Box
 from ifrdem.errors import InputError
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 from ifrdem.trajectory import TrajectoryWriter
 
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}

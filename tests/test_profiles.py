@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from ifrdem import curves, plot, profiles
-from ifrdem.box import Box
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
 from ifrdem.trajectory import Trajectory, TrajectoryWriter
-from ifrdem.walls import Motion, Wall
 
 pytestmark = pytest.mark.unoptimised
 

@@ -17,8 +17,8 @@ import ifrdem
 from ifrdem import EnergyWarning, Trajectory, analysis, check, cli, shear_theory, template
 from ifrdem.case import Case
 from ifrdem.gas import Gas
-from ifrdem.observables import measure
-from ifrdem.walls import Motion, Wall
+from ifrdem.model.observables import measure
+from ifrdem.model.walls import Motion, Wall
 
 pytestmark = pytest.mark.unoptimised
 

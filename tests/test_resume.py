@@ -20,7 +20,7 @@ import pytest
 from ifrdem import checkpoint, cli, h5md, run, writer_process
 from ifrdem.case import Case
 from ifrdem.errors import InputError
-from ifrdem.observables import Measure
+from ifrdem.model.observables import Measure
 from ifrdem.queued_writer import QueuedWriter
 from ifrdem.recorder import Recorder
 from ifrdem.simulation import Simulation

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ifrdem import growth, lattice, placement
-from ifrdem.box import Box
 from ifrdem.errors import InputError
-from ifrdem.room import Room
-from ifrdem.walls import Motion, Wall, check
+from ifrdem.model.box import Box
+from ifrdem.model.free_area import Room
+from ifrdem.model.walls import Motion, Wall, check
 
 WALLED, MIXED = (False, False), (True, False)
 

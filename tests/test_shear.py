@@ -12,17 +12,17 @@ from shear_reference import Sheared
 
 import ifrdem.epochs
 from ifrdem import backend, placement
-from ifrdem.box import Box
 from ifrdem.engine import Collisions, Engine
 from ifrdem.errors import InputError
-from ifrdem.forces import RandomKicks, Rescale
-from ifrdem.law import IFRLaw
-from ifrdem.observables import measure
+from ifrdem.model.box import Box
+from ifrdem.model.forces import RandomKicks, Rescale
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Wall
 from ifrdem.shear_theory import steady_state
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
 from ifrdem.theory import contact_value
-from ifrdem.walls import Wall
 
 pytestmark = pytest.mark.unoptimised
 

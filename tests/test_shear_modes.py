@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from ifrdem import backend, placement
-from ifrdem.box import Box
-from ifrdem.coins import coins
 from ifrdem.hydrodynamics import shear_length, shear_mode_energy
-from ifrdem.observables import Measure
+from ifrdem.model.box import Box
+from ifrdem.model.coin_table import coins
+from ifrdem.model.observables import Measure
+from ifrdem.model.state import Disks, State
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
 
 pytestmark = pytest.mark.unoptimised
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ifrdem import theory
-from ifrdem.coins import coins
 from ifrdem.errors import InputError
-from ifrdem.law import IFRLaw, collide
+from ifrdem.model.coin_table import coins
+from ifrdem.model.ifr import IFRLaw, collide
 from ifrdem.shear_theory import relaxation, sheared, steady_state
 
 COIN = coins["1 pta"].law

@@ -11,12 +11,12 @@ import pytest
 from gases import touching
 
 from ifrdem import case_file, cli, growth, radii
-from ifrdem.box import Box
 from ifrdem.case import Case
 from ifrdem.errors import InputError
 from ifrdem.gas import Gas
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 from ifrdem.placement import check_no_overlap
-from ifrdem.state import Disks, State
 from ifrdem.trajectory import Trajectory
 from ifrdem.trajectory_writer import TrajectoryWriter
 

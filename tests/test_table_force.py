@@ -10,14 +10,14 @@ import pytest
 from gases import COIN, equal_disks, start
 
 from ifrdem import backend
-from ifrdem.box import Box
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
-from ifrdem.forces import Drag, RandomKicks, TableFriction
-from ifrdem.law import IFRLaw
-from ifrdem.observables import measure
+from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, RandomKicks, TableFriction
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
 from ifrdem.validation import table_reference
 
 pytestmark = pytest.mark.unoptimised

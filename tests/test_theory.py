@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from scipy.interpolate import pade
 from serial_reference import simulate
 
-from ifrdem.box import Box
 from ifrdem.errors import InputError
 from ifrdem.kernels.law import collide_pair
-from ifrdem.law import IFRLaw
-from ifrdem.observables import measure
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
 from ifrdem.placement import hexagonal_positions, maxwellian, random_positions
-from ifrdem.state import Disks, State
 from ifrdem.theory import (
     VIRIAL,
     changes_per_collision,

@@ -13,14 +13,14 @@ from scipy import stats
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from ifrdem import backend
-from ifrdem.box import Box
 from ifrdem.engine import Engine
 from ifrdem.errors import InputError
-from ifrdem.law import IFRLaw
-from ifrdem.observables import measure
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import Simulation
-from ifrdem.state import Disks, State
-from ifrdem.walls import Motion, Wall
 
 pytestmark = pytest.mark.unoptimised
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from gases import equal_disks, mixture, start
 
-from ifrdem.box import Box
 from ifrdem.errors import InputError
 from ifrdem.events import ELASTIC, KICK, UNKNOWN, Events
-from ifrdem.forces import RandomKicks
-from ifrdem.law import IFRLaw, collide
+from ifrdem.model.box import Box
+from ifrdem.model.forces import RandomKicks
+from ifrdem.model.ifr import IFRLaw, collide
+from ifrdem.model.state import State
+from ifrdem.model.walls import Motion, Wall
 from ifrdem.simulation import Simulation
-from ifrdem.state import State
-from ifrdem.walls import Motion, Wall
 
 pytestmark = pytest.mark.unoptimised
 

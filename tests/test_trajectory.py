@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.box import Box
 from ifrdem.case import UNITS
 from ifrdem.describe import describe
 from ifrdem.errors import InputError
 from ifrdem.frame_rows import FrameRows
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 from ifrdem.rows import Rows
-from ifrdem.state import Disks, State
 from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
 
 BOX = Box((30.0, 20.0))

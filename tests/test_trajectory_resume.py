@@ -13,11 +13,11 @@ import pytest
 from test_trajectory import BOX, FIELDS, some_disks, some_state
 from trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
 
-from ifrdem.box import Box
 from ifrdem.errors import InputError
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Wall
 from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
-from ifrdem.walls import Wall
 
 N = 40
 

@@ -12,11 +12,11 @@ from test_trajectory import BOX, FIELDS, some_disks, some_state
 from trajectory_parts import SERIES_COLUMNS, TRACKED, batch, partnered, row
 
 from ifrdem import deflate
-from ifrdem.box import Box
 from ifrdem.deflate import Deflate, shuffled
 from ifrdem.errors import InputError
 from ifrdem.history_columns import COLUMNS
-from ifrdem.state import Disks, State
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
 from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
 
 N = 40

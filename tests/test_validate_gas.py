@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ifrdem import cli, theory
-from ifrdem.law import IFRLaw
+from ifrdem.model.ifr import IFRLaw
 from ifrdem.validation import gas_collapse, gas_sample, gas_state, gas_waves, page, registry, runner, terminal
 from ifrdem.validation.registry import GAS, Result
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from layout_files import BOX, FIELDS, add_series, some_state, write
 
-from ifrdem.box import Box
 from ifrdem.errors import InputError
+from ifrdem.model.box import Box
 from ifrdem.trajectory import Trajectory
 from ifrdem.views import write_views
 

@@ -25,9 +25,9 @@ from trajectory_parts import TRACKED, batch
 from ifrdem import cli, output_file, writer_process
 from ifrdem.errors import InputError
 from ifrdem.h5md import FIELDS
+from ifrdem.model.state import State, StoredState
 from ifrdem.ordered_file import OrderedFile
 from ifrdem.queued_writer import QueuedWriter
-from ifrdem.state import State, StoredState
 from ifrdem.trajectory_writer import TrajectoryError, TrajectoryWriter
 from ifrdem.writer_process import RemoteWriter
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from test_trajectory import some_state
 
 from ifrdem.history_columns import COLUMNS
-from ifrdem.state import State
+from ifrdem.model.state import State
 
 TRACKED = (2, 5, 11)
 SERIES_COLUMNS = {"dissipated_by_mechanism": ("normal", "sliding")}

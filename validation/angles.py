@@ -65,7 +65,7 @@ class Lines:
 
 def coin_impact(row: paper.Table2Row, psi: Any) -> Impact:
     """An impact of the coins of a row of Table II, in SI units."""
-    from ..coins import coins
+    from ..model.coin_table import coins
 
     a, b = (coins[name] for name in row.coins)
     return Impact(psi, row.e_n, row.e_t, row.mu, M=a.mass / b.mass, m_1=a.mass, R_1=a.radius, R_2=b.radius)

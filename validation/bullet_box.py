@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import placement
-from ..box import Box
-from ..law import IFRLaw
+from ..model.box import Box
+from ..model.ifr import IFRLaw
+from ..model.state import Disks, State
+from ..model.walls import sides
 from ..simulation import Simulation
-from ..state import Disks, State
-from ..walls import sides
 from . import bullet_world, pymunk_world, stepped, style
 from .bullet_world import BulletWorld, Surface
 from .pymunk_world import PymunkWorld

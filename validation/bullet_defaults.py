@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..state import Disks
+from ..model.state import Disks
 from . import bullet_world, style
 from .bullet_world import BulletWorld, Surface
 from .registry import Picture, Result, Table

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import bullet
-from ..coins import coins
-from ..law import IFRLaw
-from ..state import Disks, State
-from ..walls import sides
+from ..model.coin_table import coins
+from ..model.ifr import IFRLaw
+from ..model.state import Disks, State
+from ..model.walls import sides
 from . import bullet_box, bullet_world, pairs, predicted, style
 from .bullet_world import BulletWorld, Surface
 from .paper import Impact

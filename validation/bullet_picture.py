@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..coins import coins
-from ..state import Disks
+from ..model.coin_table import coins
+from ..model.state import Disks
 from .bullet_world import BulletWorld, Surface
 from .registry import Picture
 

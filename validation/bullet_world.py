@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import bullet
-from ..state import Disks, State
-from ..walls import Wall
+from ..model.state import Disks, State
+from ..model.walls import Wall
 from .registry import Skip
 
 SETTINGS = {

@@ -1,4 +1,4 @@
-"""Which coefficients can add energy: a map by simulation, against the inequalities of `ifrdem.law`."""
+"""Which coefficients can add energy: a map by simulation, against the inequalities of `ifrdem.model.ifr`."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def survey(sticking: str, side: int, slopes: int, *, M: float, k_1: float, k_2: 
 def _verdict(e_t: float, mu: float, sticking: str, M: float, k_1: float, k_2: float) -> tuple[bool, bool]:
     """Whether the law is admissible, and strictly so, for a pair of disks."""
     from ..errors import InputError
-    from ..law import EnergyWarning, IFRLaw
+    from ..model.ifr import EnergyWarning, IFRLaw
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnergyWarning)

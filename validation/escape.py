@@ -17,14 +17,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..box import Box
-from ..coins import coins
 from ..engine import Engine
 from ..engine_limits import ORDERS
 from ..errors import EngineError, InputError, nearest
-from ..state import Disks, State
+from ..model.box import Box
+from ..model.coin_table import coins
+from ..model.state import Disks, State
+from ..model.walls import Motion, Wall
 from ..tools.arguments import Parser, whole
-from ..walls import Motion, Wall
 
 ROUNDING = 1e-9  # of the gap, in diameters: thousands of times the rounding of a place in this room
 BAD_INPUT, FAILED = 2, 1

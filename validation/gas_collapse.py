@@ -20,10 +20,10 @@ import math
 
 import numpy as np
 
-from ..box import Box
-from ..law import IFRLaw
+from ..model.box import Box
+from ..model.ifr import IFRLaw
+from ..model.state import State
 from ..simulation import Simulation
-from ..state import State
 from . import style
 from .gas_sample import equal_disks
 from .registry import Picture, Result

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import theory
-from ..coins import coins
 from ..dsmc import DSMC
-from ..law import IFRLaw
-from ..observables import Measure
+from ..model.coin_table import coins
+from ..model.ifr import IFRLaw
+from ..model.observables import Measure
 from ..simulation import Simulation
 from . import style
 from .gas_sample import Mean, compare, fluid, ratio, seeds_of, thermal, together

@@ -24,15 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import driven_theory, placement, shear_theory, theory
-from ..box import Box
-from ..coins import coins
 from ..driven_theory import Drive
 from ..dsmc import DSMC
-from ..forces import RandomKicks
-from ..law import IFRLaw
-from ..observables import Measure
+from ..model.box import Box
+from ..model.coin_table import coins
+from ..model.forces import RandomKicks
+from ..model.ifr import IFRLaw
+from ..model.observables import Measure
+from ..model.state import State
 from ..simulation import Simulation
-from ..state import State
 from . import gas_state, style
 from .gas_sample import ELASTIC, Mean, compare, equal_disks, fluid, seeds_of, thermal
 from .gas_waves import driven_streams

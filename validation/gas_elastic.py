@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from ..collision_rates import collision_rate
 from ..dsmc import DSMC
-from ..law import IFRLaw
-from ..observables import Measure
+from ..model.ifr import IFRLaw
+from ..model.observables import Measure
 from ..simulation import Simulation
 from . import style
 from .gas_sample import Mean, compare, fluid, seeds_of, thermal

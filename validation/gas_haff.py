@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 
 from .. import analysis, theory
 from ..dsmc import DSMC
-from ..law import IFRLaw
-from ..observables import Measure
+from ..model.ifr import IFRLaw
+from ..model.observables import Measure
+from ..model.state import State
 from ..simulation import Simulation
-from ..state import State
 from . import style
 from .gas_sample import Mean, compare, fluid, seeds_of, thermal
 from .gas_waves import streams

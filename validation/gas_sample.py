@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import placement
-from ..box import Box
-from ..law import IFRLaw
+from ..model.box import Box
+from ..model.ifr import IFRLaw
+from ..model.state import Disks, State
 from ..simulation import Simulation
-from ..state import Disks, State
 from .registry import Result, Row, Sampling
 
 CHANCE = 6.334e-5

@@ -31,8 +31,8 @@ from numpy.typing import NDArray
 
 from .. import analysis, theory
 from ..course import Observer
+from ..model.state import State
 from ..simulation import Simulation
-from ..state import State
 from . import style
 from .gas_sample import ELASTIC, LOOSE, Mean, compare, fluid, seeds_of, together
 from .registry import Picture, Result

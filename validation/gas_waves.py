@@ -37,7 +37,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import theory
 from ..cooling_theory import changes_per_collision
 from ..hydrodynamics import excess, waves
-from ..law import IFRLaw
+from ..model.ifr import IFRLaw
 
 PATHS = 2.0
 """Wave numbers up to 1 / (2 mean free paths) count as hydrodynamic."""

@@ -3,7 +3,7 @@
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions".
 
 A disk 1 with velocity v_o and spin omega_o hits a disk 2 that is at rest. These are the paper's own results,
-written out independently of `ifrdem.law.collide`, to hold that against them. Names follow the paper; a
+written out independently of `ifrdem.model.ifr.collide`, to hold that against them. Names follow the paper; a
 function is named after what it gives, and one that ends in `_printed` has the printed form, whose error its
 docstring states. Every function takes an `Impact`, whose fields may be arrays, and returns an array.
 
@@ -429,7 +429,7 @@ def e_t_apparent_nonrolling_printed(c: Impact, without: Array) -> Array:
 
 
 class Table2Row(NamedTuple):
-    """A row of Table II as printed; `psi_transit` in degrees, `coins` by their names in `ifrdem.coins`."""
+    """A row of Table II as printed; `psi_transit` in degrees, `coins` by their names in `ifrdem.model.coin_table`."""
 
     disks: str
     material: str

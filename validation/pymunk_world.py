@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..state import Disks, State
-from ..walls import Wall
+from ..model.state import Disks, State
+from ..model.walls import Wall
 from .bullet_world import Surface
 
 DISK, WALL = 1, 2  # collision types

@@ -32,9 +32,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..box import Box
 from ..errors import InputError
-from ..state import State
+from ..model.box import Box
+from ..model.state import State
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from .. import placement, theory
-from ..box import Box
-from ..law import IFRLaw
-from ..observables import measure
+from ..model.box import Box
+from ..model.ifr import IFRLaw
+from ..model.observables import measure
+from ..model.state import Disks, State
 from ..simulation import Simulation
-from ..state import Disks, State
 from . import serial_events, soft_disks
 from .serial_events import SerialEvents
 from .soft_disks import SoftDisks, SoftDisksError

@@ -38,8 +38,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..box import Box
-from ..state import State
+from ..model.box import Box
+from ..model.state import State
 
 STEPS_PER_CONTACT = 50
 CONTACT_TIME = 0.01

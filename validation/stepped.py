@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..state import Disks, State
-from ..walls import Wall
+from ..model.state import Disks, State
+from ..model.walls import Wall
 from . import pairs, pymunk_world
 from .bullet_world import BulletWorld, Surface
 from .pairs import After

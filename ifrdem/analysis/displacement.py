@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..box import Box
 from ..errors import InputError, nearest
+from ..model.box import Box
 from ..tools.reprs import Brief
 from .frames import as_box
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..box import Box
 from ..errors import InputError
+from ..model.box import Box
 from . import libraries
 
 Positions = NDArray[np.float64] | Iterable[NDArray[np.float64]]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..law import Regime
+from ..model.ifr import Regime
 from ..tools.reprs import Brief
 
 REGIMES = {

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..box import Box
+from ..model.box import Box
 from .outcome import NOT_STEADY
 
 LEVEL = 0.0027

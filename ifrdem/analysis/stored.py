@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .. import damage, history
 from ..errors import InputError
-from ..observables import Measure
+from ..model.observables import Measure
 from ..tools.reprs import Brief
 from ..trajectory import Trajectory
 
@@ -81,7 +81,7 @@ def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], li
         raise InputError(
             f"{trajectory.path} holds no observable {' and no observable '.join(missing)}{of_disks}: `ifrdem run` "
             f"writes these into every file; from Python, file.write(state, {{{wanted}}}) does, with measure = "
-            "ifrdem.observables.measure(disks, state)"
+            "ifrdem.model.observables.measure(disks, state)"
         )
     return trajectory.times, [trajectory.observables[name].astype(float) for name in names]
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..box import Box
 from ..errors import InputError
+from ..model.box import Box
 from ..tools.reprs import Brief
 from . import libraries
 from .frames import Positions, as_box, each, times_of

@@ -14,9 +14,9 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
-from .errors import InputError
-from .kernels.random import normals, uniforms
-from .kernels.table import advance, step_tolerance
+from ..errors import InputError
+from ..kernels.random import normals, uniforms
+from ..kernels.table import advance, step_tolerance
 from .state import Disks
 
 import taichi as ti  # isort: skip  (after the kernels, which keep it from printing its banner)

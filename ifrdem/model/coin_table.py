@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from .errors import InputError, nearest
-from .law import IFRLaw
+from ..errors import InputError, nearest
+from .ifr import IFRLaw
 
 
 class UnknownCoinError(InputError, KeyError):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
+from ..errors import InputError
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls")

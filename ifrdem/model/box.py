@@ -9,7 +9,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from .errors import InputError
+from ..errors import InputError
 
 
 @dataclass(frozen=True)

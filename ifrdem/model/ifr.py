@@ -16,8 +16,8 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .collision_law import CollisionLaw
-from .errors import InputError, nearest
+from ..errors import InputError, nearest
+from .law import CollisionLaw
 
 STICKING = ("percussion_center", "contact_point")
 
@@ -237,14 +237,14 @@ class IFRLaw(CollisionLaw):
     @classmethod
     def impulses(cls) -> Callable[..., Any]:
         """The function that the engine compiles: `ifrdem.kernels.law.ifr`."""
-        from .kernels.law import ifr  # imports Taichi, which is slow
+        from ..kernels.law import ifr  # imports Taichi, which is slow
 
         return ifr
 
     @classmethod
     def parts(cls) -> Callable[..., Any]:
         """What tells the ledger of P_et, and the regime."""
-        from .kernels.law import ifr_parts  # imports Taichi, which is slow
+        from ..kernels.law import ifr_parts  # imports Taichi, which is slow
 
         return ifr_parts
 
@@ -402,7 +402,7 @@ def collide(
     >>> Regime(int(after.regime)).name
     'SLIDING'
     """
-    from .kernels.law import collide_pair  # imports Taichi, which is slow
+    from ..kernels.law import collide_pair  # imports Taichi, which is slow
 
     if not isinstance(law, IFRLaw):
         raise InputError(

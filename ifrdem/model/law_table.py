@@ -8,8 +8,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .collision_law import CollisionLaw, checked_class
-from .errors import InputError
+from ..errors import InputError
+from .law import CollisionLaw, checked_class
 from .state import Disks
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
-from .errors import InputError, nearest
+from ..errors import InputError, nearest
 
 
 class CollisionLaw:
@@ -109,7 +109,7 @@ class CollisionLaw:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """What kernels take of a class of laws, a `kernels.layout.Law`; one object for each class."""
-    from .kernels.layout import Law  # imports Taichi, which is slow
+    from ..kernels.layout import Law  # imports Taichi, which is slow
 
     import taichi as ti  # isort: skip  (after the kernels, which keep it from printing its banner)
 

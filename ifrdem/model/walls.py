@@ -15,9 +15,9 @@ from typing import Literal, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
+from ..engine_limits import MOST_WALLS
+from ..errors import InputError, nearest
 from .box import Box
-from .engine_limits import MOST_WALLS
-from .errors import InputError, nearest
 
 Point = tuple[float, float]
 SHAPES = ("line", "segment", "container", "post")

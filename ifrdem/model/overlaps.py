@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from ..errors import InputError
 from .box import Box
-from .errors import InputError
-from .room import Room
+from .free_area import Room
 
 TOLERANCE = 1e-9
 """Overlap, as a part of the contact distance, that counts as rounding.

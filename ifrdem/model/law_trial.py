@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .collision_law import CollisionLaw, compiled
-from .errors import InputError
-from .kernels.contact import try_law
-from .law import EnergyWarning
+from ..errors import InputError
+from ..kernels.contact import try_law
+from .ifr import EnergyWarning
+from .law import CollisionLaw, compiled
 from .state import Disks
 
 from taichi.lang.exception import TaichiCompilationError  # isort: skip  (after the kernels, which silence its banner)

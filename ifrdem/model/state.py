@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import InputError
-from .tools.reprs import Brief
+from ..errors import InputError
+from ..tools.reprs import Brief
 
 
 def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) -> NDArray[np.float64]:
