@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import driven_theory, shear_theory
-from .driven_theory import Drive
 from .errors import InputError
-from .mixture_theory import Mixture
 from .model.ifr import EnergyWarning, IFRLaw
 from .model.state import Disks
-from .prediction import prediction
+from .theory import driven_gas, sheared_gas
+from .theory.choose import prediction
+from .theory.driven_gas import Drive
+from .theory.mixtures import Mixture
 from .trajectory import Trajectory
 
 Curves = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
@@ -149,7 +149,7 @@ def driven(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] |
         return None, None, "nothing moves: no kinetic theory here"
     when, T, T_rot = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400))
     T = np.where(T > 0.0, T, np.nan)
-    steady = driven_theory.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 else None
+    steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 else None
     return (when, T, T_rot), steady, gas.text
 
 
@@ -163,7 +163,7 @@ def sheared(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] 
     if gas.kinds > 1:
         return None, None, "several kinds of disks in a flow: no kinetic theory here"
     rate = trajectory.box.shear_rate
-    steady = shear_theory.steady_state(*gas.one_kind, rate)
+    steady = sheared_gas.steady_state(*gas.one_kind, rate)
     if not gas.T0.any() or times[-1] <= times[0]:
         return None, steady, "nothing moves at first: no curve of kinetic theory here"
     found = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), rate)

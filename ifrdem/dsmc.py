@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import backend
-from .contact_values import Contact, checked_packing_fraction, crowding_of_mixture
-from .driven_theory import Drive
 from .errors import EngineError, InputError
 from .model.ifr import IFRLaw
 from .model.law import CollisionLaw, checked_class, compiled
 from .model.law_table import check_energy, coefficient_table, law_table
 from .model.state import Disks, State
 from .relaxation import Checkpoint, Relaxation, sample
+from .theory.contact import Contact, checked_packing_fraction, crowding_of_mixture
+from .theory.driven_gas import Drive
 from .tools import seeds
 
 MARGIN = 1.15  # how much faster than the fastest disk one may become before a batch is cut short

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from . import driven_theory, engine_limits, shear_theory, theory
+from . import engine_limits, theory
 from .case import Case
 from .case_output import OutputSection
-from .driven_theory import Drive
 from .file_size import trajectory_bytes
 from .gas import Gas, Species
 from .model.observables import MECHANISMS, REGIMES
+from .theory import driven_gas, sheared_gas
+from .theory.driven_gas import Drive
 
 OBSERVABLES = {
     "translational_energy": 1,
@@ -101,7 +102,7 @@ class Estimate:
             mass, radius = float(each.mass[0]), float(each.radius[0])
             drive = Drive.of([force.model_dump() for force in case.force], mass, mass * radius**2 / each.k)
             if drive is not None and not gas.box.is_open and gas.law().rho == 0.0:
-                steady = driven_theory.steady_state(gas.law(), mass, radius, each.k, phi, drive)
+                steady = driven_gas.steady_state(gas.law(), mass, radius, each.k, phi, drive)
         end, per_disk = (
             case.run.t_end if case.run.t_end is not None else math.nan,
             case.run.collisions_per_disk if case.run.collisions_per_disk is not None else math.nan,
@@ -250,8 +251,8 @@ def _sheared(gas: Gas, phi: float, case: Case) -> tuple[tuple[float, float] | No
     one = (law, mass, radius, each.k, phi, gas.box.shear_rate)
     T, T_rot = 0.5 * mass * each.speed_rms**2, mass * radius**2 / each.k * each.spin_rms**2
     if case.run.t_end is not None and T > 0.0:
-        per_disk = float(shear_theory.sheared(*one, T, T_rot, [case.run.t_end])[2][0])
-    return shear_theory.steady_state(*one), per_disk
+        per_disk = float(sheared_gas.sheared(*one, T, T_rot, [case.run.t_end])[2][0])
+    return sheared_gas.steady_state(*one), per_disk
 
 
 def _expected(
@@ -284,7 +285,7 @@ def _expected(
         one = (law, mass, radius, each.k, phi)
         if drive is None:
             return float(theory.cooling(*one, T, T_rot, [time])[2][0])
-        return float(driven_theory.driven(*one, drive, T, T_rot, [time])[2][0])
+        return float(driven_gas.driven(*one, drive, T, T_rot, [time])[2][0])
 
     if math.isnan(collisions_per_disk):
         return t_end, per_disk(t_end)

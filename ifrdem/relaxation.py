@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .model.state import Disks
-from .sonine_theory import sonine_coefficient
+from .theory.sonine import sonine_coefficient
 
 
 @dataclass(frozen=True)

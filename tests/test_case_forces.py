@@ -15,10 +15,10 @@ from ifrdem import case_file, forces, plot
 from ifrdem.case import Case
 from ifrdem.case_forces import FORCES, ForceSection
 from ifrdem.cli import main
-from ifrdem.driven_theory import Drive, steady_state
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas, forces_of
 from ifrdem.model.ifr import IFRLaw
+from ifrdem.theory.driven_gas import Drive, steady_state
 from ifrdem.trajectory import Trajectory
 
 pytestmark = pytest.mark.unoptimised

@@ -15,7 +15,7 @@ from ifrdem.cli import main
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
 from ifrdem.model.ifr import IFRLaw
-from ifrdem.shear_theory import steady_state
+from ifrdem.theory.sheared_gas import steady_state
 from ifrdem.trajectory import Trajectory
 
 pytestmark = pytest.mark.unoptimised

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from ifrdem import theory
-from ifrdem.driven_theory import Drive, driven, steady_state
 from ifrdem.errors import InputError
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw
+from ifrdem.theory.driven_gas import Drive, driven, steady_state
 
 COIN = coins["1 pta"].law
 GAS = (1.0, 0.5, 2.0, 0.2)  # mass, radius, k, packing fraction

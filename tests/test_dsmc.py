@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from ifrdem import backend, dsmc, placement
-from ifrdem.collision_rates import mixture_collision_rates
-from ifrdem.contact_values import Contact, mixture_contact_values
-from ifrdem.driven_theory import Drive, driven
 from ifrdem.dsmc import DSMC
 from ifrdem.errors import EngineError, InputError
-from ifrdem.mixture_theory import Mixture, mixture_cooling
 from ifrdem.model.ifr import EnergyWarning, IFRLaw
 from ifrdem.model.law import CollisionLaw
 from ifrdem.model.state import Disks
-from ifrdem.sonine_theory import cooling_factor, heated_sonine
 from ifrdem.theory import collision_rate, cooling, haff
+from ifrdem.theory.collisions import mixture_collision_rates
+from ifrdem.theory.contact import Contact, mixture_contact_values
+from ifrdem.theory.driven_gas import Drive, driven
+from ifrdem.theory.mixtures import Mixture, mixture_cooling
+from ifrdem.theory.sonine import cooling_factor, heated_sonine
 
 pytestmark = pytest.mark.unoptimised
 

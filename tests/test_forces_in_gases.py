@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 import ifrdem.engine
 from ifrdem import backend
-from ifrdem.driven_theory import Drive, steady_state
 from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks
@@ -20,6 +19,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import State
 from ifrdem.simulation import Simulation
+from ifrdem.theory.driven_gas import Drive, steady_state
 
 pytestmark = pytest.mark.unoptimised
 

@@ -7,9 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from ifrdem.contact_values import compressibility, contact_value
 from ifrdem.errors import InputError
-from ifrdem.hydrodynamics import (
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.theory import collision_rate, cooling_rates, cooling_ratio
+from ifrdem.theory.contact import compressibility, contact_value
+from ifrdem.theory.hydrodynamics import (
     clustering_length,
     excess,
     shear_length,
@@ -19,8 +21,6 @@ from ifrdem.hydrodynamics import (
     thermal_conductivity,
     waves,
 )
-from ifrdem.model.ifr import IFRLaw
-from ifrdem.theory import collision_rate, cooling_rates, cooling_ratio
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 SMOOTH = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)

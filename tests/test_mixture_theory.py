@@ -10,21 +10,16 @@ import pytest
 from numpy.typing import NDArray
 from serial_reference import simulate
 
-from ifrdem.contact_values import compressibility, mixture_contact_values
-from ifrdem.driven_theory import Drive, driven, steady_state
 from ifrdem.errors import InputError
-from ifrdem.mixture_theory import (
-    Mixture,
-    mixture_cooling,
-    mixture_cooling_rates,
-    mixture_driven,
-)
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import EnergyWarning, IFRLaw, collide
 from ifrdem.model.law import CollisionLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.placement import hexagonal_positions, maxwellian
 from ifrdem.theory import cooling, cooling_rates, prediction
+from ifrdem.theory.contact import compressibility, mixture_contact_values
+from ifrdem.theory.driven_gas import Drive, driven, steady_state
+from ifrdem.theory.mixtures import Mixture, mixture_cooling, mixture_cooling_rates, mixture_driven
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 

@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem import EnergyWarning, Trajectory, analysis, check, cli, shear_theory, template
+from ifrdem import EnergyWarning, Trajectory, analysis, check, cli, template
 from ifrdem.case import Case
 from ifrdem.gas import Gas
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Wall
+from ifrdem.theory import sheared_gas
 
 pytestmark = pytest.mark.unoptimised
 
@@ -195,7 +196,7 @@ def test_shear_example_prints_a_temperature_and_a_negative_shear_stress(
     exec(compile(block("shear"), "README.md", "exec"), {})
     T, stress = (float(line) for line in capsys.readouterr().out.splitlines())
     law = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
-    steady = shear_theory.steady_state(law, 1.0, 0.5, 2.0, 0.1, 0.5)
+    steady = sheared_gas.steady_state(law, 1.0, 0.5, 2.0, 0.1, 0.5)
     assert steady is not None
     assert pytest.approx(steady[0], rel=0.25) == T  # one frame of a thousand disks, not yet steady
     assert stress < 0.0

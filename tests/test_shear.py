@@ -20,9 +20,9 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
-from ifrdem.shear_theory import steady_state
 from ifrdem.simulation import Simulation
 from ifrdem.theory import contact_value
+from ifrdem.theory.sheared_gas import steady_state
 
 pytestmark = pytest.mark.unoptimised
 

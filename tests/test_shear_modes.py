@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from ifrdem import backend, placement
-from ifrdem.hydrodynamics import shear_length, shear_mode_energy
 from ifrdem.model.box import Box
 from ifrdem.model.coin_table import coins
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import Simulation
+from ifrdem.theory.hydrodynamics import shear_length, shear_mode_energy
 
 pytestmark = pytest.mark.unoptimised
 

@@ -11,7 +11,7 @@ from ifrdem import theory
 from ifrdem.errors import InputError
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw, collide
-from ifrdem.shear_theory import relaxation, sheared, steady_state
+from ifrdem.theory.sheared_gas import relaxation, sheared, steady_state
 
 COIN = coins["1 pta"].law
 GAS = (1.0, 0.5, 2.0)  # mass, radius, k

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.sonine_theory import (
+from ifrdem.theory.sonine import (
     collision_factor,
     cooling_factor,
     cooling_sonine,

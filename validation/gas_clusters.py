@@ -30,12 +30,12 @@ from numpy.typing import NDArray
 
 from .. import analysis, placement, theory
 from ..analysis import libraries
-from ..cooling_theory import changes_per_collision
-from ..hydrodynamics import excess
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.state import State
 from ..simulation import Simulation
+from ..theory.cooling_gas import changes_per_collision
+from ..theory.hydrodynamics import excess
 from . import style
 from .gas_sample import ELASTIC, add, equal_disks, seeds_of
 from .gas_waves import MOST_SHARE, streams

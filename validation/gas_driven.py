@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import driven_theory, placement, shear_theory, theory
-from ..driven_theory import Drive
+from .. import placement, theory
 from ..dsmc import DSMC
 from ..model.box import Box
 from ..model.coin_table import coins
@@ -33,6 +32,8 @@ from ..model.ifr import IFRLaw
 from ..model.observables import Measure
 from ..model.state import State
 from ..simulation import Simulation
+from ..theory import driven_gas, sheared_gas
+from ..theory.driven_gas import Drive
 from . import gas_state, style
 from .gas_sample import ELASTIC, Mean, compare, equal_disks, fluid, seeds_of, thermal
 from .gas_waves import driven_streams
@@ -83,7 +84,7 @@ def _kicked(result: Result, quick: bool, seed: int, axes: Any) -> None:
     law = coins["1 pta"].law
     drive = Drive(power=1.0)
     steady = {
-        phi: driven_theory.steady_state(law, 1.0, 0.5, 2.0, phi, drive) or (math.nan, math.nan)
+        phi: driven_gas.steady_state(law, 1.0, 0.5, 2.0, phi, drive) or (math.nan, math.nan)
         for phi in (0.02, 0.1)
     }
     others = seeds_of(seed, 8, 5100)
@@ -148,8 +149,8 @@ def _sheared(result: Result, quick: bool, seed: int, axes: Any) -> None:
     for i, e_n in enumerate(() if quick else (0.95, 0.9, 0.8)):
         seeds = seeds_of(seed, replicas, 5200 + 50 * i)
         law = IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
-        T, _ = shear_theory.steady_state(law, 1.0, 0.5, 2.0, phi, rate) or (math.nan, math.nan)
-        anisotropy = 0.5 * (1.0 - e_n**2) / shear_theory.relaxation(0.0, law, 2.0)  # |pi|^2 = z / l
+        T, _ = sheared_gas.steady_state(law, 1.0, 0.5, 2.0, phi, rate) or (math.nan, math.nan)
+        anisotropy = 0.5 * (1.0 - e_n**2) / sheared_gas.relaxation(0.0, law, 2.0)  # |pi|^2 = z / l
         found = []
         for one in seeds:
             disks = equal_disks(n)

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..collision_rates import collision_rate
 from ..dsmc import DSMC
 from ..model.ifr import IFRLaw
 from ..model.observables import Measure
 from ..simulation import Simulation
+from ..theory.collisions import collision_rate
 from . import style
 from .gas_sample import Mean, compare, fluid, seeds_of, thermal
 from .registry import Picture, Result

@@ -2,7 +2,7 @@ r"""What waves of velocity add to the temperature of a cooling gas, and how far 
 
 A theory of homogeneous gases has thermal velocities only. A gas has waves, which its noise feeds and which lose energy
 by viscosity, not by collisions. With z the part of T that a collision of a disk takes, nu the collision rate,
-q = k^2 xi^2 (`ifrdem.hydrodynamics`) and S the energy of a wave in units of its thermal share:
+q = k^2 xi^2 (`ifrdem.theory.hydrodynamics`) and S the energy of a wave in units of its thermal share:
 
 *Transverse waves.* dS/dtau = z S - z q (S - 1): S - 1 = [exp(z tau (1 - q)) - 1] / (1 - q); T. P. C. van Noije, M. H.
 Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997), doi:10.1103/PhysRevLett.79.411.
@@ -35,9 +35,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import theory
-from ..cooling_theory import changes_per_collision
-from ..hydrodynamics import excess, waves
 from ..model.ifr import IFRLaw
+from ..theory.cooling_gas import changes_per_collision
+from ..theory.hydrodynamics import excess, waves
 
 PATHS = 2.0
 """Wave numbers up to 1 / (2 mean free paths) count as hydrodynamic."""

@@ -21,10 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from .collision_rates import collision_rate
-from .cooling_theory import checked_times, cooling_rates
-from .errors import InputError
-from .model.ifr import IFRLaw
+from ..errors import InputError
+from ..model.ifr import IFRLaw
+from .collisions import collision_rate
+from .cooling_gas import checked_times, cooling_rates
 
 
 @dataclass(frozen=True)

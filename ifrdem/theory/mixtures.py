@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
+from ..errors import InputError
+from ..model.ifr import IFRLaw
+from ..model.state import Disks
 from .collision_averages import Disk, checked_law, energy_changes
-from .collision_rates import mixture_collision_rates
-from .contact_values import Contact, checked_packing_fraction, mixture_contact_values
-from .cooling_theory import checked_times
-from .driven_theory import Drive
-from .errors import InputError
-from .model.ifr import IFRLaw
-from .model.state import Disks
+from .collisions import mixture_collision_rates
+from .contact import Contact, checked_packing_fraction, mixture_contact_values
+from .cooling_gas import checked_times
+from .driven_gas import Drive
 
 MOST_SPECIES = 64  # every pair of them is summed at every step
 

@@ -38,8 +38,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import InputError
-from .model.ifr import IFRLaw
+from ..errors import InputError
+from ..model.ifr import IFRLaw
 
 
 class Disk(NamedTuple):

@@ -30,11 +30,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from .collision_rates import collision_rate
-from .contact_values import contact_value
-from .cooling_theory import changes_per_collision, checked_times
-from .errors import InputError
-from .model.ifr import IFRLaw
+from ..errors import InputError
+from ..model.ifr import IFRLaw
+from .collisions import collision_rate
+from .contact import contact_value
+from .cooling_gas import changes_per_collision, checked_times
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _HIGHEST = 7.0  # of a Gaussian variable, beyond which there is 1e-11 of it

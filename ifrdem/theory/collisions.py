@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .contact_values import checked_packing_fraction, checked_positive, contact_value
+from .contact import checked_packing_fraction, checked_positive, contact_value
 
 
 def collision_rate(

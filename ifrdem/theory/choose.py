@@ -9,12 +9,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import mixture_theory, shear_theory
-from .driven_theory import Drive
-from .errors import InputError
-from .mixture_theory import Mixture, MixtureTemperatures
-from .model.ifr import IFRLaw
-from .model.state import Disks
+from ..errors import InputError
+from ..model.ifr import IFRLaw
+from ..model.state import Disks
+from . import mixtures, sheared_gas
+from .driven_gas import Drive
+from .mixtures import Mixture, MixtureTemperatures
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ def prediction(
             raise InputError(f"shear_rate = {shear_rate}: no theory of a sheared gas with {what}")
         one = (mixture.law[0][0], float(mixture.mass[0]), float(mixture.radius[0]), float(mixture.k[0]))
         start = (float(np.ravel(T0)[0]), float(np.ravel(T_rot0)[0]))
-        return Prediction("sheared", *shear_theory.sheared(*one, packing_fraction, shear_rate, *start, times))
+        return Prediction("sheared", *sheared_gas.sheared(*one, packing_fraction, shear_rate, *start, times))
     if not forces:
-        found = mixture_theory.mixture_cooling(mixture, T0, T_rot0, times)
+        found = mixtures.mixture_cooling(mixture, T0, T_rot0, times)
         return Prediction("cooling", *found.mean(mixture), found)
     inertia = mixture.mass * mixture.radius**2 / mixture.k
     drives = [Drive.of(forces, float(m), float(i)) for m, i in zip(mixture.mass, inertia, strict=True)]
@@ -92,5 +92,5 @@ def prediction(
         raise InputError(
             f"forces = {kinds}: kinetic theory knows linear ones only (kicks, spin_kicks, drag, langevin)"
         )
-    found = mixture_theory.mixture_driven(mixture, known, T0, T_rot0, times)
+    found = mixtures.mixture_driven(mixture, known, T0, T_rot0, times)
     return Prediction("driven", *found.mean(mixture), found)

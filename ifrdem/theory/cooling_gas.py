@@ -17,11 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from ..errors import InputError
+from ..model.ifr import IFRLaw
 from .collision_averages import Disk, checked_law, energy_changes
-from .collision_rates import collision_rate
-from .contact_values import checked_positive
-from .errors import InputError
-from .model.ifr import IFRLaw
+from .collisions import collision_rate
+from .contact import checked_positive
 
 
 def changes_per_collision(

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import InputError, nearest
+from ..errors import InputError, nearest
 
 VIRIAL = (
     1.0,

@@ -35,13 +35,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
+from ..errors import InputError
+from ..model.ifr import IFRLaw
 from .collision_averages import checked_law
-from .collision_rates import collision_rate
-from .contact_values import checked_positive, compressibility, contact_value
-from .cooling_theory import changes_per_collision, cooling_ratio
-from .errors import InputError
-from .model.ifr import IFRLaw
-from .shear_theory import crowding, relaxation
+from .collisions import collision_rate
+from .contact import checked_positive, compressibility, contact_value
+from .cooling_gas import changes_per_collision, cooling_ratio
+from .sheared_gas import crowding, relaxation
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 

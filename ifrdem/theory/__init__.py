@@ -9,9 +9,10 @@ Which laws can add energy: `IFRLaw.admissibility`.
 
 from __future__ import annotations
 
-from .collision_rates import collision_rate, mean_free_path, mixture_collision_rates
-from .contact_values import VIRIAL, compressibility, contact_value, henderson, mixture_contact_values
-from .cooling_theory import (
+from .choose import Prediction, prediction
+from .collisions import collision_rate, mean_free_path, mixture_collision_rates
+from .contact import VIRIAL, compressibility, contact_value, henderson, mixture_contact_values
+from .cooling_gas import (
     changes_per_collision,
     checked_times,
     cooling,
@@ -30,21 +31,8 @@ from .hydrodynamics import (
     shear_viscosity,
     thermal_conductivity,
 )
-from .mixture_theory import (
-    Mixture,
-    MixtureTemperatures,
-    mixture_cooling,
-    mixture_cooling_rates,
-    mixture_driven,
-)
-from .prediction import Prediction, prediction
-from .sonine_theory import (
-    collision_factor,
-    cooling_factor,
-    cooling_sonine,
-    heated_sonine,
-    sonine_coefficient,
-)
+from .mixtures import Mixture, MixtureTemperatures, mixture_cooling, mixture_cooling_rates, mixture_driven
+from .sonine import collision_factor, cooling_factor, cooling_sonine, heated_sonine, sonine_coefficient
 
 __all__ = [
     "VIRIAL",
