@@ -88,10 +88,8 @@ if TYPE_CHECKING:
     from . import plot as plot
     from . import radii as radii
     from . import theory as theory
-    from . import views as views
     from .dsmc import DSMC
     from .errors import EngineError, InputError
-    from .history import History
     from .model import forces as forces
     from .model import observables as observables
     from .model.box import Box
@@ -102,8 +100,10 @@ if TYPE_CHECKING:
     from .model.walls import Motion, Wall
     from .recorder import Ledger
     from .simulation import Simulation
-    from .trajectory import Trajectory
-    from .trajectory_writer import TrajectoryWriter
+    from .trajectory import views as views
+    from .trajectory.history import History
+    from .trajectory.reader import Trajectory
+    from .trajectory.writer import TrajectoryWriter
 
 
 def __getattr__(name: str) -> Any:

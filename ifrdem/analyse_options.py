@@ -18,7 +18,7 @@ from .outputs import check_apart, check_files, write_aside
 
 if TYPE_CHECKING:
     from .analysis.outcome import Columns, Outcome, Row
-    from .trajectory import Trajectory
+    from .trajectory.reader import Trajectory
 
 NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pressure", "cooling", "impact")
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
         raise InputError(
             f"no analysis is called '{unknown[0]}'{nearest(unknown[0], NAMES)}; there are: {', '.join(NAMES)}"
         )
-    from .trajectory import Trajectory
+    from .trajectory.reader import Trajectory
 
     with Trajectory(options.file) as trajectory:
         chosen = (

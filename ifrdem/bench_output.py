@@ -16,14 +16,15 @@ from typing import Any
 
 from scipy.stats import quantile_test
 
-from . import bench, equilibrium, writer_process
+from . import bench, equilibrium
 from .cadence import Cadence, Span
 from .case_output import ROWS_PER_FRAME
 from .course import Course
 from .gas import Gas
-from .queued_writer import QueuedWriter
 from .recorder import Ledger, Recorder
-from .trajectory_writer import DEFAULT_FIELDS
+from .trajectory import writer_process
+from .trajectory.background import QueuedWriter
+from .trajectory.writer import DEFAULT_FIELDS
 
 FRAMES = 4
 """Frames in a timed piece, one for each collision that a disk has on average: so many at least."""

@@ -358,7 +358,7 @@ def _run(options: argparse.Namespace) -> int:
 
     from .run import run
     from .stops import Stopped
-    from .trajectory_writer import TrajectoryError
+    from .trajectory.writer import TrajectoryError
 
     try:
         run(file, outputs, force=options.force, max_hours=max_hours, say=_say, warn=_warn)
@@ -377,7 +377,7 @@ def _resume(options: argparse.Namespace) -> int:
 
     find(options.place)  # before anything takes a second
     from .stops import Stopped
-    from .trajectory_writer import TrajectoryError
+    from .trajectory.writer import TrajectoryError
 
     try:
         resume(

@@ -17,7 +17,7 @@ from .theory import driven_gas, sheared_gas
 from .theory.choose import prediction
 from .theory.driven_gas import Drive
 from .theory.mixtures import Mixture
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 Curves = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 """Times, and T and T_rot [energy] at them."""

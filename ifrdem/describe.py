@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from . import h5md, history, status, views
+from . import status
 from .model.box import Box
-from .trajectory import Trajectory
+from .trajectory import history, layout, views
+from .trajectory.reader import Trajectory
 
 
 def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
@@ -29,7 +30,7 @@ def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
         As `Trajectory`.
     """
     with Trajectory(path) as trajectory:
-        lines = [f"{path}: trajectory of ifrdem, H5MD {'.'.join(map(str, h5md.H5MD_VERSION))}"]
+        lines = [f"{path}: trajectory of ifrdem, H5MD {'.'.join(map(str, layout.H5MD_VERSION))}"]
         lines += _describe_gas(trajectory)
         lines += _describe_fields(trajectory)
         lines += _describe_series(trajectory)

@@ -56,9 +56,10 @@ def place(options: argparse.Namespace, ending: str) -> Path:
 
 def act(options: argparse.Namespace) -> int:
     """Do it."""
-    from . import export, frame_numbers
+    from . import frame_numbers
     from .errors import InputError, nearest
-    from .trajectory import Trajectory
+    from .trajectory import export
+    from .trajectory.reader import Trajectory
 
     if options.to not in export.FORMATS:
         allowed = ", ".join(export.FORMATS)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from . import h5md, history_columns
+from .trajectory import history_columns, layout
 
 GROUP_BYTES = 1510
 """Of each dataset with a group of its own, links and header."""
@@ -29,8 +29,8 @@ FILLED = 0.9 * NODE
 
 def disk_bytes(fields: Sequence[str], precision: str) -> int:
     """Bytes per disk and frame of these fields in a trajectory file without compression."""
-    size = np.dtype(h5md.PRECISIONS[precision]).itemsize
-    chosen = [h5md.FIELDS[name] for name in fields]
+    size = np.dtype(layout.PRECISIONS[precision]).itemsize
+    chosen = [layout.FIELDS[name] for name in fields]
     return sum(field.components * (4 if field.count else size) for field in chosen)
 
 
@@ -64,15 +64,15 @@ def trajectory_bytes(
     text : int
         Characters of the case.
     """
-    stored = [_dataset(frames, h5md.CHUNK_FRAMES, width, 8) for width in (1, 1, 3, *observables.values())]
-    per_chunk, item = h5md.chunk_disks(n), np.dtype(h5md.PRECISIONS[precision]).itemsize
+    stored = [_dataset(frames, layout.CHUNK_FRAMES, width, 8) for width in (1, 1, 3, *observables.values())]
+    per_chunk, item = layout.chunk_disks(n), np.dtype(layout.PRECISIONS[precision]).itemsize
     for name in fields:
-        field = h5md.FIELDS[name]
+        field = layout.FIELDS[name]
         chunks = frames * -(-n // per_chunk)
         size = per_chunk * field.components * (4 if field.count else item)
         stored.append(chunks * size + _tree(chunks, 1 + field.components) + GROUP_BYTES)
     if rows:
-        stored += [_dataset(rows, max(1, h5md.CHUNK_ROWS // width), width, 8) for width in series.values()]
+        stored += [_dataset(rows, max(1, layout.CHUNK_ROWS // width), width, 8) for width in series.values()]
     if tracked:
         most, few = history_columns.CHUNK_EVENTS, history_columns.FEW_EVENTS
         chunk = most if tracked >= history_columns.MANY else min(most, few)

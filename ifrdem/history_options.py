@@ -26,10 +26,10 @@ def add_to(verbs: Any) -> None:
 
 def act(options: argparse.Namespace) -> int:
     """Do it."""
-    from . import export
     from .export_options import place
     from .tools.arguments import whole
-    from .trajectory import Trajectory
+    from .trajectory import export
+    from .trajectory.reader import Trajectory
 
     disk = whole("--id", options.id, 0)
     with Trajectory(options.file) as trajectory:
@@ -47,7 +47,7 @@ def summary(trajectory: Any, history: Any) -> list[str]:
     """A disk's history in some lines."""
     import numpy as np
 
-    from .history import KICK
+    from .trajectory.history import KICK
 
     def time(value: float) -> str:
         return str(trajectory.with_unit(f"{value:.6g}", "time"))

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import plot, plot_disks, raster, tables
+from . import plot, plot_disks, raster
 from .errors import InputError, nearest
 from .outputs import check_apart, write_aside
 from .plot_style import with_unit
-from .trajectory import Trajectory
+from .trajectory import tables
+from .trajectory.reader import Trajectory
 
 COLOURS = ("spin", "temperature")
 ANGLES = ("angle", "orientation")  # names of fields that say how far a disk has turned

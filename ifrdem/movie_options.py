@@ -37,7 +37,7 @@ def act(options: argparse.Namespace) -> int:
     from .errors import InputError, nearest
     from .export_options import place
     from .tools.arguments import whole
-    from .trajectory import Trajectory
+    from .trajectory.reader import Trajectory
 
     fps = whole("--fps", options.fps, 1, 240)
     size = _size(options.size)

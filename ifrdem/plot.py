@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from . import plot_disks, plot_profiles, plot_temperatures, profiles
 from .errors import InputError
 from .outputs import write_aside
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

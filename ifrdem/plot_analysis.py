@@ -9,7 +9,7 @@ import numpy as np
 from . import analysis, plot_disks
 from .analysis.outcome import Outcome, unit
 from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, few_labels, from_zero, legend_above, with_unit
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

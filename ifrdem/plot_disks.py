@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from .model.box import Box
 from .model.walls import Wall
 from .plot_style import with_unit
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

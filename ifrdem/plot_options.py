@@ -15,7 +15,7 @@ from .outputs import check_apart, check_files
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from .trajectory import Trajectory
+    from .trajectory.reader import Trajectory
 
 PICTURES = {
     "temperatures": "both temperatures and their ratio against time, with kinetic theory where it holds",
@@ -85,7 +85,7 @@ def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
             f"no picture is called '{options.what}'{nearest(options.what, PICTURES)}; "
             f"there are: {', '.join(PICTURES)}"
         )
-    from .trajectory import Trajectory
+    from .trajectory.reader import Trajectory
 
     with Trajectory(options.file) as trajectory:
         chosen = (

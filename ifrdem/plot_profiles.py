@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, with_unit
 from .profiles import Profile
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

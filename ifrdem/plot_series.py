@@ -8,7 +8,7 @@ import numpy as np
 
 from .analysis import stored
 from .plot_style import ACROSS, RATIO, ROTATION, TRANSLATION, legend_above, with_unit
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from . import curves
 from .plot_style import RATIO, ROTATION, TRANSLATION, few_labels, from_zero, positive, with_unit
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

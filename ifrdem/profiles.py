@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 MOST_STRIPS, LEAST_STRIPS = 40, 8
 FEWEST = 20  # disks, over all frames, that tell a temperature

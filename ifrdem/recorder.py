@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from .events import Events, joined
 from .model.observables import MECHANISMS, REGIMES, Measure
 from .model.state import State
-from .queued_writer import QueuedWriter
+from .trajectory.background import QueuedWriter
 
 ROWS_AT_ONCE, ROWS_WAIT = 256, 2.0
 """Rows of the time series that are written together at most, and seconds after which the next row or frame has those

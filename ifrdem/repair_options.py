@@ -28,8 +28,9 @@ def add_to(verbs: Any) -> None:
 
 def act(options: argparse.Namespace) -> int:
     """Do it."""
-    from . import export_options, repair, views
+    from . import export_options
     from .errors import InputError
+    from .trajectory import repair, views
 
     given = Path(options.file)
     if options.in_place and (options.output is not None or options.force):

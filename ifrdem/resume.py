@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from . import backend, check, checkpoint, writer_process
+from . import backend, check, checkpoint
 from .case import Case
 from .case_file import CaseFile
 from .course import Course
@@ -19,9 +19,10 @@ from .errors import InputError
 from .events import Events
 from .gas import Gas
 from .outputs import CHECKPOINT, Outputs, checkpoint_of
-from .queued_writer import QueuedWriter
 from .recorder import Ledger
 from .run import Job, device_of, drive, finish, how
+from .trajectory import writer_process
+from .trajectory.background import QueuedWriter
 
 
 def find(place: str | os.PathLike[str]) -> Path:

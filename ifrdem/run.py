@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from . import backend, check, plot, scan_picture, table_picture, writer_process
+from . import backend, check, plot, scan_picture, table_picture
 from .cadence import Span
 from .case import IMPACT_SCAN, UNITS, Case
 from .case_file import CaseFile
@@ -27,13 +27,14 @@ from .gas import Gas
 from .model.observables import MECHANISMS, Measure
 from .outputs import Outputs
 from .progress import Progress
-from .queued_writer import QueuedWriter
 from .recorder import Ledger, Recorder
 from .simulation import Simulation
 from .status import Status
 from .stops import Stopped, Stops
-from .trajectory_writer import TrajectoryError
-from .views import write_views
+from .trajectory import writer_process
+from .trajectory.background import QueuedWriter
+from .trajectory.views import write_views
+from .trajectory.writer import TrajectoryError
 
 
 @dataclass

@@ -16,7 +16,7 @@ from .model.ifr import IFRLaw, Regime, collide
 from .model.state import Disks
 from .plot import save
 from .plot_style import RATIO, ROTATION, TRANSLATION
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from .model.walls import Wall
 from .model.walls import check as check_walls
 from .placement import check_no_overlap
 from .start_file import Given
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""

@@ -13,7 +13,7 @@ from .errors import InputError
 from .plot import save, title
 from .plot_disks import shown_region
 from .plot_style import RATIO, ROTATION, TRANSLATION, with_unit
-from .trajectory import Trajectory
+from .trajectory.reader import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,7 +22,7 @@ def add_to(verbs: Any) -> None:
 
 def act(options: argparse.Namespace) -> int:
     """Do it."""
-    from . import views
+    from .trajectory import views
 
     for path in views.write_views(options.file):
         print(f"wrote {path}", flush=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.trajectory_writer import TrajectoryWriter
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 BOX = Box((30.0, 20.0))
 FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")

@@ -16,7 +16,7 @@ from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, cl
 from ifrdem.analyse_options import NAMES, number
 from ifrdem.analysis import catalogue, outcome, stored
 from ifrdem.errors import InputError
-from ifrdem.history_columns import COLUMNS, START
+from ifrdem.trajectory.history_columns import COLUMNS, START
 
 N, FRAMES, SPAN = 300, 12, 4.0
 BOX = Box((40.0, 30.0))

@@ -19,7 +19,7 @@ from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas, forces_of
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.theory.driven_gas import Drive, steady_state
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
 

@@ -12,7 +12,7 @@ from ifrdem import case_file, cli, plot, table_picture
 from ifrdem.case_forces import FORCES
 from ifrdem.errors import InputError
 from ifrdem.gas import Gas, forces_of
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
 

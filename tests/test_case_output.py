@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import case_file, check, cli, history_columns, run
+from ifrdem import case_file, check, cli, run
 from ifrdem.cadence import Cadence
 from ifrdem.case import UNITS
 from ifrdem.case_output import OutputSection
@@ -18,7 +18,8 @@ from ifrdem.gas import Gas
 from ifrdem.model.observables import measure
 from ifrdem.recorder import COLUMNS, Ledger
 from ifrdem.tools import seeds
-from ifrdem.trajectory_writer import TrajectoryWriter
+from ifrdem.trajectory import history_columns
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 CASE = """
 [run]

@@ -16,7 +16,7 @@ from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.theory.sheared_gas import steady_state
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
 

@@ -24,7 +24,7 @@ from ifrdem.model.collapse import Collapse
 from ifrdem.model.free_area import Room
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Wall, from_json, to_json
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
 

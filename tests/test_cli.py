@@ -24,8 +24,8 @@ from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
 from ifrdem.recorder import Recorder
 from ifrdem.simulation import Simulation
-from ifrdem.trajectory import Trajectory
-from ifrdem.trajectory_writer import TrajectoryError
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryError
 
 pytestmark = pytest.mark.unoptimised
 

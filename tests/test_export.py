@@ -16,11 +16,11 @@ from test_frame import flip
 
 from ifrdem.cli import main
 from ifrdem.errors import InputError
-from ifrdem.export import export
 from ifrdem.frame_numbers import chosen, counted
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.trajectory import Trajectory, TrajectoryWriter
+from ifrdem.trajectory.export import export
+from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning")
 N, FRAMES = 30, 6

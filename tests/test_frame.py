@@ -11,11 +11,11 @@ import pytest
 from layout_files import BOX, FIELDS, MECHANISMS, add_series, some_disks, some_state, write
 from test_trajectory import child
 
-from ifrdem.damage import DamageError
 from ifrdem.describe import describe
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.trajectory import Trajectory, TrajectoryWriter
+from ifrdem.trajectory.damage import DamageError
+from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 
 
 def test_fields_are_there_by_name_as_items_and_attributes(tmp_path):
@@ -93,7 +93,7 @@ def test_tables_hold_every_column(tmp_path):
 
 
 def test_data_sets_of_xarray_are_lazy_and_equal_the_frames(tmp_path, monkeypatch):
-    from ifrdem import damage
+    from ifrdem.trajectory import damage
 
     write(tmp_path / "run.h5", n=6, frames=4, units={"length": "m", "time": "s", "energy": "J"})
     add_series(tmp_path / "run.h5")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from layout_files import BOX, EVENT_COLUMNS, add_histories, some_state, write
 
-from ifrdem import history
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory import history
+from ifrdem.trajectory.reader import Trajectory
 
 TRACKED = [1, 4, 6]
 

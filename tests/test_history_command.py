@@ -12,7 +12,7 @@ from layout_files import add_histories, some_state, write
 from ifrdem.cli import main
 from ifrdem.history_options import regime, summary
 from ifrdem.model.ifr import Regime
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory.reader import Trajectory
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from ifrdem import case_file, cli, impact_scan, scan_picture
 from ifrdem.errors import InputError
 from ifrdem.gas import Gas
 from ifrdem.model.state import Disks
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
 

@@ -23,11 +23,11 @@ from test_trajectory import some_state as new_state
 from trajectory_parts import SERIES_COLUMNS, TRACKED, row
 from trajectory_parts import batch as new_batch
 
-from ifrdem.history_columns import COLUMNS
-from ifrdem.ordered_file import OrderedFile
-from ifrdem.queued_writer import QueuedWriter
-from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
-from ifrdem.writer_process import RemoteWriter
+from ifrdem.trajectory.background import QueuedWriter
+from ifrdem.trajectory.history_columns import COLUMNS
+from ifrdem.trajectory.ordered_file import OrderedFile
+from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.writer_process import RemoteWriter
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 

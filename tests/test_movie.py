@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from layout_files import BOX, write
 
-from ifrdem import h5md, movie, plot_disks, raster
+from ifrdem import movie, plot_disks, raster
 from ifrdem.cli import main
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.trajectory import Trajectory, TrajectoryWriter
+from ifrdem.trajectory import layout
+from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 
 EMPTY, MARK = 900, 901
 
@@ -131,7 +132,7 @@ def test_many_disks_are_a_map_of_the_area_fraction(tmp_path, monkeypatch):
 
 
 def test_angles_are_marked_where_the_file_holds_them(tmp_path, monkeypatch):
-    monkeypatch.setitem(h5md.FIELDS, "angle", h5md.Field("angle", 1))
+    monkeypatch.setitem(layout.FIELDS, "angle", layout.Field("angle", 1))
     state = State([[15.0, 10.0]], np.zeros((1, 2)), [3.0])
     state.angle = np.array([0.0])  # type: ignore[attr-defined]
     with TrajectoryWriter(

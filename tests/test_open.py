@@ -21,8 +21,8 @@ from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
 from ifrdem.simulation import Simulation
-from ifrdem.trajectory import Trajectory
-from ifrdem.trajectory_writer import TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 pytestmark = pytest.mark.unoptimised
 

@@ -14,11 +14,11 @@ import pytest
 from test_trajectory import BOX, some_disks, some_state
 from trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
 
-from ifrdem import h5md, history_columns, ordered_file
 from ifrdem.errors import InputError
-from ifrdem.ordered_file import OrderedFile
-from ifrdem.output_file import OutputFile
-from ifrdem.trajectory import TrajectoryWriter
+from ifrdem.trajectory import history_columns, layout, ordered_file
+from ifrdem.trajectory.file import OutputFile
+from ifrdem.trajectory.ordered_file import OrderedFile
+from ifrdem.trajectory.reader import TrajectoryWriter
 
 fcntl = pytest.importorskip("fcntl")
 pytestmark = pytest.mark.skipif(not hasattr(os, "pwrite"), reason="HDF5 writes by itself here")
@@ -32,7 +32,7 @@ CUT_FROM, FRAMES = (
 
 def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, monkeypatch):
     """A kill leaves the writes up to some moment. By HDF5 alone, 11 moments at each split lose all frames."""
-    monkeypatch.setattr(h5md, "CHUNK_ROWS", 1)
+    monkeypatch.setattr(layout, "CHUNK_ROWS", 1)
     monkeypatch.setattr(history_columns, "CHUNK_EVENTS", 50)
     writes: list[tuple[int, bytes]] = []
     write = OrderedFile._write

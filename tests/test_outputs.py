@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 from layout_files import write
 
-from ifrdem import export, movie, plot, repair, views
+from ifrdem import movie, plot
 from ifrdem.cli import main
 from ifrdem.errors import InputError
 from ifrdem.outputs import write_aside
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory import export, repair, views
+from ifrdem.trajectory.reader import Trajectory
 
 
 def make_pipe(place: Path, path: Path) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from gases import equal_disks, mixture, start
 
-from ifrdem import h5md
 from ifrdem.cadence import Cadence, Span
 from ifrdem.course import Course
 from ifrdem.engine import Engine
@@ -22,12 +21,13 @@ from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import State, StoredState
 from ifrdem.simulation import Simulation
 from ifrdem.tools.buffers import Buffers, compact
+from ifrdem.trajectory import layout
 
 pytestmark = pytest.mark.unoptimised
 
 COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 SEEN = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
-ALL_FIELDS = tuple(h5md.FIELDS)
+ALL_FIELDS = tuple(layout.FIELDS)
 Frames = list[tuple[State, Measure]]
 
 

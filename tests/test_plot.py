@@ -19,7 +19,7 @@ from ifrdem import plot, plot_disks, plot_style, theory
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.trajectory import TrajectoryWriter
+from ifrdem.trajectory.reader import TrajectoryWriter
 
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
 SMOOTH = {"e_n": 0.8, "e_t": -1.0, "mu": 0.0, "sticking": "percussion_center", "rho": 0.0}

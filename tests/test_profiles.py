@@ -17,7 +17,7 @@ from ifrdem import curves, plot, profiles
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.trajectory import Trajectory, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 
 pytestmark = pytest.mark.unoptimised
 

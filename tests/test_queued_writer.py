@@ -17,8 +17,8 @@ from test_trajectory_resume import N, begun, content, go_on
 from trajectory_parts import TRACKED, row
 
 from ifrdem.errors import InputError
-from ifrdem.queued_writer import WAITING, QueuedWriter
-from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.background import WAITING, QueuedWriter
+from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
 
 
 class Gate(TrajectoryWriter):

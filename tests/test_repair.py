@@ -14,8 +14,8 @@ from test_trajectory import child
 
 from ifrdem.cli import main
 from ifrdem.errors import InputError
-from ifrdem.repair import repair
-from ifrdem.trajectory import Trajectory
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.repair import repair
 
 N = 300
 

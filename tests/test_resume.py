@@ -17,14 +17,15 @@ import h5py
 import numpy as np
 import pytest
 
-from ifrdem import checkpoint, cli, h5md, run, writer_process
+from ifrdem import checkpoint, cli, run
 from ifrdem.case import Case
 from ifrdem.errors import InputError
 from ifrdem.model.observables import Measure
-from ifrdem.queued_writer import QueuedWriter
 from ifrdem.recorder import Recorder
 from ifrdem.simulation import Simulation
 from ifrdem.stops import Stopped, Stops
+from ifrdem.trajectory import layout, writer_process
+from ifrdem.trajectory.background import QueuedWriter
 
 pytestmark = pytest.mark.unoptimised
 
@@ -323,9 +324,9 @@ def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, mon
     }
     checkpoint.write(place, {"a": np.arange(3)}, {"extra": run_of_b})
     assert "belongs to b.h5: rename it back" in told()
-    versions = {**h5md.package_versions(), "ifrdem": "0.0.1"}
+    versions = {**layout.package_versions(), "ifrdem": "0.0.1"}
     with monkeypatch.context() as other:
-        other.setattr(h5md, "package_versions", lambda: versions)
+        other.setattr(layout, "package_versions", lambda: versions)
         checkpoint.write(place, {"a": np.arange(3)}, {"extra": run_of_b})
     assert "was written by ifrdem 0.0.1" in told()
     assert os.listdir(tmp_path) == ["a.checkpoint.h5"]

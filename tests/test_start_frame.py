@@ -17,8 +17,8 @@ from ifrdem.gas import Gas
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.placement import check_no_overlap
-from ifrdem.trajectory import Trajectory
-from ifrdem.trajectory_writer import TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 pytestmark = pytest.mark.unoptimised
 

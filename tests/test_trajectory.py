@@ -18,11 +18,11 @@ import ifrdem
 from ifrdem.case import UNITS
 from ifrdem.describe import describe
 from ifrdem.errors import InputError
-from ifrdem.frame_rows import FrameRows
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.rows import Rows
-from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.frame_rows import FrameRows
+from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.rows import Rows
 
 BOX = Box((30.0, 20.0))
 FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")

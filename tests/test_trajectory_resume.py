@@ -17,7 +17,7 @@ from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
-from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
 
 N = 40
 

@@ -11,13 +11,13 @@ import pytest
 from test_trajectory import BOX, FIELDS, some_disks, some_state
 from trajectory_parts import SERIES_COLUMNS, TRACKED, batch, partnered, row
 
-from ifrdem import deflate
-from ifrdem.deflate import Deflate, shuffled
 from ifrdem.errors import InputError
-from ifrdem.history_columns import COLUMNS
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.trajectory import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory import deflate
+from ifrdem.trajectory.deflate import Deflate, shuffled
+from ifrdem.trajectory.history_columns import COLUMNS
+from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
 
 N = 40
 

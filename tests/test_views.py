@@ -12,8 +12,8 @@ from layout_files import BOX, FIELDS, add_series, some_state, write
 
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
-from ifrdem.trajectory import Trajectory
-from ifrdem.views import write_views
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.views import write_views
 
 # Packages of others warn of each other's and Python's future; that is theirs.
 pytestmark = pytest.mark.filterwarnings("ignore")

@@ -22,14 +22,16 @@ from test_trajectory import BOX, some_disks, some_state
 from test_trajectory_resume import N, begun, content, go_on
 from trajectory_parts import TRACKED, batch
 
-from ifrdem import cli, output_file, writer_process
+from ifrdem import cli
 from ifrdem.errors import InputError
-from ifrdem.h5md import FIELDS
 from ifrdem.model.state import State, StoredState
-from ifrdem.ordered_file import OrderedFile
-from ifrdem.queued_writer import QueuedWriter
-from ifrdem.trajectory_writer import TrajectoryError, TrajectoryWriter
-from ifrdem.writer_process import RemoteWriter
+from ifrdem.trajectory import file as output_file
+from ifrdem.trajectory import writer_process
+from ifrdem.trajectory.background import QueuedWriter
+from ifrdem.trajectory.layout import FIELDS
+from ifrdem.trajectory.ordered_file import OrderedFile
+from ifrdem.trajectory.writer import TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.writer_process import RemoteWriter
 
 pytestmark = pytest.mark.skipif(
     # Elsewhere writers are threads, which other tests look at.

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from test_trajectory import some_state
 
-from ifrdem.history_columns import COLUMNS
 from ifrdem.model.state import State
+from ifrdem.trajectory.history_columns import COLUMNS
 
 TRACKED = (2, 5, 11)
 SERIES_COLUMNS = {"dissipated_by_mechanism": ("normal", "sliding")}

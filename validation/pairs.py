@@ -24,8 +24,8 @@ from ..model import ifr as law_module
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..placement import check_no_overlap
-from ..trajectory import Trajectory
-from ..trajectory_writer import TrajectoryWriter
+from ..trajectory.reader import Trajectory
+from ..trajectory.writer import TrajectoryWriter
 from .paper import Impact
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ..trajectory import Trajectory
+from ..trajectory.reader import Trajectory
 from . import file_changes, file_frames
 from .outcome import Outcome
 

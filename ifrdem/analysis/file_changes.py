@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..trajectory import Trajectory
+from ..trajectory.reader import Trajectory
 from . import cooling, displacement, impact, pressure, stored
 from .outcome import NOT_STEADY, Columns, Outcome, Row, every, times, unit
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..tools.reprs import Brief
-from ..trajectory import Trajectory
+from ..trajectory.reader import Trajectory
 from . import cluster, distributions, fields, frames, pairs, psi6, steadiness, stored, structure
 from .outcome import Columns, Outcome, Row, kinds, latest, times, unit
 

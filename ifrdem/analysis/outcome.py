@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..tools.reprs import Brief
-from ..trajectory import Trajectory
+from ..trajectory.reader import Trajectory
 
 MOST_FRAMES = 20
 """Frames that are taken unless asked for more, evenly from the second half of a file."""

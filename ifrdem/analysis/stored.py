@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import damage, history
 from ..errors import InputError
 from ..model.observables import Measure
 from ..tools.reprs import Brief
-from ..trajectory import Trajectory
+from ..trajectory import damage, history
+from ..trajectory.reader import Trajectory
 
 COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")
 

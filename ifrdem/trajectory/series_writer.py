@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import h5md, staged_group
-from .errors import InputError
-from .output_file import OutputFile
+from ..errors import InputError
+from . import layout, staged_group
+from .file import OutputFile
 from .quantities import checked, is_number
 from .rows import Rows
 
@@ -37,14 +37,14 @@ class SeriesWriter:
         self._columns: dict[str, tuple[str, ...]] = {}
         self._last_time = -np.inf
         file = output.file
-        rows = len(file[f"{h5md.TIMESERIES}/step"]) if h5md.TIMESERIES in file else 0
+        rows = len(file[f"{layout.TIMESERIES}/step"]) if layout.TIMESERIES in file else 0
         if at > rows:
             raise InputError(
                 f"{output.path} holds {rows} rows of series, the checkpoint had seen {at}: it is another file's"
             )
         if rows == 0:
             return
-        group = file[h5md.TIMESERIES]
+        group = file[layout.TIMESERIES]
         names = [name for name in group if name not in ("step", "time")]
         datasets = {name: group[f"{name}/value"] for name in names}
         self._rows = Rows("row of the series", group["step"], {"time": group["time"], **datasets}, rows, at)
@@ -94,19 +94,19 @@ class SeriesWriter:
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted write left behind the last commit."""
         file = self._output.file
-        staged_group.drop(file, h5md.TIMESERIES)
+        staged_group.drop(file, layout.TIMESERIES)
         if self._rows is not None and self._rows.committed:
             self._rows.drop_uncommitted()
-        elif h5md.TIMESERIES in file:
-            del file[h5md.TIMESERIES]
+        elif layout.TIMESERIES in file:
+            del file[layout.TIMESERIES]
             self._rows = None
 
     def _create(self, row: Mapping[str, NDArray]) -> Rows:
         file = self._output.file
-        if h5md.TIMESERIES in file:  # an interrupt ended the first attempt
-            del file[h5md.TIMESERIES]
-        h5md.create_timeseries(file, row, self._columns)
-        group = file[h5md.TIMESERIES]
+        if layout.TIMESERIES in file:  # an interrupt ended the first attempt
+            del file[layout.TIMESERIES]
+        layout.create_timeseries(file, row, self._columns)
+        group = file[layout.TIMESERIES]
         datasets = {name: group[f"{name}/value"] for name in row}
         return Rows("row of the series", group["step"], {"time": group["time"], **datasets})
 

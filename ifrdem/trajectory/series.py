@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import nearest
+from ..errors import nearest
 from .frame import NameMissing
 
 

@@ -15,17 +15,17 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import h5md, quantities, resumable
+from ..errors import InputError, nearest
+from ..model.box import Box, below
+from ..model.state import Disks, State, StoredState
+from ..model.walls import Wall, to_json
+from ..tools.buffers import compact
+from . import layout, quantities, resumable
 from .deflate import Deflate
-from .errors import InputError, nearest
+from .file import OutputFile, TrajectoryError
 from .frame_rows import FrameRows
 from .history_writer import HistoryWriter
-from .model.box import Box, below
-from .model.state import Disks, State, StoredState
-from .model.walls import Wall, to_json
-from .output_file import OutputFile, TrajectoryError
 from .series_writer import SeriesWriter
-from .tools.buffers import compact
 
 __all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
 
@@ -100,15 +100,15 @@ class TrajectoryWriter:
             parameters = {**parameters, "walls": to_json(walls)}
         units = {} if units is None else units
         fields = [fields] if isinstance(fields, str) else list(fields)
-        _check_choices("field", fields, list(h5md.FIELDS))
+        _check_choices("field", fields, list(layout.FIELDS))
         if len(set(fields)) != len(fields):
             raise InputError(f"fields = {fields}: each may be given once")
-        _check_choices("precision", [precision], list(h5md.PRECISIONS))
-        _check_choices("compression", [compression], list(h5md.COMPRESSIONS))
+        _check_choices("precision", [precision], list(layout.PRECISIONS))
+        _check_choices("compression", [compression], list(layout.COMPRESSIONS))
         _check_record(parameters, units)
 
         def fill(file: h5py.File) -> None:
-            h5md.create(
+            layout.create(
                 file,
                 disks=disks,
                 box=box,
@@ -161,7 +161,7 @@ class TrajectoryWriter:
                 raise InputError(f"{name} = {value!r}: a whole number, 0 or more, is needed")
         output = OutputFile.reopen(path)
         try:
-            h5md.check_layout(output.file, os.fspath(path))
+            layout.check_layout(output.file, os.fspath(path))
             resumable.check(
                 output.file,
                 os.fspath(path),
@@ -198,17 +198,17 @@ class TrajectoryWriter:
         self._n = disks.n
         self._lengths = box.lengths
         file = output.file
-        step, time, edges = (file[f"{h5md.EDGES}/{name}"] for name in ("step", "time", "value"))
+        step, time, edges = (file[f"{layout.EDGES}/{name}"] for name in ("step", "time", "value"))
         committed = len(step)
         if frames > committed:
             raise InputError(
                 f"{self.path} holds {committed} frames, the checkpoint had seen {frames}: it is another file's"
             )
-        fields = {name: h5md.field_dataset(file, name) for name in h5md.stored_fields(file)}
+        fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
         compressed = any(dataset.compression for dataset in fields.values())
         self._deflate = Deflate() if compressed else None
         self._rows = FrameRows(step, {"time": time, "edges": edges}, fields, self._deflate, committed, frames)
-        self._empty_views = h5md.plain_views(file)
+        self._empty_views = layout.plain_views(file)
         self._observables: dict[str, h5py.Dataset] = {}
         if committed:
             self._observables = {name: group["value"] for name, group in file["observables"].items()}
@@ -283,7 +283,7 @@ class TrajectoryWriter:
             fields = self._checked_fields(state)
             for name in values:
                 if name not in self._observables:  # it is there if an interrupt ended the first attempt
-                    self._observables[name] = h5md.add_observable(self._output.file, name, values[name])
+                    self._observables[name] = layout.add_observable(self._output.file, name, values[name])
             rows.datasets.update(_prefixed(self._observables))
             frame = {
                 "time": np.float64(state.time),
@@ -425,10 +425,10 @@ class TrajectoryWriter:
             raise InputError(f"time = {state.time}: a finite time not before {self._last_time} is needed")
         checked = {}
         for name, dataset in self._rows.fields.items():
-            value = compact(np.asarray(getattr(state, h5md.FIELDS[name].attribute)))
+            value = compact(np.asarray(getattr(state, layout.FIELDS[name].attribute)))
             if value.shape != dataset.shape[1:]:
                 raise InputError(f"{name} has shape {value.shape}: {dataset.shape[1:]} is needed")
-            if h5md.FIELDS[name].count:
+            if layout.FIELDS[name].count:
                 checked[name] = _as_count(name, value, dataset.dtype)
             elif isinstance(state, StoredState) and value.dtype == dataset.dtype:
                 checked[name] = value  # the engine has seen that all is finite
@@ -453,7 +453,7 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
         quantities.check_name("unit", quantity)
         if not isinstance(unit, str):
             raise InputError(f"unit of {quantity} = {unit!r}: a text is needed")
-        if (unit == h5md.REDUCED) != (h5md.REDUCED in units.values()):
+        if (unit == layout.REDUCED) != (layout.REDUCED in units.values()):
             raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
 
 

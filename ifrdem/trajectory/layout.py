@@ -22,7 +22,7 @@ doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
     timeseries                          absent without series
       {step, time}                      (S,), the number of the row and its time
       <name>/{step, time, value}        (S, ...) whole-gas quantities at times of their own
-    histories                           collisions of the tracked disks; see `ifrdem.history_columns`
+    histories                           collisions of the tracked disks; see `ifrdem.trajectory.history_columns`
     parameters                          case text, seed, device, ...; versions/<package>
       units/<quantity>                  e.g. momentum = "kg m s-1"; or units = "reduced" for all of them
 
@@ -50,10 +50,10 @@ import h5py
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from ..errors import InputError
+from ..model.box import Box
+from ..model.state import Disks
 from . import history_columns
-from .errors import InputError
-from .model.box import Box
-from .model.state import Disks
 from .staged_group import staged
 
 H5MD_VERSION = (1, 1)

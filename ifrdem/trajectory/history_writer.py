@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import InputError, nearest
+from ..model.state import State
 from . import staged_group
-from .errors import InputError, nearest
+from .file import OutputFile, TrajectoryError
 from .history_columns import COLUMNS, HISTORIES, START, as_column, create
-from .model.state import State
-from .output_file import OutputFile, TrajectoryError
 from .quantities import is_number
 from .rows import Rows
 

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError, nearest
+from ..outputs import check_apart, write_aside
 from . import tables
-from .errors import InputError, nearest
 from .frame import SPIN
 from .history import History
-from .outputs import check_apart, write_aside
-from .trajectory import Trajectory
+from .reader import Trajectory
 
 FORMATS = ("gsd", "extxyz", "csv")
 EXTXYZ_NAMES = {"position": "pos", "velocity": "velo"}  # what ASE and OVITO call them

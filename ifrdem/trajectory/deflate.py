@@ -13,7 +13,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend
+from .. import backend
 
 LEVEL = 1
 MOST_THREADS = 4

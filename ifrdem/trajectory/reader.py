@@ -16,17 +16,17 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import damage, h5md, history, tables
+from ..errors import InputError, nearest
+from ..model import walls
+from ..model.box import Box
+from ..model.free_area import Room
+from ..model.state import Disks
+from . import damage, history, layout, tables
 from .damage import DamageError
-from .errors import InputError, nearest
 from .frame import SPIN, Frame, FrameError, NameMissing
 from .history import History
-from .model import walls
-from .model.box import Box
-from .model.free_area import Room
-from .model.state import Disks
 from .series import Series
-from .trajectory_writer import TrajectoryError, TrajectoryWriter
+from .writer import TrajectoryError, TrajectoryWriter
 
 if TYPE_CHECKING:
     import pandas
@@ -176,12 +176,14 @@ class Trajectory(Sequence[Frame]):
         """Read everything but the frames."""
         file, path = self._file, str(self.path)
         try:
-            h5md.check_layout(file, path)
-            self._fields = h5md.stored_fields(file)
-            self._frames = len(file[f"{h5md.EDGES}/step"])
-            self.times: NDArray[np.float64] = damage.read(file[f"{h5md.EDGES}/time"], slice(0, self._frames))
+            layout.check_layout(file, path)
+            self._fields = layout.stored_fields(file)
+            self._frames = len(file[f"{layout.EDGES}/step"])
+            self.times: NDArray[np.float64] = damage.read(
+                file[f"{layout.EDGES}/time"], slice(0, self._frames)
+            )
             self.times.flags.writeable = False
-            particles = file[h5md.PARTICLES]
+            particles = file[layout.PARTICLES]
             columns = {name: damage.read(particles[name]) for name in ("mass", "radius", "k", "material")}
             self.disks = Disks(len(columns["mass"]), **columns)
             lengths = particles["box"].attrs["lengths"]
@@ -287,7 +289,7 @@ class Trajectory(Sequence[Frame]):
                 f"{self.path} holds no field {name!r}: "
                 f"there are {', '.join(self.fields)}{nearest(name, self.fields)}"
             )
-        return h5md.field_dataset(self._file, name)
+        return layout.field_dataset(self._file, name)
 
     def disk(self, disk: int) -> DiskPath:
         """The stored path of a disk over the frames; `history` is exact between them, if the disk is tracked.

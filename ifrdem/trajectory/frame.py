@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
+from ..errors import InputError
 
 if TYPE_CHECKING:
-    from .trajectory import Trajectory
+    from .reader import Trajectory
 
 SPIN = "angular_velocity"
 """What H5MD calls the spin; both names are understood."""

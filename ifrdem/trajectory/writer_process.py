@@ -33,14 +33,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import h5md
-from .errors import InputError
-from .model.box import Box
-from .model.state import Disks, State
-from .output_file import TrajectoryError
-from .tools import processes
-from .tools.buffers import copy_into
-from .trajectory_writer import DEFAULT_FIELDS, TrajectoryWriter
+from ..errors import InputError
+from ..model.box import Box
+from ..model.state import Disks, State
+from ..tools import processes
+from ..tools.buffers import copy_into
+from . import layout
+from .file import TrajectoryError
+from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
 LEAST_DISKS = 100_000
 """Disks from which on a run's writer gets a process of its own: for fewer, starting one costs more than it saves."""
@@ -148,7 +148,7 @@ class RemoteWriter:
         fields = [fields] if isinstance(fields, str) else list(fields)
         if "fields" in options:
             options["fields"] = fields  # it may be a generator, which is empty now
-        self._fields = [h5md.FIELDS[name].attribute for name in fields if name in h5md.FIELDS]
+        self._fields = [layout.FIELDS[name].attribute for name in fields if name in layout.FIELDS]
         self._news: dict[str, Any] = _news_of(None)
         self._closed = False
         self._bare = how == "begin"  # the file is new, and nothing that it could hold has been handed on

@@ -17,11 +17,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from . import damage, h5md, history
+from ..errors import InputError
+from ..outputs import check_apart, not_a_file
+from . import damage, history, layout
 from .damage import DamageError
-from .errors import InputError
-from .outputs import check_apart, not_a_file
-from .trajectory import Trajectory
+from .reader import Trajectory
 from .views import paths as view_paths
 
 _TROUBLE = (OSError, RuntimeError, KeyError, ValueError)  # what h5py raises for damaged parts
@@ -83,20 +83,20 @@ def examine(path: Path, *, whole: int | None = None) -> Finding:
 
 
 def _examine_frames(file: h5py.File, path: Path, found: Finding, whole: int | None) -> None:
-    needed = [f"{h5md.EDGES}/{name}" for name in ("step", "time", "value")]
-    needed += [f"{h5md.PARTICLES}/{name}" for name in h5md.STATIC] + ["h5md/modules/ifrdem", "parameters"]
+    needed = [f"{layout.EDGES}/{name}" for name in ("step", "time", "value")]
+    needed += [f"{layout.PARTICLES}/{name}" for name in layout.STATIC] + ["h5md/modules/ifrdem", "parameters"]
     missing = [name for name in needed if name not in file]
     if missing:
         raise InputError(f"{path} cannot be made a trajectory of ifrdem: {', '.join(missing)} is missing")
-    for name in h5md.STATIC:
-        if not _readable(file[f"{h5md.PARTICLES}/{name}"], (), whole):
+    for name in layout.STATIC:
+        if not _readable(file[f"{layout.PARTICLES}/{name}"], (), whole):
             raise DamageError(
-                f"{path}: {h5md.PARTICLES}/{name} cannot be read: nothing can be kept without it"
+                f"{path}: {layout.PARTICLES}/{name} cannot be read: nothing can be kept without it"
             )
-    found.committed = len(file[f"{h5md.EDGES}/step"])
+    found.committed = len(file[f"{layout.EDGES}/step"])
     good = np.ones(found.committed, dtype=bool)
-    names = [f"{h5md.EDGES}/{name}" for name in ("step", "time", "value")]
-    names += [h5md.field_dataset(file, name).name.lstrip("/") for name in h5md.stored_fields(file)]
+    names = [f"{layout.EDGES}/{name}" for name in ("step", "time", "value")]
+    names += [layout.field_dataset(file, name).name.lstrip("/") for name in layout.stored_fields(file)]
     for name in names:
         dataset = file[name]
         readable = np.array(

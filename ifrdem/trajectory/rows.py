@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .output_file import TrajectoryError
+from .file import TrajectoryError
 
 # Room on the disk that HDF5 may need for a dataset's next rows beside the chunks: a node of the chunk index.
 _INDEX_ROOM = 8192

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import h5py
 import numpy as np
 
-from . import h5md
-from .errors import InputError
-from .model.box import Box
-from .model.state import Disks
+from ..errors import InputError
+from ..model.box import Box
+from ..model.state import Disks
+from . import layout
 
 
 def check(
@@ -26,14 +26,14 @@ def check(
 ) -> None:
     """Raise InputError that says in what the file differs from what the run has; `walls` as JSON."""
     version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
-    if version != h5md.LAYOUT_VERSION:
+    if version != layout.LAYOUT_VERSION:
         raise InputError(
             f"{path} has layout {version[0]}.{version[1]}: a run can go on only with files of layout "
-            f"{h5md.LAYOUT_VERSION[0]}.{h5md.LAYOUT_VERSION[1]}; begin a new file"
+            f"{layout.LAYOUT_VERSION[0]}.{layout.LAYOUT_VERSION[1]}; begin a new file"
         )
     _check_disks(file, path, disks)
-    stored_box = file[f"{h5md.PARTICLES}/box"].attrs
-    expected = h5md.box_attributes(box)
+    stored_box = file[f"{layout.PARTICLES}/box"].attrs
+    expected = layout.box_attributes(box)
     for name in dict.fromkeys((*expected, *stored_box)):
         given, stored = expected.get(name), stored_box.get(name)
         if given is None or stored is None or not np.array_equal(given, stored):
@@ -45,11 +45,11 @@ def check(
 
 
 def _check_disks(file: h5py.File, path: str, disks: Disks) -> None:
-    n = len(file[f"{h5md.PARTICLES}/radius"])
+    n = len(file[f"{layout.PARTICLES}/radius"])
     if n != disks.n:
         raise InputError(f"{path} has {n} disks, the run has {disks.n}")
-    for name in h5md.STATIC:
-        given, stored = getattr(disks, name), file[f"{h5md.PARTICLES}/{name}"][()]
+    for name in layout.STATIC:
+        given, stored = getattr(disks, name), file[f"{layout.PARTICLES}/{name}"][()]
         different = given != stored
         if different.any():
             i = int(np.argmax(different))
@@ -61,15 +61,15 @@ def _check_disks(file: h5py.File, path: str, disks: Disks) -> None:
 def _check_fields(
     file: h5py.File, path: str, fields: Sequence[str], precision: str, compression: str
 ) -> None:
-    stored = h5md.stored_fields(file)
+    stored = layout.stored_fields(file)
     if set(stored) != set(fields):
         raise InputError(f"{path} holds the fields {', '.join(stored)}, the run has {', '.join(fields)}")
     for name in stored:
-        dataset = h5md.field_dataset(file, name)
-        if not h5md.FIELDS[name].count and dataset.dtype != h5md.PRECISIONS[precision]:
+        dataset = layout.field_dataset(file, name)
+        if not layout.FIELDS[name].count and dataset.dtype != layout.PRECISIONS[precision]:
             raise InputError(
                 f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: "
-                f"{np.dtype(h5md.PRECISIONS[precision])}"
+                f"{np.dtype(layout.PRECISIONS[precision])}"
             )
         held = dataset.compression or "none"
         if held != compression:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError, nearest
+from ..errors import InputError, nearest
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
+    from .reader import Trajectory
     from .series import Series
-    from .trajectory import Trajectory
 
 AXES = ("x", "y")
 WHICH = ("series", "observables", "frame")

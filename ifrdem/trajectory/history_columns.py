@@ -21,7 +21,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from .errors import InputError
+from ..errors import InputError
 from .staged_group import staged
 
 HISTORIES = "histories"

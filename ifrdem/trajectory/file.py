@@ -16,7 +16,7 @@ from typing import Any
 import h5py
 from numpy.typing import NDArray
 
-from .errors import InputError
+from ..errors import InputError
 from .ordered_file import OrderedFile
 
 LOCK_WAIT = 2.0  # seconds for which a lock may yet be given back

@@ -21,10 +21,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from . import h5md
-from .errors import InputError
-from .outputs import VIEWS, check_apart, check_files
-from .trajectory import Trajectory
+from ..errors import InputError
+from ..outputs import VIEWS, check_apart, check_files
+from . import layout as h5md
+from .reader import Trajectory
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
 TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")

@@ -8,10 +8,10 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import InputError, nearest
+from ..model.box import Box
 from . import damage
-from .errors import InputError, nearest
 from .frame import NameMissing
-from .model.box import Box
 
 GROUP = "histories"
 

@@ -13,9 +13,9 @@ from types import TracebackType
 
 from numpy.typing import ArrayLike
 
-from .model.state import State
-from .output_file import TrajectoryError
-from .trajectory_writer import TrajectoryWriter
+from ..model.state import State
+from .file import TrajectoryError
+from .writer import TrajectoryWriter
 from .writer_process import RemoteWriter
 
 # How many calls of each kind may wait: they bound the memory.
