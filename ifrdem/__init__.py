@@ -88,7 +88,6 @@ if TYPE_CHECKING:
     from . import plot as plot
     from . import radii as radii
     from . import theory as theory
-    from .dsmc import DSMC
     from .errors import EngineError, InputError
     from .model import forces as forces
     from .model import observables as observables
@@ -99,7 +98,8 @@ if TYPE_CHECKING:
     from .model.state import Disks, State
     from .model.walls import Motion, Wall
     from .recorder import Ledger
-    from .simulation import Simulation
+    from .simulation.dsmc import DSMC
+    from .simulation.simulation import Simulation
     from .trajectory import views as views
     from .trajectory.history import History
     from .trajectory.reader import Trajectory

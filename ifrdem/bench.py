@@ -19,14 +19,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from . import __version__, backend, check, compile_time, equilibrium, profiler
+from . import __version__, check, compile_time, equilibrium, profiler
 from .bench_options import Timing
 from .case import UNITS, Case
 from .compile_time import CompileTimes
 from .gas import Gas
 from .profiler import KernelTime
 from .progress import Progress
-from .simulation import Simulation
+from .simulation import device
+from .simulation.simulation import Simulation
 
 LEAST_EPOCHS = 3  # in a timed run
 
@@ -248,7 +249,7 @@ def measure(
         If the engine stops, as it does where nothing ever collides.
     """
     run = case.run
-    backend.check(run.arch, run.threads, run.precision)
+    device.check(run.arch, run.threads, run.precision)
     check.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
     gas = Gas.from_case(case, folder)
     phi = gas.room.packing_fraction(gas.disks.radius)
@@ -273,20 +274,20 @@ def measure(
         del simulation  # its arrays end with the Taichi that they belong to
         gc.collect()
         try:
-            backend.start(run.arch, threads=run.threads, precision=run.precision, profile=True)
+            device.start(run.arch, threads=run.threads, precision=run.precision, profile=True)
             simulation = gas.simulation(case, state, skin=skin)
             warm_up(simulation)
             profiler.forget()
             profiled = timed(simulation, timing.seconds)
             profile = Profile(profiled, profiler.kernel_times())
         finally:
-            backend.stop()
+            device.stop()
     return Benchmark(
         gas="elastic gas" if after is None else run.name,
         n=gas.disks.n,
         phi=phi,
         arch=run.arch,
-        threads=(run.threads or backend.cores()) if run.arch == "cpu" else 1,
+        threads=(run.threads or device.cores()) if run.arch == "cpu" else 1,
         precision=run.precision,
         seed=run.seed,
         skin=timing.skin,
@@ -344,8 +345,8 @@ def environment() -> dict[str, str]:
         "ifrdem": __version__,
         "taichi": version("taichi"),
         "python": platform.python_version(),
-        "processor": backend.cpu_name(),
-        "cores": str(backend.cores()),
+        "processor": device.cpu_name(),
+        "cores": str(device.cores()),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 

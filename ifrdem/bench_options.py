@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from . import backend
 from .engine_limits import MOST_DISKS
 from .errors import InputError
+from .simulation import device
 
 T = TypeVar("T")
 
@@ -149,10 +149,10 @@ class BenchOptions:
             cls.after,
         )
         most = count("most", 1000, MOST_DISKS, cls.most, "whole number of disks")
-        threads = count("threads", 1, backend.cores(), 0) or None
+        threads = count("threads", 1, device.cores(), 0) or None
         arch, precision = given.arch or cls.arch, given.precision or cls.precision
         try:
-            backend.check(arch, None, precision)
+            device.check(arch, None, precision)
         except InputError as error:
             wrong.append(f"--{error}")
         if wrong:

@@ -17,11 +17,11 @@ from typing import Any
 from scipy.stats import quantile_test
 
 from . import bench, equilibrium
-from .cadence import Cadence, Span
 from .case_output import ROWS_PER_FRAME
-from .course import Course
 from .gas import Gas
 from .recorder import Ledger, Recorder
+from .simulation.course import Course
+from .simulation.schedule import Cadence, Span
 from .trajectory import writer_process
 from .trajectory.background import QueuedWriter
 from .trajectory.writer import DEFAULT_FIELDS

@@ -8,10 +8,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from . import backend, bench, check, compile_time, equilibrium, progress
+from . import bench, check, compile_time, equilibrium, progress
 from .bench import Benchmark, Note
 from .bench_options import BenchOptions
 from .case import Case
+from .simulation import device
 
 COLUMNS = ("gas", "measured", "to reach", "reached")
 REFERENCE = (100_000, 0.3)  # what the cost of a larger gas is compared with
@@ -198,7 +199,7 @@ def _rows(
         yield gas_row(entry, found, reference), found.figures()
         if elastic == BYTES_AT:
             yield memory_row(found), None
-        backend.stop()  # Taichi keeps the memory of arrays of vectors until then
+        device.stop()  # Taichi keeps the memory of arrays of vectors until then
 
 
 def _expected(entry: Entry, timing: bench.Timing) -> float:

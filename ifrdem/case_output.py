@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from .cadence import SHORTEST, Cadence
 from .section import Section
+from .simulation.schedule import SHORTEST, Cadence
 
 FieldName = Literal[
     "position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner"

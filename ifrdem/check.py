@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend
 from .case import Case
 from .case_output import MOST_FRAMES
 from .describe import describe_sides
@@ -20,6 +19,7 @@ from .estimate import OBSERVABLES, Estimate
 from .file_size import disk_bytes
 from .gas import Gas
 from .report_walls import lines_of_walls
+from .simulation import device as backend
 
 HOST_BYTES_PER_DISK = 300
 """What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""

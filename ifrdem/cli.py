@@ -508,7 +508,8 @@ def _cases(options: argparse.Namespace) -> int:
 
 
 def _backends(options: argparse.Namespace) -> int:
-    from . import backend, bullet
+    from . import bullet
+    from .simulation import device as backend
 
     for device in backend.available():
         _say(f"{device.arch:<8} {device.description}")

@@ -101,8 +101,9 @@ def start_a_gas(began: float, arguments: Sequence[str]) -> None:
     import_began = time.monotonic()
     import taichi  # noqa: F401
 
-    from . import equilibrium, simulation  # noqa: F401
+    from . import equilibrium
     from .gas import Gas
+    from .simulation import simulation  # noqa: F401
 
     imports = time.monotonic() - import_began
     job = json.loads(arguments[0])

@@ -22,7 +22,7 @@ from .model.state import Disks, State
 from .model.walls import Wall
 from .pairing import PairVerdict, verdicts, wall_verdicts
 from .problems import problems
-from .simulation import Simulation
+from .simulation.simulation import Simulation
 from .stage import Stage
 from .start_file import Given
 from .tools import seeds

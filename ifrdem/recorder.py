@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .events import Events, joined
 from .model.observables import MECHANISMS, REGIMES, Measure
 from .model.state import State
+from .simulation.tracking import Events, joined
 from .trajectory.background import QueuedWriter
 
 ROWS_AT_ONCE, ROWS_WAIT = 256, 2.0

@@ -11,16 +11,17 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from . import backend, check, checkpoint
+from . import check
 from .case import Case
 from .case_file import CaseFile
-from .course import Course
 from .errors import InputError
-from .events import Events
 from .gas import Gas
 from .outputs import CHECKPOINT, Outputs, checkpoint_of
 from .recorder import Ledger
 from .run import Job, device_of, drive, finish, how
+from .simulation import checkpoint, device
+from .simulation.course import Course
+from .simulation.tracking import Events
 from .trajectory import writer_process
 from .trajectory.background import QueuedWriter
 
@@ -107,7 +108,7 @@ def resume(
     trajectory = path.with_name(extra["trajectory"])
     if checkpoint_of(trajectory) != path:
         raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
-    backend.check(case.run.arch, case.run.threads, case.run.precision)
+    device.check(case.run.arch, case.run.threads, case.run.precision)
     check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
     began = time.perf_counter()
     file = CaseFile(Path(extra["case_path"]), extra["case"], tuple(extra["overrides"]), case)

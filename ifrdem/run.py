@@ -15,20 +15,21 @@ from pathlib import Path
 
 import numpy as np
 
-from . import backend, check, plot, scan_picture, table_picture
-from .cadence import Span
+from . import check, plot, scan_picture, table_picture
 from .case import IMPACT_SCAN, UNITS, Case
 from .case_file import CaseFile
-from .course import Course
 from .errors import EngineError, InputError
 from .estimate import Estimate
-from .events import Events
 from .gas import Gas
 from .model.observables import MECHANISMS, Measure
 from .outputs import Outputs
 from .progress import Progress
 from .recorder import Ledger, Recorder
-from .simulation import Simulation
+from .simulation import device as backend
+from .simulation.course import Course
+from .simulation.schedule import Span
+from .simulation.simulation import Simulation
+from .simulation.tracking import Events
 from .status import Status
 from .stops import Stopped, Stops
 from .trajectory import writer_process

@@ -2,7 +2,7 @@
 
 Candidates c = 0, 1, 2, ... of a batch are pairs drawn in order. Each is settled when neither of its disks is in an
 earlier one that is not: what comes out is that of settling them one by one, for any number of threads. What decides it
-is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.dsmc`.
+is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simulation.dsmc`.
 """
 
 import taichi as ti

@@ -9,7 +9,8 @@ from collections.abc import Iterator
 import pytest
 from matplotlib.figure import Figure
 
-from ifrdem import backend, plot
+from ifrdem import plot
+from ifrdem.simulation import device as backend
 
 # A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
 signal.signal(signal.SIGINT, signal.default_int_handler)

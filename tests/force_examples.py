@@ -13,7 +13,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.forces import Force, uniforms
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import Simulation
+from ifrdem.simulation.simulation import Simulation
 
 SMOOTH = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ifrdem import placement
-from ifrdem.engine import Collisions, Engine
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
+from ifrdem.simulation.engine import Collisions, Engine
 
 ELASTIC = (1.0, -1.0, 0.0, 0.0, 0.0)  # smooth elastic disks: e_n = 1, e_t = -1, mu = 0
 COIN = (0.87, -0.88, 0.21, 0.0, 0.0)  # 1 pta coins of the paper's Table II, percussion-centre sticking

@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from ifrdem import backend
 from ifrdem.errors import InputError
+from ifrdem.simulation import device as backend
 
 
 def test_a_cpu_is_always_there() -> None:

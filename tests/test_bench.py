@@ -17,13 +17,14 @@ from typing import Any
 import pytest
 
 import ifrdem
-from ifrdem import backend, bench, bench_table, check, cli, compile_time, equilibrium, profiler
+from ifrdem import bench, bench_table, check, cli, compile_time, equilibrium, profiler
 from ifrdem.bench import Benchmark, Run
 from ifrdem.bench_options import Timing
 from ifrdem.bench_table import CLUSTERED, GRID, Entry
 from ifrdem.errors import EngineError, InputError
 from ifrdem.gas import Gas
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.simulation import Simulation
 
 SMALL = ["--n", "200", "--phi", "0.2", "--threads", "1", "--runs", "2", "--seconds", "0.01", "--no-compile"]
 QUICK = Timing(runs=2, seconds=0.01, compiling=False)
@@ -53,7 +54,7 @@ def case_file(tmp_path: Path) -> str:
 def unprofiled() -> Iterator[None]:
     """Ends a Taichi that runs with its profiler."""
     yield
-    backend.stop()
+    device.stop()
 
 
 def output(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -103,7 +104,7 @@ def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]
     assert own["ifrdem"] == ifrdem.__version__
     assert own["taichi"].startswith("1.7")
     assert own["python"] == ".".join(str(part) for part in sys.version_info[:3])
-    assert own["processor"] == backend.cpu_name()
+    assert own["processor"] == device.cpu_name()
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT.*", own["date"])
     assert own["compile"] is None
     assert own["profile"] is None
@@ -214,7 +215,7 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--phi", "nan"], "--phi nan: a packing fraction"),
         (["--arch", "cdua"], "--arch = 'cdua': allowed are cpu, cuda (did you mean 'cuda'?)"),
         (["--precision", "f23"], "--precision = 'f23': allowed are f64, f32 (did you mean 'f32'?)"),
-        (["--threads", "0"], f"--threads 0: a whole number from 1 to {backend.cores()} is needed"),
+        (["--threads", "0"], f"--threads 0: a whole number from 1 to {device.cores()} is needed"),
         (["--skin", "0"], "--skin 0: a length from 0.001 to 1000 diameters is needed"),
         (["--skin", "1e9"], "--skin 1e9: a length from 0.001 to 1000 diameters is needed"),
         (["--runs", "none"], "--runs none: a whole number from 1 to 10000 is needed"),
@@ -246,7 +247,7 @@ def test_all_mistakes_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> No
 def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     monkeypatch: pytest.MonkeyPatch, case_file: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(backend, "memory_available", lambda: 10_000_000)
+    monkeypatch.setattr(device, "memory_available", lambda: 10_000_000)
     monkeypatch.setattr(Gas, "from_case", lambda *_: pytest.fail("it was made"))
     for arguments in (
         ["--n", "1e5"],
@@ -345,10 +346,10 @@ def test_the_profile_is_of_the_time_that_passed(capsys: pytest.CaptureFixture[st
 
 @pytest.mark.usefixtures("unprofiled")
 def test_a_profiled_device_serves_a_simulation_that_asks_for_no_profile() -> None:
-    profiled = backend.start("cpu", threads=1, profile=True)
-    assert backend.start("cpu", threads=1) is profiled
-    backend.stop()
-    assert not backend.start("cpu", threads=1).profile
+    profiled = device.start("cpu", threads=1, profile=True)
+    assert device.start("cpu", threads=1) is profiled
+    device.stop()
+    assert not device.start("cpu", threads=1).profile
 
 
 # --- the table --------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 
 from ifrdem import bench_output, cli
 from ifrdem.bench_output import FRAMES, LEAD, OutputCost, between
-from ifrdem.simulation import Simulation
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 

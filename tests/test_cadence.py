@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from ifrdem.cadence import Cadence, Due, Schedule, Span, earlier
 from ifrdem.errors import InputError
+from ifrdem.simulation.schedule import Cadence, Due, Schedule, Span, earlier
 
 
 def to_time(end: float, begin: float = 0.0) -> Span:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from ifrdem import case_file, check, cli, run
-from ifrdem.cadence import Cadence
 from ifrdem.case import UNITS
 from ifrdem.case_output import OutputSection
 from ifrdem.errors import InputError
@@ -17,6 +16,7 @@ from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
 from ifrdem.model.observables import measure
 from ifrdem.recorder import COLUMNS, Ledger
+from ifrdem.simulation.schedule import Cadence
 from ifrdem.tools import seeds
 from ifrdem.trajectory import history_columns
 from ifrdem.trajectory.writer import TrajectoryWriter

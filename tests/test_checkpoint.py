@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from gases import equal_disks, mixture, start
 
-from ifrdem import checkpoint
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import checkpoint
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 
@@ -106,7 +106,7 @@ def test_a_run_goes_on_to_the_bit(tmp_path, make):
 
 
 def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch):
-    monkeypatch.setattr("ifrdem.engine.ALONE", 100)
+    monkeypatch.setattr("ifrdem.simulation.engine.ALONE", 100)
     make = gas(tracked=[0, 5])
     whole = make(2)
     whole.run(collisions_per_disk=3.0)

@@ -15,15 +15,16 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem import backend, progress
 from ifrdem import cli as command
+from ifrdem import progress
 from ifrdem.cli import main
 from ifrdem.errors import EngineError
 from ifrdem.gas import Gas
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
 from ifrdem.recorder import Recorder
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryError
 
@@ -250,7 +251,7 @@ def test_missing_case_file_names_the_nearest(folder: Path, capsys: pytest.Captur
 def test_missing_device_is_refused_and_nothing_else_takes_over(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(backend, "available", lambda: [backend.Device("cpu", "a CPU")])
+    monkeypatch.setattr(device, "available", lambda: [device.Device("cpu", "a CPU")])
     message = refused(["run", "tiny.toml", "--arch", "cuda"], folder, capsys)
     assert re.search("cuda.*no such device on this machine; present: cpu", message)
 

@@ -11,13 +11,13 @@ import pytest
 from gases import COIN, ELASTIC, equal_disks, equilibrated
 from serial_reference import simulate
 
-from ifrdem import backend
-from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import State
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 
@@ -93,7 +93,7 @@ def test_a_stored_state_knows_when_its_disks_collided_last() -> None:
     assert run(engine(replace(half, latest_collision=None)), 500) != on
 
 
-@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
 @pytest.mark.parametrize("order", ["tiles", "rounds"])
 def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
     disks = equal_disks(1000)

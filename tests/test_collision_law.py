@@ -10,14 +10,14 @@ import pytest
 from gases import mixture, start
 from law_examples import Half, Short, Silent, Viscoelastic, Weak
 
-from ifrdem.engine import Engine
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import EnergyWarning, IFRLaw, collide
 from ifrdem.model.law import CollisionLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import Simulation
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 

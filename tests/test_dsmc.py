@@ -8,12 +8,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ifrdem import backend, dsmc, placement
-from ifrdem.dsmc import DSMC
+from ifrdem import placement
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.ifr import EnergyWarning, IFRLaw
 from ifrdem.model.law import CollisionLaw
 from ifrdem.model.state import Disks
+from ifrdem.simulation import device, dsmc
+from ifrdem.simulation.dsmc import DSMC
 from ifrdem.theory import collision_rate, cooling, haff
 from ifrdem.theory.collisions import mixture_collision_rates
 from ifrdem.theory.contact import Contact, mixture_contact_values
@@ -31,7 +32,7 @@ SMOOTH = IFRLaw(e_n=0.8, e_t=-1.0, mu=0.0)
 @pytest.fixture(autouse=True, scope="module")
 def ended() -> Iterator[None]:
     yield
-    backend.stop()
+    device.stop()
 
 
 def gas(n: int, law: IFRLaw, *, T_rot: float = 0.0, **given) -> DSMC:
@@ -157,7 +158,7 @@ def test_species_of_a_young_mixture_follow_the_mixture_theory() -> None:
 
 
 @pytest.mark.parametrize("precision", ["f64", "f32"])
-@pytest.mark.skipif(backend.cores() < 2, reason="one core only")
+@pytest.mark.skipif(device.cores() < 2, reason="one core only")
 def test_one_and_two_threads_give_the_same_bits(precision: str) -> None:
     """One thread settles candidates in order, two in rounds."""
     ends = []

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
 
-import ifrdem.engine
-import ifrdem.epochs
-from ifrdem import backend, placement
-from ifrdem.engine import Engine
+import ifrdem.simulation.engine
+import ifrdem.simulation.epochs
+from ifrdem import placement
 from ifrdem.engine_limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 
@@ -88,7 +89,7 @@ def states_equal(a: State, b: State) -> bool:
     )
 
 
-@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
 @pytest.mark.parametrize("order", ["tiles", "rounds"])
 def test_trajectory_is_bitwise_the_same_on_one_and_two_threads(
     order: str, monkeypatch: pytest.MonkeyPatch
@@ -97,7 +98,9 @@ def test_trajectory_is_bitwise_the_same_on_one_and_two_threads(
     box, state = start(disks, 0.5)
     ends = []
     for threads, few in ((1, 4096), (2, 4096), (2, 0), (1, 1 << 30)):
-        monkeypatch.setattr(ifrdem.epochs, "FEW", few)  # rounds in parallel always, or by one thread always
+        monkeypatch.setattr(
+            ifrdem.simulation.epochs, "FEW", few
+        )  # rounds in parallel always, or by one thread always
         engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads, order=order, tile_disks=500)
         advance(engine, 10)
         ends.append((engine.time, engine.state()))
@@ -222,7 +225,7 @@ def test_too_few_disks_to_collide_fly_freely(n: int) -> None:
 def test_disks_that_never_meet_end_a_run_by_collisions_with_a_message(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(ifrdem.engine, "PATIENCE", 20)
+    monkeypatch.setattr(ifrdem.simulation.engine, "PATIENCE", 20)
     disks = equal_disks(2)
     state = State(np.array([[1.0, 1.0], [1.0, 3.0]]), np.array([[1.0, 0.0], [1.0, 0.0]]), np.zeros(2))
     simulation = Simulation(disks, Box((4.0, 4.0)), SMOOTH, state)
@@ -258,8 +261,8 @@ def test_inelastic_collapse_passes_in_finite_work() -> None:
 
 
 def test_a_collapse_without_end_stops_with_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.epochs, "MOST_ROUNDS", 20)
-    monkeypatch.setattr(ifrdem.engine, "STALLED_EPOCHS", 3)
+    monkeypatch.setattr(ifrdem.simulation.epochs, "MOST_ROUNDS", 20)
+    monkeypatch.setattr(ifrdem.simulation.engine, "STALLED_EPOCHS", 3)
     disks = equal_disks(200)
     box, state = start(disks, 0.75)
     law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])

@@ -10,11 +10,12 @@ from gases import COIN, ELASTIC, equal_disks, equilibrated, mixture
 from serial_reference import simulate
 from test_engine_serial_order import run
 
-from ifrdem import backend, placement
-from ifrdem.engine import Engine
+from ifrdem import placement
 from ifrdem.errors import EngineError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Engine
 
 N = 4000
 LAWS = {"elastic": ELASTIC, "coin": COIN}
@@ -36,7 +37,7 @@ WAYS = {
     "rounds": {"order": "rounds"},
 }
 # Gases are prepared on all cores: the same number first, because changing it starts Taichi anew.
-THREADS = [t for t in (2, 1) if t <= backend.cores()]
+THREADS = [t for t in (2, 1) if t <= device.cores()]
 
 
 def n_compared(phi: float, kind: str) -> int:

@@ -14,13 +14,13 @@ import pytest
 from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, run, start
 from serial_reference import simulate
 
-import ifrdem.device_arrays
-import ifrdem.engine
-import ifrdem.epochs
-from ifrdem.engine import Engine
+import ifrdem.simulation.arrays
+import ifrdem.simulation.engine
+import ifrdem.simulation.epochs
 from ifrdem.errors import EngineError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
+from ifrdem.simulation.engine import Engine
 
 pytestmark = pytest.mark.unoptimised
 
@@ -72,7 +72,7 @@ def test_collisions_do_not_depend_on_the_skin(skin: float) -> None:
 
 @pytest.mark.parametrize("order", ["tiles", "rounds"])
 def test_parallel_rounds_give_the_serial_collisions(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.epochs, "FEW", 0)  # no round goes to a single thread
+    monkeypatch.setattr(ifrdem.simulation.epochs, "FEW", 0)  # no round goes to a single thread
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
@@ -120,7 +120,7 @@ def test_an_epoch_cut_short_by_a_full_log_loses_nothing(order: str) -> None:
 def test_an_epoch_cut_short_by_too_many_rounds_loses_nothing(
     order: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ifrdem.epochs, "MOST_ROUNDS", 4)
+    monkeypatch.setattr(ifrdem.simulation.epochs, "MOST_ROUNDS", 4)
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
@@ -132,7 +132,7 @@ def test_an_epoch_cut_short_by_too_many_rounds_loses_nothing(
 def test_neighbour_rows_grow_instead_of_losing_neighbours(
     order: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ifrdem.device_arrays, "ROW", 2)
+    monkeypatch.setattr(ifrdem.simulation.arrays, "ROW", 2)
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
@@ -148,8 +148,10 @@ def test_collisions_do_not_depend_on_the_windows(windows: int) -> None:
 
 
 def test_epochs_left_to_one_thread_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.epochs, "MOST_UNDONE", -1.0)  # however little is undone, it is too much
-    monkeypatch.setattr(ifrdem.epochs, "EPOCHS_IN_ORDER", 2)
+    monkeypatch.setattr(
+        ifrdem.simulation.epochs, "MOST_UNDONE", -1.0
+    )  # however little is undone, it is too much
+    monkeypatch.setattr(ifrdem.simulation.epochs, "EPOCHS_IN_ORDER", 2)
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[COIN]]), order="tiles", tile_disks=60)
@@ -213,7 +215,7 @@ def test_an_epoch_does_not_end_before_the_collision_that_shortens_it(order: str)
 @pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
 def test_a_row_that_is_just_full_loses_nobody(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Disk 0 has two neighbours in a row of two, and a candidate, disk 3, that is none."""
-    monkeypatch.setattr(ifrdem.device_arrays, "ROW", 2)
+    monkeypatch.setattr(ifrdem.simulation.arrays, "ROW", 2)
     position = np.array([[1.0, 1.0], [1.0, 2.5], [2.5, 1.0], [2.9, 5.9]])
     velocity = np.zeros((4, 2))
     velocity[2, 0] = -1.0
@@ -225,7 +227,7 @@ def test_a_row_that_is_just_full_loses_nobody(order: str, monkeypatch: pytest.Mo
 
 
 def test_a_collapse_in_a_tile_ends_like_one_in_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.engine, "STALLED_EPOCHS", 3)
+    monkeypatch.setattr(ifrdem.simulation.engine, "STALLED_EPOCHS", 3)
     n = 12
     position = np.column_stack((5.0 + 1.1 * np.arange(n), np.full(n, 2.0)))
     velocity = np.zeros((n, 2))

@@ -16,7 +16,7 @@ from ifrdem.model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import Simulation
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 

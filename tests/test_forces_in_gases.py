@@ -10,15 +10,15 @@ from force_examples import SMOOTH, Noise, Push, Summing, one_disk, still
 from gases import COIN, equal_disks, mixture, start
 from numpy.typing import NDArray
 
-import ifrdem.engine
-from ifrdem import backend
-from ifrdem.engine import Engine
+import ifrdem.simulation.engine
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import State
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory.driven_gas import Drive, steady_state
 
 pytestmark = pytest.mark.unoptimised
@@ -115,7 +115,7 @@ def test_forces_work_in_single_precision() -> None:
     assert energy == pytest.approx(expected, abs=1e-6 * float(np.abs(simulation.energy_inputs).sum()))
 
 
-@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
 def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
     """Also where one thread does all collisions: the forces are computed by all."""
     disks = mixture(6000)
@@ -208,7 +208,7 @@ def test_a_force_that_makes_a_velocity_infinite_stops_the_run() -> None:
 
 
 def test_a_gas_at_rest_waits_for_a_force_but_not_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.engine, "PATIENCE", 50)
+    monkeypatch.setattr(ifrdem.simulation.engine, "PATIENCE", 50)
     disks = equal_disks(50)
     box, state = start(disks, 0.3)
     state = State(state.position, np.zeros((50, 2)), np.zeros(50))

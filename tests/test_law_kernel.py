@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 import taichi as ti
 
-from ifrdem import backend
 from ifrdem.kernels.law import collide_pair
+from ifrdem.simulation import device
 
 N = 20_000
 
 
 @pytest.fixture
 def taichi():
-    backend.start("cpu")
+    device.start("cpu")
 
 
 @ti.kernel

@@ -8,8 +8,6 @@ import pytest
 from gases import equal_disks, mixture, start
 from law_examples import Driving, Weak
 
-from ifrdem.cadence import Cadence
-from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks
@@ -17,7 +15,9 @@ from ifrdem.model.ifr import IFRLaw, Regime, collide
 from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.simulation import Simulation
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.schedule import Cadence
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 

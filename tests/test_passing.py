@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from gases import equal_disks, mixture, start
 
-from ifrdem.cadence import Cadence, Span
-from ifrdem.course import Course
-from ifrdem.engine import Engine
 from ifrdem.errors import EngineError
 from ifrdem.model.box import Box, below
 from ifrdem.model.forces import RandomKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import State, StoredState
-from ifrdem.simulation import Simulation
+from ifrdem.simulation.course import Course
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.schedule import Cadence, Span
+from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.buffers import Buffers, compact
 from ifrdem.trajectory import layout
 
@@ -35,7 +35,9 @@ Frames = list[tuple[State, Measure]]
 def order(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     """Every way of processing epochs."""
     chosen: str = request.param
-    monkeypatch.setattr("ifrdem.simulation.Engine", functools.partial(Engine, order=chosen, tile_disks=300))
+    monkeypatch.setattr(
+        "ifrdem.simulation.simulation.Engine", functools.partial(Engine, order=chosen, tile_disks=300)
+    )
     return chosen
 
 
@@ -148,7 +150,8 @@ def test_threads_do_not_matter() -> None:
     for threads in (1, 2):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(
-                "ifrdem.simulation.Engine", functools.partial(Engine, order="tiles", tile_disks=300)
+                "ifrdem.simulation.simulation.Engine",
+                functools.partial(Engine, order="tiles", tile_disks=300),
             )
             found.append(frames_of(gas(threads=threads), t_end=0.5, frames=9))
     for (one, measured_one), (other, measured_other) in zip(*found, strict=True):
@@ -334,7 +337,7 @@ def test_frames_do_not_depend_on_the_speed_of_the_machine(monkeypatch: pytest.Mo
     # away again is not the same number.
     found = []
     for seconds in (0.2, 1e-9):
-        monkeypatch.setattr("ifrdem.epochs.LAUNCH_SECONDS", seconds)
+        monkeypatch.setattr("ifrdem.simulation.epochs.LAUNCH_SECONDS", seconds)
         disks = equal_disks(100)
         box, state = start(disks, 0.3)
         simulation = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), state)

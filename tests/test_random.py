@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ifrdem import backend
+from ifrdem.simulation import device
 
 pytestmark = pytest.mark.unoptimised
 
@@ -35,7 +35,7 @@ def philox(counter: list[int], key: list[int], bits: int) -> list[int]:
 
 def on_device(streams: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], NDArray[np.float64]]:
     """Words, and a pair of uniform and one of normal numbers, of each stream's draw 0."""
-    backend.start("cpu")
+    device.start("cpu")
     from random_kernels import draw
 
     words = np.zeros((len(streams), 4), dtype=np.uint32)

@@ -17,12 +17,13 @@ import h5py
 import numpy as np
 import pytest
 
-from ifrdem import checkpoint, cli, run
+from ifrdem import cli, run
 from ifrdem.case import Case
 from ifrdem.errors import InputError
 from ifrdem.model.observables import Measure
 from ifrdem.recorder import Recorder
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import checkpoint
+from ifrdem.simulation.simulation import Simulation
 from ifrdem.stops import Stopped, Stops
 from ifrdem.trajectory import layout, writer_process
 from ifrdem.trajectory.background import QueuedWriter

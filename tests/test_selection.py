@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ifrdem import selection
-from ifrdem.selection import FEW, nth_smallest
+from ifrdem.simulation import selection
+from ifrdem.simulation.selection import FEW, nth_smallest
 
 RNG = np.random.default_rng(5)
 MANY = 5 * FEW

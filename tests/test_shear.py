@@ -10,9 +10,8 @@ import pytest
 from gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, run
 from shear_reference import Sheared
 
-import ifrdem.epochs
-from ifrdem import backend, placement
-from ifrdem.engine import Collisions, Engine
+import ifrdem.simulation.epochs
+from ifrdem import placement
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks, Rescale
@@ -20,7 +19,9 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Collisions, Engine
+from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory import contact_value
 from ifrdem.theory.sheared_gas import steady_state
 
@@ -141,13 +142,13 @@ def test_small_boxes_give_the_serial_collisions(order: str) -> None:
 
 def test_parallel_rounds_give_the_serial_collisions(monkeypatch: pytest.MonkeyPatch) -> None:
     """As a GPU does them."""
-    monkeypatch.setattr(ifrdem.epochs, "FEW", 0)
+    monkeypatch.setattr(ifrdem.simulation.epochs, "FEW", 0)
     disks, box, state, reference = expected("equal", 0.3, 3.0, BEGINNINGS["askew"], COIN, 700)
     assert_same_collisions(run(made(disks, box, state, COIN, "rounds"), 700), reference.collisions)
 
 
 # `backend.check` refuses more threads than cores: with one core there is nothing to compare.
-@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
 def test_a_sheared_run_is_bitwise_the_same_on_one_and_two_threads() -> None:
     disks = mixture(1500)
     box, state = sheared(disks, 0.3, 0.5, time=3.7)

@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from ifrdem import backend, placement
+from ifrdem import placement
 from ifrdem.model.box import Box
 from ifrdem.model.coin_table import coins
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory.hydrodynamics import shear_length, shear_mode_energy
 
 pytestmark = pytest.mark.unoptimised
@@ -47,4 +48,4 @@ def test_shear_modes_of_cooling_coins_grow_as_linear_theory_says() -> None:
     at_start, later = shares
     assert later == pytest.approx(shear_mode_energy(AGE, law, 0.5, PHI, (SIDE, SIDE)), rel=0.2)
     assert abs(at_start) < 0.1 * later  # thermal: 136 / (2 n), of which a part 1 / sqrt(68) is noise
-    backend.stop()
+    device.stop()

@@ -12,11 +12,11 @@ from serial_reference import simulate
 from test_engine_serial_order import run
 
 from ifrdem import growth, placement, radii
-from ifrdem.engine import Engine
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.problems import WIDEST_RATIO
+from ifrdem.simulation.engine import Engine
 
 pytestmark = pytest.mark.unoptimised
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from gases import COIN, equal_disks, start
 
-from ifrdem import backend
-from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
 from ifrdem.model.box import Box
 from ifrdem.model.forces import Drag, RandomKicks, TableFriction
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation import table_reference
 
 pytestmark = pytest.mark.unoptimised
@@ -175,7 +175,7 @@ def test_threads_orders_and_precisions_agree() -> None:
     try:
         single = end("alone", precision="f32")
     finally:
-        backend.start()
+        device.start()
     alone = end("alone")
     np.testing.assert_allclose(single.position, alone.position, atol=1e-3)
     one, two = end("tiles", threads=1), end("tiles")

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
-from ifrdem import backend
-from ifrdem.engine import Engine
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.simulation import Simulation
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 
@@ -145,7 +145,7 @@ def test_every_way_of_running_draws_the_same_numbers() -> None:
     assert np.abs(other.velocity - ends["alone"].velocity).max() > 0.1
 
 
-@pytest.mark.skipif(backend.cores() < 2, reason="needs two cores")
+@pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
 @pytest.mark.parametrize("order", ORDERS)
 def test_two_threads_give_the_same_bits(order: str) -> None:
     engines = [furnished(order, threads=1)]

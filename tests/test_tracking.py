@@ -7,13 +7,13 @@ import pytest
 from gases import equal_disks, mixture, start
 
 from ifrdem.errors import InputError
-from ifrdem.events import ELASTIC, KICK, UNKNOWN, Events
 from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks
 from ifrdem.model.ifr import IFRLaw, collide
 from ifrdem.model.state import State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.simulation import Simulation
+from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.tracking import ELASTIC, KICK, UNKNOWN, Events
 
 pytestmark = pytest.mark.unoptimised
 
@@ -49,7 +49,7 @@ def check_path(
 @pytest.mark.parametrize("alone", [True, False])
 def test_paths_lead_through_every_collision(arch, alone, monkeypatch):
     if not alone:
-        monkeypatch.setattr("ifrdem.engine.ALONE", 100)
+        monkeypatch.setattr("ifrdem.simulation.engine.ALONE", 100)
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]

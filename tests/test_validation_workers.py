@@ -14,7 +14,8 @@ from typing import Any
 import pytest
 import worker_calls
 
-from ifrdem import backend, cli
+from ifrdem import cli
+from ifrdem.simulation import device
 from ifrdem.validation import registry, runner, terminal, workers
 from ifrdem.validation.registry import Result, Row
 
@@ -66,7 +67,7 @@ def test_a_worker_makes_one_call_after_another_with_its_part_of_the_cores() -> N
     processes = [process for _, process, _ in found.values()]
     assert len(set(processes)) == 2
     assert os.getpid() not in processes
-    assert {threads for *_, threads in found.values()} == {max(1, backend.cores() // 2)}
+    assert {threads for *_, threads in found.values()} == {max(1, device.cores() // 2)}
     assert ["slow threads 1", "slow threads 2"] in seen
 
 
@@ -129,7 +130,7 @@ def test_an_impossible_number_of_jobs_is_refused(tmp_path, capsys, jobs) -> None
 
 
 def test_only_gases_run_at_once_without_being_asked_to(monkeypatch) -> None:
-    monkeypatch.setattr(backend, "cores", lambda: 4)
+    monkeypatch.setattr(device, "cores", lambda: 4)
     gases = list(registry.GAS)
     assert runner._jobs(None, list(registry.PAPER)) == 1
     assert runner._jobs(None, [*registry.PAPER, *gases[:1]]) == 1

@@ -11,12 +11,12 @@ from scipy.optimize import brentq
 from serial_reference import simulate
 
 from ifrdem import forces
-from ifrdem.engine import Engine
 from ifrdem.errors import EngineError, InputError
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
+from ifrdem.simulation.engine import Engine
 
 pytestmark = pytest.mark.unoptimised
 

@@ -8,7 +8,8 @@ import sys
 import time
 from pathlib import Path
 
-from ifrdem import backend, cli
+from ifrdem import cli
+from ifrdem.simulation import device
 from ifrdem.validation import runner
 from ifrdem.validation.registry import Result, Row
 
@@ -21,7 +22,7 @@ def shout(name: str) -> tuple[str, int, int]:
         os._exit(3)
     if name.startswith("slow"):
         time.sleep(1.0)
-    return name.upper(), os.getpid(), backend.start().threads if "threads" in name else 0
+    return name.upper(), os.getpid(), device.start().threads if "threads" in name else 0
 
 
 def case(name: str, *, quick: bool, seed: int) -> runner.Outcome:

@@ -15,7 +15,7 @@ from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.state import Disks, State
 from ..model.walls import sides
-from ..simulation import Simulation
+from ..simulation.simulation import Simulation
 from . import bullet_world, pymunk_world, stepped, style
 from .bullet_world import BulletWorld, Surface
 from .pymunk_world import PymunkWorld

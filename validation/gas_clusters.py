@@ -33,7 +33,7 @@ from ..analysis import libraries
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.state import State
-from ..simulation import Simulation
+from ..simulation.simulation import Simulation
 from ..theory.cooling_gas import changes_per_collision
 from ..theory.hydrodynamics import excess
 from . import style

@@ -23,7 +23,7 @@ import numpy as np
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.state import State
-from ..simulation import Simulation
+from ..simulation.simulation import Simulation
 from . import style
 from .gas_sample import equal_disks
 from .registry import Picture, Result

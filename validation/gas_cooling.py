@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import theory
-from ..dsmc import DSMC
 from ..model.coin_table import coins
 from ..model.ifr import IFRLaw
 from ..model.observables import Measure
-from ..simulation import Simulation
+from ..simulation.dsmc import DSMC
+from ..simulation.simulation import Simulation
 from . import style
 from .gas_sample import Mean, compare, fluid, ratio, seeds_of, thermal, together
 from .gas_waves import MOST_SHARE, streams

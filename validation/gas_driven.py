@@ -24,14 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import placement, theory
-from ..dsmc import DSMC
 from ..model.box import Box
 from ..model.coin_table import coins
 from ..model.forces import RandomKicks
 from ..model.ifr import IFRLaw
 from ..model.observables import Measure
 from ..model.state import State
-from ..simulation import Simulation
+from ..simulation.dsmc import DSMC
+from ..simulation.simulation import Simulation
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Drive
 from . import gas_state, style

@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dsmc import DSMC
 from ..model.ifr import IFRLaw
 from ..model.observables import Measure
-from ..simulation import Simulation
+from ..simulation.dsmc import DSMC
+from ..simulation.simulation import Simulation
 from ..theory.collisions import collision_rate
 from . import style
 from .gas_sample import Mean, compare, fluid, seeds_of, thermal

@@ -23,11 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import analysis, theory
-from ..dsmc import DSMC
 from ..model.ifr import IFRLaw
 from ..model.observables import Measure
 from ..model.state import State
-from ..simulation import Simulation
+from ..simulation.dsmc import DSMC
+from ..simulation.simulation import Simulation
 from . import style
 from .gas_sample import Mean, compare, fluid, seeds_of, thermal
 from .gas_waves import streams

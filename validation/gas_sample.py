@@ -13,7 +13,7 @@ from .. import placement
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.state import Disks, State
-from ..simulation import Simulation
+from ..simulation.simulation import Simulation
 from .registry import Result, Row, Sampling
 
 CHANCE = 6.334e-5

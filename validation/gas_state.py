@@ -30,9 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import analysis, theory
-from ..course import Observer
 from ..model.state import State
-from ..simulation import Simulation
+from ..simulation.course import Observer
+from ..simulation.simulation import Simulation
 from . import style
 from .gas_sample import ELASTIC, LOOSE, Mean, compare, fluid, seeds_of, together
 from .registry import Picture, Result

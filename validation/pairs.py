@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..engine import Engine
 from ..errors import EngineError, InputError, nearest
 from ..model import ifr as law_module
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..placement import check_no_overlap
+from ..simulation.engine import Engine
 from ..trajectory.reader import Trajectory
 from ..trajectory.writer import TrajectoryWriter
 from .paper import Impact

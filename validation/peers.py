@@ -46,8 +46,9 @@ from datetime import UTC, datetime
 from importlib import metadata
 from typing import Any
 
-from .. import __version__, backend
+from .. import __version__
 from ..errors import EngineError, InputError
+from ..simulation import device
 from ..tools.arguments import Parser, whole
 from . import soft_disks
 from .side_by_side import Options, Row, compare
@@ -61,8 +62,8 @@ def report(options: Options, rows: Sequence[Row]) -> dict[str, Any]:
     ours = statistics.median(rows[0].rates)
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "cpu": backend.cpu_name(),
-        "cores": backend.cores(),
+        "cpu": device.cpu_name(),
+        "cores": device.cores(),
         "load_average": list(os.getloadavg()) if hasattr(os, "getloadavg") else None,
         "versions": _versions(),
         "n": options.n,
@@ -199,7 +200,7 @@ def parse(arguments: Sequence[str]) -> tuple[Options, bool]:
     given = parser.parse_args(list(arguments))
 
     n = whole("--n", given.n, 100)
-    threads = backend.cores()
+    threads = device.cores()
     if given.threads is not None:
         threads = whole("--threads", given.threads, 1, threads)
     length, soft_length = max(10.0, 1e5 / n), min(max(1e4 / n, 0.1), 1.0)

@@ -16,8 +16,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .. import __version__, backend, bullet
+from .. import __version__, bullet
 from ..errors import InputError
+from ..simulation import device
 from . import registry, workers
 from .registry import Result, Row, Skip
 from .terminal import Course, Say, closing
@@ -185,7 +186,7 @@ def _write(path: Path, text: str) -> None:
 def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
     """How many cases run at a time."""
     if jobs is None:
-        jobs = min(backend.cores(), sum(name in registry.GAS for name in chosen))
+        jobs = min(device.cores(), sum(name in registry.GAS for name in chosen))
     elif jobs < 1:
         raise InputError(f"--jobs {jobs}: a whole number, 1 or more, is needed")
     return max(1, min(jobs, len(chosen)))
@@ -315,7 +316,7 @@ def environment(*, quick: bool, seconds: float) -> dict[str, str]:
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "samples": "quick" if quick else "full",
         "seconds for the cases": f"{seconds:.1f}",
-        "processor": f"{backend.cpu_name()}, {backend.cores()} cores",
+        "processor": f"{device.cpu_name()}, {device.cores()} cores",
         "system": platform.platform(),
         "python": platform.python_version(),
         **{name: metadata.version(name) for name in packages},

@@ -17,7 +17,7 @@ from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.observables import measure
 from ..model.state import Disks, State
-from ..simulation import Simulation
+from ..simulation.simulation import Simulation
 from . import serial_events, soft_disks
 from .serial_events import SerialEvents
 from .soft_disks import SoftDisks, SoftDisksError

@@ -36,10 +36,10 @@ class Slides:
 
 def to_rest(v: Array, u: Array, k: float = 2.0) -> Slides:
     """Fly disks of speed v and rim speed u to rest by the table kernels."""
-    from .. import backend
     from ..kernels import table
+    from ..simulation import device
 
-    backend.start()
+    device.start()
     v, u = np.array(v, dtype=float), np.array(u, dtype=float)
     x, t, eps = np.zeros((3, len(v)))
     shape = np.ones(len(v))
@@ -70,10 +70,10 @@ def run(quick: bool) -> Result:
 
 def _friction(result: Result) -> None:
     """F and T of the kernel against integrals over the disk."""
-    from .. import backend
     from ..kernels import table
+    from ..simulation import device
 
-    backend.start()
+    device.start()
     eps = np.array([0.01, 0.1, 0.3, 0.653, 0.9, 0.99, 1.01, 1.2, 2.0, 5.0, 50.0])
     F, T = np.zeros((2, len(eps)))
     table.friction_of(eps, np.ones_like(eps), F, T)

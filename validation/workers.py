@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
 from typing import Any
 
-from .. import backend
+from ..simulation import device
 from ..tools import processes
 
 PATIENCE = 20.0  # seconds in which a worker that is told to end, or has closed its line, does so
@@ -53,7 +53,7 @@ def run(
 
     Whatever ends it, Ctrl-C included, no worker stays.
     """
-    todo, threads = list(reversed(names)), max(1, backend.cores() // jobs)
+    todo, threads = list(reversed(names)), max(1, device.cores() // jobs)
     idle: list[_Worker] = []
     busy: dict[Any, _Worker] = {}
     try:
@@ -131,10 +131,10 @@ def _serve(line: Any, work: Callable[[str], Any], threads: int) -> None:
             signal.SIG_UNBLOCK, {signal.SIGTERM}
         )  # by which Python ends workers that are left over
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    backend.limit_threads(threads)
+    device.limit_threads(threads)
     while (name := line.recv()) is not None:
         line.send(work(name))
-    backend.stop()  # which keeps kernels
+    device.stop()  # which keeps kernels
 
 
 def _end_with_parent() -> None:

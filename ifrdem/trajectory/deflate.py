@@ -13,7 +13,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import backend
+from ..simulation import device
 
 LEVEL = 1
 MOST_THREADS = 4
@@ -56,7 +56,7 @@ class Deflate:
                 'HDF5\'s own deflate, slowly; `pip install "ifrdem[fast]"` brings one ten times faster'
             )
             return
-        threads = threads or min(MOST_THREADS, backend.cores())
+        threads = threads or min(MOST_THREADS, device.cores())
         self._pool = ThreadPoolExecutor(threads, thread_name_prefix="deflate")
         self.description = f"isal {isal_version()}, {threads} thread{'' if threads == 1 else 's'}"
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..engine_limits import MOST_DISKS
+from ..errors import InputError
+from ..model.box import Box
+from ..model.state import Disks, State
+from ..model.walls import Wall
 from . import magnitudes
-from .engine_limits import MOST_DISKS
-from .errors import InputError
-from .model.box import Box
-from .model.state import Disks, State
-from .model.walls import Wall
 
 if TYPE_CHECKING:
-    from .model.forces import Force
+    from ..model.forces import Force
 
 
 def two_numbers(name: str, value: Sequence[float]) -> tuple[float, float]:
@@ -95,7 +95,7 @@ def check(
             "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
         )
     if any(gravity) and forces:
-        from .model.forces import TableFriction  # imports Taichi, as whoever made a force did
+        from ..model.forces import TableFriction  # imports Taichi, as whoever made a force did
 
         if any(isinstance(force, TableFriction) for force in forces):
             raise InputError(

@@ -15,8 +15,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from . import backend
-from .engine_limits import (
+from ..engine_limits import (
     ADDRESSABLE,
     FLIGHT,
     IMAGE,
@@ -32,9 +31,9 @@ from .engine_limits import (
     ROW,
     WALL,
 )
-from .errors import EngineError
-from .kernels.flow import displacement
-from .kernels.layout import (
+from ..errors import EngineError
+from ..kernels.flow import displacement
+from ..kernels.layout import (
     ASIDE,
     BLOCK,
     BOXES_ASIDE,
@@ -71,15 +70,16 @@ from .kernels.layout import (
     WIDEST,
     Uses,
 )
-from .kernels.layout import ROW as ROW_LENGTH
-from .kernels.ledger import ALL
-from .kernels.levels import reach_at
-from .kernels.totals import TOTALS
-from .kernels.walls import HEAT, TEMPERATURE
-from .model.box import Box
-from .model.ifr import IFRLaw
-from .model.law import compiled
-from .model.state import Disks, State
+from ..kernels.layout import ROW as ROW_LENGTH
+from ..kernels.ledger import ALL
+from ..kernels.levels import reach_at
+from ..kernels.totals import TOTALS
+from ..kernels.walls import HEAT, TEMPERATURE
+from ..model.box import Box
+from ..model.ifr import IFRLaw
+from ..model.law import compiled
+from ..model.state import Disks, State
+from . import device
 
 
 def _kinds(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -403,7 +403,7 @@ class DeviceArrays:
     def make_rows(self, row: int) -> None:
         """Make room for so many neighbours of each disk; the lists at hand are lost."""
         self.grid[ROW_LENGTH] = row
-        backend.free_array(self.neighbour)
+        device.free_array(self.neighbour)
         self.neighbour = ti.ndarray(ti.i32, (max(self.n, 1) * row,))
 
     @property
@@ -415,7 +415,7 @@ class DeviceArrays:
         """Make room for so many collisions an epoch; the epoch at hand loses its log. Half the disks at least."""
         for old in (self.log_real, self.log_int, self.log_loss):
             if old is not None:
-                backend.free_array(old)
+                device.free_array(old)
         # Sorting needs half the disks; every tile takes records by the chunk.
         tiles = int(self.grid[TILES_X] * self.grid[TILES_Y])
         records = max(records, (self.n + 1) // 2, 64 * (tiles + 1))
@@ -520,5 +520,5 @@ class DeviceArrays:
     def release(self) -> None:
         """Give all device memory back."""
         for name, array in self._on_device().items():
-            backend.free_array(array)
+            device.free_array(array)
             setattr(self, name, None)

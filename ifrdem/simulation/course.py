@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .cadence import Cadence, Due, Schedule, Span
-from .model.observables import Measure
-from .model.state import State
+from ..model.observables import Measure
+from ..model.state import State
+from .schedule import Cadence, Due, Schedule, Span
 
 Observer = Callable[[State, Measure], None]
 Sampler = Callable[[Measure], None]

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .model.state import Disks
-from .theory.sonine import sonine_coefficient
+from ..model.state import Disks
+from ..theory.sonine import sonine_coefficient
 
 
 @dataclass(frozen=True)

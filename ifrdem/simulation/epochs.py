@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .device_arrays import DeviceArrays
-from .errors import EngineError
-from .kernels.epochs import epochs_by_one_thread
-from .kernels.flow import rows_apart
-from .kernels.joining import join_tiles
-from .kernels.layout import (
+from ..errors import EngineError
+from ..kernels.epochs import epochs_by_one_thread
+from ..kernels.flow import rows_apart
+from ..kernels.joining import join_tiles
+from ..kernels.layout import (
     AFFECTED_ROW,
     BEGAN,
     BEGIN,
@@ -57,13 +56,14 @@ from .kernels.layout import (
     WALL_SPEED,
     WINDOW,
 )
-from .kernels.levels import epoch_length, speed_cap
-from .kernels.opening import clear_all, extend_fast, list_disks, list_tiles
-from .kernels.passing import times_of_collisions
-from .kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
-from .kernels.sort import settle
-from .kernels.tiles import run_in_order, run_tiles
-from .kernels.totals import totals
+from ..kernels.levels import epoch_length, speed_cap
+from ..kernels.opening import clear_all, extend_fast, list_disks, list_tiles
+from ..kernels.passing import times_of_collisions
+from ..kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
+from ..kernels.sort import settle
+from ..kernels.tiles import run_in_order, run_tiles
+from ..kernels.totals import totals
+from .arrays import DeviceArrays
 from .selection import nth_smallest
 from .statistics import Statistics
 

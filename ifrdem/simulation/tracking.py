@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .model.ifr import EnergyWarning, IFRLaw, collide
-from .model.law import CollisionLaw
-from .model.state import Disks
-from .model.walls import Wall
+from ..errors import InputError
+from ..model.ifr import EnergyWarning, IFRLaw, collide
+from ..model.law import CollisionLaw
+from ..model.state import Disks
+from ..model.walls import Wall
 
 if TYPE_CHECKING:
-    from .device_arrays import DeviceArrays
+    from .arrays import DeviceArrays
 
 Placed = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -161,7 +161,7 @@ class Tracking:
 
         `placed` makes positions in the user's box of those on the device.
         """
-        from .kernels import tracking as k
+        from ..kernels import tracking as k
 
         most = int(k.count_tracked(arrays.grid, arrays.meta, arrays.link, self.rows))
         if most == 0:
@@ -214,7 +214,7 @@ class Tracking:
 
     def snapshot(self, arrays: DeviceArrays, placed: Placed) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
         """Positions [length], velocities, spins, shape (m, 5), and images, shape (m, 2), at the end of the epoch."""
-        from .kernels import tracking as k
+        from ..kernels import tracking as k
 
         real = np.zeros((max(len(self.ids), 1), 5), dtype=arrays.real)
         image = np.zeros((max(len(self.ids), 1), 2), dtype=np.int32)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .errors import InputError
-from .model.box import Box
-from .model.state import Disks, State
+from ..errors import InputError
+from ..model.box import Box
+from ..model.state import Disks, State
 
 
 def check(disks: Disks, box: Box, state: State, precision: str, hottest: float = 0.0) -> None:

@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import backend
-from .errors import EngineError, InputError
-from .model.ifr import IFRLaw
-from .model.law import CollisionLaw, checked_class, compiled
-from .model.law_table import check_energy, coefficient_table, law_table
-from .model.state import Disks, State
+from ..errors import EngineError, InputError
+from ..model.ifr import IFRLaw
+from ..model.law import CollisionLaw, checked_class, compiled
+from ..model.law_table import check_energy, coefficient_table, law_table
+from ..model.state import Disks, State
+from ..theory.contact import Contact, checked_packing_fraction, crowding_of_mixture
+from ..theory.driven_gas import Drive
+from ..tools import seeds
+from . import device
 from .relaxation import Checkpoint, Relaxation, sample
-from .theory.contact import Contact, checked_packing_fraction, crowding_of_mixture
-from .theory.driven_gas import Drive
-from .tools import seeds
 
 MARGIN = 1.15  # how much faster than the fastest disk one may become before a batch is cut short
 _LEAST = 32  # candidates of a batch, so that the last collisions of a sample do not take hundreds of launches
@@ -114,7 +114,7 @@ class DSMC:
         kind: Any = checked_class(laws)
         check_energy(laws, disks)
         self.area = math.pi * float(np.sum(disks.radius**2)) / packing_fraction
-        running = backend.start(arch, threads=threads, precision=precision)
+        running = device.start(arch, threads=threads, precision=precision)
         self._alone = arch == "cpu" and running.threads == 1
         self._real: Any = np.float32 if precision == "f32" else np.float64
         a, b = crowding_of_mixture(packing_fraction, disks.radius, None, contact)
@@ -125,7 +125,7 @@ class DSMC:
         table = coefficient_table(laws)
         self._make_arrays(start, compiled(kind), table)
         if kind is not IFRLaw:  # whether it adds energy is not known
-            from .model.law_trial import try_on
+            from ..model.law_trial import try_on
 
             fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
             try_on(kind, table, disks, [], fastest or 1.0)
@@ -146,8 +146,8 @@ class DSMC:
         return which.ravel()
 
     def _make_arrays(self, start: State, law: Any, table: NDArray[np.float64]) -> None:
-        from .kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
-        from .kernels.layout import Uses
+        from ..kernels import dsmc as kernels  # imports Taichi, which `backend.start` has set going
+        from ..kernels.layout import Uses
 
         import taichi as ti  # isort: skip
 
@@ -175,14 +175,14 @@ class DSMC:
         self._counter = np.zeros(4, dtype=np.int32)
         self._fastest = np.zeros(1, dtype=self._real)
         self._gains = np.zeros(n // kernels.BLOCK + 1)
-        backend.register(self)
+        device.register(self)
 
     def release(self) -> None:
         """Give all device memory back; the gas cannot be used any more."""
         for name in ("_disk", "_before", "_pair", "_todo", "_hits", "_hits_before", "_first", "_law"):
             array = getattr(self, name)
             if array is not None:
-                backend.free_array(array)
+                device.free_array(array)
                 setattr(self, name, None)
 
     def _record(self) -> NDArray[np.float64]:

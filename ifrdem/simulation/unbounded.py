@@ -16,9 +16,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .model.box import Box
-from .model.state import Disks, State
+from ..errors import InputError
+from ..model.box import Box
+from ..model.state import Disks, State
 
 ROOM = 1.0
 """Free space on either side of the disks in a new box, in extents of what they fill."""
@@ -90,7 +90,7 @@ def nobody_meets(state: State, disks: Disks) -> bool:
 
     Every pair is looked at, until one is found; up to MOST_COMPARED disks. Imports the kernels.
     """
-    from .kernels.parting import approaching
+    from ..kernels.parting import approaching
 
     if state.n < 2:
         return True

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .device_arrays import DeviceArrays
-from .errors import EngineError, InputError
-from .kernels.forces import kernels_of
-from .kernels.layout import BLOCK
-from .model.forces import Force
-from .model.state import Disks
+from ..errors import EngineError, InputError
+from ..kernels.forces import kernels_of
+from ..kernels.layout import BLOCK
+from ..model.forces import Force
+from ..model.state import Disks
+from .arrays import DeviceArrays
 
 # Times that differ by rounding only are one time: (1 + 1/2) * 0.1 and (0 + 1/2) * 0.3.
 SAME_TIME = 8.0 * float(np.finfo(np.float64).eps)

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from scipy.spatial import cKDTree
 
-from .engine_limits import CROWD
-from .errors import InputError
-from .model.box import Box
-from .model.state import Disks, State
+from ..engine_limits import CROWD
+from ..errors import InputError
+from ..model.box import Box
+from ..model.state import Disks, State
 
 FEW = 16  # disks that may as well list everybody, and rarely do so
 NEIGHBOURS = 4  # whose distance tells the density of an open gas

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .kernels.layout import CELLS_X, CELLS_Y, LOG_CAPACITY, SPIN, TILES_X, TILES_Y, VX, VY, X, Y
-from .kernels.layout import ROW as ROW_LENGTH
-from .model.box import Box
-from .model.state import State
+from ..errors import InputError
+from ..kernels.layout import CELLS_X, CELLS_Y, LOG_CAPACITY, SPIN, TILES_X, TILES_Y, VX, VY, X, Y
+from ..kernels.layout import ROW as ROW_LENGTH
+from ..model.box import Box
+from ..model.state import State
 from .statistics import Statistics
 
 if TYPE_CHECKING:

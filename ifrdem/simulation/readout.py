@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .cadence import Due
-from .errors import EngineError
-from .kernels.layout import BLOCK
-from .kernels.passing import (
+from ..errors import EngineError
+from ..kernels.layout import BLOCK
+from ..kernels.passing import (
     ROW_EVENTS,
     ROW_IMAGE_X,
     ROW_IMAGE_Y,
@@ -27,9 +26,10 @@ from .kernels.passing import (
     ROW_Y,
     look_back,
 )
-from .kernels.totals import TOTALS
-from .model.state import State, StoredState
-from .tools.buffers import compact
+from ..kernels.totals import TOTALS
+from ..model.state import State, StoredState
+from ..tools.buffers import compact
+from .schedule import Due
 
 if TYPE_CHECKING:
     from .engine import Engine

@@ -11,26 +11,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError
+from ..model.box import Box
+from ..model.collapse import Collapse
+from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.law import CollisionLaw, checked_class
+from ..model.law_table import check_energy, coefficient_table, law_table
+from ..model.observables import Measure, from_totals, measure
+from ..model.state import Disks, State
+from ..model.walls import Wall, sides
+from ..placement import check_no_overlap
 from . import checkpoint
-from .cadence import Cadence, Span, earlier
 from .course import Course, Observer, Progress, Sampler
 from .engine import Collisions, Engine
-from .errors import InputError
-from .events import Events, Tracking, checked_ids
-from .model.box import Box
-from .model.collapse import Collapse
-from .model.ifr import EnergyWarning, IFRLaw
-from .model.law import CollisionLaw, checked_class
-from .model.law_table import check_energy, coefficient_table, law_table
-from .model.observables import Measure, from_totals, measure
-from .model.state import Disks, State
-from .model.walls import Wall, sides
-from .placement import check_no_overlap
+from .schedule import Cadence, Span, earlier
 from .statistics import Statistics
+from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
-    from .model.forces import Force
-    from .passing import Passing
+    from ..model.forces import Force
+    from .readout import Passing
 
 
 class Simulation:
@@ -149,7 +149,7 @@ class Simulation:
         self._first = measure(disks, begin).energy + self._fall_energy(begin)
         self._judged = kind is IFRLaw  # whether it is known not to add energy
         if not self._judged:
-            from .model.law_trial import try_on
+            from ..model.law_trial import try_on
 
             fastest = max(
                 float(np.abs(state.velocity).max(initial=0.0)),

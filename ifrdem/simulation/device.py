@@ -13,7 +13,7 @@ import weakref
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from .errors import InputError, nearest
+from ..errors import InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
@@ -87,7 +87,7 @@ def memory_available() -> int | None:
 
 def available() -> list[Device]:
     """The devices that a simulation can run on. Starts nothing."""
-    from . import kernels  # noqa: F401  (keeps Taichi from printing its banner)
+    from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
 
     import taichi as ti  # isort: skip
 

@@ -13,9 +13,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .model.state import State
-from .trajectory import layout
+from ..errors import InputError
+from ..model.state import State
+from ..trajectory import layout
 
 FORMAT = 4
 _KIND = "ifrdem checkpoint"

@@ -65,26 +65,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend, engine_checks, skins
-from .engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
-from .errors import EngineError
-from .model.box import Box, below
-from .model.ifr import IFRLaw
-from .model.law import CollisionLaw, compiled
-from .model.state import Disks, State
-from .model.walls import Wall, sides
-from .model.walls import check as check_walls
-from .open_space import CELLS_PER_DISK, OpenSpace, around
+from ..engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
+from ..errors import EngineError
+from ..model.box import Box, below
+from ..model.ifr import IFRLaw
+from ..model.law import CollisionLaw, compiled
+from ..model.state import Disks, State
+from ..model.walls import Wall, sides
+from ..model.walls import check as check_walls
+from ..tools import seeds
+from ..tools.buffers import Buffers
+from . import checks, device
+from . import skin as skins
 from .statistics import Statistics
-from .tools import seeds
-from .tools.buffers import Buffers
+from .unbounded import CELLS_PER_DISK, OpenSpace, around
 
 if TYPE_CHECKING:
-    from .device_arrays import DeviceArrays
+    from ..model.forces import Force
+    from .arrays import DeviceArrays
     from .epochs import Outcome
-    from .events import Tracking
-    from .model.forces import Force
-    from .passing import Passing
+    from .readout import Passing
+    from .tracking import Tracking
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 STALLED_EPOCHS = 50  # epochs in a row that together gain no time: the gas has collapsed
@@ -178,9 +179,9 @@ class Engine:
         self.disks, self.box = disks, box
         n = self.n = disks.n
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
-        self.gravity = engine_checks.two_numbers("gravity", gravity)
+        self.gravity = checks.two_numbers("gravity", gravity)
         self.seed = seed = seeds.of_device(seed)
-        engine_checks.check(
+        checks.check(
             disks, box, state, len(law_table), walls, self.gravity, precision, forces,
             velocity_cutoff=velocity_cutoff, contact_time=contact_time,
         )  # fmt: skip
@@ -215,10 +216,10 @@ class Engine:
         self._collided_at = self.time
         self._space = OpenSpace(disks) if box.is_open else None
         self.order = order or ("rounds" if arch != "cpu" else "alone" if n <= ALONE else "tiles")
-        backend.start(arch, threads=threads, precision=precision)
-        from .device_arrays import DeviceArrays
+        device.start(arch, threads=threads, precision=precision)
+        from .arrays import DeviceArrays
         from .epochs import Epochs
-        from .splitting import Splitting
+        from .force_steps import Splitting
 
         kind: Any = law  # mypy does not take a class for hashable
 
@@ -242,7 +243,7 @@ class Engine:
         self._arrays_for = arrays_for
         self.arrays: DeviceArrays = arrays_for(state, inner, skin, self._offset)
         self._released = False
-        backend.register(self)
+        device.register(self)
         self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
         self._resting = 0
@@ -362,7 +363,7 @@ class Engine:
         self._whole = True
 
     def _close_epoch(self, outcome: Outcome, t_end: float, passing: Callable[[Passing], None] | None) -> None:
-        from .passing import Passing
+        from .readout import Passing
 
         self._resting = 0
         if self.keep_collisions:
@@ -540,7 +541,7 @@ class Engine:
         self.epochs.settle(self.time)
         self._whole = True
         if self.looks_back and self.n:
-            from .passing import state_at
+            from .readout import state_at
 
             state, _ = state_at(self, 0.0, self.time)
             for name, value in self.arrays.history().items():  # copies of its own
@@ -558,7 +559,7 @@ class Engine:
 
     def _exported(self) -> State:
         """The state of settled disks, in any gas."""
-        from .kernels.sort import export
+        from ..kernels.sort import export
 
         n = self.n
         real, integer = self.arrays.zeros(6, real=True), self.arrays.zeros(3, real=False)
@@ -615,7 +616,7 @@ class Engine:
         """The present state and its sums (`kernels/totals.py`); `stored` as for `Passing.at`."""
         if stored is None or not (self.looks_back and self.n and all(self.box.periodic)):
             return self.state(), self.totals()  # and who left the box is looked for
-        from .passing import state_at
+        from .readout import state_at
 
         self.check_whole()
         self._whole = False
@@ -625,7 +626,7 @@ class Engine:
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
-        from .kernels.totals import EXCESS, FALL
+        from ..kernels.totals import EXCESS, FALL
 
         self.check_whole()
         self._whole = False
