@@ -83,12 +83,12 @@ if TYPE_CHECKING:
     from . import analysis as analysis
     from . import bullet as bullet
     from . import fit as fit
-    from . import growth as growth
-    from . import placement as placement
     from . import plot as plot
-    from . import radii as radii
     from . import theory as theory
     from .errors import EngineError, InputError
+    from .initial import packing as growth
+    from .initial import placement as placement
+    from .initial import radii as radii
     from .model import forces as forces
     from .model import observables as observables
     from .model.box import Box

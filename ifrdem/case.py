@@ -12,13 +12,13 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from . import radii
 from .case_forces import ForceSection
 from .case_output import OutputSection
 from .case_run import BoxSection, Name, RunSection
 from .case_walls import WallSection
 from .engine_limits import MOST_DISKS
 from .errors import nearest
+from .initial import radii
 from .section import Choice, Section
 
 UNITS: Mapping[str, Mapping[str, str]] = {

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from . import radii
 from .case import (
     BoxSection,
     Case,
@@ -24,6 +23,7 @@ from .case_forces import ForceSection
 from .case_output import OutputSection
 from .case_walls import WallSection
 from .errors import InputError
+from .initial import radii
 from .model.box import Box
 from .model.coin_table import coins
 from .model.walls import Motion, Wall

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import growth, impact_scan, placement, start_file, start_frame
 from .case import IMPACT_SCAN, Case, is_trajectory
 from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
 from .errors import InputError
+from .initial import from_csv, from_trajectory, impact_scan, packing, placement
+from .initial.from_csv import Given
 from .model.box import Box
 from .model.free_area import Room
 from .model.ifr import EnergyWarning, IFRLaw
@@ -24,7 +25,6 @@ from .pairing import PairVerdict, verdicts, wall_verdicts
 from .problems import problems
 from .simulation.simulation import Simulation
 from .stage import Stage
-from .start_file import Given
 from .tools import seeds
 
 if TYPE_CHECKING:
@@ -94,10 +94,10 @@ class Gas:
         if not start:
             pass  # it has begun already
         elif case.start.file is not None:
-            given = start_file.read(Path(folder) / case.start.file, disks.n, box)
+            given = from_csv.read(Path(folder) / case.start.file, disks.n, box)
         elif is_trajectory(case.start.positions):
             path = Path(folder) / case.start.positions
-            given = start_frame.read(
+            given = from_trajectory.read(
                 path, case.start.frame, disks.radius, box, motion=case.start.motion, walls=walls
             )
             if given.velocity is not None:  # there was no flow
@@ -212,7 +212,7 @@ class Gas:
                     self.patch, self.disks.radius, seed=dealt, walls=self.walls
                 )
             if way == "growth":
-                return growth.grow(
+                return packing.grow(
                     self.patch, self.disks.radius, seed=seed, walls=self.walls, progress=Stage("growth")
                 )
             return placement.random_positions(self.patch, self.disks.radius, seed=seed, walls=self.walls)

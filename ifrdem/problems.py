@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from . import pairing, placement, radii, start_file, start_frame
+from . import pairing
 from .case import IMPACT_SCAN, is_trajectory
 from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
 from .engine_limits import CROWD
 from .errors import InputError, nearest
+from .initial import from_csv, from_trajectory, placement, radii
 from .model.box import Box
 from .model.coin_table import coins
 from .model.free_area import Room
@@ -295,11 +296,11 @@ def _wrong_start(
     assert name is not None
     try:
         if frame:
-            given = start_frame.read(
+            given = from_trajectory.read(
                 folder / name, start.frame, radius, box, motion=start.motion, walls=walls
             )
         else:
-            given = start_file.read(folder / name, len(radius), box)
+            given = from_csv.read(folder / name, len(radius), box)
             if room is not None:
                 placement.check_no_overlap(room.box, radius, given.position)
                 check_walls(room.all_walls, room.box, given.position, radius)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import impact_scan as scan
 from .errors import InputError
+from .initial import impact_scan as scan
 from .model.ifr import IFRLaw, Regime, collide
 from .model.state import Disks
 from .plot import save

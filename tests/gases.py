@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ifrdem import placement
+from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Collisions, Engine

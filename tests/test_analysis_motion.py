@@ -7,8 +7,9 @@ import pytest
 import serial_reference
 from serial_reference import simulate
 
-from ifrdem import analysis, placement, theory
+from ifrdem import analysis, theory
 from ifrdem.errors import InputError
+from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.tools.reprs import brief

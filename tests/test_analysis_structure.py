@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from serial_reference import simulate
 
-from ifrdem import analysis, placement, theory
+from ifrdem import analysis, theory
 from ifrdem.analysis import frames, libraries, structure
 from ifrdem.errors import InputError
+from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 

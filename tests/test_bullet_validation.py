@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import Box, Disks, IFRLaw, Simulation, State, bullet, cli, placement
+from ifrdem import Box, Disks, IFRLaw, Simulation, State, bullet, cli
+from ifrdem.initial import placement
 from ifrdem.validation import bullet_flight, predicted, pymunk_world, registry, stepped
 from ifrdem.validation.bullet_world import BulletWorld, Surface
 from ifrdem.validation.paper import Impact

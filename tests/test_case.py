@@ -18,8 +18,8 @@ from ifrdem.case import Case, MaterialSection, RunSection, SpeciesSection
 from ifrdem.errors import InputError
 from ifrdem.estimate import Estimate, collision_rates
 from ifrdem.gas import Gas, Species
+from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.coin_table import coins
-from ifrdem.placement import check_no_overlap
 from ifrdem.section import Section
 
 SHIPPED = Path(__file__).parents[1] / "cases" / "cooling.toml"

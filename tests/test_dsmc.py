@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ifrdem import placement
 from ifrdem.errors import EngineError, InputError
+from ifrdem.initial import placement
 from ifrdem.model.ifr import EnergyWarning, IFRLaw
 from ifrdem.model.law import CollisionLaw
 from ifrdem.model.state import Disks

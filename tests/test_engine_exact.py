@@ -10,8 +10,8 @@ from gases import COIN, ELASTIC, equal_disks, equilibrated, mixture
 from serial_reference import simulate
 from test_engine_serial_order import run
 
-from ifrdem import placement
 from ifrdem.errors import EngineError
+from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import device

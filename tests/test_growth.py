@@ -11,13 +11,13 @@ import pytest
 from gases import touching
 from numpy.typing import NDArray
 
-from ifrdem import growth, radii
 from ifrdem.case import Case
 from ifrdem.errors import InputError
 from ifrdem.estimate import Estimate, collision_rates
 from ifrdem.gas import Gas
+from ifrdem.initial import packing, radii
+from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.box import Box
-from ifrdem.placement import check_no_overlap
 from ifrdem.stage import Stage
 
 pytestmark = pytest.mark.unoptimised
@@ -54,7 +54,7 @@ def test_growth_reaches_random_packing_without_an_overlap(
     radius: NDArray[np.float64], packing_fraction: float
 ) -> None:
     box = Box.from_packing_fraction(radius, packing_fraction, 1.3)
-    position = growth.grow(box, radius, seed=1)
+    position = packing.grow(box, radius, seed=1)
     assert np.all((position >= 0.0) & (position < box.lengths))
     assert least_gap(box, radius, position) >= 0.0
     check_no_overlap(box, radius, position, tolerance=0.0)
@@ -63,7 +63,7 @@ def test_growth_reaches_random_packing_without_an_overlap(
 def test_a_seed_decides_the_packing() -> None:
     radius = bidisperse(300)
     box = Box.from_packing_fraction(radius, 0.8)
-    one, again, other = (growth.grow(box, radius, seed=seed) for seed in (1, 1, 2))
+    one, again, other = (packing.grow(box, radius, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, again)
     assert np.abs(box.minimum_image(one - other)).max() > 0.5
 
@@ -72,7 +72,7 @@ def test_a_packing_is_disordered() -> None:
     # Sixfold bond order <exp(6 i angle)> over near pairs is 1 for a lattice, some 1/sqrt(pairs) for random directions.
     radius = bidisperse(600)
     box = Box.from_packing_fraction(radius, 0.84)
-    position = growth.grow(box, radius, seed=1)
+    position = packing.grow(box, radius, seed=1)
     apart = box.minimum_image(position[:, None, :] - position[None, :, :])
     near = np.hypot(apart[..., 0], apart[..., 1]) < 1.05 * (radius[:, None] + radius[None, :])
     np.fill_diagonal(near, False)
@@ -85,29 +85,29 @@ def test_what_does_not_fit_is_refused_with_what_does() -> None:
     radius = bidisperse(300)
     box = Box.from_packing_fraction(radius, 0.88)
     with pytest.raises(InputError, match=r"packing fraction = 0\.8800: growth ended at 0\.\d+") as failure:
-        growth.grow(box, radius, seed=1)
+        packing.grow(box, radius, seed=1)
     found = re.search(r"ended at (0\.\d+)", str(failure.value))
     assert found is not None
     attained = float(found[1])
     assert 0.82 < attained < 0.855  # random close packing, and what 300 disks differ from it
-    growth.grow(Box.from_packing_fraction(radius, attained - 0.01), radius, seed=1)
+    packing.grow(Box.from_packing_fraction(radius, attained - 0.01), radius, seed=1)
 
 
 def test_no_disk_one_disk_and_too_large_ones() -> None:
-    assert growth.grow(Box((3.0, 3.0)), np.empty(0), seed=1).shape == (0, 2)
-    assert growth.grow(Box((3.0, 3.0)), [0.5], seed=1).shape == (1, 2)
+    assert packing.grow(Box((3.0, 3.0)), np.empty(0), seed=1).shape == (0, 2)
+    assert packing.grow(Box((3.0, 3.0)), [0.5], seed=1).shape == (1, 2)
     with pytest.raises(InputError, match="own periodic image"):
-        growth.grow(Box((3.0, 3.0)), [1.6], seed=1)
+        packing.grow(Box((3.0, 3.0)), [1.6], seed=1)
     with pytest.raises(InputError, match="cover more than the box has"):
-        growth.grow(Box((3.0, 3.0)), np.full(50, 0.5), seed=1)
+        packing.grow(Box((3.0, 3.0)), np.full(50, 0.5), seed=1)
 
 
 def test_rounded_positions_are_moved_apart_by_no_more_than_rounding() -> None:
     radius = bidisperse(400)
     box = Box.from_packing_fraction(radius, 0.75)
-    rounded = touching(box, radius, growth.grow(box, radius, seed=1)).astype(np.float32).astype(np.float64)
+    rounded = touching(box, radius, packing.grow(box, radius, seed=1)).astype(np.float32).astype(np.float64)
     assert least_gap(box, radius, rounded) < -1e-7
-    moved = growth.separate(box, radius, rounded)
+    moved = packing.separate(box, radius, rounded)
     assert least_gap(box, radius, moved) >= 0.0
     # Rounding of single precision: 2^-24 of a box of some 25 in each coordinate, pushed on by a few neighbours.
     assert np.abs(box.minimum_image(moved - rounded)).max() < 20.0 * 2.0**-24 * 25.0
@@ -116,7 +116,7 @@ def test_rounded_positions_are_moved_apart_by_no_more_than_rounding() -> None:
 def test_separating_leaves_disks_that_do_not_overlap_where_they_are() -> None:
     box = Box((10.0, 10.0))
     position = np.array([[1.0, 1.0], [2.0 - 1e-7, 1.0], [5.0, 5.0]])
-    moved = growth.separate(box, np.full(3, 0.5), position)
+    moved = packing.separate(box, np.full(3, 0.5), position)
     np.testing.assert_array_equal(moved[2], position[2])
     assert moved[1, 0] - moved[0, 0] >= 1.0
 
@@ -160,7 +160,7 @@ def test_a_long_stage_says_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> 
 def test_growth_reports_its_progress_in_order() -> None:
     found: list[float] = []
     radius = bidisperse(200)
-    growth.grow(Box.from_packing_fraction(radius, 0.83), radius, seed=1, progress=found.append)
+    packing.grow(Box.from_packing_fraction(radius, 0.83), radius, seed=1, progress=found.append)
     assert found == sorted(found)
     assert found[-1] == 1.0
 

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ifrdem import case_file, cli, impact_scan, scan_picture
+from ifrdem import case_file, cli, scan_picture
 from ifrdem.errors import InputError
 from ifrdem.gas import Gas
+from ifrdem.initial import impact_scan
 from ifrdem.model.state import Disks
 from ifrdem.trajectory.reader import Trajectory
 

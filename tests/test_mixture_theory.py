@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from serial_reference import simulate
 
 from ifrdem.errors import InputError
+from ifrdem.initial.placement import hexagonal_positions, maxwellian
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import EnergyWarning, IFRLaw, collide
 from ifrdem.model.law import CollisionLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.placement import hexagonal_positions, maxwellian
 from ifrdem.theory import cooling, cooling_rates, prediction
 from ifrdem.theory.contact import compressibility, mixture_contact_values
 from ifrdem.theory.driven_gas import Drive, driven, steady_state

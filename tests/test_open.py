@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from gases import COIN, mixture, start
 
-from ifrdem import placement
 from ifrdem.describe import describe
 from ifrdem.errors import EngineError, InputError
+from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.forces import TableFriction
 from ifrdem.model.ifr import IFRLaw

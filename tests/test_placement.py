@@ -10,8 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ifrdem.errors import InputError
-from ifrdem.model.box import Box
-from ifrdem.placement import (
+from ifrdem.initial.placement import (
     _one_by_one,
     check_no_overlap,
     gaussian_spins,
@@ -19,6 +18,7 @@ from ifrdem.placement import (
     maxwellian,
     random_positions,
 )
+from ifrdem.model.box import Box
 
 
 def pair_gaps(

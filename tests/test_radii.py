@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import case_file, check, radii
+from ifrdem import case_file, check
 from ifrdem.case import Case, RadiiSection
 from ifrdem.errors import InputError
 from ifrdem.estimate import Estimate
 from ifrdem.gas import Gas
+from ifrdem.initial import radii
 
 N = 40_000
 SAMPLING = 5.0 / math.sqrt(N)  # five standard errors of a mean, in standard deviations

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from ifrdem import growth, lattice, placement
 from ifrdem.errors import InputError
+from ifrdem.initial import lattice, packing, placement
 from ifrdem.model.box import Box
 from ifrdem.model.free_area import Room
 from ifrdem.model.walls import Motion, Wall, check
@@ -114,7 +114,7 @@ def place(way: str, room: Room, radius: np.ndarray) -> np.ndarray:
     if way == "random":
         return placement.random_positions(room.box, radius, seed=3, walls=room.walls)
     if way == "growth":
-        return growth.grow(room.box, radius, seed=3, walls=room.walls)
+        return packing.grow(room.box, radius, seed=3, walls=room.walls)
     return placement.hexagonal_positions(room.box, radius, seed=3, walls=room.walls)
 
 
@@ -183,6 +183,6 @@ def test_rounded_positions_are_moved_off_walls() -> None:
     radius = np.full(2, 0.3)
     position = np.array([[5.0, 0.4 - 1e-7], [9.6 + 1e-7, 5.0]])  # both 1e-7 inside of the container's wall
     assert np.all(room.gap(position, radius) < 0.0)
-    moved = growth.separate(room.box, radius, position, walls=room.walls)
+    moved = packing.separate(room.box, radius, position, walls=room.walls)
     assert np.all(room.gap(moved, radius) >= 0.0)
     np.testing.assert_allclose(moved, position, atol=3e-7)

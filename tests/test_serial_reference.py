@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from serial_reference import contact_delay, simulate
 
+from ifrdem.initial.placement import hexagonal_positions
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.placement import hexagonal_positions
 
 ELASTIC_SMOOTH = (1.0, -1.0, 0.0, 0.0, 0.0)
 FRICTIONAL = (0.9, -0.8, 0.2, 0.0, 0.0)

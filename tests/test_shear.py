@@ -11,8 +11,8 @@ from gases import COIN, ELASTIC, ROLLING, equal_disks, mixture, run
 from shear_reference import Sheared
 
 import ifrdem.simulation.epochs
-from ifrdem import placement
 from ifrdem.errors import InputError
+from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.forces import RandomKicks, Rescale
 from ifrdem.model.ifr import IFRLaw

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from ifrdem import placement
+from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.coin_table import coins
 from ifrdem.model.observables import Measure

@@ -11,8 +11,8 @@ from gases import COIN
 from serial_reference import simulate
 from test_engine_serial_order import run
 
-from ifrdem import growth, placement, radii
 from ifrdem.errors import InputError
+from ifrdem.initial import packing, placement, radii
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.problems import WIDEST_RATIO
@@ -48,7 +48,7 @@ def expected(name: str) -> tuple[Disks, Box, State, np.ndarray, np.ndarray]:
     box = Box.from_packing_fraction(radius, packing_fraction)
     velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=1)
     spin = placement.gaussian_spins(N, spin_rms=1.0, seed=1)
-    state = State(growth.grow(box, radius, seed=1), velocity, spin)
+    state = State(packing.grow(box, radius, seed=1), velocity, spin)
     _, found = simulate(disks, box, law, state, max_collisions=N)
     return (
         disks,

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from gases import touching
 
-from ifrdem import case_file, cli, growth, radii
+from ifrdem import case_file, cli
 from ifrdem.case import Case
 from ifrdem.errors import InputError
 from ifrdem.gas import Gas
+from ifrdem.initial import packing, radii
+from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.placement import check_no_overlap
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.writer import TrajectoryWriter
 
@@ -54,7 +55,7 @@ def trajectory(folder: Path, precision: str = "f8", fields: list[str] | None = N
     random = np.random.default_rng(1)
     states = []
     for seed in range(3):
-        position = touching(box, radius, growth.grow(box, radius, seed=seed))
+        position = touching(box, radius, packing.grow(box, radius, seed=seed))
         states.append(State(position, random.normal(size=(N, 2)), random.normal(size=N), time=seed))
     fields = ["position", "velocity", "angular_velocity"] if fields is None else fields
     disks = Disks(N, mass=np.pi * radius**2, radius=radius)

@@ -11,12 +11,12 @@ from scipy.interpolate import pade
 from serial_reference import simulate
 
 from ifrdem.errors import InputError
+from ifrdem.initial.placement import hexagonal_positions, maxwellian, random_positions
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
-from ifrdem.placement import hexagonal_positions, maxwellian, random_positions
 from ifrdem.theory import (
     VIRIAL,
     changes_per_collision,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import placement
+from ..initial import placement
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.state import Disks, State

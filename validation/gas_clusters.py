@@ -28,8 +28,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import analysis, placement, theory
+from .. import analysis, theory
 from ..analysis import libraries
+from ..initial import placement
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.state import State

@@ -23,7 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import placement, theory
+from .. import theory
+from ..initial import placement
 from ..model.box import Box
 from ..model.coin_table import coins
 from ..model.forces import RandomKicks

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import placement
+from ..initial import placement
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.state import Disks, State

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import EngineError, InputError, nearest
+from ..initial.placement import check_no_overlap
 from ..model import ifr as law_module
 from ..model.box import Box
 from ..model.state import Disks, State
-from ..placement import check_no_overlap
 from ..simulation.engine import Engine
 from ..trajectory.reader import Trajectory
 from ..trajectory.writer import TrajectoryWriter

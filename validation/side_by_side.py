@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import placement, theory
+from .. import theory
+from ..initial import placement
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.observables import measure

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..initial.placement import check_no_overlap
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.ifr import EnergyWarning, IFRLaw
@@ -20,7 +21,6 @@ from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, measure
 from ..model.state import Disks, State
 from ..model.walls import Wall, sides
-from ..placement import check_no_overlap
 from . import checkpoint
 from .course import Course, Observer, Progress, Sampler
 from .engine import Collisions, Engine

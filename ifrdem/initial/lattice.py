@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .model.free_area import Room
+from ..errors import InputError
+from ..model.free_area import Room
 
 CLOSER, CLEAR = (
     1.0 - 1e-9,

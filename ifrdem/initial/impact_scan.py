@@ -11,9 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .model.state import Disks
-from .start_file import Given
-from .tools import seeds
+from ..model.state import Disks
+from ..tools import seeds
+from .from_csv import Given
 
 PATCH = 8.0  # side of a pair's patch, in largest contact distances
 APPROACH = 0.5  # flight before the contact, in contact distances

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from . import lattice
-from .errors import InputError
-from .model.box import Box
-from .model.free_area import Room
-from .model.overlaps import (
+from ..errors import InputError
+from ..model.box import Box
+from ..model.free_area import Room
+from ..model.overlaps import (
     TOLERANCE,
     check_no_overlap,
     checked_radii,
@@ -25,8 +24,9 @@ from .model.overlaps import (
     refuse_wider_than_box,
     size_classes,
 )
-from .model.walls import Wall
-from .tools import seeds
+from ..model.walls import Wall
+from ..tools import seeds
+from . import lattice
 
 SATURATION = 0.547
 """Packing fraction where random sequential addition of equal disks ends (doi:10.1103/PhysRevE.74.061308)."""

@@ -22,18 +22,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_matrix
 
-from .errors import InputError
-from .model.box import Box
-from .model.free_area import Room
-from .model.overlaps import (
+from ..errors import InputError
+from ..model.box import Box
+from ..model.free_area import Room
+from ..model.overlaps import (
     check_no_overlap,
     checked_radii,
     close_pairs,
     refuse_no_room,
     refuse_wider_than_box,
 )
-from .model.walls import Wall
-from .tools import seeds
+from ..model.walls import Wall
+from ..tools import seeds
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""

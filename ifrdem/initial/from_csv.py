@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError, nearest
-from .model.box import Box
-from .tools import csv as csv_rows
+from ..errors import InputError, nearest
+from ..model.box import Box
+from ..tools import csv as csv_rows
 
 POSITION = ("x", "y")
 MOTION = ("vx", "vy", "spin")

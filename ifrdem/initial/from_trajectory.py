@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from . import growth
-from .errors import InputError, nearest
-from .model.box import Box
-from .model.free_area import Room
-from .model.walls import Wall
-from .model.walls import check as check_walls
+from ..errors import InputError, nearest
+from ..model.box import Box
+from ..model.free_area import Room
+from ..model.walls import Wall
+from ..model.walls import check as check_walls
+from ..trajectory.reader import Trajectory
+from . import packing
+from .from_csv import Given
 from .placement import check_no_overlap
-from .start_file import Given
-from .trajectory.reader import Trajectory
 
 ROUNDING = 2.0**-22
 """Overlap, as a part of the box's longer side, that single precision explains: twice sqrt(2) times 2^-24, and some."""
@@ -95,7 +95,7 @@ def read(
             else:
                 check_no_overlap(box, radius, position, tolerance=tolerance)
                 check_walls(all_walls, box, position, radius, tolerance=ROUNDING * max(sides))
-                position = growth.separate(box, radius, position, walls=walls)
+                position = packing.separate(box, radius, position, walls=walls)
         except InputError as error:
             raise InputError(
                 f"frame {at.index} of {len(trajectory)}: {error}{_why(trajectory, radius, single)}"
