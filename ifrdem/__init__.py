@@ -82,10 +82,10 @@ __all__ = [
 if TYPE_CHECKING:
     from . import analysis as analysis
     from . import bullet as bullet
-    from . import fit as fit
     from . import plot as plot
     from . import theory as theory
     from .errors import EngineError, InputError
+    from .fit import maximum as fit
     from .initial import packing as growth
     from .initial import placement as placement
     from .initial import radii as radii

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from .errors import InputError, nearest
 
 if TYPE_CHECKING:
-    from .fit_result import Fit
+    from .fit.result import Fit
 
 DESCRIPTION = """\
 Fit the law's coefficients e_n, e_t, mu (and rho) to measured impacts of one disk on another at rest, neither
@@ -182,16 +182,16 @@ def run(
             raise InputError(
                 f"--example prints its data and reads none: `ifrdem fit --example > {given.data}` writes them"
             )
-        from .fit_data import example
+        from .fit.data import example
 
         say(example().rstrip("\n"))
         return True
     options = FitOptions.parse(given)
-    from . import fit
+    from .fit import maximum
 
-    data = fit.read(options.data, options.errors)
+    data = maximum.read(options.data, options.errors)
     with _progress(options) as bar:
-        found = fit.fit(
+        found = maximum.fit(
             data,
             **options.pair,
             rolling=options.rolling,
@@ -200,7 +200,7 @@ def run(
             seed=options.seed,
             progress=None if bar is None else bar.update,
         )
-    say(fit.table(found))
+    say(maximum.table(found))
     return _write(options, found, say, complain)
 
 
@@ -208,14 +208,14 @@ def _write(
     options: FitOptions, found: Fit, say: Callable[[str], object], complain: Callable[[str], object]
 ) -> bool:
     """Write the files; False if the material is one that no case would take."""
-    from . import fit_report as report
+    from .fit import report as report
 
     written, whole = [], True
     if options.json is not None:
         _text(options.json, report.as_json(found))
         written.append(options.json)
     if options.pictures:
-        from .fit_picture import draw
+        from .fit.figure import draw
 
         draw(found, options.pictures)
         written += options.pictures

@@ -11,11 +11,11 @@ from scipy.optimize import differential_evolution, minimize
 
 from ifrdem import fit
 from ifrdem.errors import InputError
-from ifrdem.fit_data import Data
-from ifrdem.fit_interval import intervals
-from ifrdem.fit_likelihood import Likelihood
-from ifrdem.fit_model import Model, Pair
-from ifrdem.fit_optimum import Search
+from ifrdem.fit.data import Data
+from ifrdem.fit.intervals import intervals
+from ifrdem.fit.likelihood import Likelihood
+from ifrdem.fit.model import Model, Pair
+from ifrdem.fit.search import Search
 from ifrdem.model.coin_table import coins
 from ifrdem.validation.paper import TABLE_II
 

@@ -10,7 +10,7 @@ import pytest
 
 from ifrdem import fit
 from ifrdem.errors import InputError
-from ifrdem.fit_data import COLUMNS, Data
+from ifrdem.fit.data import COLUMNS, Data
 
 GOOD = "psi,delta_2\n10,4\n50,13\n"
 

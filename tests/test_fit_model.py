@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.fit_data import Data
-from ifrdem.fit_likelihood import Likelihood
-from ifrdem.fit_model import MEASURED, Model, Pair
+from ifrdem.fit.data import Data
+from ifrdem.fit.likelihood import Likelihood
+from ifrdem.fit.model import MEASURED, Model, Pair
 from ifrdem.model.ifr import Regime
 from ifrdem.validation import paper
 from ifrdem.validation.paper import Impact

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .fit_likelihood import Array
-from .fit_optimum import Optimum, Search
+from .likelihood import Array
+from .search import Optimum, Search
 
 _MOST_TRIES = 40
 _PRECISE = 1e-4  # of the root of the rise in chi2, and so of the distance of an end from the best value

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .fit_data import Data
-from .fit_model import COEFFICIENTS, Array, Model, Pair, Sticking
-from .model.ifr import Admissibility, EnergyWarning, IFRLaw, Regime
+from ..errors import InputError
+from ..model.ifr import Admissibility, EnergyWarning, IFRLaw, Regime
+from .data import Data
+from .model import COEFFICIENTS, Array, Model, Pair, Sticking
 
 CONFIDENCE = 0.95
 """Of every interval."""

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .fit_data import Data
-from .fit_model import COEFFICIENTS, Model
+from .data import Data
+from .model import COEFFICIENTS, Model
 
 Array = NDArray[np.float64]
 

@@ -24,16 +24,16 @@ from typing import cast
 
 import numpy as np
 
-from .errors import InputError, nearest
-from .fit_data import Data, example, read
-from .fit_doubts import admissibility, doubts, doubts_of_both
-from .fit_interval import covariance_of, intervals
-from .fit_likelihood import Array, Likelihood, Points
-from .fit_model import Model, Pair, Sticking
-from .fit_optimum import Optimum, Search
-from .fit_report import as_json, material, table
-from .fit_result import CONFIDENCE, TELLING, Closure, Estimate, Fit, Interval
-from .model.ifr import STICKING
+from ..errors import InputError, nearest
+from ..model.ifr import STICKING
+from .data import Data, example, read
+from .doubts import admissibility, doubts, doubts_of_both
+from .intervals import covariance_of, intervals
+from .likelihood import Array, Likelihood, Points
+from .model import Model, Pair, Sticking
+from .report import as_json, material, table
+from .result import CONFIDENCE, TELLING, Closure, Estimate, Fit, Interval
+from .search import Optimum, Search
 
 __all__ = [
     "CONFIDENCE",

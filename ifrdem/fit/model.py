@@ -14,8 +14,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .model.ifr import STICKING
+from ..errors import InputError
+from ..model.ifr import STICKING
 
 Array = NDArray[np.float64]
 Sticking = Literal["percussion_center", "contact_point"]
@@ -219,7 +219,7 @@ class Model:
 
 def _collide(model: Model, coefficients: Array, psi: Array) -> tuple[Array, ...]:
     """The output of `collide_pair` for m_1 = 1, v_o = 1, and the line of centres along x."""
-    from .kernels.law import collide_pair  # imports Taichi, which is slow
+    from ..kernels.law import collide_pair  # imports Taichi, which is slow
 
     e_n, e_t, mu, rho = (coefficients[..., i] for i in range(4))
     pair, (R_1, R_2) = model.pair, model.pair.radii

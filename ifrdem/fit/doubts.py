@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from .errors import InputError
-from .fit_data import Data
-from .fit_model import MEASURED, Array, Model
-from .fit_result import TELLING, Closure
-from .model.ifr import Admissibility, EnergyWarning, IFRLaw
+from ..errors import InputError
+from ..model.ifr import Admissibility, EnergyWarning, IFRLaw
+from .data import Data
+from .model import MEASURED, Array, Model
+from .result import TELLING, Closure
 
 _TIED = 0.995  # correlation of two coefficients that are known in combination only
 

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from .errors import InputError
-from .fit_model import MEASURED
-from .fit_result import Closure, Estimate, Fit, Interval
-from .model.ifr import STICKING
+from ..errors import InputError
+from ..model.ifr import STICKING
+from .model import MEASURED
+from .result import Closure, Estimate, Fit, Interval
 
 KIND = {STICKING[0]: "percussion centre (Eq. 15)", STICKING[1]: "contact point (Eq. 12)"}
 _UNITS = {"psi_transit": "deg", "rho": "length"}

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .fit_likelihood import Array, Likelihood, Points
-from .fit_model import LARGEST
+from .likelihood import Array, Likelihood, Points
+from .model import LARGEST
 
 MU_LARGEST = 10.0
 """Up to here mu is searched; a real one is well below."""

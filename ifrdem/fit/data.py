@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import InputError, nearest
-from .fit_model import MEASURED
-from .tools import csv as csv_rows
+from ..errors import InputError, nearest
+from ..tools import csv as csv_rows
+from .model import MEASURED
 
 Array = NDArray[np.float64]
 
@@ -218,7 +218,7 @@ def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
 
 def example(seed: int = 1) -> str:
     """A small CSV file of synthetic impacts, which says so and with which coefficients."""
-    from .fit_model import Model, Pair
+    from .model import Model, Pair
 
     rng = np.random.default_rng(seed)
     psi = np.linspace(4.0, 72.0, 18)

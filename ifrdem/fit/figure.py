@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .errors import InputError
-from .fit_model import MEASURED, Array, Model
-from .fit_result import Fit
-from .model.ifr import STICKING
+from ..errors import InputError
+from ..model.ifr import STICKING
+from .model import MEASURED, Array, Model
+from .result import Fit
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
