@@ -16,9 +16,9 @@ from .case_forces import ForceSection
 from .case_output import OutputSection
 from .case_run import BoxSection, Name, RunSection
 from .case_walls import WallSection
-from .engine_limits import MOST_DISKS
 from .errors import nearest
 from .initial import radii
+from .kernels.limits import MOST_DISKS
 from .section import Choice, Section
 
 UNITS: Mapping[str, Mapping[str, str]] = {

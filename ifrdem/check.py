@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from .case import Case
 from .case_output import MOST_FRAMES
 from .describe import describe_sides
-from .engine_limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from .errors import InputError
 from .estimate import OBSERVABLES, Estimate
 from .file_size import disk_bytes
 from .gas import Gas
+from .kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from .report_walls import lines_of_walls
 from .simulation import device as backend
 

@@ -412,19 +412,21 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from .bench_options import BenchOptions
+    from .validation.speed.options import BenchOptions
 
     overrides = _overrides(options) if options.case is not None else []
     chosen = BenchOptions.parse(options, overrides)
-    from . import bench, bench_table, case_file, equilibrium, shipped
+    from . import case_file, shipped
+    from .validation.speed import bench, equilibrium
+    from .validation.speed import table as bench_table
 
     if chosen.table:
         bench_table.measure(chosen, say=_say, note=_complain)
         return 0
     if chosen.output is not None:
-        from . import bench_output
+        from .validation.speed import output_cost
 
-        cost = bench_output.measure(
+        cost = output_cost.measure(
             chosen.n, chosen.phi, arch=chosen.arch, threads=chosen.threads, seed=chosen.seed,
             runs=chosen.timing.runs, compression=chosen.output, note=_complain,
         )  # fmt: skip
@@ -453,7 +455,7 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _validate(options: argparse.Namespace) -> int:
-    from .validation import runner
+    from .validation.report import runner
 
     if options.list:
         _say(runner.listing())

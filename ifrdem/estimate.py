@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from . import engine_limits, theory
+from . import theory
 from .case import Case
 from .case_output import OutputSection
 from .file_size import trajectory_bytes
 from .gas import Gas, Species
+from .kernels import limits
 from .model.observables import MECHANISMS, REGIMES
 from .theory import driven_gas, sheared_gas
 from .theory.driven_gas import Drive
@@ -151,8 +152,7 @@ class Estimate:
             frames=frames,
             rows=rows,
             tracked=tracked,
-            array_bytes=n
-            * (engine_limits.BYTES_PER_DISK + output.ledger * engine_limits.LEDGER_BYTES_PER_DISK),
+            array_bytes=n * (limits.BYTES_PER_DISK + output.ledger * limits.LEDGER_BYTES_PER_DISK),
         )
 
 

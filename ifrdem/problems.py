@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from . import pairing
 from .case import IMPACT_SCAN, is_trajectory
 from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
-from .engine_limits import CROWD
 from .errors import InputError, nearest
 from .initial import from_csv, from_trajectory, placement, radii
+from .kernels.limits import CROWD
 from .model.box import Box
 from .model.coin_table import coins
 from .model.free_area import Room

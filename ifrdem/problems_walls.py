@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .draft import Draft, Problem, wall_of
-from .engine_limits import MOST_WALLS
 from .errors import InputError
+from .kernels.limits import MOST_WALLS
 from .model.box import Box
 from .model.free_area import Room
 from .model.walls import Wall, check_place

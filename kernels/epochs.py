@@ -3,7 +3,6 @@
 import taichi as ti
 
 from .extend import AT_START_ALONE, extend
-from .flow import displace_rows, rows_apart, speed2_in_flow
 from .layout import (
     BEGAN,
     BEGIN,
@@ -52,6 +51,7 @@ from .layout import (
 from .ledger import close_tally, n_record_blocks, tally, weigh
 from .levels import epoch_length, speed_cap, too_fast
 from .lists import list_tile, open_epoch
+from .shear import displace_rows, rows_apart, speed2_in_flow
 from .sort import clear, fly, lay_aside, order_cell, put_back
 from .tiles import run_tile
 from .walls import offer_wall

@@ -13,7 +13,6 @@ import taichi as ti
 
 from .cells import cell_beside, columns_aside, has_column, place_of
 from .flights import first_meeting, offer, shift_by
-from .flow import rows_apart
 from .history import start_position
 from .layout import (
     AFFECTED,
@@ -41,6 +40,7 @@ from .layout import (
     push,
 )
 from .levels import reach_of
+from .shear import rows_apart
 
 LATER, AT_START_ALONE, AT_START = range(3)
 EXTENDS = -3  # as a partner: this disk's list is being extended

@@ -2,7 +2,6 @@
 
 import taichi as ti
 
-from .flow import flow_at, lab_x
 from .layout import (
     BLOCK,
     CELLS_X,
@@ -34,6 +33,7 @@ from .layout import (
     n_blocks,
 )
 from .random import DRAWS
+from .shear import flow_at, lab_x
 
 # Columns of the small arrays that the host hands over. `when`: time and length of the step. `counter_words`: number of
 # the step (low, high word), index of the force, seed (low, high word).

@@ -2,8 +2,8 @@
 
 import taichi as ti
 
-from .flow import way_speed2
 from .layout import END, HORIZON, LENGTH, LEVELS, MOST_LEVEL, REACH, SPEED_MARGIN, level_of
+from .shear import way_speed2
 
 CAP = 2.26
 

@@ -2,7 +2,6 @@
 
 import taichi as ti
 
-from .flow import flow_at, frame_speed, lab_x, speed2_in_flow, work_between_rows, work_of_crossing
 from .layout import (
     ACTIVE,
     AFFECTED,
@@ -56,6 +55,7 @@ from .layout import (
     n_blocks,
 )
 from .ledger import close_tally, n_record_blocks, tally, weigh
+from .shear import flow_at, frame_speed, lab_x, speed2_in_flow, work_between_rows, work_of_crossing
 from .tally import note_latest, note_partner, note_turn, tally_walls
 from .totals import TOTALS, count_in
 

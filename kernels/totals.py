@@ -2,7 +2,6 @@
 
 import taichi as ti
 
-from .flow import flow_at
 from .layout import (
     BLOCK,
     CELLS_X,
@@ -28,6 +27,7 @@ from .layout import (
     kind_of,
     n_blocks,
 )
+from .shear import flow_at
 
 TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
 TOTALS = 8

@@ -17,14 +17,15 @@ from typing import Any
 import pytest
 
 import ifrdem
-from ifrdem import bench, bench_table, check, cli, compile_time, equilibrium, profiler
-from ifrdem.bench import Benchmark, Run
-from ifrdem.bench_options import Timing
-from ifrdem.bench_table import CLUSTERED, GRID, Entry
+from ifrdem import check, cli
 from ifrdem.errors import EngineError, InputError
 from ifrdem.gas import Gas
 from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.speed import bench, compile_time, equilibrium, profiler, table
+from ifrdem.validation.speed.bench import Benchmark, Run
+from ifrdem.validation.speed.options import Timing
+from ifrdem.validation.speed.table import CLUSTERED, GRID, Entry
 
 SMALL = ["--n", "200", "--phi", "0.2", "--threads", "1", "--runs", "2", "--seconds", "0.01", "--no-compile"]
 QUICK = Timing(runs=2, seconds=0.01, compiling=False)
@@ -356,49 +357,49 @@ def test_a_profiled_device_serves_a_simulation_that_asks_for_no_profile() -> Non
 
 
 def test_the_grid_has_the_gases_to_reach_in_order_of_size() -> None:
-    assert [each.n for each in bench_table.entries(10**8, clustered=False)] == [
+    assert [each.n for each in table.entries(10**8, clustered=False)] == [
         10**3, 10**4, 10**5, 10**6, 10**6, 10**6, 10**7,
     ]  # fmt: skip
-    assert bench_table.entries(10**8, clustered=True)[-1] is CLUSTERED
-    assert [each.n for each in bench_table.entries(20_000, clustered=True)] == [10**3, 10**4]
+    assert table.entries(10**8, clustered=True)[-1] is CLUSTERED
+    assert [each.n for each in table.entries(20_000, clustered=True)] == [10**3, 10**4]
 
 
 def test_a_row_is_reached_by_its_median() -> None:
     entry = Entry(1000, 0.3, 4000.0)
-    row = bench_table.gas_row(entry, found(), None)  # 8000 collisions in 1, 2 and 4 s
+    row = table.gas_row(entry, found(), None)  # 8000 collisions in 1, 2 and 4 s
     assert row.markdown() == "| elastic, N = 1e3, phi = 0.3 | 4.00e3 (2.00e3 to 8.00e3) | 4.00e3 | yes |"
-    assert not bench_table.gas_row(Entry(1000, 0.3, 4001.0), found(), None).reached
+    assert not table.gas_row(Entry(1000, 0.3, 4001.0), found(), None).reached
 
 
 def test_a_large_gas_is_held_against_the_cost_in_the_smaller_one() -> None:
     entry = GRID[-1]
     assert entry.relative
-    row = bench_table.gas_row(entry, found(), 5000.0)  # at 4000 a second: 1.25 times the cost
+    row = table.gas_row(entry, found(), 5000.0)  # at 4000 a second: 1.25 times the cost
     assert row.measured.endswith(", 1.25 times the cost")
     assert row.target == "at most 1.3 times the cost per collision at N = 1e5"
     assert row.reached
-    assert not bench_table.gas_row(entry, found(), 5300.0).reached
-    assert not bench_table.gas_row(entry, found(), None).reached
+    assert not table.gas_row(entry, found(), 5300.0).reached
+    assert not table.gas_row(entry, found(), None).reached
 
 
 def test_clusters_show_their_slowest_epoch() -> None:
-    row = bench_table.gas_row(CLUSTERED, found(), None)
+    row = table.gas_row(CLUSTERED, found(), None)
     assert row.measured.endswith(f"; an epoch takes {7 / 12:.3g} s, the slowest 2 s")  # 12 epochs in 7 s
     assert row.target == "5.00e5, no epoch that stalls"
-    assert bench_table.memory_row(found()).reached  # 240 bytes a disk
-    assert not bench_table.memory_row(found(bytes_per_disk=251.0)).reached
-    assert bench_table.start_row(9.0, 1.9).reached
+    assert table.memory_row(found()).reached  # 240 bytes a disk
+    assert not table.memory_row(found(bytes_per_disk=251.0)).reached
+    assert table.start_row(9.0, 1.9).reached
 
 
 @pytest.mark.parametrize("as_json", [False, True])
 def test_the_table_measures_each_of_its_gases(
     as_json: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(bench_table, "GRID", (Entry(1_000, 0.3, 2e6), Entry(1_000, 0.1, 1e12)))
-    monkeypatch.setattr(bench_table, "CLUSTERED", Entry(1000, 0.3, 1.0, clustered=True))
-    monkeypatch.setattr(bench_table, "AFTER", 2.0)
-    monkeypatch.setattr(bench_table, "REFERENCE", (1_000, 0.3))
-    monkeypatch.setattr(bench_table, "BYTES_AT", (1_000, 0.3))
+    monkeypatch.setattr(table, "GRID", (Entry(1_000, 0.3, 2e6), Entry(1_000, 0.1, 1e12)))
+    monkeypatch.setattr(table, "CLUSTERED", Entry(1000, 0.3, 1.0, clustered=True))
+    monkeypatch.setattr(table, "AFTER", 2.0)
+    monkeypatch.setattr(table, "REFERENCE", (1_000, 0.3))
+    monkeypatch.setattr(table, "BYTES_AT", (1_000, 0.3))
     monkeypatch.setattr(compile_time, "measure_run", lambda n, **_: (9.0, 1.5))
     arguments = ["bench", "--table", "--clustered", "--runs", "1", "--seconds", "0.01", "--threads", "1"]
     assert cli.main([*arguments, *(["--json"] if as_json else [])]) == 0

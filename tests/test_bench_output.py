@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from ifrdem import bench_output, cli
-from ifrdem.bench_output import FRAMES, LEAD, OutputCost, between
+from ifrdem import cli
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.speed import output_cost
+from ifrdem.validation.speed.output_cost import FRAMES, LEAD, OutputCost, between
 
 pytestmark = pytest.mark.unoptimised
 
@@ -39,7 +40,7 @@ def test_each_turn_times_the_same_collisions_bare_with_the_ledger_and_with_all(
                 lengths.append(2.0 * (after.collisions - before.collisions) / 300)
 
     monkeypatch.setattr(Simulation, "follow", followed)
-    monkeypatch.setattr(bench_output, "LEAST_SECONDS", 1e-9)  # how long these pieces take does not matter
+    monkeypatch.setattr(output_cost, "LEAST_SECONDS", 1e-9)  # how long these pieces take does not matter
     assert cli.main([*SMALL, "none", "--json"]) == 0
     own = json.loads(capsys.readouterr().out)
     bare, tallied, written = (False, 0), (True, 0), (True, LEAD + FRAMES)
@@ -87,7 +88,7 @@ def test_pieces_of_small_gases_have_more_frames(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Of 300 disks, four frames take some hundredths of a second."""
-    monkeypatch.setattr(bench_output, "LEAST_SECONDS", 0.2)
+    monkeypatch.setattr(output_cost, "LEAST_SECONDS", 0.2)
     assert cli.main([*SMALL[:-3], "--runs", "1", "--output", "none", "--json"]) == 0
     own = json.loads(capsys.readouterr().out)
     assert own["frames"] > FRAMES

@@ -11,10 +11,12 @@ import pytest
 
 from ifrdem import Box, Disks, IFRLaw, Simulation, State, bullet, cli
 from ifrdem.initial import placement
-from ifrdem.validation import bullet_flight, predicted, pymunk_world, registry, stepped
-from ifrdem.validation.bullet_world import BulletWorld, Surface
-from ifrdem.validation.paper import Impact
-from ifrdem.validation.pymunk_world import PymunkWorld
+from ifrdem.validation.engines import flight, pymunk_world, stepped
+from ifrdem.validation.engines.bullet_world import BulletWorld, Surface
+from ifrdem.validation.engines.pymunk_world import PymunkWorld
+from ifrdem.validation.paper import predicted
+from ifrdem.validation.paper.equations import Impact
+from ifrdem.validation.report import registry
 
 ABSENT, NO_PYMUNK = bullet.absence(), pymunk_world.absence()
 needs_pybullet = pytest.mark.skipif(ABSENT is not None, reason=f"PyBullet is {ABSENT}")
@@ -63,7 +65,7 @@ def test_bullets_law_is_ours_to_rounding_where_its_contact_normals_are_exact():
 def test_late_impacts_are_those_at_a_line_of_centres_that_has_turned(world, tolerance, step):
     c = Impact(np.radians(np.linspace(5.0, 85.0, 30)), 0.87, -1.0, 0.21, M=1.3)
     off = stepped.deviation(stepped.fly(world, c, step, seed=4), predicted.after(c, "contact_point"))
-    np.testing.assert_allclose(off, bullet_flight.late(c, step, seed=4), atol=tolerance)
+    np.testing.assert_allclose(off, flight.late(c, step, seed=4), atol=tolerance)
     assert off.max() > 0.05 * step
 
 
@@ -152,7 +154,7 @@ def test_without_pymunk_the_report_says_that_it_was_not_measured(monkeypatch: py
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *rest: None if name == "pymunk" else find(name, *rest)
     )
-    result = bullet_flight.run(True)
+    result = flight.run(True)
     assert result.rows
     assert not any("pymunk" in row.quantity for row in result.rows)
     assert any("pymunk is not installed: `pip install" in table.note for table in result.tables)

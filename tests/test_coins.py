@@ -7,7 +7,7 @@ import pytest
 from ifrdem.errors import InputError
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw
-from ifrdem.validation.paper import TABLE_II
+from ifrdem.validation.paper.equations import TABLE_II
 
 # Sec. III of the paper: mass [g], diameter [mm], alloy
 SECTION_3 = {

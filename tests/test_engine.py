@@ -10,9 +10,9 @@ from gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, st
 
 import ifrdem.simulation.engine
 import ifrdem.simulation.epochs
-from ifrdem.engine_limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from ifrdem.errors import EngineError, InputError
 from ifrdem.initial import placement
+from ifrdem.kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State

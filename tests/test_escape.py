@@ -6,7 +6,7 @@ import pytest
 
 from ifrdem.errors import EngineError
 from ifrdem.model.walls import Wall
-from ifrdem.validation import escape
+from ifrdem.validation.gas import escape
 
 pytestmark = pytest.mark.unoptimised
 

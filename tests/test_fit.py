@@ -17,7 +17,7 @@ from ifrdem.fit.likelihood import Likelihood
 from ifrdem.fit.model import Model, Pair
 from ifrdem.fit.search import Search
 from ifrdem.model.coin_table import coins
-from ifrdem.validation.paper import TABLE_II
+from ifrdem.validation.paper.equations import TABLE_II
 
 BOTH = pytest.mark.parametrize("sticking", ["percussion_center", "contact_point"])
 RISE = 3.841458820694124  # 95 % quantile of the chi-square distribution with one degree of freedom

@@ -10,31 +10,31 @@ from ifrdem.fit.data import Data
 from ifrdem.fit.likelihood import Likelihood
 from ifrdem.fit.model import MEASURED, Model, Pair
 from ifrdem.model.ifr import Regime
-from ifrdem.validation import paper
-from ifrdem.validation.paper import Impact
+from ifrdem.validation.paper import equations
+from ifrdem.validation.paper.equations import Impact
 
 BOTH = pytest.mark.parametrize("sticking", ["percussion_center", "contact_point"])
 STICKS = {
     "percussion_center": (
-        paper.tan_delta_1_percussion_center,
-        paper.tan_delta_2_percussion_center,
-        paper.e_t_apparent_percussion_center,
-        paper.Rw_2_percussion_center_rolling,
-        paper.tan_psi_transit_percussion_center,
+        equations.tan_delta_1_percussion_center,
+        equations.tan_delta_2_percussion_center,
+        equations.e_t_apparent_percussion_center,
+        equations.Rw_2_percussion_center_rolling,
+        equations.tan_psi_transit_percussion_center,
     ),
     "contact_point": (
-        paper.tan_delta_1_contact_point,
-        paper.tan_delta_2_contact_point,
-        paper.e_t_apparent_contact_point,
-        paper.Rw_2_contact_point_rolling,
-        paper.tan_psi_transit_contact_point,
+        equations.tan_delta_1_contact_point,
+        equations.tan_delta_2_contact_point,
+        equations.e_t_apparent_contact_point,
+        equations.Rw_2_contact_point_rolling,
+        equations.tan_psi_transit_contact_point,
     ),
 }
 SLIDES = (
-    paper.tan_delta_1_sliding,
-    paper.tan_delta_2_sliding,
-    paper.e_t_apparent_sliding,
-    paper.Rw_2_sliding_rolling,
+    equations.tan_delta_1_sliding,
+    equations.tan_delta_2_sliding,
+    equations.e_t_apparent_sliding,
+    equations.Rw_2_sliding_rolling,
 )
 LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 COEFFICIENTS = np.array([*LAW.values(), 0.0])
@@ -54,7 +54,7 @@ def test_predictions_follow_eqs_18_to_28_in_both_regimes(sticking: str, M: float
     tan_1, tan_2, e_t_apparent, _, transit = STICKS[sticking]
     sticks = np.tan(psi) < transit(c)
     assert 10 < np.sum(sticks) < 50
-    v_1n = paper.v_1n(c)
+    v_1n = equations.v_1n(c)
     for mine, slide, stick in (
         (np.tan(np.radians(got["delta_1"])), SLIDES[0], tan_1),
         (np.tan(np.radians(got["delta_2"])), SLIDES[1], tan_2),
@@ -64,7 +64,7 @@ def test_predictions_follow_eqs_18_to_28_in_both_regimes(sticking: str, M: float
     # Eq. 29 with the speeds of Eqs. 6, 7 and of the tangents above.
     tan_1_here = np.where(sticks, tan_1(c), SLIDES[0](c))
     tan_2_here = np.where(sticks, tan_2(c), SLIDES[1](c))
-    ratio = paper.v_2n(c) * np.hypot(1.0, tan_2_here) / np.abs(v_1n * np.hypot(1.0, tan_1_here))
+    ratio = equations.v_2n(c) * np.hypot(1.0, tan_2_here) / np.abs(v_1n * np.hypot(1.0, tan_1_here))
     np.testing.assert_allclose(got["sqrt_d2_d1"], ratio, rtol=1e-10)
     assert np.all((got["delta_1"] > 90.0) == (v_1n < 0.0))
 
@@ -76,7 +76,7 @@ def test_spin_with_rolling_friction_follows_eqs_34_37_40_beyond_the_nonrolling_a
     c = impact(psi, M, rho)
     model = Model(Pair(M=M, R_1=1.4, R_2=1.2), sticking)
     coefficients = np.array([*LAW.values(), rho])
-    rolls = paper.T_rolling(c) < paper.T_nonrolling(c)
+    rolls = equations.T_rolling(c) < equations.T_nonrolling(c)
     sticks = np.tan(psi) < STICKS[sticking][4](c)
     expected = np.where(sticks, STICKS[sticking][3](c), SLIDES[3](c))
     got = model.predict(coefficients, psi, ["Rw_2"])[:, 0]

@@ -13,8 +13,8 @@ import pytest
 
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw, Regime, collide
-from ifrdem.validation import paper
-from ifrdem.validation.paper import TABLE_II, Impact
+from ifrdem.validation.paper import equations
+from ifrdem.validation.paper.equations import TABLE_II, Impact
 
 # f64 round-off of some twenty operations on numbers of order 1, with room for cancellation (M near e_n).
 ROUND_OFF = {"rtol": 1e-12, "atol": 1e-12}
@@ -99,9 +99,10 @@ def homogeneous(c: Impact) -> Impact:
 
 
 def friction_limit(c: Impact, sticking: str) -> np.ndarray:
-    return {"contact_point": paper.P_f_contact_point, "percussion_center": paper.P_f_percussion_center}[
-        sticking
-    ](c)
+    return {
+        "contact_point": equations.P_f_contact_point,
+        "percussion_center": equations.P_f_percussion_center,
+    }[sticking](c)
 
 
 # -- Equations 4 to 17: any masses, radii, k, and spin of disk 1 -------------------------------------------
@@ -112,10 +113,10 @@ def friction_limit(c: Impact, sticking: str) -> np.ndarray:
 def test_normal_motion_follows_eqs_4_to_7(coefficients, sticking):
     c = random_impacts(coefficients, seed=1)
     got = strike(c, sticking)
-    np.testing.assert_allclose(got.v_2n - got.v_1n, paper.separation(c), **ROUND_OFF)
-    np.testing.assert_allclose(got.P_n, paper.P_n(c), **ROUND_OFF)
-    np.testing.assert_allclose(got.v_1n, paper.v_1n(c), **ROUND_OFF)
-    np.testing.assert_allclose(got.v_2n, paper.v_2n(c), **ROUND_OFF)
+    np.testing.assert_allclose(got.v_2n - got.v_1n, equations.separation(c), **ROUND_OFF)
+    np.testing.assert_allclose(got.P_n, equations.P_n(c), **ROUND_OFF)
+    np.testing.assert_allclose(got.v_1n, equations.v_1n(c), **ROUND_OFF)
+    np.testing.assert_allclose(got.v_2n, equations.v_2n(c), **ROUND_OFF)
 
 
 @ALL_COEFFICIENTS
@@ -124,21 +125,26 @@ def test_tangential_impulse_is_restitution_plus_the_smaller_friction(coefficient
     """Eqs. 8, 9, 12, 15: which of the frictions acts is what the regime says."""
     c = random_impacts(coefficients, seed=2)
     got = strike(c, sticking)
-    sliding = paper.P_f_sliding(c) < friction_limit(c, sticking)
+    sliding = equations.P_f_sliding(c) < friction_limit(c, sticking)
     assert 200 < np.sum(sliding) < 1800  # the sample has both regimes
     np.testing.assert_array_equal(got.regime, np.where(sliding, Regime.SLIDING, Regime.STICKING))
-    friction = np.where(sliding, paper.P_f_sliding(c), friction_limit(c, sticking))
-    np.testing.assert_allclose(got.P_t, paper.P_et(c) + friction, **ROUND_OFF)
+    friction = np.where(sliding, equations.P_f_sliding(c), friction_limit(c, sticking))
+    np.testing.assert_allclose(got.P_t, equations.P_et(c) + friction, **ROUND_OFF)
 
 
 @ALL_COEFFICIENTS
 @pytest.mark.parametrize(
     ("sticking", "regime", "v_1t", "v_2t"),
     [
-        ("percussion_center", Regime.SLIDING, paper.v_1t_sliding, paper.v_2t_sliding),
-        ("contact_point", Regime.SLIDING, paper.v_1t_sliding, paper.v_2t_sliding),
-        ("contact_point", Regime.STICKING, paper.v_1t_contact_point, paper.v_2t_contact_point),
-        ("percussion_center", Regime.STICKING, paper.v_1t_percussion_center, paper.v_2t_percussion_center),
+        ("percussion_center", Regime.SLIDING, equations.v_1t_sliding, equations.v_2t_sliding),
+        ("contact_point", Regime.SLIDING, equations.v_1t_sliding, equations.v_2t_sliding),
+        ("contact_point", Regime.STICKING, equations.v_1t_contact_point, equations.v_2t_contact_point),
+        (
+            "percussion_center",
+            Regime.STICKING,
+            equations.v_1t_percussion_center,
+            equations.v_2t_percussion_center,
+        ),
     ],
     ids=["eqs 10, 11", "eqs 10, 11 contact point", "eqs 13, 14", "eqs 16, 17"],
 )
@@ -171,13 +177,18 @@ def test_impulses_move_and_turn_both_disks_by_eqs_1_to_3(coefficients, sticking)
 @pytest.mark.parametrize(
     ("sticking", "regime", "tan_1", "tan_2"),
     [
-        ("percussion_center", Regime.SLIDING, paper.tan_delta_1_sliding, paper.tan_delta_2_sliding),
-        ("contact_point", Regime.STICKING, paper.tan_delta_1_contact_point, paper.tan_delta_2_contact_point),
+        ("percussion_center", Regime.SLIDING, equations.tan_delta_1_sliding, equations.tan_delta_2_sliding),
+        (
+            "contact_point",
+            Regime.STICKING,
+            equations.tan_delta_1_contact_point,
+            equations.tan_delta_2_contact_point,
+        ),
         (
             "percussion_center",
             Regime.STICKING,
-            paper.tan_delta_1_percussion_center,
-            paper.tan_delta_2_percussion_center,
+            equations.tan_delta_1_percussion_center,
+            equations.tan_delta_2_percussion_center,
         ),
     ],
     ids=["eqs 18, 19", "eqs 20, 21", "eqs 22, 23"],
@@ -198,8 +209,8 @@ def test_scattering_angles_follow_eqs_18_to_23(coefficients, sticking, regime, t
 @pytest.mark.parametrize(
     ("sticking", "transit"),
     [
-        ("contact_point", paper.tan_psi_transit_contact_point),
-        ("percussion_center", paper.tan_psi_transit_percussion_center),
+        ("contact_point", equations.tan_psi_transit_contact_point),
+        ("percussion_center", equations.tan_psi_transit_percussion_center),
     ],
     ids=["eq 24", "eq 25"],
 )
@@ -247,9 +258,9 @@ def test_table_2_transition_angles(row):
 @pytest.mark.parametrize(
     ("sticking", "regime", "e_t_apparent"),
     [
-        ("percussion_center", Regime.SLIDING, paper.e_t_apparent_sliding),
-        ("contact_point", Regime.STICKING, paper.e_t_apparent_contact_point),
-        ("percussion_center", Regime.STICKING, paper.e_t_apparent_percussion_center),
+        ("percussion_center", Regime.SLIDING, equations.e_t_apparent_sliding),
+        ("contact_point", Regime.STICKING, equations.e_t_apparent_contact_point),
+        ("percussion_center", Regime.STICKING, equations.e_t_apparent_percussion_center),
     ],
     ids=["eq 26", "eq 27", "eq 28"],
 )
@@ -268,7 +279,7 @@ def test_collision_is_an_inertial_balance_by_eq_30():
     got = strike(c, "percussion_center")
     alpha_1 = np.arctan2(got.v_1t, got.v_1n) - c.psi
     alpha_2 = c.psi - np.arctan2(got.v_2t, got.v_2n)
-    ratio = paper.balance(np.hypot(got.v_1n, got.v_1t), alpha_1, np.hypot(got.v_2n, got.v_2t), alpha_2)
+    ratio = equations.balance(np.hypot(got.v_1n, got.v_1t), alpha_1, np.hypot(got.v_2n, got.v_2t), alpha_2)
     np.testing.assert_allclose(ratio, 1.3, rtol=1e-11)  # m_1/m_2; sines of angles down to 0.05
     assert np.all(np.abs(ratio - 1.0 / 1.3) > 0.5)  # printed as m_2/m_1
 
@@ -276,19 +287,19 @@ def test_collision_is_an_inertial_balance_by_eq_30():
 # -- Equations 31 to 41 and Table I: rolling friction ------------------------------------------------------
 
 ROLLING = [
-    ("percussion_center", Regime.SLIDING_ROLLING, 0.02, paper.Rw_2_sliding_rolling),
-    ("percussion_center", Regime.SLIDING_NONROLLING, 0.60, paper.Rw_2_sliding_nonrolling),
-    ("contact_point", Regime.STICKING_ROLLING, 0.02, paper.Rw_2_contact_point_rolling),
-    ("contact_point", Regime.STICKING_NONROLLING, 0.60, paper.Rw_2_contact_point_nonrolling),
-    ("percussion_center", Regime.STICKING_ROLLING, 0.02, paper.Rw_2_percussion_center_rolling),
-    ("percussion_center", Regime.STICKING_NONROLLING, 0.60, paper.Rw_2_percussion_center_nonrolling),
+    ("percussion_center", Regime.SLIDING_ROLLING, 0.02, equations.Rw_2_sliding_rolling),
+    ("percussion_center", Regime.SLIDING_NONROLLING, 0.60, equations.Rw_2_sliding_nonrolling),
+    ("contact_point", Regime.STICKING_ROLLING, 0.02, equations.Rw_2_contact_point_rolling),
+    ("contact_point", Regime.STICKING_NONROLLING, 0.60, equations.Rw_2_contact_point_nonrolling),
+    ("percussion_center", Regime.STICKING_ROLLING, 0.02, equations.Rw_2_percussion_center_rolling),
+    ("percussion_center", Regime.STICKING_NONROLLING, 0.60, equations.Rw_2_percussion_center_nonrolling),
 ]
 ROLLING_IDS = ["eq 34", "eq 35", "eq 37", "eq 38", "eq 40", "eq 41"]
 TANGENTIAL = {
-    Regime.SLIDING: {"percussion_center": paper.P_t_sliding, "contact_point": paper.P_t_sliding},
+    Regime.SLIDING: {"percussion_center": equations.P_t_sliding, "contact_point": equations.P_t_sliding},
     Regime.STICKING: {
-        "percussion_center": paper.P_t_percussion_center,
-        "contact_point": paper.P_t_contact_point,
+        "percussion_center": equations.P_t_percussion_center,
+        "contact_point": equations.P_t_contact_point,
     },
 }
 
@@ -317,8 +328,8 @@ def test_spin_with_rolling_friction_follows_eqs_34_to_41(sticking, regime, rho, 
 def test_the_smaller_torque_of_eqs_31_and_32_acts(sticking, rho):
     c = rolling_impacts(rho)
     got = strike(c, sticking)
-    rolling = paper.T_rolling(c) < paper.T_nonrolling(c)
-    sliding = paper.P_f_sliding(c) < friction_limit(c, sticking)
+    rolling = equations.T_rolling(c) < equations.T_nonrolling(c)
+    sliding = equations.P_f_sliding(c) < friction_limit(c, sticking)
     expected = np.select(
         [sliding & rolling, rolling, sliding],
         [Regime.SLIDING_ROLLING, Regime.STICKING_ROLLING, Regime.SLIDING_NONROLLING],
@@ -332,26 +343,26 @@ def test_tangential_impulse_with_rolling_friction_follows_eqs_33_36_39(sticking)
     """Rolling friction does not change it."""
     c = rolling_impacts(0.02)
     got = strike(c, sticking)
-    sliding = paper.P_f_sliding(c) < friction_limit(c, sticking)
+    sliding = equations.P_f_sliding(c) < friction_limit(c, sticking)
     for regime, here in ((Regime.SLIDING, sliding), (Regime.STICKING, ~sliding)):
         np.testing.assert_allclose(got.P_t[here], TANGENTIAL[regime][sticking](c)[here], **ROUND_OFF)
 
 
 TABLE_1 = [
-    ("percussion_center", Regime.SLIDING_ROLLING, 0.02, paper.e_t_apparent_sliding),
-    ("contact_point", Regime.STICKING_ROLLING, 0.02, paper.e_t_apparent_contact_point),
-    ("percussion_center", Regime.STICKING_ROLLING, 0.02, paper.e_t_apparent_percussion_center),
-    ("percussion_center", Regime.SLIDING_NONROLLING, 0.60, paper.e_t_apparent_sliding),
-    ("contact_point", Regime.STICKING_NONROLLING, 0.60, paper.e_t_apparent_contact_point),
-    ("percussion_center", Regime.STICKING_NONROLLING, 0.60, paper.e_t_apparent_percussion_center),
+    ("percussion_center", Regime.SLIDING_ROLLING, 0.02, equations.e_t_apparent_sliding),
+    ("contact_point", Regime.STICKING_ROLLING, 0.02, equations.e_t_apparent_contact_point),
+    ("percussion_center", Regime.STICKING_ROLLING, 0.02, equations.e_t_apparent_percussion_center),
+    ("percussion_center", Regime.SLIDING_NONROLLING, 0.60, equations.e_t_apparent_sliding),
+    ("contact_point", Regime.STICKING_NONROLLING, 0.60, equations.e_t_apparent_contact_point),
+    ("percussion_center", Regime.STICKING_NONROLLING, 0.60, equations.e_t_apparent_percussion_center),
 ]
 
 
 @pytest.mark.parametrize(("sticking", "regime", "rho", "without"), TABLE_1)
 def test_apparent_restitution_with_rolling_friction_follows_table_1(sticking, regime, rho, without):
     rolls = regime in (Regime.SLIDING_ROLLING, Regime.STICKING_ROLLING)
-    right = paper.e_t_apparent_rolling if rolls else paper.e_t_apparent_nonrolling
-    printed = paper.e_t_apparent_rolling_printed if rolls else paper.e_t_apparent_nonrolling_printed
+    right = equations.e_t_apparent_rolling if rolls else equations.e_t_apparent_nonrolling
+    printed = equations.e_t_apparent_rolling_printed if rolls else equations.e_t_apparent_nonrolling_printed
     c = rolling_impacts(rho)
     got = strike(c, sticking)
     here = (got.regime == regime) & (got.Rw_2 > 0.0) & (got.Rw_1 < 0.0)  # no spin stopped
@@ -374,8 +385,8 @@ def test_table_1_nonrolling_is_two_thirds_for_equal_radii_or_masses(case):
     np.testing.assert_allclose(got.e_t_apparent(c), -0.88 + 1.5 - 2.0 / 3.0, rtol=1e-12)  # e_t + 5/6
     c = replace(c, psi=0.5, rho=0.01)
     got = strike(c, "percussion_center")
-    without = paper.e_t_apparent_percussion_center(c)
+    without = equations.e_t_apparent_percussion_center(c)
     np.testing.assert_allclose(
-        got.e_t_apparent(c), paper.e_t_apparent_rolling_printed(c, without), rtol=1e-12
+        got.e_t_apparent(c), equations.e_t_apparent_rolling_printed(c, without), rtol=1e-12
     )
-    np.testing.assert_allclose(got.e_t_apparent(c), paper.e_t_apparent_rolling(c, without), rtol=1e-12)
+    np.testing.assert_allclose(got.e_t_apparent(c), equations.e_t_apparent_rolling(c, without), rtol=1e-12)

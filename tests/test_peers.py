@@ -19,9 +19,9 @@ from scipy.integrate import solve_ivp
 import ifrdem.validation
 from ifrdem import IFRLaw, InputError, Simulation, State
 from ifrdem.model.observables import measure
-from ifrdem.validation import peers, serial_events, soft_disks
-from ifrdem.validation.serial_events import SerialEvents
-from ifrdem.validation.soft_disks import SoftDisks, SoftDisksError, spring_and_damping
+from ifrdem.validation.speed import peers, serial_events, soft_disks
+from ifrdem.validation.speed.serial_events import SerialEvents
+from ifrdem.validation.speed.soft_disks import SoftDisks, SoftDisksError, spring_and_damping
 
 ROOT = Path(__file__).parents[1]
 ABSENT = soft_disks.absence()
@@ -60,9 +60,9 @@ def test_serial_peer_has_the_collisions_of_the_engine_in_order(
                 "find_spec",
                 lambda name, *rest: None if name == "numba" else find(name, *rest),
             )
-            patch.delitem(sys.modules, "ifrdem.validation.serial_events")
+            patch.delitem(sys.modules, "ifrdem.validation.speed.serial_events")
             patch.setattr(ifrdem.validation, "serial_events", serial_events)  # to be put back afterwards
-        module = importlib.import_module("ifrdem.validation.serial_events")
+        module = importlib.import_module("ifrdem.validation.speed.serial_events")
         assert compiled == module.COMPILED
     events = module.SerialEvents(box, 1.0, e_n, state)
     outcome = events.run(count, record=count)

@@ -18,7 +18,7 @@ from ifrdem.model.state import Disks, State
 from ifrdem.simulation import device
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation
-from ifrdem.validation import table_reference
+from ifrdem.validation.paper import table_reference
 
 pytestmark = pytest.mark.unoptimised
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ifrdem.simulation import device
-from ifrdem.validation import table_reference
+from ifrdem.validation.paper import table_reference
 
 pytestmark = pytest.mark.unoptimised
 
@@ -14,25 +14,33 @@ K = 2.0
 
 
 def friction_of(v: list[float], u: list[float]) -> np.ndarray:
-    from ifrdem.kernels import table
+    from ifrdem.kernels import table_friction
 
     device.start()
     F, T = np.zeros((2, len(v)))
-    table.friction_of(np.array(v), np.array(u), F, T)
+    table_friction.friction_of(np.array(v), np.array(u), F, T)
     return np.array([F, T])
 
 
 def slide(v, u, *, dt=None, a=1.0, k=K, tolerance=1e-12, precision="f64"):
     """v, u, x, t, eps after dt, or at rest; arrays."""
-    from ifrdem.kernels import table
+    from ifrdem.kernels import table_friction
 
     device.start(precision=precision)
     real = np.float64 if precision == "f64" else np.float32
     v, u = (np.array(values, dtype=real) for values in np.broadcast_arrays(v, u))
     x, t, eps = np.zeros((3, len(v)), dtype=real)
     shape = np.ones(len(v), dtype=real)
-    table.slide_coins(
-        table.NEVER if dt is None else dt, tolerance, real(a) * shape, real(k) * shape, v, u, x, t, eps
+    table_friction.slide_coins(
+        table_friction.NEVER if dt is None else dt,
+        tolerance,
+        real(a) * shape,
+        real(k) * shape,
+        v,
+        u,
+        x,
+        t,
+        eps,
     )
     return v, u, x, t, eps
 

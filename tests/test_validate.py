@@ -13,23 +13,20 @@ import numpy as np
 import pytest
 
 from ifrdem import EngineError, InputError, cli
-from ifrdem.validation import (
+from ifrdem.validation.paper import (
     angles,
     energy,
     misprints,
-    page,
     pairs,
     predicted,
     reductions,
-    registry,
     restitution,
     rolling,
-    runner,
-    style,
     velocities,
 )
-from ifrdem.validation.paper import Impact
-from ifrdem.validation.registry import Picture, Result, Row, Skip, Table
+from ifrdem.validation.paper.equations import Impact
+from ifrdem.validation.report import page, registry, runner, style
+from ifrdem.validation.report.registry import Picture, Result, Row, Skip, Table
 
 pytestmark = pytest.mark.unoptimised
 

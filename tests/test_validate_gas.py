@@ -9,8 +9,9 @@ import pytest
 
 from ifrdem import cli, theory
 from ifrdem.model.ifr import IFRLaw
-from ifrdem.validation import gas_collapse, gas_sample, gas_state, gas_waves, page, registry, runner, terminal
-from ifrdem.validation.registry import GAS, Result
+from ifrdem.validation.gas import collapse, sample, state, waves
+from ifrdem.validation.report import page, registry, runner, terminal
+from ifrdem.validation.report.registry import GAS, Result
 
 pytestmark = pytest.mark.unoptimised
 
@@ -33,7 +34,7 @@ def test_a_seed_where_nothing_is_random_is_refused(tmp_path, capsys) -> None:
 
 
 def test_seeds_of_two_runs_have_nothing_in_common() -> None:
-    assert not set(gas_sample.seeds_of(1, gas_sample.STRIDE)) & set(gas_sample.seeds_of(2, gas_sample.STRIDE))
+    assert not set(sample.seeds_of(1, sample.STRIDE)) & set(sample.seeds_of(2, sample.STRIDE))
 
 
 def compared(
@@ -42,11 +43,11 @@ def compared(
     replicas: int = 12,
     systematic: float = 0.0,
     widest: float = 1.0,
-    expected: float | gas_sample.Mean = 10.0,
+    expected: float | sample.Mean = 10.0,
 ) -> registry.Row:
     values = np.random.default_rng(1).normal(shift, 1.0, replicas)
     result = Result()
-    gas_sample.compare(
+    sample.compare(
         result, "x", values - values.mean() + 10.0 + shift, expected, disks=7, seeds=range(replicas),
         systematic=systematic, why="nothing", source="a book", widest=widest,
     )  # fmt: skip
@@ -89,7 +90,7 @@ def test_errors_of_two_means_have_welch_s_degrees_of_freedom() -> None:
     alone = compared(0.0).sampling
     assert alone is not None
     for error, freedom in ((alone.error, 22.0), (1e-6 * alone.error, 11.0)):
-        found = compared(0.0, expected=gas_sample.Mean(10.0, error, 12)).sampling
+        found = compared(0.0, expected=sample.Mean(10.0, error, 12)).sampling
         assert found is not None
         assert found.freedom == pytest.approx(freedom)
         assert found.error == pytest.approx(math.hypot(alone.error, error))
@@ -101,23 +102,23 @@ def test_chi_square_of_rows_finds_what_each_row_alone_lets_pass() -> None:
     Q(chi^2, 6) = exp(-x)(1 + x + x^2/2) with x = chi^2 / 2; below it, 6.334e-5 of chance are left at x = 14.46.
     """
     x = 14.46
-    assert math.exp(-x) * (1.0 + x + 0.5 * x * x) == pytest.approx(gas_sample.CHANCE, rel=0.02)
+    assert math.exp(-x) * (1.0 + x + 0.5 * x * x) == pytest.approx(sample.CHANCE, rel=0.02)
     for off, passes in ((2.15, True), (2.25, False)):
         result = Result()
         for _ in range(6):
-            gas_sample.add(
+            sample.add(
                 result, "x", 10.0 + off * 0.1 + 0.05, 10.0, 0.1, math.inf, 0.05, "nothing", "a book", widest=1.0,
                 disks=7, seeds=[1], replicas=1,
             )  # fmt: skip
         assert all(row.passed for row in result.rows)
-        gas_sample.together(result, "six", result.rows[:6], "a book")
+        sample.together(result, "six", result.rows[:6], "a book")
         assert result.rows[-1].measured == pytest.approx(6.0 * off**2, rel=1e-6)
         assert result.rows[-1].passed is passes
 
 
 def test_ratio_of_means_is_not_the_mean_of_ratios() -> None:
     a, b = np.array([1.0, 3.0]), np.array([1.0, 2.0])
-    values = gas_sample.ratio(a, b)
+    values = sample.ratio(a, b)
     assert values.mean() == pytest.approx(4.0 / 3.0)
     assert values == pytest.approx([4.0 / 3.0 + (1.0 - 4.0 / 3.0) / 1.5, 4.0 / 3.0 + (3.0 - 8.0 / 3.0) / 1.5])
 
@@ -141,7 +142,7 @@ def test_energy_of_waves_and_of_thermal_velocities_obeys_its_balance() -> None:
         log_T -= step * z / (1.0 + s)
         transverse += step * z * (transverse - q * (transverse - 1.0))
         sound += step * z * (0.5 * sound - 1.5 * q * (sound - 1.0))
-    found = gas_waves.streams([10.0, end], smooth(0.9), phi, n)
+    found = waves.streams([10.0, end], smooth(0.9), phi, n)
     assert len(q) > 20
     assert found.factor[-1] == pytest.approx(
         math.exp(log_T + z * end), rel=1e-4
@@ -160,7 +161,7 @@ def test_what_is_uncertain_of_waves_goes_with_the_density_and_not_with_the_box()
     """
     found = {}
     for phi, n in ((0.02, 300_000), (0.02, 100_000), (0.01, 300_000)):
-        found[phi, n] = gas_waves.streams(50.0, smooth(0.9), phi, n).share_error.item()
+        found[phi, n] = waves.streams(50.0, smooth(0.9), phi, n).share_error.item()
         xi = theory.shear_length(smooth(0.9), 0.5, phi) / (2.0 * math.pi)
         low = (0.5 * xi / theory.mean_free_path(phi, 0.5)) ** 2
         high = 4.0 * low
@@ -184,7 +185,7 @@ def test_waves_of_a_kicked_gas_are_those_that_its_equation_leaves_at_rest() -> N
             k = math.hypot(i, j) * 2.0 * math.pi / side
             if 0.0 < k < most:
                 total += (1.0 + 2.0 / 3.0) / (k * xi) ** 2
-    share, off = gas_waves.driven_streams(smooth(0.9), phi, n, 0.0)
+    share, off = waves.driven_streams(smooth(0.9), phi, n, 0.0)
     assert share == pytest.approx(total / (2.0 * n))
     assert off > 0.0
 
@@ -204,20 +205,20 @@ def test_the_equation_of_state_has_the_virial_coefficients_and_an_independent_mo
     Li et al. (2022), 1024^2 disks at phi = 0.698, P sigma^2 / T = 9.16938(11): Z = 10.3174.
     """
     phi = 1e-3
-    assert (float(gas_state.compressibility(phi)) - 1.0 - 2.0 * phi) / phi**2 == pytest.approx(
+    assert (float(state.compressibility(phi)) - 1.0 - 2.0 * phi) / phi**2 == pytest.approx(
         4.0 * 0.782004, rel=2e-3
     )
-    assert float(gas_state.compressibility(0.698)) == pytest.approx(9.16938 * math.pi / 4.0 / 0.698, rel=3e-3)
+    assert float(state.compressibility(0.698)) == pytest.approx(9.16938 * math.pi / 4.0 / 0.698, rel=3e-3)
 
 
 def test_three_disks_pass_and_a_law_that_is_a_little_off_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert all(row.passed and row.source for row in gas_collapse.run(True, 1).rows)
-    real = gas_collapse.IFRLaw
+    assert all(row.passed and row.source for row in collapse.run(True, 1).rows)
+    real = collapse.IFRLaw
 
     def off(**coefficients: float) -> IFRLaw:
         return real(**{**coefficients, "e_n": 0.97 * coefficients["e_n"]})  # type: ignore[arg-type]
 
-    monkeypatch.setattr(gas_collapse, "IFRLaw", off)
-    failed = [row.quantity for row in gas_collapse.run(True, 1).rows if not row.passed]
+    monkeypatch.setattr(collapse, "IFRLaw", off)
+    failed = [row.quantity for row in collapse.run(True, 1).rows if not row.passed]
     assert "collisions at e_n = 0.09" in failed or "collisions at e_n = 0.08" in failed
     assert any(text.startswith("largest deviation of velocities at the end") for text in failed)

@@ -16,8 +16,8 @@ import worker_calls
 
 from ifrdem import cli
 from ifrdem.simulation import device
-from ifrdem.validation import registry, runner, terminal, workers
-from ifrdem.validation.registry import Result, Row
+from ifrdem.validation.report import registry, runner, terminal, workers
+from ifrdem.validation.report.registry import Result, Row
 
 pytestmark = pytest.mark.unoptimised
 

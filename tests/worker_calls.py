@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ifrdem import cli
 from ifrdem.simulation import device
-from ifrdem.validation import runner
-from ifrdem.validation.registry import Result, Row
+from ifrdem.validation.report import runner
+from ifrdem.validation.report.registry import Result, Row
 
 
 def shout(name: str) -> tuple[str, int, int]:

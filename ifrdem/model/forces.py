@@ -16,7 +16,7 @@ from typing import ClassVar
 
 from ..errors import InputError
 from ..kernels.random import normals, uniforms
-from ..kernels.table import advance, step_tolerance
+from ..kernels.table_friction import advance, step_tolerance
 from .state import Disks
 
 import taichi as ti  # isort: skip  (after the kernels, which keep it from printing its banner)

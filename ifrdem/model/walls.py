@@ -15,8 +15,8 @@ from typing import Literal, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine_limits import MOST_WALLS
 from ..errors import InputError, nearest
+from ..kernels.limits import MOST_WALLS
 from .box import Box
 
 Point = tuple[float, float]

@@ -15,24 +15,7 @@ import numpy as np
 import taichi as ti
 from numpy.typing import NDArray
 
-from ..engine_limits import (
-    ADDRESSABLE,
-    FLIGHT,
-    IMAGE,
-    KIND,
-    LINK,
-    LISTS,
-    LOG_INT,
-    LOG_LOSS,
-    LOG_REAL,
-    MECHANISMS,
-    META,
-    REGIMES,
-    ROW,
-    WALL,
-)
 from ..errors import EngineError
-from ..kernels.flow import displacement
 from ..kernels.layout import (
     ASIDE,
     BLOCK,
@@ -73,6 +56,23 @@ from ..kernels.layout import (
 from ..kernels.layout import ROW as ROW_LENGTH
 from ..kernels.ledger import ALL
 from ..kernels.levels import reach_at
+from ..kernels.limits import (
+    ADDRESSABLE,
+    FLIGHT,
+    IMAGE,
+    KIND,
+    LINK,
+    LISTS,
+    LOG_INT,
+    LOG_LOSS,
+    LOG_REAL,
+    MECHANISMS,
+    META,
+    REGIMES,
+    ROW,
+    WALL,
+)
+from ..kernels.shear import displacement
 from ..kernels.totals import TOTALS
 from ..kernels.walls import HEAT, TEMPERATURE
 from ..model.box import Box

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..engine_limits import MOST_DISKS
 from ..errors import InputError
+from ..kernels.limits import MOST_DISKS
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall

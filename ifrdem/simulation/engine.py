@@ -65,8 +65,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
 from ..errors import EngineError
+from ..kernels.limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
 from ..model.box import Box, below
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled

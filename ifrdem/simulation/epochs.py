@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError
 from ..kernels.epochs import epochs_by_one_thread
-from ..kernels.flow import rows_apart
 from ..kernels.joining import join_tiles
 from ..kernels.layout import (
     AFFECTED_ROW,
@@ -60,6 +59,7 @@ from ..kernels.levels import epoch_length, speed_cap
 from ..kernels.opening import clear_all, extend_fast, list_disks, list_tiles
 from ..kernels.passing import times_of_collisions
 from ..kernels.rounds import cut, earliest_event, one_round, rounds_by_one_thread
+from ..kernels.shear import rows_apart
 from ..kernels.sort import settle
 from ..kernels.tiles import run_in_order, run_tiles
 from ..kernels.totals import totals

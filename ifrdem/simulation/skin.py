@@ -7,8 +7,8 @@ import math
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..engine_limits import CROWD
 from ..errors import InputError
+from ..kernels.limits import CROWD
 from ..model.box import Box
 from ..model.state import Disks, State
 

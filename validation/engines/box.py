@@ -1,0 +1,289 @@
+"""A box of a hundred cylinders between walls: PyBullet, pymunk and our engine from the same starts."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...initial import placement
+from ...model.box import Box
+from ...model.ifr import IFRLaw
+from ...model.state import Disks, State
+from ...model.walls import sides
+from ...simulation.simulation import Simulation
+from ..report import style
+from ..report.registry import Picture, Result, Table
+from . import bullet_world, pymunk_world, stepped
+from .bullet_world import BulletWorld, Surface
+from .pymunk_world import PymunkWorld
+from .stepped import Course, World
+
+QUESTION = (
+    "Does a gas of a hundred disks between walls cool, spin up and collide in other codes as in our engine?"
+)
+REFERENCE = "our engine, walled box, e_t = -1, contact point, from the same starts"
+
+Array = NDArray[np.float64]
+
+N, PHI, E_N, MU = 100, 0.3, 0.8, 0.2
+SURFACE = Surface(E_N, MU)
+LAW = IFRLaw(e_n=E_N, e_t=-1.0, mu=MU, sticking="contact_point")
+DISKS = Disks(N, mass=1.0, radius=1.0)  # type: ignore[arg-type]
+BOX = Box((math.sqrt(N * math.pi / PHI),) * 2, periodic=(False, False))
+
+FINE, COARSE = 1e-3, 5e-3  # time steps [R / thermal speed]; all times looked at are multiples
+ERRORS = 4.0  # standard errors that may lie between two codes
+BIAS = 1e-3  # what a step of 1e-3 leaves: contacts at a distance that is shorter by up to v dt, 5e-4 of 2 R
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One code's gases: arrays (seeds, times); positions (seeds, times, n, 2), and which disks have collided."""
+
+    energy: Array
+    spin_share: Array
+    collisions: Array
+    wall_hits: Array
+    position: Array
+    collided: NDArray[np.bool_]
+    seconds: float
+
+
+@dataclass
+class Code:
+    """A code with its step; `courses` of the seeds so far."""
+
+    name: str
+    world: World | None
+    time_step: float
+    law: IFRLaw = LAW
+    courses: list[Course] = field(default_factory=list)
+
+    def measured(self) -> Measured:
+        """All seeds together."""
+        at_start = 0.5 * float(np.sum(DISKS.mass)) * 2.0  # T = 1: m v^2 / 2 is 1 on average
+        energies = [course.energy(DISKS) for course in self.courses]
+        total = np.array([(moving + turning) / at_start for moving, turning in energies])
+        share = np.array([turning / (moving + turning) for moving, turning in energies])
+        return Measured(
+            total,
+            share,
+            np.array([course.collisions for course in self.courses], dtype=float) * 2.0 / N,
+            np.array([course.wall_hits for course in self.courses], dtype=float) / N,
+            np.array([[state.position for state in course.states] for course in self.courses]),
+            np.array([[state.collisions > 0 for state in course.states] for course in self.courses]),
+            sum(course.seconds for course in self.courses),
+        )
+
+
+def run(quick: bool) -> Result:
+    """See the module's QUESTION."""
+    bullet_world.require()
+    result = Result()
+    seeds = range(1, 5 if quick else 21)
+    times = np.arange(0.25, 2.01, 0.25) if quick else np.arange(0.25, 5.01, 0.25)
+    ours = Code("ifrdem", None, 0.0)
+    ifr = Code("ifrdem, e_t = -0.88", None, 0.0, IFRLaw(e_n=E_N, e_t=-0.88, mu=MU, sticking="contact_point"))
+    others = [Code("PyBullet", BulletWorld, COARSE if quick else FINE)]
+    coarse: list[Code] = [] if quick else [Code("PyBullet, step 5e-3", BulletWorld, COARSE)]
+    if pymunk_world.absence() is None:
+        others.append(Code("pymunk", PymunkWorld, FINE))
+        if not quick:
+            others.append(Code("pymunk, step 1e-4", PymunkWorld, 1e-4))
+    for code in (ours, ifr):
+        exact(code.law, start(0), times[:1])  # compiles
+    for seed in seeds:
+        begin = start(seed)
+        for code in (ours, ifr):
+            code.courses.append(exact(code.law, begin, times))
+        for code in others + (coarse if seed <= 4 else []):
+            assert code.world is not None
+            steps = np.rint(times / code.time_step).astype(int).tolist()
+            code.courses.append(
+                stepped.gas(
+                    code.world, DISKS, SURFACE, sides(BOX), begin, time_step=code.time_step, steps=steps
+                )
+            )
+    found = {code.name: code.measured() for code in (ours, ifr, *others, *coarse)}
+    for code in others:
+        _compare(result, code, found["ifrdem"], found[code.name], times)
+    _before_chaos(result, [*others, *coarse], found, times)
+    result.tables.append(_power(found, times, [code.name for code in others]))
+    result.tables.append(_speed(found, [*others, *coarse]))
+    result.pictures.append(_figure(found, times, [code.name for code in others[:2]]))
+    result.pictures.append(
+        _chaos_figure(found, times, {code.name: code.time_step for code in (*others, *coarse)})
+    )
+    return result
+
+
+def start(seed: int) -> State:
+    """Disks at random, with Maxwellian velocities of temperature 1 and without spins."""
+    inside = Box(tuple(side - 2.0 for side in BOX.lengths))  # type: ignore[arg-type]
+    position = placement.random_positions(inside, DISKS.radius, seed=seed) + 1.0
+    velocity = placement.maxwellian(DISKS.mass, temperature=1.0, seed=seed)
+    return State(position, velocity, np.zeros(N))
+
+
+def exact(law: IFRLaw, begin: State, times: Sequence[float] | Array) -> Course:
+    """Our engine's run; timed without stops on the way."""
+    gas = Simulation(DISKS, BOX, law, begin, threads=1)
+    states, collisions, wall_hits = [], [], []
+    for t in times:
+        gas.run(t_end=float(t))
+        states.append(gas.state)
+        collisions.append(gas.collisions)
+        wall_hits.append(gas.wall_hits)
+    timed = Simulation(DISKS, BOX, law, begin, threads=1)
+    began = time.process_time()
+    timed.run(t_end=float(times[-1]))
+    seconds = time.process_time() - began
+    return Course(states, np.array(collisions), np.array(wall_hits), seconds)
+
+
+def mean_and_error(values: Array) -> tuple[Array, Array]:
+    """Mean over the seeds and its standard error, shape (times,)."""
+    return values.mean(axis=0), values.std(axis=0, ddof=1) / math.sqrt(len(values))
+
+
+def _compare(result: Result, code: Code, ours: Measured, theirs: Measured, times: Array) -> None:
+    """Means over the seeds against ours, by the scatter of the paired differences."""
+    seeds = len(theirs.energy)
+    reason = (
+        f"{ERRORS:g} standard errors of the paired differences of {seeds} starts, and the bias of the step of "
+        f"{code.time_step:g}, which finds contacts late; of counts, four events that fall to the other side "
+        "of a time"
+    )
+    half = len(times) // 2 - 1
+    for at in (half, len(times) - 1):
+        for text, attribute, few in (
+            ("energy over that at the start", "energy", 0.0),
+            ("part of the energy that is spin", "spin_share", 0.0),
+            ("collisions per disk", "collisions", 8.0 / (N * seeds)),
+            ("wall hits per disk", "wall_hits", 4.0 / (N * seeds)),
+        ):
+            mine, other = getattr(ours, attribute)[:, at], getattr(theirs, attribute)[:, at]
+            _, error = mean_and_error((other - mine)[:, None])
+            margin = BIAS * max(code.time_step / FINE, 1.0) * float(mine.mean()) + few
+            result.near(
+                f"{text} at t = {times[at]:g}, {code.name}", other.mean(), mine.mean(),
+                ERRORS * float(error[0]) + margin,
+                reason, "our engine from the same starts",
+            )  # fmt: skip
+
+
+def _apart(ours: Measured, theirs: Measured) -> Array:
+    """Median over disks that have collided in ours of the distance between both codes' places [R], shape (times,)."""
+    seeds = len(theirs.position)
+    away = np.hypot(*np.moveaxis(theirs.position - ours.position[:seeds], -1, 0))
+    return np.nanmedian(np.where(ours.collided[:seeds], away, np.nan), axis=(0, 2))
+
+
+def _before_chaos(result: Result, codes: list[Code], found: dict[str, Measured], times: Array) -> None:
+    at = int(np.argmin(np.abs(times - 1.0)))
+    for code in codes:
+        off = float(_apart(found["ifrdem"], found[code.name])[at])
+        result.near(
+            f"median distance between places [R] of disks that have collided at t = {times[at]:g}, "
+            f"{code.name}, step {code.time_step:g}",
+            off, 0.0, 3.0 * code.time_step,
+            "a disk hits up to one step late, v dt with v about 1, and its velocity is off by v dt / R (bullet_flight)",
+            "our engine from the same starts",
+        )  # fmt: skip
+
+
+def _power(found: dict[str, Measured], times: Array, others: list[str]) -> Table:
+    """Would the comparison have noticed IFR's own e_t?"""
+    rows: list[tuple[str | float, ...]] = []
+    ours = found["ifrdem"]
+    for name in (*others, "ifrdem, e_t = -0.88"):
+        for text, attribute in (("energy", "energy"), ("part that is spin", "spin_share")):
+            difference = getattr(found[name], attribute)[:, -1] - getattr(ours, attribute)[:, -1]
+            mean, error = mean_and_error(difference[:, None])
+            rows.append((name, text, float(mean[0]), float(error[0]), float(abs(mean[0]) / error[0])))
+    return Table(
+        f"Differences from ifrdem at e_t = -1 at t = {times[-1]:g}, means over the starts",
+        ("code", "quantity", "difference", "standard error", "in standard errors"),
+        rows,
+        "The last two rows say what the comparison can tell: IFR at the e_t of an aluminium coin is another gas.",
+    )
+
+
+def _speed(found: dict[str, Measured], codes: list[Code]) -> Table:
+    rows: list[tuple[str | float, ...]] = []
+    for name, step in (("ifrdem", 0.0), *((code.name, code.time_step) for code in codes)):
+        one = found[name]
+        events = float(np.sum(one.collisions[:, -1]) * N / 2.0 + np.sum(one.wall_hits[:, -1]) * N)
+        rows.append((name, f"{step:g}" if step else "none", round(events), one.seconds, events / one.seconds))
+    return Table(
+        "Speed on this box, one thread each",
+        ("code", "time step", "collisions, walls included", "processor time (s)", "collisions/s"),
+        rows,
+        "Steps and events alone, set-up and compilation left out; ours without stops on the way. A hundred disks "
+        "are few for our engine: see the README for larger gases. " + stepped.not_measured(),
+    )
+
+
+COLOURS = {
+    "PyBullet": style.BLUE,
+    "pymunk": style.VERMILION,
+    "PyBullet, step 5e-3": style.SKY,
+    "pymunk, step 1e-4": style.ORANGE,
+}
+MARKERS = {"PyBullet": "o", "pymunk": "x", "PyBullet, step 5e-3": "s", "pymunk, step 1e-4": "+"}
+
+
+def _figure(found: dict[str, Measured], times: Array, others: list[str]) -> Picture:
+    figure, axes = style.panels(3, width=2.9)
+    for ax, (attribute, text), name in zip(
+        axes,
+        (("energy", "$E / E_0$"), ("spin_share", "$E_{rot} / E$"), ("collisions", "collisions per disk")),
+        "abc",
+        strict=True,
+    ):
+        for code, line in (("ifrdem", "-"), ("ifrdem, e_t = -0.88", "--")):
+            mean, error = mean_and_error(getattr(found[code], attribute))
+            ax.plot(times, mean, line, color=style.BLACK if line == "-" else style.GREY,
+                    label="ifrdem" if line == "-" else r"ifrdem, $e_t = -0.88$")  # fmt: skip
+            ax.fill_between(times, mean - error, mean + error, color=style.GREY, alpha=0.3, lw=0)
+        for i, code in enumerate(others):
+            mean, error = mean_and_error(getattr(found[code], attribute))
+            some = slice(i, None, 2)  # markers of two codes beside each other
+            ax.errorbar(times[some], mean[some], error[some], fmt=MARKERS[code], color=COLOURS[code], mfc="none", ms=4,
+                        lw=0.8, capsize=2, label=code)  # fmt: skip
+        ax.set(xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)", ylabel=text, xlim=(0, None), ylim=(0, None))
+        style.letter(ax, f"({name})")
+    axes[0].set_ylim(0.0, 1.12)
+    axes[0].legend(loc="lower left")
+    return Picture(
+        "bullet-box",
+        f"{N} disks between four walls, packing fraction {PHI}, e_n = {E_N}, mu = {MU}: (a) energy, (b) the "
+        f"part of it that is spin, (c) collisions per disk; means over {len(found['ifrdem'].energy)} starts "
+        "with their standard errors (bars; grey band: ours). Dashed: our engine with IFR at e_t = -0.88, "
+        "which neither code has.",
+        figure,
+    )
+
+
+def _chaos_figure(found: dict[str, Measured], times: Array, steps: dict[str, float]) -> Picture:
+    figure, (ax,) = style.panels(width=4.2)
+    for code in steps:
+        ax.semilogy(times, _apart(found["ifrdem"], found[code]), MARKERS[code] + "-", color=COLOURS[code],
+                    mfc="none", lw=0.7,
+                    label=f"{code.split(',')[0]}, step {steps[code]:g}")  # fmt: skip
+    ax.set(
+        xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)", ylabel="median distance $/\\,R$", xlim=(0, None), ylim=(1e-6, None)
+    )
+    ax.legend(loc="lower right")
+    return Picture(
+        "bullet-chaos",
+        "Median distance between a disk in another code and in our engine, of those that have collided. The "
+        "shorter the step, the closer; every collision multiplies the distance, until single places cannot "
+        "be compared any more and only means can.",
+        figure,
+    )

@@ -1,0 +1,109 @@
+"""pymunk (Chipmunk), a second general-purpose engine, with the interface of `bullet_world.BulletWorld`.
+
+Two-dimensional: circles and lines, impulses from velocities as in Bullet, restitution and friction of two shapes
+multiplied. A step moves the bodies first and then gives impulses; what overlaps is pushed apart only beyond
+`collision_slop`, which is set to more than ever occurs.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import math
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...model.state import Disks, State
+from ...model.walls import Wall
+from .bullet_world import Surface
+
+DISK, WALL = 1, 2  # collision types
+LONG = 1e3  # half the length of a line, in diameters: Chipmunk has segments only
+
+
+def absence() -> str | None:
+    """Why pymunk cannot be used here; None if it can."""
+    if importlib.util.find_spec("pymunk") is None:
+        return "pymunk is not installed: `pip install 'ifrdem[bullet]'` adds it"
+    return None
+
+
+class PymunkWorld:
+    """Disks and straight walls in a space of pymunk; parameters and attributes as in `BulletWorld`."""
+
+    name = "pymunk"
+    moves_first = True  # whether a step moves bodies before they collide
+
+    def __init__(
+        self, disks: Disks, surface: Surface, *, walls: Sequence[Wall] = (), time_step: float
+    ) -> None:
+        self.pymunk = importlib.import_module("pymunk")
+        self.time_step, self.n = time_step, disks.n
+        self.collisions = self.wall_hits = 0
+        diameter = 2.0 * float(disks.radius.max())
+        self.space = self.pymunk.Space()
+        self.space.gravity = (0.0, 0.0)
+        self.space.iterations = 50
+        self.space.collision_slop = diameter
+        # Impulses of an earlier contact of the same pair, kept for three steps by default, would count again.
+        self.space.collision_persistence = 1
+        self.bodies = []
+        for mass, radius, inertia in zip(disks.mass, disks.radius, disks.inertia, strict=True):
+            body = self.pymunk.Body(float(mass), float(inertia))
+            self._add(body, self.pymunk.Circle(body, float(radius)), surface, DISK)
+            self.bodies.append(body)
+        for wall in walls:
+            point, along = (
+                np.array(wall.place),
+                LONG * diameter * np.array([-wall.towards[1], wall.towards[0]]),
+            )
+            ends = tuple((point - along).tolist()), tuple((point + along).tolist())
+            segment = self.pymunk.Segment(self.space.static_body, *ends, 0.0)
+            self._add(None, segment, surface, WALL)
+        self.space.on_collision(DISK, DISK, begin=self._met)
+        self.space.on_collision(DISK, WALL, begin=self._hit_wall)
+
+    def _add(self, body: Any, shape: Any, surface: Surface, kind: int) -> None:
+        shape.elasticity, shape.friction = math.sqrt(surface.e_n), math.sqrt(surface.mu)
+        shape.collision_type = kind
+        self.space.add(*((shape,) if body is None else (body, shape)))
+
+    def _met(self, arbiter: Any, space: Any, data: Any) -> None:
+        self.collisions += 1
+
+    def _hit_wall(self, arbiter: Any, space: Any, data: Any) -> None:
+        self.wall_hits += 1
+
+    def __enter__(self) -> PymunkWorld:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        del self.space, self.bodies
+
+    def place(self, position: NDArray, velocity: NDArray, spin: NDArray) -> None:
+        """Put all disks at positions (n, 2), with velocities (n, 2) and spins (n,)."""
+        for body, x, v, w in zip(self.bodies, position, velocity, spin, strict=True):
+            body.position, body.velocity, body.angular_velocity = (
+                tuple(x.tolist()),
+                tuple(v.tolist()),
+                float(w),
+            )
+
+    def step(self, steps: int = 1) -> None:
+        """Let pymunk advance by time steps."""
+        for _ in range(steps):
+            self.space.step(self.time_step)
+
+    def state(self) -> State:
+        """Where the disks are."""
+        return State(
+            np.array([tuple(body.position) for body in self.bodies]),
+            np.array([tuple(body.velocity) for body in self.bodies]),
+            np.array([body.angular_velocity for body in self.bodies]),
+        )

@@ -1,0 +1,270 @@
+r"""A million smooth disks that cool until they form clusters.
+
+*Before clusters.* Transverse waves grow beside thermal velocities (`hydrodynamics`): with the energy S of a mode in
+units of its thermal share, S = 1 at the start and x = k^2 xi^2,
+
+    S = 1 + [exp(z tau (1 - x)) - 1] / (1 - x);
+
+T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997),
+doi:10.1103/PhysRevLett.79.411. Energies of modes are distributed like exp(-S / <S>): the mean of M has the error
+<S> / sqrt(M). All of them together make T fall more slowly than Haff's law (J. Fluid Mech. 134, 401 (1983)); T is
+compared as long as they hold less than a tenth of it (validation/gas_waves.py).
+
+*Clusters.* I. Goldhirsch and G. Zanetti, Phys. Rev. Lett. 70, 1619 (1993), doi:10.1103/PhysRevLett.70.1619: density
+follows. There is no theory of numbers for what the gas looks like then; that it is far from homogeneous is asked for by
+rows that pass at a bound. Cells have a side of 20 diameters: 102 disks each, on average.
+
+Close to collapse, collisions soon after another are elastic (S. Luding and S. McNamara, Granul. Matter 1, 113 (1998),
+doi:10.1007/s100350050017), within 1e-3 of the first mean free time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ... import analysis, theory
+from ...analysis import libraries
+from ...initial import placement
+from ...model.box import Box
+from ...model.ifr import IFRLaw
+from ...model.state import State
+from ...simulation.simulation import Simulation
+from ...theory.cooling_gas import changes_per_collision
+from ...theory.hydrodynamics import excess
+from ..report import style
+from ..report.registry import Picture, Result
+from .sample import ELASTIC, add, equal_disks, seeds_of
+from .waves import MOST_SHARE, streams
+
+QUESTION = "Does a large cooling gas grow shear modes as theory says, and then clusters?"
+REFERENCE = (
+    "van Noije et al. (1997), doi:10.1103/PhysRevLett.79.411; "
+    "Goldhirsch and Zanetti (1993), doi:10.1103/PhysRevLett.70.1619"
+)
+
+LAW = IFRLaw(e_n=0.7, e_t=-1.0, mu=0.0)
+PHI = 0.2
+CELL = 20.0  # diameters
+EARLY = (4.0, 8.0)  # collisions per disk at which waves are held against theory
+BANDS = ((0.1, 0.25), (0.25, 0.4), (0.4, 0.6))  # of k xi: hydrodynamics is of long waves
+QUICK_BANDS = ((0.1, 0.4), (0.4, 0.6))  # there are fewer waves in a smaller box
+VISCOUS = 0.1  # part of the viscosity that its first approximation, and terms of k^4, may be off by
+WAVES = "van Noije et al. (1997), doi:10.1103/PhysRevLett.79.411"
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Look:
+    """The gas at one time."""
+
+    tau: float
+    time: float
+    T: float
+    state: State
+
+
+def run(quick: bool, seed: int) -> Result:
+    """See the module's QUESTION."""
+    result = Result()
+    n, end = (100_000, 40.0) if quick else (1_000_000, 60.0)
+    bands = QUICK_BANDS if quick else BANDS
+    (one,) = seeds_of(seed, 1, 6000)
+    box, looks = cooled(n, end, one)
+    sampled: Any = {"disks": n, "seeds": [one], "replicas": 1}
+    z = -float(changes_per_collision(0.0, LAW, 2.0)[0])
+    waves = {}
+    for look in looks:
+        if look.tau in EARLY:
+            waves[look.tau] = _waves(result, look, box, z, bands, sampled)
+            held = streams(look.tau, LAW, PHI, n)
+            if held.share[0] < MOST_SHARE:
+                add(
+                    result, f"T over Haff's law after {look.tau:g} collisions per disk, waves hold {held.share[0]:.3f}",
+                    look.T * math.exp(z * look.tau), float(held.factor[0]), 1.0 / math.sqrt(n), math.inf,
+                    float(held.factor_error[0]), "waves too short for hydrodynamics (validation/gas_waves.py)", WAVES,
+                    widest=0.05, **sampled,
+                )  # fmt: skip
+    _clustered(result, looks, box, z)
+    result.pictures += [_fields(looks[-1], box, n), _curves(looks, box, z, waves, n)]
+    return result
+
+
+def cooled(n: int, end: float, seed: int) -> tuple[Box, list[Look]]:
+    """The box, and the gas at several times."""
+    disks = equal_disks(n)
+    box = Box.from_packing_fraction(disks.radius, PHI)
+    # Random places have density waves of all lengths from the start; those of a lattice would take long to come.
+    position = placement.random_positions(box, disks.radius, seed=seed)
+    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=seed)
+    gas = Simulation(disks, box, ELASTIC, State(position, velocity, np.zeros(n)))
+    gas.run(collisions_per_disk=5.0)
+    begin = gas.state
+    soon = 1e-3 / theory.collision_rate(PHI, 1.0, 1.0, 0.5)
+    gas = Simulation(
+        disks, box, LAW, State(begin.position, begin.velocity, begin.spin), collapse="tc", contact_time=soon
+    )
+    looks: list[Look] = []
+    for tau in sorted({0.0, 2.0, *EARLY, *np.linspace(10.0, end, int(end / 5.0) - 1)}):
+        if tau:
+            gas.run(collisions_per_disk=tau)
+        looks.append(Look(tau, gas.time, gas.measure().temperature, gas.state))
+    return box, looks
+
+
+def transverse(state: State, box: Box, most: float) -> tuple[Array, Array]:
+    """|k| of the modes up to `most`, one of k and -k, and |transverse component of sum_j v_j exp(-i k r_j)|^2 / N."""
+    finufft = libraries.load("finufft", "waves of velocities")
+    lengths = np.array(box.lengths)
+    count = np.ceil(most * lengths / (2.0 * np.pi)).astype(int)
+    x, y = np.ascontiguousarray(2.0 * np.pi * (state.position / lengths % 1.0).T - np.pi)
+    shape = (2 * int(count[0]) + 1, 2 * int(count[1]) + 1)
+    v = np.ascontiguousarray(state.velocity.T.astype(complex))
+    # More threads sum up in an order of their own.
+    waves = finufft.nufft2d1(x, y, v, shape, isign=-1, eps=1e-9, nthreads=1)
+    k_x, k_y = np.meshgrid(
+        2.0 * np.pi / lengths[0] * np.arange(-count[0], count[0] + 1),
+        2.0 * np.pi / lengths[1] * np.arange(-count[1], count[1] + 1), indexing="ij",
+    )  # fmt: skip
+    k = np.hypot(k_x, k_y)
+    half = ((k_x > 0.0) | ((k_x == 0.0) & (k_y > 0.0))) & (k <= most)
+    across = np.abs(-k_y * waves[0] + k_x * waves[1])[half] / k[half]
+    return k[half], across**2 / len(state.spin)
+
+
+def growth(x: Array, z_tau: float) -> Array:
+    """S of waves with k^2 xi^2 = x: see the module's text."""
+    return np.asarray(1.0 + excess(z_tau, 1.0 - x)[0])
+
+
+def _waves(
+    result: Result, look: Look, box: Box, z: float, bands: Sequence[tuple[float, float]], sampled: Any
+) -> tuple[Array, Array]:
+    """Compare waves with theory; k xi and S of each mode."""
+    xi = theory.shear_length(LAW, 0.5, PHI) / (2.0 * math.pi)
+    k, energy = transverse(look.state, box, 1.2 / xi)
+    S = energy / math.exp(-z * look.tau)  # over T / m of a homogeneous gas
+    for low, high in bands:
+        inside = (k * xi > low) & (k * xi <= high)
+        x = (k[inside] * xi) ** 2
+        expected = float(np.mean(growth(x, z * look.tau)))
+        less = float(np.mean(growth((1.0 + VISCOUS) * x, z * look.tau)))
+        add(
+            result, f"energy of transverse waves, k xi from {low} to {high}, after {look.tau:g} collisions per disk",
+            float(np.mean(S[inside])), expected, expected / math.sqrt(np.count_nonzero(inside)), math.inf,
+            expected - less + 0.02 * expected,
+            "what a tenth more viscosity would change (its first approximation at e_n = 0.7; waves of finite length), "
+            "and 2 % (a_2; T at the start)",
+            WAVES, widest=0.4, **sampled,
+        )  # fmt: skip
+    return k * xi, S
+
+
+def _density(look: Look, box: Box) -> tuple[Array, float]:
+    """Packing fractions of cells, and the side of a cell."""
+    cells = round(box.lengths[0] / CELL)
+    side = box.lengths[0] / cells
+    edges = np.linspace(0.0, box.lengths[0], cells + 1)  # the box is a square
+    x, y = look.state.position.T
+    number = np.histogram2d(x, y, bins=[edges, edges])[0]
+    return number * math.pi / 4.0 / side**2, side
+
+
+def _clustered(result: Result, looks: list[Look], box: Box, z: float) -> None:
+    end = looks[-1]
+    first, last = _density(looks[0], box)[0], _density(end, box)[0]
+    ratio = float(last.var() / first.var())
+    in_dense = float(last[last > 2.0 * PHI].sum() / last.sum())
+    over = end.T * math.exp(z * end.tau)
+    at = f"after {end.tau:g} collisions per disk"
+    source = "Goldhirsch and Zanetti (1993), doi:10.1103/PhysRevLett.70.1619"
+    most = (20.0, 0.15, 100.0) if end.tau > 40.0 else (20.0, 0.03, 40.0)
+    for text, value, bound in (
+        (
+            f"variance of the density of cells, {at}, over that at the start, counted up to {most[0]:g}",
+            ratio,
+            most[0],
+        ),
+        (
+            f"part of the disks in cells of twice the mean density, {at}, counted up to {most[1]:g}",
+            in_dense,
+            most[1],
+        ),
+        (f"T over Haff's law, {at}, counted up to {most[2]:g}", over, most[2]),
+    ):
+        result.near(text, min(value, bound), bound, 0.0, f"a bound; found: {value:.4g}", source)
+
+
+def _fields(look: Look, box: Box, n: int) -> Picture:
+    from matplotlib.colors import LogNorm
+
+    cells = round(box.lengths[0] / (CELL / 4.0))
+    fields = analysis.coarse_grain(
+        look.state.position, look.state.velocity, box=box, cells=(cells, cells), radius=0.5, width=CELL / 4.0
+    )
+    figure, (left, right) = style.panels(2, width=4.0, height=3.5)
+    extent = (0.0, box.lengths[0], 0.0, box.lengths[1])
+    T = fields.temperature / look.T
+    panels: tuple[tuple[Any, Array, str, dict[str, Any]], ...] = (
+        (left, fields.packing_fraction, r"packing fraction $\phi$", {"cmap": "cividis", "vmin": 0.0, "vmax": 0.7}),
+        (right, T, r"$T / \langle T \rangle$", {
+            "cmap": "magma", "norm": LogNorm(*np.nanquantile(T, (0.01, 0.999))),
+        }),
+    )  # fmt: skip
+    for axes, values, text, options in panels:
+        image = axes.imshow(values.T, origin="lower", extent=extent, interpolation="nearest", **options)
+        figure.colorbar(image, ax=axes, label=text, shrink=0.85)
+        axes.set(xlabel="x (diameters)", ylabel="y (diameters)")
+    caption = (
+        f"{n:,} smooth disks, e_n = {LAW.e_n}, mean packing fraction {PHI}, after {look.tau:g} collisions per "
+        f"disk: density and temperature (relative to the local mean velocity), Gaussians of {CELL / 4.0:g} diameters. "
+        "The mean T counts streams as well, which is why most of the gas is below it."
+    )
+    return Picture("gas_clusters_fields", caption, figure)
+
+
+def _curves(
+    looks: list[Look], box: Box, z: float, waves: dict[float, tuple[Array, Array]], n: int
+) -> Picture:
+    figure, (left, middle, right) = style.panels(3, width=3.3)
+    t = np.array([look.time for look in looks])
+    rate = theory.collision_rate(PHI, 1.0, 1.0, 0.5)
+    fine = np.concatenate([[0.0], np.geomspace(0.1, max(t[-1] * rate, 1.0), 200)])
+    left.plot(1.0 + fine, theory.haff(1.0, LAW.e_n, rate, fine / rate), color=style.BLACK, label="Haff's law")
+    style.points(left, 1.0 + t * rate, [look.T for look in looks], style.BLUE, "simulated")
+    left.set(
+        xscale="log", yscale="log", xlabel=r"$1 + \nu_0 t$", ylabel=r"$T/T_0$", ylim=(0.2 * looks[-1].T, 2.0)
+    )
+    left.legend()
+    x = np.linspace(0.02, 1.2, 300)
+    for i, (tau, (k_xi, S)) in enumerate(waves.items()):
+        edges = np.linspace(0.05, 1.2, 24)
+        place = np.digitize(k_xi, edges)
+        kept = [b for b in range(1, len(edges)) if np.count_nonzero(place == b) > 3]
+        middle.plot(x, growth(x**2, z * tau), color=style.COLOURS[i])
+        middle.errorbar(
+            [k_xi[place == b].mean() for b in kept], [S[place == b].mean() for b in kept],
+            [S[place == b].mean() / math.sqrt(np.count_nonzero(place == b)) for b in kept], fmt="os"[i], mfc="none",
+            color=style.COLOURS[i], ms=4, lw=0.8, label=rf"$\tau$ = {tau:g}",
+        )  # fmt: skip
+    middle.set(xlabel=r"$k\xi$", ylabel="transverse waves / thermal", yscale="log")
+    middle.legend()
+    shown = [looks[0], *[look for look in looks[:-1] if look.tau in (10.0, 20.0, 30.0, 40.0)], looks[-1]]
+    for i, look in enumerate(shown):
+        found = analysis.structure_factor(look.state.position, box, k_max=1.5, rings=60)
+        right.plot(found.k, found.S, color=style.COLOURS[i], label=rf"$\tau$ = {look.tau:g}")
+    right.set(xscale="log", yscale="log", xlabel=r"$k$ (1 / diameter)", ylabel=r"structure factor $S(k)$")
+    right.legend(fontsize=7)
+    for axes, text in ((left, "a"), (middle, "b"), (right, "c")):
+        axes.set_title(text, loc="left", weight="bold", fontsize=9)
+    caption = (
+        f"{n:,} cooling disks. (a) Temperature over time. (b) Transverse velocity waves early on (markers) and "
+        "their theory (lines), which holds for long ones. (c) Structure factor of the density at several "
+        "collisions per disk: clusters grow, and become larger."
+    )
+    return Picture("gas_clusters", caption, figure)

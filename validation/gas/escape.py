@@ -1,0 +1,142 @@
+"""Does any disk ever get through a wall? `python -m ifrdem.validation.escape --hits 1e7`
+
+A few disks in a room of every kind of wall: four sides, one of them thermal; a container around them that cuts the
+corners off, with a turning surface; a floor that moves as a sine and a wall that moves as a sawtooth; posts at rest, in
+motion and of radius 0; a segment. Gravity pulls. Inelastic rough disks lose what moving walls give; slow collisions are
+elastic, so that none comes to rest on a post.
+
+After every stretch of collisions each disk is held against each wall: a gap below zero by more than rounding is an
+escape, or the beginning of one, and the engine itself refuses a state with a disk outside of the box.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import EngineError, InputError, nearest
+from ...kernels.limits import ORDERS
+from ...model.box import Box
+from ...model.coin_table import coins
+from ...model.state import Disks, State
+from ...model.walls import Motion, Wall
+from ...simulation.engine import Engine
+from ...tools.arguments import Parser, whole
+
+ROUNDING = 1e-9  # of the gap, in diameters: thousands of times the rounding of a place in this room
+BAD_INPUT, FAILED = 2, 1
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run found.
+
+    Attributes
+    ----------
+    hits, collisions : int
+        Collisions with walls, and between disks.
+    time : float
+        Simulated time at the end [time].
+    states : int
+        How many times all gaps were looked at.
+    least_gap : float
+        The least gap between a disk and a wall in all of them [diameters]; below 0 it is an overlap.
+    """
+
+    hits: int
+    collisions: int
+    time: float
+    states: int
+    least_gap: float
+
+
+def room(order: str = "alone", *, seed: int = 1) -> Engine:
+    """Twelve disks of diameter and mass 1 in the room."""
+    rng = np.random.default_rng(seed)
+    grid = np.arange(12)
+    position = np.column_stack((9.0 + 4.0 * (grid % 4), 9.0 + 4.0 * (grid // 4)))
+    state = State(position, rng.normal(size=(12, 2)), rng.normal(size=12))
+    walls = [
+        Wall.container((15.0, 15.0), 17.5, surface_speed=0.3),
+        Wall.line((0.0, 0.5), (0.0, 1.0), motion=Motion("sine", amplitude=0.4, frequency=0.3)),
+        Wall.line(
+            (0.5, 0.0),
+            (1.0, 0.0),
+            motion=Motion("sawtooth", direction=(1.0, 0.0), amplitude=0.3, frequency=0.5),
+        ),
+        Wall.line((30.0, 0.0), (-1.0, 0.0), temperature=1.0),
+        Wall.segment((4.0, 22.0), (11.0, 24.0)),
+        Wall.post((7.0, 7.0), 1.0),
+        Wall.post(
+            (22.0, 8.0), 0.7, motion=Motion("sine", direction=(1.0, 1.0), amplitude=1.5, frequency=0.2)
+        ),
+        Wall.post((15.0, 26.0), 0.0),
+    ]
+    disks = Disks(12, mass=np.ones(12), radius=np.full(12, 0.5))
+    law = np.array([[coins["1 pta"].law.table_row()]])
+    return Engine(
+        disks, Box((30.0, 30.0), (False, False)), state, law, order=order, walls=walls, gravity=(0.0, -0.02),
+        velocity_cutoff=0.01, seed=seed,
+    )  # fmt: skip
+
+
+def run(hits: int, order: str = "alone", *, seed: int = 1) -> Outcome:
+    """Run until so many wall hits.
+
+    Raises
+    ------
+    EngineError
+        If a disk is found inside of a wall or beyond it.
+    """
+    engine = room(order, seed=seed)
+    least, states = np.inf, 0
+    while engine.wall_hits < hits:
+        before = engine.wall_hits
+        # Stretches of about a thousandth of the run, to look at all gaps at times unrelated to hits.
+        stop = engine.time + (0.001 * hits * engine.time / before if before else 1.0)
+        while engine.time < stop:
+            engine.advance(t_end=stop)
+        state = engine.state()
+        states += 1
+        for w, wall in enumerate(engine.walls):
+            gap = wall.gap(state.position, engine.disks.radius, state.time)
+            least = min(least, float(gap.min()))
+            if not least >= -ROUNDING:
+                raise EngineError(
+                    f"t = {state.time:.9g}, after {engine.wall_hits} wall hits: disk {int(gap.argmin())} overlaps wall "
+                    f"{w} ({wall.shape}) by {-least:.3g}"
+                )
+    return Outcome(engine.wall_hits, engine.collisions, engine.time, states, least)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run and print; returns 0, 1 (a disk escaped) or 2 (bad input)."""
+    parser = Parser(prog="python -m ifrdem.validation.escape", description=__doc__, allow_abbrev=False)
+    parser.add_argument("--hits", metavar="H", default="1e7", help="wall hits (1e7)")
+    parser.add_argument("--order", metavar="ORDER", default="alone", help=f"{', '.join(ORDERS)} (alone)")
+    parser.add_argument("--seed", metavar="S", default="1", help="seed (1)")
+    try:
+        given = parser.parse_args(list(sys.argv[1:] if arguments is None else arguments))
+        if given.order not in ORDERS:
+            raise InputError(
+                f"--order = {given.order}: allowed are {', '.join(ORDERS)}{nearest(given.order, ORDERS)}"
+            )
+        found = run(whole("--hits", given.hits, 1), given.order, seed=whole("--seed", given.seed, 0))
+    except InputError as error:
+        print(f"escape: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except EngineError as error:
+        print(f"escape: {error}", file=sys.stderr)
+        return FAILED
+    print(
+        f"{found.hits} wall hits and {found.collisions} collisions to t = {found.time:.6g}; {found.states} states "
+        f"looked at: no disk escaped, least gap {found.least_gap:.3g} diameters"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

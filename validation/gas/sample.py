@@ -1,0 +1,198 @@
+"""Replicas of a gas, and a comparison of their mean with a number from elsewhere: statistics never tuned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...initial import placement
+from ...model.box import Box
+from ...model.ifr import IFRLaw
+from ...model.state import Disks, State
+from ...simulation.simulation import Simulation
+from ..report.registry import Result, Row, Sampling
+
+CHANCE = 6.334e-5
+"""By which chance alone a row may fail: that of a Gaussian value to be off by 4 standard errors, so that of 300 rows
+all pass in 98 of 100 runs. Of few replicas Student's t makes it more than 4 errors."""
+STRIDE = 10_000
+"""Seeds of `--seed n` and of `--seed n + 1` are so far apart; no case needs as many."""
+
+ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+
+
+def seeds_of(seed: int, replicas: int, begin: int = 0) -> range:
+    """The seeds of replicas: those of another `seed` all differ, and so do those of another part of a case."""
+    first = STRIDE * seed + begin
+    return range(first, first + replicas)
+
+
+def student(freedom: float) -> float:
+    """How many standard errors a mean may be off, with `CHANCE` of more: their own degrees of freedom decide."""
+    from scipy.stats import t
+
+    return float(t.isf(0.5 * CHANCE, freedom))
+
+
+@dataclass(frozen=True)
+class Mean:
+    """Mean of replicas and its standard error, from their scatter."""
+
+    value: float
+    error: float
+    replicas: int
+
+    @classmethod
+    def of(cls, values: ArrayLike) -> Mean:
+        """Of two values at least."""
+        each = np.asarray(values, dtype=float)
+        return cls(float(each.mean()), float(each.std(ddof=1) / math.sqrt(len(each))), len(each))
+
+    def times(self, factor: float) -> Mean:
+        """The mean of values that are all so many times as large."""
+        return Mean(factor * self.value, abs(factor) * self.error, self.replicas)
+
+
+def ratio(above: ArrayLike, below: ArrayLike) -> NDArray[np.float64]:
+    """Values whose mean is the ratio of two means over replicas, and whose scatter is that ratio's, to first order.
+
+    The mean of ratios would be off by the variance of what stands below.
+    """
+    a, b = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
+    whole = a.mean() / b.mean()
+    return np.asarray(whole + (a - whole * b) / b.mean())
+
+
+def compare(
+    result: Result,
+    quantity: str,
+    values: ArrayLike,
+    expected: float | Mean,
+    *,
+    disks: int,
+    seeds: Sequence[int],
+    systematic: float,
+    why: str,
+    source: str,
+    widest: float,
+) -> None:
+    """Add a row: the mean of replicas against a number, or against the mean of other replicas.
+
+    Parameters
+    ----------
+    values : array_like (replicas,)
+        One of each replica; they are independent.
+    expected : float or Mean
+        If a mean, its error counts too; degrees of freedom are then Welch's (Biometrika 34, 28 (1947)).
+    disks : int
+        How many a replica has.
+    systematic : float
+        How far the expected value itself, or what it assumes, may be off; `why` says why.
+    widest : float
+        The largest tolerance, relative to the expected value, with which the row says something: see `Sampling`.
+    """
+    found = Mean.of(values)
+    right, error, freedom = expected, found.error, found.replicas - 1.0
+    if isinstance(expected, Mean):
+        right, error = expected.value, math.hypot(found.error, expected.error)
+        parts = ((one.error**4, one.replicas - 1.0) for one in (found, expected))
+        freedom = error**4 / sum(square / n for square, n in parts)
+    add(
+        result, quantity, found.value, float(right), error, freedom, systematic, why, source,  # type: ignore[arg-type]
+        widest=widest, disks=disks, seeds=seeds, replicas=found.replicas,
+    )  # fmt: skip
+
+
+def add(
+    result: Result,
+    quantity: str,
+    measured: float,
+    expected: float,
+    error: float,
+    freedom: float,
+    systematic: float,
+    why: str,
+    source: str,
+    *,
+    widest: float,
+    disks: int,
+    seeds: Sequence[int],
+    replicas: int,
+) -> None:
+    """Add a row whose standard error, of so many degrees of freedom, is known; the rest as for `compare`."""
+    z = student(freedom)
+    span = (min(seeds), max(seeds))
+    sampling = Sampling(disks, span, replicas, error, z, systematic, widest * abs(expected), freedom)
+    text = f"statistical (as many standard errors as Student's t says); systematic: {why}"
+    tolerance = z * error + systematic
+    result.rows.append(Row(quantity, measured, expected, tolerance, text, source, sampling=sampling))
+
+
+def together(result: Result, quantity: str, rows: Sequence[Row], source: str) -> None:
+    """Add a row: chi-square of rows that are independent of each other.
+
+    Of each row, what its deviation exceeds the systematic tolerance by, in standard errors; a value of Student's t
+    counts as the Gaussian one that is as improbable. If systematic tolerances are all needed, chi-square is that of
+    as many degrees of freedom as there are rows; if they are not, it is less.
+    """
+    from scipy.stats import chi2, t
+
+    total = 0.0
+    for row in rows:
+        s = row.sampling
+        if s is None:
+            raise ValueError(f"{row.quantity}: nothing random")
+        off = max(0.0, abs(row.measured - row.expected) - s.systematic) / s.error
+        total += float(chi2.isf(2.0 * t.sf(off, s.freedom), 1))
+    n = len(rows)
+    most = float(chi2.isf(CHANCE, n))
+    result.near(
+        f"chi-square of {n} rows: {quantity} (probability of more: {chi2.sf(total, n):.2g})", total, n, most - n,
+        f"{most:.1f}, which chi-square of as many degrees of freedom exceeds as rarely as a Gaussian 4 errors", source,
+    )  # fmt: skip
+
+
+def equal_disks(n: int) -> Disks:
+    """Homogeneous disks of mass and diameter 1."""
+    return Disks(n, mass=np.full(n, 1.0), radius=np.full(n, 0.5))
+
+
+def thermal(
+    n: int, seed: int, *, T: float = 1.0, T_rot: float = 0.0
+) -> tuple[Disks, NDArray[np.float64], NDArray[np.float64]]:
+    """Equal disks of mass and diameter 1, Maxwellian velocities and Gaussian spins."""
+    disks = equal_disks(n)
+    spin_rms = math.sqrt(T_rot / float(disks.inertia[0]))
+    return (
+        disks,
+        placement.maxwellian(disks.mass, temperature=T, seed=seed),
+        placement.gaussian_spins(n, spin_rms=spin_rms, seed=seed),
+    )
+
+
+LOOSE = 0.3  # packing fraction up to which disks find random places, which are almost those of the fluid
+
+
+def start(
+    n: int, packing_fraction: float, seed: int, *, T: float = 1.0, T_rot: float = 0.0
+) -> tuple[Disks, Box, State]:
+    """Equal disks of mass and diameter 1, Maxwellian, at random or, where dense, on a lattice; the box, the state."""
+    disks, velocity, spin = thermal(n, seed, T=T, T_rot=T_rot)
+    box = Box.from_packing_fraction(disks.radius, packing_fraction)
+    place = placement.random_positions if packing_fraction <= LOOSE else placement.hexagonal_positions
+    return disks, box, State(place(box, disks.radius, seed=seed), velocity, spin)
+
+
+def fluid(
+    n: int, packing_fraction: float, seed: int, *, melting: float, T: float = 1.0, T_rot: float = 0.0
+) -> tuple[Disks, Box, State]:
+    """The same after `melting` elastic collisions per disk, without memory of its places; time and counts at 0."""
+    disks, box, begin = start(n, packing_fraction, seed, T=T, T_rot=T_rot)
+    gas = Simulation(disks, box, ELASTIC, begin)
+    gas.run(collisions_per_disk=melting)
+    end = gas.state
+    return disks, box, State(end.position, end.velocity, end.spin)

@@ -1,0 +1,286 @@
+"""Two disks flown into each other by the engine, thousands of pairs at once.
+
+Every pair has a patch of its own in one large periodic box, far from the others. All meet at the same time; the
+run ends when they have flown apart again. What came out is read back from the trajectory file, so that a
+comparison with the paper goes through all of it: kernels, engine, file and reader.
+
+Signs are the paper's: t along the tangential approach of disk 1, omega_1 counter-clockwise, omega_2 clockwise.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import warnings
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...errors import EngineError, InputError, nearest
+from ...initial.placement import check_no_overlap
+from ...model import ifr as law_module
+from ...model.box import Box
+from ...model.state import Disks, State
+from ...simulation.engine import Engine
+from ...trajectory.reader import Trajectory
+from ...trajectory.writer import TrajectoryWriter
+from .equations import Impact
+
+Array = NDArray[np.float64]
+
+ROUND_OFF = (
+    "f64 round-off: contact points 1e-16 of a box some hundred diameters wide, angles up to 85 degrees enlarge "
+    "it by 1e2"
+)
+"""Why collisions agree with closed forms to 1e-10 and not to the last bit."""
+
+PATCH = 8.0  # side of a pair's patch, in largest contact distances
+APPROACH = 0.5  # flight before the contact of the fastest disk, in smallest contact distances
+
+
+@dataclass(frozen=True)
+class After:
+    """Pairs after their collision, in the paper's components and signs. Every array has shape (n,).
+
+    Attributes
+    ----------
+    impact : Impact
+        What was flown; its fields are arrays (n,).
+    w_2o : array
+        Spin of disk 2 before, clockwise [rad/time].
+    v_1n, v_1t, v_2n, v_2t : array
+        Velocities after [length/time].
+    Rw_1, Rw_2 : array
+        R_1 omega_1, counter-clockwise, and R_2 omega_2, clockwise, after [length/time].
+    """
+
+    impact: Impact
+    w_2o: Array
+    v_1n: Array
+    v_1t: Array
+    v_2n: Array
+    v_2t: Array
+    Rw_1: Array
+    Rw_2: Array
+
+    @classmethod
+    def seen(cls, impact: Impact, w_2o: Array, normal: Array, velocity: Array, spin: Array) -> After:
+        """From velocities (n, 2, 2) and counter-clockwise spins (n, 2) after: pair, disk, component."""
+        tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+        return cls(
+            impact=impact,
+            w_2o=w_2o,
+            v_1n=np.sum(velocity[:, 0] * normal, axis=1),
+            v_1t=np.sum(velocity[:, 0] * tangent, axis=1),
+            v_2n=np.sum(velocity[:, 1] * normal, axis=1),
+            v_2t=np.sum(velocity[:, 1] * tangent, axis=1),
+            Rw_1=impact.R_1 * spin[:, 0],
+            Rw_2=-impact.R_2 * spin[:, 1],
+        )
+
+    def __getitem__(self, chosen: Any) -> After:
+        """The pairs that an index, a slice or a mask chooses."""
+        own = {f.name: getattr(self, f.name)[chosen] for f in fields(self) if f.name != "impact"}
+        c = self.impact
+        return After(impact=Impact(**{f.name: getattr(c, f.name)[chosen] for f in fields(c)}), **own)
+
+    @property
+    def delta_1(self) -> Array:
+        """Angle of disk 1 from the line of centres [rad]."""
+        return np.arctan2(self.v_1t, self.v_1n)
+
+    @property
+    def delta_2(self) -> Array:
+        """Angle of disk 2 from the line of centres [rad]."""
+        return np.arctan2(self.v_2t, self.v_2n)
+
+    @property
+    def alpha_1(self) -> Array:
+        """Angle of disk 1 from the incoming direction, delta_1 - psi [rad]."""
+        return self.delta_1 - self.impact.psi
+
+    @property
+    def alpha_2(self) -> Array:
+        """Angle of disk 2 from the incoming direction, psi - delta_2 [rad]."""
+        return self.impact.psi - self.delta_2
+
+    @property
+    def v_1(self) -> Array:
+        """Speed of disk 1 [length/time]."""
+        return np.hypot(self.v_1n, self.v_1t)
+
+    @property
+    def v_2(self) -> Array:
+        """Speed of disk 2 [length/time]."""
+        return np.hypot(self.v_2n, self.v_2t)
+
+    @property
+    def V_ot(self) -> Array:
+        """Tangential velocity of the contact before the impact, both spins counted [length/time]."""
+        return self.impact.V_ot - self.impact.R_2 * self.w_2o
+
+    @property
+    def e_t_apparent(self) -> Array:
+        """e_t* = -(slip after) / (slip before)."""
+        return -(self.v_1t + self.Rw_1 - self.v_2t - self.Rw_2) / self.V_ot
+
+    @property
+    def P_n(self) -> Array:
+        """Normal impulse, from what disk 1 lost [mass length/time]."""
+        return self.impact.m_1 * (self.impact.V_on - self.v_1n)
+
+    @property
+    def P_t(self) -> Array:
+        """Tangential impulse, from what disk 1 lost [mass length/time]."""
+        return self.impact.m_1 * (self.impact.v_o * np.sin(self.impact.psi) - self.v_1t)
+
+    @property
+    def energy_ratio(self) -> Array:
+        """Kinetic energy of the pair after over before; an immovable disk 2 counts for nothing."""
+        c = self.impact
+        with np.errstate(divide="ignore"):
+            m_2 = np.where(c.M > 0.0, c.m_1 / c.M, 0.0)
+        before = c.m_1 * (c.v_o**2 + (c.R_1 * c.w_o) ** 2 / c.k_1) + m_2 * (c.R_2 * self.w_2o) ** 2 / c.k_2
+        after = c.m_1 * (self.v_1**2 + self.Rw_1**2 / c.k_1) + m_2 * (self.v_2**2 + self.Rw_2**2 / c.k_2)
+        return after / before
+
+
+def fly(
+    impact: Impact,
+    sticking: ArrayLike = "percussion_center",
+    *,
+    w_2o: ArrayLike = 0.0,
+    checked: bool = True,
+    seed: int = 1,
+) -> After:
+    """Collide every pair of `impact` once, in the engine.
+
+    Parameters
+    ----------
+    impact : Impact
+        Numbers, or arrays that broadcast to (n,). M = 0 makes disk 2 immovable. psi may be negative.
+    sticking : str or array of str
+        "percussion_center" or "contact_point".
+    w_2o : float or array (n,)
+        Spin of disk 2 before, clockwise [rad/time].
+    checked : bool
+        Refuse coefficients that can add energy, as a simulation does; without it they are flown as they are.
+    seed : int
+        Of the directions of the lines of centres, which are random.
+
+    Raises
+    ------
+    InputError
+        If `sticking` is unknown, or the coefficients are refused.
+    EngineError
+        If a pair did not collide exactly once.
+    """
+    c, sticking, w_2o = broadcast(impact, sticking, w_2o)
+    n = len(c.psi)
+    table, row, column = _law_table(c, sticking, checked)
+
+    sigma = c.R_1 + c.R_2
+    side = PATCH * float(sigma.max())
+    across = max(int(np.ceil(np.sqrt(n))), 4)
+    place = np.stack(np.divmod(np.arange(n), across), axis=1)
+    box = Box((across * side, across * side))
+    direction = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, n)
+    normal = np.stack([np.cos(direction), np.sin(direction)], axis=1)
+    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+    v_1 = (c.v_o * np.cos(c.psi))[:, None] * normal + (c.v_o * np.sin(c.psi))[:, None] * tangent
+    contact_time = APPROACH * float(sigma.min()) / float(np.max(c.v_o))
+    x_2 = (place + 0.5) * side
+    x_1 = x_2 - sigma[:, None] * normal - contact_time * v_1
+    with np.errstate(divide="ignore"):
+        m_2 = c.m_1 / c.M
+
+    # Disk 1 of pair p has id 2 p, disk 2 has 2 p + 1.
+    disks = Disks(
+        2 * n,
+        mass=_interleave(c.m_1, m_2),
+        radius=_interleave(c.R_1, c.R_2),
+        k=_interleave(c.k_1, c.k_2),
+        material=_interleave(row, column),
+    )
+    start = State(
+        position=box.wrap(_interleave(x_1, x_2)),
+        velocity=_interleave(v_1, np.zeros_like(v_1)),
+        spin=_interleave(c.w_o, -w_2o),
+    )
+    check_no_overlap(box, disks.radius, start.position)
+    end = _run(disks, box, start, table, 2.0 * contact_time)
+    return After.seen(c, w_2o, normal, end.velocity.reshape(n, 2, 2), end.spin.reshape(n, 2))
+
+
+def _run(disks: Disks, box: Box, start: State, table: Array, t_end: float) -> State:
+    """Fly to `t_end` and return the last frame of the trajectory file."""
+    engine = Engine(disks, box, start, table)
+    with tempfile.TemporaryDirectory(prefix="ifrdem-pairs-") as folder:
+        path = Path(folder) / "pairs.h5"
+        with TrajectoryWriter(path, disks, box, precision="f8") as file:
+            file.write(start)
+            while engine.time < t_end:
+                engine.advance(t_end=t_end)
+            file.write(engine.state())
+        engine.release()
+        with Trajectory(path) as trajectory:
+            last = trajectory[-1]
+            end = State(last.position, last.velocity, last.spin, last.time, last.collisions)
+    wrong = np.flatnonzero(end.collisions != 1)
+    if wrong.size:
+        i = int(wrong[0])
+        raise EngineError(
+            f"pair {i // 2} of {disks.n // 2}: disk {i % 2 + 1} collided {end.collisions[i]} times instead of once"
+        )
+    return end
+
+
+def broadcast(impact: Impact, sticking: ArrayLike, w_2o: ArrayLike) -> tuple[Impact, NDArray[np.str_], Array]:
+    """The arguments of `fly` as arrays of one shape (n,)."""
+    names = [f.name for f in fields(Impact)]
+    values = [np.asarray(getattr(impact, name), dtype=np.float64) for name in names]
+    *values, w_2o, sticking = np.broadcast_arrays(
+        *values, np.asarray(w_2o, dtype=np.float64), np.asarray(sticking)
+    )
+    for name in np.unique(sticking):
+        if name not in law_module.STICKING:
+            allowed = ", ".join(law_module.STICKING)
+            raise InputError(
+                f"sticking = '{name}': allowed are {allowed}{nearest(name, law_module.STICKING)}"
+            )
+    flat = {name: value.reshape(-1).copy() for name, value in zip(names, values, strict=True)}
+    return replace(impact, **flat), sticking.reshape(-1), w_2o.reshape(-1).copy()
+
+
+def _law_table(
+    c: Impact, sticking: NDArray[np.str_], checked: bool
+) -> tuple[Array, NDArray[np.int32], NDArray[np.int32]]:
+    """A table of laws, shape (s, s, 5), and which entry of it is each pair's.
+
+    u different laws need only s = O(sqrt(2 u)) materials: every pair of materials holds one of them.
+    """
+    contact = (sticking == "contact_point").astype(np.float64)
+    laws, index = np.unique(
+        np.stack([c.e_n, c.e_t, c.mu, contact, c.rho], axis=1), axis=0, return_inverse=True
+    )
+    if checked:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", law_module.EnergyWarning)
+            k = max(float(c.k_1.max()), float(c.k_2.max()))
+            for e_n, e_t, mu, point, rho in laws:
+                law_module.IFRLaw(
+                    e_n=e_n, e_t=e_t, mu=mu, rho=rho, k=k, sticking=law_module.STICKING[int(point)]  # type: ignore[arg-type]
+                )  # fmt: skip
+    side = int(np.ceil((np.sqrt(8.0 * len(laws) + 1.0) - 1.0) / 2.0))
+    row, column = (places[: len(laws)] for places in np.tril_indices(side))
+    table = np.zeros((side, side, 5))
+    table[row, column] = table[column, row] = laws
+    index = index.reshape(-1)
+    return table, row[index].astype(np.int32), column[index].astype(np.int32)
+
+
+def _interleave(first: NDArray, second: NDArray) -> NDArray:
+    """Values of disk 1 and disk 2, shape (n, ...), in the order of ids, shape (2 n, ...)."""
+    return np.stack([first, second], axis=1).reshape(2 * len(first), *first.shape[1:])

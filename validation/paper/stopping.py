@@ -1,0 +1,349 @@
+"""Stopping distances on the table (Sec. II F): exact friction, the error of Eq. 29, and the balance of Eq. 30."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..report import style
+from ..report.registry import Picture, Result, Table
+from . import angles, equations, pairs, predicted, table_reference
+from .equations import TABLE_II
+from .pairs import ROUND_OFF, After
+
+QUESTION = "Where do the coins stop, how wrong is Eq. 29, and does the collision weigh them (Eq. 30)?"
+REFERENCE = "F and T by quadrature, flights by SciPy's DOP853 (validation/table_reference.py); Eqs. 29 and 30"
+
+Array = NDArray[np.float64]
+
+EXACT = 1e-10
+TOLERANCE = 1e-12  # of a step of the table kernels
+POLE = "f64 round-off; K is cut off at 36 where eps = 1, and cancels"
+FLIGHT = "steps of 1e-12, and those of the reference; terms like x ln|x| where eps passes 1"
+STEEPEST = 85.0  # [deg]; the error of Eq. 29 grows beyond, see `_grazing`
+GRAVITY = 9.81 * 0.2  # mu_s g [m/s^2]; no ratio depends on it
+
+
+@dataclass(frozen=True)
+class Slides:
+    """Flights to rest, arrays (n,): distance [length], time, and v / (R |w|) at the end."""
+
+    x: Array
+    t: Array
+    eps: Array
+
+
+def to_rest(v: Array, u: Array, k: float = 2.0) -> Slides:
+    """Fly disks of speed v and rim speed u to rest by the table kernels."""
+    from ...kernels import table_friction
+    from ...simulation import device
+
+    device.start()
+    v, u = np.array(v, dtype=float), np.array(u, dtype=float)
+    x, t, eps = np.zeros((3, len(v)))
+    shape = np.ones(len(v))
+    table_friction.slide_coins(table_friction.NEVER, TOLERANCE, GRAVITY * shape, k * shape, v, u, x, t, eps)
+    if np.any(v != 0.0) or np.any(u != 0.0):
+        raise RuntimeError("a disk on the table did not come to rest")
+    return Slides(x, t, eps)
+
+
+def run(quick: bool) -> Result:
+    """See the module's QUESTION."""
+    result = Result()
+    _friction(result)
+    psi = np.radians(np.linspace(2.0, STEEPEST, 84 if quick else 333))
+    flown = [pairs.fly(angles.coin_impact(row, psi)) for row in TABLE_II]
+    slides = [(to_rest(got.v_1, got.Rw_1), to_rest(got.v_2, got.Rw_2)) for got in flown]
+    _flights(result, flown[1], slides[1], every=21 if quick else 8)
+    errors = [
+        np.sqrt(second.x / first.x) / (got.v_2 / got.v_1) - 1.0
+        for got, (first, second) in zip(flown, slides, strict=True)
+    ]
+    _equation_29(result, psi, errors)
+    _grazing(result)
+    _balance(result, psi, flown, slides)
+    result.pictures += [_figure_10(result, flown[1], slides[1]), _figure_errors(psi, errors), _figure_table()]
+    return result
+
+
+def _friction(result: Result) -> None:
+    """F and T of the kernel against integrals over the disk."""
+    from ...kernels import table_friction
+    from ...simulation import device
+
+    device.start()
+    eps = np.array([0.01, 0.1, 0.3, 0.653, 0.9, 0.99, 1.01, 1.2, 2.0, 5.0, 50.0])
+    F, T = np.zeros((2, len(eps)))
+    table_friction.friction_of(eps, np.ones_like(eps), F, T)
+    right = np.array([table_reference.friction_by_quadrature(one) for one in eps])
+    reason = "quadrature to 1e-12 of integrands with a square root at the rim"
+    source = "integral over the disk, in polar coordinates about the centre of rotation"
+    result.all_near("F(eps), eps = 0.01 to 50", F, right[:, 0], 1e-9, reason, source)
+    result.all_near("T(eps), eps = 0.01 to 50", T, right[:, 1], 1e-9, reason, source)
+    # eps = 0, 1 and infinity by hand. A disk that spins only: T = int r dA / pi = 2/3. A disk that does not spin:
+    # F = 1. At eps = 1, E = 1 and (eps^2 - 1) K = 0: F = 8/(3 pi), T = 8/(9 pi).
+    v, u = np.array([0.0, 1.0, 1.0]), np.array([1.0, 1.0, 0.0])
+    F, T = np.zeros((2, 3))
+    table_friction.friction_of(v, u, F, T)
+    result.all_near("F at eps = 0, 1, infinity", F, [0.0, 8.0 / (3.0 * np.pi), 1.0], 1e-13, POLE, "by hand")
+    result.all_near(
+        "T at eps = 0, 1, infinity",
+        T,
+        [2.0 / 3.0, 8.0 / (9.0 * np.pi), 0.0],
+        1e-13,
+        POLE,
+        "by hand",
+    )
+
+
+def _flights(result: Result, got: After, slides: tuple[Slides, Slides], every: int) -> None:
+    """Distances and the common end of aluminium coins after collisions at all angles."""
+    for number, v, u, slide in ((1, got.v_1, got.Rw_1, slides[0]), (2, got.v_2, got.Rw_2, slides[1])):
+        chosen = slice(0, None, every)
+        right = table_reference.stopping_distance(v[chosen], u[chosen]) / GRAVITY
+        result.all_near(
+            f"d_{number} relative to the reference, aluminium coins", slide.x[chosen] / right,
+            np.ones(len(right)), 1e-9, FLIGHT, "Sec. II F, exact: DOP853 in v and R w",
+        )  # fmt: skip
+    eps = np.concatenate([slide.eps for slide in slides])
+    common = table_reference.common_ratio()
+    reason = "what is left of the start where q has fallen to 1e-12 of it"
+    result.all_near("v / (R |w|) when both stop", eps, np.full(len(eps), common), 2e-3, reason, "F = 2 T eps")
+    result.near(
+        "v / (R |w|) when both stop, median",
+        np.median(eps),
+        0.653,
+        5e-4,
+        "three digits are given",
+        "Farkas et al. (2003)",
+    )
+
+
+def _equation_29(result: Result, psi: Array, errors: list[Array]) -> None:
+    """How far sqrt(d_2/d_1) is from v_2/v_1, coin by coin."""
+    cells: list[tuple[str | float, ...]] = []
+    for row, error in zip(TABLE_II, errors, strict=True):
+        i = int(np.argmax(np.abs(error)))
+        expected = _expected_error(row, psi[i])
+        degrees = float(np.degrees(psi[i]))
+        result.near(
+            f"{row.disks}: largest error of Eq. 29 (at {degrees:.1f} deg)", error[i], expected, 1e-9, FLIGHT,
+            "Eqs. 6 to 17 and DOP853",
+        )  # fmt: skip
+        at = [
+            float(np.interp(np.radians(angle), psi, 100.0 * error))
+            for angle in (15.0, 30.0, 45.0, 60.0, 75.0)
+        ]
+        cells.append((row.disks, *at, 100.0 * float(error[i]), degrees))
+    largest = max(float(np.max(np.abs(error))) for error in errors)
+    result.near(
+        "largest error of Eq. 29, all coins, angles up to 85 deg", largest, 0.087, 5e-4,
+        "8.7 % is given to two digits", "earlier integration of Sec. II F for the paper's coins",
+    )  # fmt: skip
+    header = ("disks", *(f"{angle} deg" for angle in (15, 30, 45, 60, 75)), "largest", "at (deg)")
+    note = (
+        "Eq. 29 follows from one uniform deceleration for both disks. Spin makes sliding friction weaker, so the "
+        "disk that spins more flies farther than Eq. 29 says."
+    )
+    result.tables.append(Table("Error of Eq. 29, sqrt(d_2/d_1) / (v_2/v_1) - 1, in %", header, cells, note))
+
+
+def _grazing(result: Result) -> None:
+    """Near 90 degrees disk 2 gets no normal velocity but all of the spin, and Eq. 29 fails badly."""
+    psi = np.radians(np.array([89.5]))
+    got = pairs.fly(angles.coin_impact(TABLE_II[1], psi))
+    d_1, d_2 = to_rest(got.v_1, got.Rw_1).x, to_rest(got.v_2, got.Rw_2).x
+    error = np.sqrt(d_2 / d_1) * got.v_1 / got.v_2 - 1.0
+    result.near(
+        "error of Eq. 29, aluminium coins at 89.5 deg", error[0], _expected_error(TABLE_II[1], psi[0]), 1e-9, FLIGHT,
+        "Eqs. 6 to 17 and DOP853",
+    )  # fmt: skip
+
+
+def _expected_error(row: equations.Table2Row, psi: float) -> float:
+    """Error of Eq. 29 by the closed forms and the reference flights."""
+    right = predicted.after(angles.coin_impact(row, np.array([psi])), "percussion_center")
+    d_1 = table_reference.stopping_distance(right.v_1, right.Rw_1)
+    d_2 = table_reference.stopping_distance(right.v_2, right.Rw_2)
+    return float((np.sqrt(d_2 / d_1) * right.v_1 / right.v_2)[0] - 1.0)
+
+
+def _balance(result: Result, psi: Array, flown: list[After], slides: list[tuple[Slides, Slides]]) -> None:
+    """Eq. 30: the mass ratio from speeds and angles, and from distances and angles."""
+    cells: list[tuple[str | float, ...]] = []
+    for row, got, (first, second) in zip(TABLE_II, flown, slides, strict=True):
+        if row.coins[0] == row.coins[1] and row.coins[0] != "1 pta":
+            continue
+        M = float(got.impact.M[0])
+        by_speed = equations.balance(got.v_1, got.alpha_1, got.v_2, got.alpha_2)
+        by_distance = equations.balance(np.sqrt(first.x), got.alpha_1, np.sqrt(second.x), got.alpha_2)
+        result.all_near(
+            f"{row.disks}: m_1/m_2 from speeds and angles", by_speed, np.full(len(psi), M), 1e-9, ROUND_OFF,
+            "Eq. 30, corrected: momentum across the incoming direction",
+        )  # fmt: skip
+        worst = float(np.max(np.abs(by_distance / M - 1.0)))
+        at = [
+            float(np.interp(np.radians(angle), psi, by_distance)) for angle in (15.0, 30.0, 45.0, 60.0, 75.0)
+        ]
+        cells.append((row.disks, M, float(np.mean(by_speed)), *at, 100.0 * worst))
+    header = (
+        "disks",
+        "m_1/m_2",
+        "by speeds",
+        *(f"by distances, {angle} deg" for angle in (15, 30, 45, 60, 75)),
+        "worst (%)",
+    )
+    note = (
+        "The inertial balance is exact with speeds. With stopping distances it inherits the error of Eq. 29."
+    )
+    result.tables.append(
+        Table("The collision as a balance (Eq. 30, which gives m_1/m_2)", header, cells, note)
+    )
+
+
+def _figure_10(result: Result, got: After, slides: tuple[Slides, Slides]) -> Picture:
+    figure, (ax, low) = style.panels(2)
+    c = got.impact
+    psi = np.radians(np.linspace(0.5, 89.5, 400))
+    line = predicted.after(angles.coin_impact(TABLE_II[1], psi), "percussion_center")
+    ax.plot(np.degrees(psi), line.v_2 / line.v_1, color=style.BLUE, label=r"$v_2/v_1$ (Eq. 29)")
+    # Each point is a flight by SciPy: few of them, and the corner where sliding begins.
+    corner = np.arctan(equations.tan_psi_transit_percussion_center(c)[0])
+    degrees = np.concatenate([np.linspace(1.0, 76.0, 22), np.linspace(78.0, STEEPEST, 8)])
+    nodes = np.sort(np.append(np.radians(degrees), corner))
+    coarse = predicted.after(angles.coin_impact(TABLE_II[1], nodes), "percussion_center")
+    d_1 = table_reference.stopping_distance(coarse.v_1, coarse.Rw_1)
+    d_2 = table_reference.stopping_distance(coarse.v_2, coarse.Rw_2)
+    at, exact, by_speed = np.degrees(coarse.impact.psi), np.sqrt(d_2 / d_1), coarse.v_2 / coarse.v_1
+    ax.plot(at, exact, "--", color=style.VERMILION, label="exact sliding and spinning")
+    low.plot(at, exact / by_speed, "--", color=style.VERMILION, label="exact sliding and spinning")
+    low.axhline(1.0, color=style.BLUE, label="Eq. 29")
+    step = max(len(c.psi) // 14, 2)
+    some, others = slice(0, None, step), slice(step // 2, None, step)
+    style.points(ax, np.degrees(c.psi[some]), (got.v_2 / got.v_1)[some], style.BLUE, r"simulated $v_2/v_1$")
+    ratio = np.sqrt(slides[1].x / slides[0].x)[others]
+    by_law = predicted.after(c, "percussion_center")
+    result.all_near(
+        "points of Fig. 10, v_2/v_1", (got.v_2 / got.v_1)[some], (by_law.v_2 / by_law.v_1)[some], EXACT, ROUND_OFF,
+        "Eqs. 6 to 17",
+    )  # fmt: skip
+    reference = np.sqrt(
+        table_reference.stopping_distance(by_law.v_2[others], by_law.Rw_2[others])
+        / table_reference.stopping_distance(by_law.v_1[others], by_law.Rw_1[others])
+    )
+    result.all_near(
+        "points of Fig. 10, (d_2/d_1)^(1/2)", ratio, reference, 1e-9, FLIGHT, "Eqs. 6 to 17 and DOP853"
+    )
+    style.points(ax, np.degrees(c.psi[others]), ratio, style.VERMILION, r"simulated $(d_2/d_1)^{1/2}$", "s")
+    ax.set(
+        xlabel=r"$\psi$ (deg)",
+        ylabel=r"$(d_2/d_1)^{1/2}$, $v_2/v_1$",
+        xlim=(0, 90),
+        ylim=(0.02, 40.0),
+        yscale="log",
+    )
+    ax.legend(loc="lower left")
+    style.letter(ax, "(a)")
+    right = (by_law.v_2 / by_law.v_1)[others]
+    style.points(low, np.degrees(c.psi[others]), ratio / right, style.VERMILION, "simulated", "s")
+    low.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2} / (v_2/v_1)$", xlim=(0, 90), ylim=(0.92, 1.1))
+    low.legend(loc="upper center")
+    style.letter(low, "(b)")
+    return Picture(
+        "figure-10",
+        "Figure 10. Stopping distances of two aluminium coins after their collision. Eq. 29 takes (d_2/d_1)^(1/2) for "
+        "v_2/v_1; with the exact friction of a disk that slides and spins the two differ (b).",
+        figure,
+    )
+
+
+def _figure_errors(psi: Array, errors: list[Array]) -> Picture:
+    figure, (ax,) = style.panels(width=4.6, height=3.2)
+    shown = (1, 2, 0, 3, 5, 4, 6, 7)  # the 500 and 100 pts coins share their law
+    names = [row.disks.replace(" coins", "").replace(" disks", "") for row in TABLE_II]
+    names[0] = "50 cts-50 cts"
+    dashes = ("-", "--", "-.", ":", "-", "--", "-.", ":")
+    for i, dash, colour in zip(shown, dashes, (*style.COLOURS, style.BLACK, style.GREY), strict=True):
+        ax.plot(np.degrees(psi), 100.0 * errors[i], dash, color=colour, label=names[i])
+    ax.axhline(0.0, color=style.GREY, lw=0.5)
+    ax.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2} / (v_2/v_1) - 1$ (%)", xlim=(0, 90))
+    ax.legend(loc="best", ncols=2, fontsize=7)
+    return Picture(
+        "error-of-eq-29",
+        "The error of Eq. 29 for the coins of Table II, by simulated collisions and flights.",
+        figure,
+    )
+
+
+def _figure_table() -> Picture:
+    from ...kernels import table_friction
+
+    figure, (left, right) = style.panels(2)
+    eps = np.geomspace(0.02, 50.0, 25)
+    F, T = np.zeros((2, len(eps)))
+    table_friction.friction_of(eps, np.ones_like(eps), F, T)
+    fine = np.geomspace(0.02, 50.0, 120)
+    by_quadrature = np.array([table_reference.friction_by_quadrature(one) for one in fine])
+    for i, (values, name, colour) in enumerate(((F, "F", style.BLUE), (T, "T", style.VERMILION))):
+        left.plot(fine, by_quadrature[:, i], color=colour, label=f"{name}, quadrature")
+        style.points(left, eps, values, colour, f"{name}, kernel")
+    left.set(
+        xscale="log",
+        xlabel=r"$\varepsilon = v / (R\,|\omega|)$",
+        ylabel="force, torque (reduced)",
+        ylim=(0, 1.05),
+    )
+    left.legend(loc="center right", fontsize=7)
+    style.letter(left, "(a)")
+    common = table_reference.common_ratio()
+    for start, colour in zip((0.05, 0.3, 1.0, 3.0, 20.0), style.COLOURS, strict=False):
+        angle = np.arctan(start)
+        v, u = np.array([np.sin(angle)]), np.array([np.cos(angle)])
+        whole = to_rest(v, u).t[0] * GRAVITY
+        times = whole * (1.0 - np.geomspace(1.0, 1e-3, 40)[1:])
+        n = len(times)
+        v_t, u_t = np.repeat(v, n), np.repeat(u, n)
+        x, t, eps_t = np.zeros((3, n))
+        for i, time in enumerate(times):  # each its own duration
+            one = slice(i, i + 1)
+            table_friction.slide_coins(
+                float(time),
+                TOLERANCE,
+                np.ones(1),
+                np.full(1, 2.0),
+                v_t[one],
+                u_t[one],
+                x[one],
+                t[one],
+                eps_t[one],
+            )
+        right.plot(
+            1.0 - times / whole,
+            eps_t,
+            "o-",
+            ms=2.5,
+            lw=0.8,
+            color=colour,
+            label=rf"$\varepsilon_0 = {start:g}$",
+        )
+    right.axhline(common, color=style.BLACK, ls=":", lw=1.0)
+    right.annotate(f"{common:.3f}", (0.9, common), (0, -10), textcoords="offset points")
+    right.set(
+        xscale="log",
+        yscale="log",
+        xlabel=r"time left, $1 - t/t_\mathrm{stop}$",
+        ylabel=r"$\varepsilon$",
+        xlim=(1.0, 1e-3),
+    )
+    right.set_ylim(0.03, 60.0)
+    right.legend(loc="upper right", fontsize=7)
+    style.letter(right, "(b)")
+    return Picture(
+        "table-friction",
+        "A disk on the table. (a) Force and torque of friction. (b) Whatever the start, speed and spin stop "
+        "together, at eps = 0.653 (k = 2).",
+        figure,
+    )
