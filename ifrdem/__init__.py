@@ -82,7 +82,6 @@ __all__ = [
 if TYPE_CHECKING:
     from . import analysis as analysis
     from . import bullet as bullet
-    from . import plot as plot
     from . import theory as theory
     from .errors import EngineError, InputError
     from .fit import maximum as fit
@@ -97,7 +96,8 @@ if TYPE_CHECKING:
     from .model.law import CollisionLaw
     from .model.state import Disks, State
     from .model.walls import Motion, Wall
-    from .recorder import Ledger
+    from .plots import run as plot
+    from .run.recorder import Ledger
     from .simulation.dsmc import DSMC
     from .simulation.simulation import Simulation
     from .trajectory import views as views

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from matplotlib.figure import Figure
 
-from ifrdem import plot
+from ifrdem.plots import run
 from ifrdem.simulation import device as backend
 
 # A shell starts background jobs deaf to SIGINT, and children inherit that; tests interrupt some of theirs.
@@ -49,5 +49,5 @@ def compiler(request: pytest.FixtureRequest) -> Iterator[None]:
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """Collects the figures instead of rendering them, which takes a second each."""
     figures: list[Figure] = []
-    monkeypatch.setattr(plot, "save", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(run, "save", lambda figure, path: figures.append(figure))
     return figures

@@ -12,9 +12,12 @@ import pytest
 from figures import texts
 from matplotlib.figure import Figure
 
-from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, cli, observables, plot_options
-from ifrdem.analyse_options import NAMES, number
-from ifrdem.analysis import catalogue, outcome, stored
+from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, observables
+from ifrdem.analysis import catalogue, stored
+from ifrdem.analysis import result as outcome
+from ifrdem.cli import main as cli
+from ifrdem.cli import plot_options
+from ifrdem.cli.analyse import NAMES, number
 from ifrdem.errors import InputError
 from ifrdem.trajectory.history_columns import COLUMNS, START
 

@@ -7,7 +7,7 @@ import pytest
 from serial_reference import simulate
 
 from ifrdem import analysis, theory
-from ifrdem.analysis import frames, libraries, structure
+from ifrdem.analysis import common, libraries, structure
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
@@ -213,7 +213,7 @@ def test_neighbours_are_those_of_a_double_loop() -> None:
         Box((30.0, 20.0), shear_rate=1.0),
     ):
         x = ideal_gas(7, 80)[0]
-        i, j, vector = frames.neighbours(x, box, 4.0, 3.3)
+        i, j, vector = common.neighbours(x, box, 4.0, 3.3)
         all_i, all_j = np.triu_indices(80, 1)
         every = box.minimum_image(x[all_j] - x[all_i], 3.3)
         near = np.linalg.norm(every, axis=1) < 4.0

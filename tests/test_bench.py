@@ -17,9 +17,10 @@ from typing import Any
 import pytest
 
 import ifrdem
-from ifrdem import check, cli
+from ifrdem.case import summary
+from ifrdem.case.gas import Gas
+from ifrdem.cli import main as cli
 from ifrdem.errors import EngineError, InputError
-from ifrdem.gas import Gas
 from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.speed import bench, compile_time, equilibrium, profiler, table
@@ -258,11 +259,11 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
         assert "of memory, and 10 MB are free" in refusal(arguments, capsys)
     assert cli.main(["run", case_file, "--set", "species[0].number=100000"]) == cli.BAD_INPUT
     with pytest.raises(InputError, match="100000 disks need some 50 MB"):
-        check.refuse_beyond_memory(100_000, "cuda")  # the GPU's own memory holds the rest
-    check.refuse_beyond_memory(1000, "cpu")
-    check.refuse_beyond_memory(20_000, "cuda", "random")
+        summary.refuse_beyond_memory(100_000, "cuda")  # the GPU's own memory holds the rest
+    summary.refuse_beyond_memory(1000, "cpu")
+    summary.refuse_beyond_memory(20_000, "cuda", "random")
     with pytest.raises(InputError, match=r"20000 disks need some 24 MB"):
-        check.refuse_beyond_memory(20_000, "cuda", "growth")
+        summary.refuse_beyond_memory(20_000, "cuda", "growth")
 
 
 def test_interruption_ends_with_a_message_and_its_status() -> None:

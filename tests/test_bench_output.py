@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from ifrdem import cli
+from ifrdem.cli import main as cli
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.speed import output_cost
 from ifrdem.validation.speed.output_cost import FRAMES, LEAD, OutputCost, between

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import Box, Disks, IFRLaw, Simulation, State, bullet, cli
+from ifrdem import Box, Disks, IFRLaw, Simulation, State, bullet
+from ifrdem.cli import main as cli
 from ifrdem.initial import placement
 from ifrdem.validation.engines import flight, pymunk_world, stepped
 from ifrdem.validation.engines.bullet_world import BulletWorld, Surface

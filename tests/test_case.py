@@ -13,14 +13,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from ifrdem import case_file, template, theory
-from ifrdem.case import Case, MaterialSection, RunSection, SpeciesSection
+from ifrdem import theory
+from ifrdem.case import file as case_file
+from ifrdem.case import template
+from ifrdem.case.case import Case, MaterialSection, RunSection, SpeciesSection
+from ifrdem.case.estimate import Estimate, collision_rates
+from ifrdem.case.gas import Gas, Species
+from ifrdem.case.section import Section
 from ifrdem.errors import InputError
-from ifrdem.estimate import Estimate, collision_rates
-from ifrdem.gas import Gas, Species
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.coin_table import coins
-from ifrdem.section import Section
 
 SHIPPED = Path(__file__).parents[1] / "cases" / "cooling.toml"
 

@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ifrdem import case_file, forces, plot
-from ifrdem.case import Case
-from ifrdem.case_forces import FORCES, ForceSection
-from ifrdem.cli import main
-from ifrdem.estimate import Estimate
-from ifrdem.gas import Gas, forces_of
+from ifrdem import forces
+from ifrdem.case import file as case_file
+from ifrdem.case.case import Case
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.forces_section import FORCES, ForceSection
+from ifrdem.case.gas import Gas, forces_of
+from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw
+from ifrdem.plots import run
 from ifrdem.theory.driven_gas import Drive, steady_state
 from ifrdem.trajectory.reader import Trajectory
 
@@ -213,8 +215,8 @@ def test_the_picture_shows_theory_and_its_steady_state(
     Path("kicked.toml").write_text(DRIVEN)
     assert main(["run", "kicked.toml", "--no-picture"]) == 0
     figures: list[Figure] = []
-    monkeypatch.setattr(plot, "save", lambda figure, path: figures.append(figure))
-    plot.driven("kicked.h5", "kicked.png")
+    monkeypatch.setattr(run, "save", lambda figure, path: figures.append(figure))
+    run.driven("kicked.h5", "kicked.png")
     upper, lower = figures[0].axes[:2]
     T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (
         0,

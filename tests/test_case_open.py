@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ifrdem import case_file, cli, plot, table_picture
-from ifrdem.case_forces import FORCES
+from ifrdem.case import file as case_file
+from ifrdem.case.forces_section import FORCES
+from ifrdem.case.gas import Gas, forces_of
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.gas import Gas, forces_of
+from ifrdem.plots import run, table_friction
 from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
@@ -29,7 +31,7 @@ def test_coins_on_a_table_come_to_rest_and_are_drawn(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     drawn: dict[str, Any] = {}
-    monkeypatch.setattr(table_picture, "save", lambda figure, path: drawn.update(figure=figure))
+    monkeypatch.setattr(table_friction, "save", lambda figure, path: drawn.update(figure=figure))
     assert cli.main(["run", str(CASE), *changed(*SMALL)]) == 0
     assert "forces put in -" in capsys.readouterr().out
     with Trajectory("coins_on_table.h5") as trajectory:
@@ -41,7 +43,7 @@ def test_coins_on_a_table_come_to_rest_and_are_drawn(
         taken = trajectory.observables["dissipated_energy"][-1] - trajectory.observables["energy_input"][-1]
         assert taken == pytest.approx(trajectory.observables["energy"][0], rel=1e-12)
         assert np.ptp(last.position) > np.ptp(first.position)
-        plot.driven("coins_on_table.h5", "other.png")  # any picture copes with an open box
+        run.driven("coins_on_table.h5", "other.png")  # any picture copes with an open box
     energies, moving, paths, *_ = drawn["figure"].axes
     assert energies.get_yscale() == "log"
     assert moving.lines[0].get_ydata()[0] == 60

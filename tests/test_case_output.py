@@ -8,14 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import case_file, check, cli, run
-from ifrdem.case import UNITS
-from ifrdem.case_output import OutputSection
+from ifrdem.case import file as case_file
+from ifrdem.case import summary
+from ifrdem.case.case import UNITS
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.gas import Gas
+from ifrdem.case.output_section import OutputSection
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.estimate import Estimate
-from ifrdem.gas import Gas
 from ifrdem.model.observables import measure
-from ifrdem.recorder import COLUMNS, Ledger
+from ifrdem.run import job
+from ifrdem.run.recorder import COLUMNS, Ledger
 from ifrdem.simulation.schedule import Cadence
 from ifrdem.tools import seeds
 from ifrdem.trajectory import history_columns
@@ -148,7 +151,7 @@ def test_a_region_where_no_disk_starts_is_refused(folder):
 def check_cadences(folder: Path, *overrides: str) -> None:
     case = case_file.read(folder / "gas.toml", overrides).case
     gas = Gas.from_case(case)
-    check.refuse_cadences(case, gas, Estimate.of(gas, case))
+    summary.refuse_cadences(case, gas, Estimate.of(gas, case))
 
 
 BY_COLLISIONS = ("run.t_end=", "run.collisions_per_disk=20.0")
@@ -265,7 +268,7 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
     place = folder / "gas.h5"
     with TrajectoryWriter(
         place, gas.disks, gas.box, fields=output.fields, precision=output.precision,
-        parameters=run._record(file, gas, "cpu"), units=UNITS["reduced"], walls=gas.walls,
+        parameters=job._record(file, gas, "cpu"), units=UNITS["reduced"], walls=gas.walls,
     ) as writer:  # fmt: skip
         if expected.tracked:
             events = round(2.0 * expected.collisions / gas.disks.n * expected.tracked)

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ifrdem import case_file, plot
-from ifrdem.cli import main
-from ifrdem.estimate import Estimate
-from ifrdem.gas import Gas
+from ifrdem.case import file as case_file
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.gas import Gas
+from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw
+from ifrdem.plots import run
 from ifrdem.theory.sheared_gas import steady_state
 from ifrdem.trajectory.reader import Trajectory
 
@@ -81,8 +82,8 @@ def test_a_run_keeps_the_ledger_and_shows_what_the_flow_put_in(
     )
     assert totals["energy_input"][-1] > begin
     figures: list[Figure] = []
-    monkeypatch.setattr(plot, "save", lambda figure, path: figures.append(figure))
-    plot.sheared("flow.h5", "flow.png")
+    monkeypatch.setattr(run, "save", lambda figure, path: figures.append(figure))
+    run.sheared("flow.h5", "flow.png")
     upper, lower, profile = figures[0].axes[:3]
     for axes, values in ((upper, STEADY), (lower, [STEADY[1] / STEADY[0]])):
         dotted = [line.get_ydata() for line in axes.lines if line.get_linestyle() == ":"]

@@ -12,18 +12,20 @@ import h5py
 import numpy as np
 import pytest
 
-from ifrdem import case_file, curves, profiles, template
-from ifrdem import gas as gas_module
-from ifrdem.case import Case
-from ifrdem.case_walls import MOTIONS, SHAPES, MotionSection, WallSection
-from ifrdem.cli import main
-from ifrdem.describe import describe
-from ifrdem.estimate import Estimate
-from ifrdem.gas import Gas
+from ifrdem.case import file as case_file
+from ifrdem.case import gas as gas_module
+from ifrdem.case import template
+from ifrdem.case.case import Case
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.gas import Gas
+from ifrdem.case.walls_section import MOTIONS, SHAPES, MotionSection, WallSection
+from ifrdem.cli.main import main
 from ifrdem.model.collapse import Collapse
 from ifrdem.model.free_area import Room
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Wall, from_json, to_json
+from ifrdem.plots import profile_data, theory_curves
+from ifrdem.run.info import describe
 from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
@@ -366,7 +368,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
         height = last.position[:, 1]
         for frame in trajectory:
             assert np.all(Room(gas.box).gap(frame.position, gas.disks.radius) > -1e-9)
-        assert curves.cooling(trajectory) == (None, "walls: no kinetic theory here")
+        assert theory_curves.cooling(trajectory) == (None, "walls: no kinetic theory here")
     assert totals["potential_energy"][-1] == pytest.approx(2.0 * np.sum(height), rel=1e-12)  # m g y
     assert np.all(np.diff(totals["wall_hits"]) > 0)
     assert totals["wall_work"][-1] > 0.0
@@ -459,7 +461,7 @@ def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     words = [word for each in less for word in ("--set", each)]
     assert main(["run", "vibrated", "--no-picture", *words]) == 0
     with Trajectory("vibrated.h5") as trajectory:
-        found = profiles.of(trajectory)
+        found = profile_data.of(trajectory)
     assert found is not None
     densest = int(np.argmax(found.packing_fraction))
     assert found.packing_fraction[densest] > 0.5

@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem import cli as command
-from ifrdem import progress
-from ifrdem.cli import main
+from ifrdem.case.gas import Gas
+from ifrdem.cli import main as command
+from ifrdem.cli.main import main
 from ifrdem.errors import EngineError
-from ifrdem.gas import Gas
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
-from ifrdem.recorder import Recorder
+from ifrdem.run import progress
+from ifrdem.run.recorder import Recorder
 from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory
@@ -356,7 +356,7 @@ def test_the_precision_of_a_run_reaches_its_simulation(folder: Path, monkeypatch
         asked.append(options.get("precision", "f64"))
         raise EngineError("far enough")
 
-    monkeypatch.setattr("ifrdem.gas.Simulation", remember)
+    monkeypatch.setattr("ifrdem.case.gas.Simulation", remember)
     for precision in ("f32", "f64"):
         assert main(["run", "tiny.toml", "--precision", precision, "--no-picture", "--force"]) == 1
     assert asked == ["f32", "f64"]

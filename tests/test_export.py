@@ -14,9 +14,9 @@ import pytest
 from layout_files import BOX, some_disks, some_state, write
 from test_frame import flip
 
-from ifrdem.cli import main
+from ifrdem.cli.frame_numbers import chosen, counted
+from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.frame_numbers import chosen, counted
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.trajectory.export import export

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from ifrdem import fit
-from ifrdem.cli import main
+from ifrdem.cli.main import main
 
 ROOT = Path(__file__).parents[1]
 

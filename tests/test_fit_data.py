@@ -156,7 +156,7 @@ def test_example_says_that_it_is_synthetic_and_holds_its_coefficients(tmp_path: 
 
 
 def test_help_lists_every_column() -> None:
-    from ifrdem import fit_options
+    from ifrdem.cli import fit as fit_options
 
     assert fit_options.NAMES == COLUMNS
     assert re.findall(r"^  (\w+) {2,}", fit_options.FORMAT, flags=re.MULTILINE)[: len(COLUMNS)] == [

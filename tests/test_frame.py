@@ -11,9 +11,9 @@ import pytest
 from layout_files import BOX, FIELDS, MECHANISMS, add_series, some_disks, some_state, write
 from test_trajectory import child
 
-from ifrdem.describe import describe
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
+from ifrdem.run.info import describe
 from ifrdem.trajectory.damage import DamageError
 from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 

@@ -11,14 +11,14 @@ import pytest
 from gases import touching
 from numpy.typing import NDArray
 
-from ifrdem.case import Case
+from ifrdem.case.case import Case
+from ifrdem.case.estimate import Estimate, collision_rates
+from ifrdem.case.gas import Gas
 from ifrdem.errors import InputError
-from ifrdem.estimate import Estimate, collision_rates
-from ifrdem.gas import Gas
 from ifrdem.initial import packing, radii
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.box import Box
-from ifrdem.stage import Stage
+from ifrdem.run.stage import Stage
 
 pytestmark = pytest.mark.unoptimised
 

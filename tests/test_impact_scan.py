@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ifrdem import case_file, cli, scan_picture
+from ifrdem.case import file as case_file
+from ifrdem.case.gas import Gas
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.gas import Gas
 from ifrdem.initial import impact_scan
 from ifrdem.model.state import Disks
+from ifrdem.plots import impact_scan as scan_picture
 from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 from layout_files import BOX, write
 
-from ifrdem import movie, plot_disks, raster
-from ifrdem.cli import main
+from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
+from ifrdem.plots import disks as plot_disks
+from ifrdem.plots import movie, raster
 from ifrdem.trajectory import layout
 from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 

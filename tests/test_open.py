@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from gases import COIN, mixture, start
 
-from ifrdem.describe import describe
 from ifrdem.errors import EngineError, InputError
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
@@ -19,6 +18,7 @@ from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
+from ifrdem.run.info import describe
 from ifrdem.simulation import unbounded
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.simulation import Simulation

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from layout_files import write
 
-from ifrdem import movie, plot
-from ifrdem.cli import main
+from ifrdem.cli.main import main
 from ifrdem.errors import InputError
-from ifrdem.outputs import write_aside
+from ifrdem.plots import movie, run
+from ifrdem.run.outputs import write_aside
 from ifrdem.trajectory import export, repair, views
 from ifrdem.trajectory.reader import Trajectory
 
@@ -104,7 +104,7 @@ def test_nothing_that_is_no_file_is_replaced_by_a_picture(path: Path, make: Call
     make(place, path)
     was = kind(place)
     with pytest.raises(InputError, match=said):
-        plot.save(Figure(), place)
+        run.save(Figure(), place)
     with pytest.raises(InputError, match=said):
         write_aside(place, lambda aside: aside.write_text("x"))
     assert kind(place) == was

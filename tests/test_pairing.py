@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ifrdem import IFRLaw, InputError, Simulation, State, case_file
-from ifrdem.case import Case
-from ifrdem.gas import Gas
+from ifrdem import IFRLaw, InputError, Simulation, State
+from ifrdem.case import file as case_file
+from ifrdem.case.case import Case
+from ifrdem.case.gas import Gas
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks
 

@@ -15,10 +15,12 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from ifrdem import plot, plot_disks, plot_style, theory
+from ifrdem import theory
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
+from ifrdem.plots import disks as plot_disks
+from ifrdem.plots import run, style
 from ifrdem.trajectory.reader import TrajectoryWriter
 
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
@@ -59,7 +61,7 @@ def write(
 
 def test_picture_is_a_png_and_nothing_else_is_left(tmp_path: Path) -> None:
     write(tmp_path / "a.h5")
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     image = imread(tmp_path / "a.png")
     assert min(image.shape[:2]) > 1000
     assert image[..., :3].std() > 0.05  # not empty
@@ -68,7 +70,7 @@ def test_picture_is_a_png_and_nothing_else_is_left(tmp_path: Path) -> None:
 
 def test_circles_are_the_measured_temperatures(tmp_path: Path, drawn: list[Figure]) -> None:
     write(tmp_path / "a.h5")
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     upper, lower = drawn[0].axes[:2]
     time = np.arange(1.0, 11.0)  # time 0 has no place on a logarithmic axis
     for line, expected in ((upper.lines[0], 3.0 / (1.0 + time)), (upper.lines[1], 1.0 - 1.0 / (1.0 + time))):
@@ -80,7 +82,7 @@ def test_circles_are_the_measured_temperatures(tmp_path: Path, drawn: list[Figur
 
 def test_theory_of_smooth_disks_is_haffs_law_in_the_same_colour(tmp_path: Path, drawn: list[Figure]) -> None:
     write(tmp_path / "a.h5")
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     upper = drawn[0].axes[0]
     dashed = [line for line in upper.lines if line.get_linestyle() == "--" and len(line.get_xdata())]
     assert [line.get_color() for line in dashed] == [line.get_color() for line in upper.lines[:2]]
@@ -98,10 +100,10 @@ def test_laws_are_judged_by_the_disks_that_have_them(tmp_path: Path, drawn: list
     """e_n = 1 asks for e_t + (1 + k) / 2 <= 1 of the percussion-centre law: -0.3 is right for hoops, k = 1, only."""
     law = {**SMOOTH, "e_n": 1.0, "e_t": -0.3, "mu": 0.2}
     write(tmp_path / "a.h5", law=law, k=1.0)
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert "kinetic theory (homogeneous gas)" in texts(drawn[0])
     write(tmp_path / "b.h5", law=law, k=2.0)  # nobody could have run it
-    plot.cooling(tmp_path / "b.h5", tmp_path / "b.png")
+    run.cooling(tmp_path / "b.h5", tmp_path / "b.png")
     assert "no kinetic theory here" in texts(drawn[1])
 
 
@@ -132,7 +134,7 @@ def test_theory_of_a_mixture_begins_at_the_temperatures_of_its_species(
         ) as w:
             for time in (0.0, 1e-3, 60.0):
                 w.write(State(rng.random((n, 2)) * box.lengths, velocity, np.zeros(n), time=time), totals)
-        plot.cooling(tmp_path / f"{name}.h5", tmp_path / "a.png")
+        run.cooling(tmp_path / f"{name}.h5", tmp_path / "a.png")
     first, second = (
         np.asarray(next(line for line in figure.axes[0].lines if line.get_linestyle() == "--").get_ydata())
         for figure in drawn
@@ -166,7 +168,7 @@ def test_picture_says_so_where_the_theory_does_not_hold(
     tmp_path: Path, drawn: list[Figure], changes: dict[str, object], reason: str
 ) -> None:
     write(tmp_path / "a.h5", **changes)  # type: ignore[arg-type]
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert f"{reason}: no kinetic theory here" in texts(drawn[0])
     assert not [line for axes in drawn[0].axes[:2] for line in axes.lines if line.get_linestyle() == "--"]
 
@@ -180,7 +182,7 @@ def test_disks_are_drawn_to_scale_with_their_periodic_images(tmp_path: Path, dra
         radius=radius,
         position=np.array([[0.1, 0.1], [1.5, 0.2], [2.0, 2.0]]),
     )
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     (disk_axes,) = [axes for axes in drawn[0].axes if axes.findobj(EllipseCollection)]
     (collection,) = disk_axes.findobj(EllipseCollection)
     assert len(collection.get_offsets()) == 4 + 2 + 1
@@ -197,14 +199,14 @@ def test_disks_are_drawn_to_scale_with_their_periodic_images(tmp_path: Path, dra
 def test_colours_are_symmetric_and_no_outlier_washes_them_out(tmp_path: Path, drawn: list[Figure]) -> None:
     spin = np.concatenate([np.full(60, -1.0), np.full(39, 1.0), [1e6]])
     write(tmp_path / "a.h5", n=100, spin=spin)
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     (collection,) = drawn[0].findobj(EllipseCollection)
     assert collection.get_clim() == (-1.0, 1.0)
 
 
 def test_labels_carry_units(tmp_path: Path, drawn: list[Figure]) -> None:
     write(tmp_path / "a.h5")
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     shown = texts(drawn[0])
     for label in ("temperature (J)", "time $t$ (s)", "$x$ (m)", "$y$ (m)", "(rad/s)", "$t$ = 10 s"):
         assert label in shown
@@ -230,20 +232,20 @@ def test_labels_of_logarithmic_time_are_apart_and_at_least_two(first: float, spa
     axes = Figure(figsize=(6.0, 1.5)).add_axes((0.1, 0.3, 0.8, 0.6))  # narrower than in the picture
     axes.plot([first, first * span], [1.0, 1.0])
     axes.set_xscale("log")
-    plot_style.few_labels(axes)
+    style.few_labels(axes)
     assert_labels_are_apart(axes)
 
 
 @pytest.mark.parametrize("frames", [2, 21])
 def test_time_labels_of_short_runs_are_apart(tmp_path: Path, drawn: list[Figure], frames: int) -> None:
     write(tmp_path / "a.h5", frames=frames)
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert_labels_are_apart(drawn[0].axes[1])
 
 
 def test_no_time_labels_stand_between_the_panels(tmp_path: Path, drawn: list[Figure]) -> None:
     write(tmp_path / "a.h5")
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     drawn[0].draw_without_rendering()
     axis = drawn[0].axes[0].xaxis
     assert not any(tick.label1.get_visible() for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()])
@@ -252,7 +254,7 @@ def test_no_time_labels_stand_between_the_panels(tmp_path: Path, drawn: list[Fig
 @pytest.mark.parametrize("frames", [2, 6])
 def test_no_theta_marker_is_cut_at_the_top(tmp_path: Path, drawn: list[Figure], frames: int) -> None:
     write(tmp_path / "a.h5", frames=frames)
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     drawn[0].draw_without_rendering()
     lower = drawn[0].axes[1]
     markers = lower.lines[0]
@@ -264,7 +266,7 @@ def test_no_theta_marker_is_cut_at_the_top(tmp_path: Path, drawn: list[Figure], 
 
 def test_reduced_units_are_called_so(tmp_path: Path, drawn: list[Figure]) -> None:
     write(tmp_path / "a.h5", units=dict.fromkeys(SI, "reduced"))
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert "temperature (reduced units)" in texts(drawn[0])
     assert "(J)" not in texts(drawn[0])
 
@@ -274,7 +276,7 @@ def test_very_many_disks_become_a_density_map_with_a_note(
 ) -> None:
     monkeypatch.setattr(plot_disks, "MOST_DISKS", 1000)
     write(tmp_path / "a.h5", n=5000)
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert not drawn[0].findobj(EllipseCollection)
     assert "too many disks to draw each" in texts(drawn[0])
     image = next(image for axes in drawn[0].axes for image in axes.images)
@@ -289,27 +291,27 @@ def test_gas_at_rest_can_be_drawn(tmp_path: Path, drawn: list[Figure]) -> None:
         tmp_path / "a.h5", disks, Box((1.0, 1.0)), parameters={"laws": json.dumps([[SMOOTH]])}
     ) as w:
         w.write(still, {"temperature": 0.0, "rotational_temperature": 0.0})
-    plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+    run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
     assert "nothing moves: no kinetic theory here" in texts(drawn[0])
 
 
 def test_picture_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
     write(tmp_path / "a.h5")
     with pytest.raises(InputError, match="cannot be written"):
-        plot.cooling(tmp_path / "a.h5", tmp_path / "nowhere" / "a.png")
+        run.cooling(tmp_path / "a.h5", tmp_path / "nowhere" / "a.png")
     assert [path.name for path in tmp_path.iterdir()] == ["a.h5"]
 
 
 def test_missing_trajectory_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
-        plot.cooling(tmp_path / "a.h5", tmp_path / "a.png")
+        run.cooling(tmp_path / "a.h5", tmp_path / "a.png")
 
 
 def test_markers_of_a_nearly_constant_theta_are_whole() -> None:
     figure = Figure(figsize=(6.0, 1.5))
     axes = figure.add_subplot()
     axes.plot([1.0, 2.0, 3.0], [0.50, 0.505, 0.51], "o", ms=5)  # the usual margin would be 0.0005 here
-    plot_style.from_zero(axes)
+    style.from_zero(axes)
     figure.draw_without_rendering()
     top = float(axes.transData.transform((3.0, 0.51))[1])
     assert top + 0.5 * (5.0 + 1.0) * figure.dpi / 72.0 < axes.bbox.y1

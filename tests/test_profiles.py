@@ -13,10 +13,10 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from ifrdem import curves, plot, profiles
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
+from ifrdem.plots import profile_data, run, theory_curves
 from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 
 pytestmark = pytest.mark.unoptimised
@@ -57,7 +57,7 @@ def write(
 def test_profiles_are_those_of_the_second_half(tmp_path: Path) -> None:
     write(tmp_path / "a.h5")
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profiles.of(trajectory)
+        found = profile_data.of(trajectory)
     assert found is not None
     assert (found.axis, found.times) == (1, (5.0, 9.0))
     phi = 4000 * math.pi * 0.01 / (WIDTH * HEIGHT / 2)
@@ -79,7 +79,7 @@ def test_a_disk_is_shared_out_among_strips_by_area(tmp_path: Path) -> None:
     with TrajectoryWriter(tmp_path / "a.h5", disks, box, precision="f8") as writer:
         writer.write(State(np.array([[4.0, 4.25]]), np.zeros((1, 2)), np.zeros(1)))
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profiles.of(trajectory)
+        found = profile_data.of(trajectory)
     assert found is not None
     areas = found.packing_fraction * np.diff(found.edges) * 8.0
     assert np.sum(areas) == pytest.approx(math.pi, rel=1e-12)
@@ -107,7 +107,7 @@ def test_strips_of_a_container_are_compared_with_its_own_room(tmp_path: Path) ->
     ) as writer:
         writer.write(State(position, np.zeros((n, 2)), np.zeros(n)))
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profiles.of(trajectory)
+        found = profile_data.of(trajectory)
         phi = trajectory.room.packing_fraction(disks.radius)
     assert found is not None
     assert phi == pytest.approx(n * 0.05**2 / 81.0)
@@ -136,7 +136,7 @@ def test_profiles_go_along_gravity_or_from_wall_to_wall(
 ) -> None:
     write(tmp_path / "a.h5", walls, gravity=gravity, periodic=periodic, frames=2, n=500)
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profiles.of(trajectory)
+        found = profile_data.of(trajectory)
     assert found is not None
     assert found.axis == axis
 
@@ -150,7 +150,7 @@ def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: l
         Wall.line((0.0, 20.0), (0.0, -1.0), temperature=5.0),
     )
     write(tmp_path / "a.h5", walls)
-    plot.walled(tmp_path / "a.h5", tmp_path / "a.png")
+    run.walled(tmp_path / "a.h5", tmp_path / "a.png")
     (figure,) = drawn
     shown = texts(figure)
     for label in (
@@ -164,8 +164,8 @@ def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: l
     assert "kinetic theory" not in shown
     assert "packing fraction between walls" in shown
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profiles.of(trajectory)
-        assert curves.driven(trajectory)[2] == "walls: no kinetic theory here"
+        found = profile_data.of(trajectory)
+        assert theory_curves.driven(trajectory)[2] == "walls: no kinetic theory here"
     assert found is not None
     density, temperatures, velocities = figure.axes[1:4]  # a surface moves, so the velocity is shown
     np.testing.assert_array_equal(density.lines[0].get_xdata(), found.packing_fraction)
@@ -191,5 +191,5 @@ def test_a_file_without_velocities_has_no_profile_and_a_picture(tmp_path: Path, 
     with TrajectoryWriter(tmp_path / "a.h5", disks, box, fields=["position"]) as writer:
         state = State(np.array([[4.0, 4.0]]), np.zeros((1, 2)), np.zeros(1))
         writer.write(state, {"temperature": 1.0, "rotational_temperature": 0.0})
-    plot.walled(tmp_path / "a.h5", tmp_path / "a.png")
+    run.walled(tmp_path / "a.h5", tmp_path / "a.png")
     assert "packing fraction $" not in texts(drawn[0])

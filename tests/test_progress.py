@@ -12,7 +12,7 @@ import termios
 
 import pytest
 
-from ifrdem.progress import NARROWEST, Progress
+from ifrdem.run.progress import NARROWEST, Progress
 
 
 class Clock:

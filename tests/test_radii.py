@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import case_file, check
-from ifrdem.case import Case, RadiiSection
+from ifrdem.case import file as case_file
+from ifrdem.case import summary
+from ifrdem.case.case import Case, RadiiSection
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.gas import Gas
 from ifrdem.errors import InputError
-from ifrdem.estimate import Estimate
-from ifrdem.gas import Gas
 from ifrdem.initial import radii
 
 N = 40_000
@@ -211,7 +212,7 @@ def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
         )
     )
     gas = Gas.from_case(case)
-    text = check.report(case, gas, Estimate.of(gas, case))
+    text = summary.report(case, gas, Estimate.of(gas, case))
     assert "radii                  0.01 to 0.05 (mean 0.014) m, largest/smallest 5" in text
     assert "2.1 times as long as among equal disks" in text  # measured at 5
     assert "packing fraction       0.3\n" in text

@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem import EnergyWarning, Trajectory, analysis, check, cli, template
-from ifrdem.case import Case
-from ifrdem.gas import Gas
+from ifrdem import EnergyWarning, Trajectory, analysis
+from ifrdem.case import summary, template
+from ifrdem.case.case import Case
+from ifrdem.case.gas import Gas
+from ifrdem.cli import main as cli
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.theory import sheared_gas
@@ -213,7 +215,7 @@ def test_mixture_example_runs() -> None:
 def test_costs_of_a_size_ratio_are_those_that_check_prints() -> None:
     row = re.search(r"^\| N = 1e4, relative \|(.*)\|$", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
     assert row is not None
-    assert [float(cell) for cell in row[1].split("|")] == list(check.COST_OF_RATIO.values())
+    assert [float(cell) for cell in row[1].split("|")] == list(summary.COST_OF_RATIO.values())
 
 
 def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from layout_files import FIELDS, add_histories, add_series, some_state, write
 from test_frame import flip
 from test_trajectory import child
 
-from ifrdem.cli import main
+from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.repair import repair

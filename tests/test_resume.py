@@ -17,14 +17,15 @@ import h5py
 import numpy as np
 import pytest
 
-from ifrdem import cli, run
-from ifrdem.case import Case
+from ifrdem.case.case import Case
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.model.observables import Measure
-from ifrdem.recorder import Recorder
+from ifrdem.run import job as run
+from ifrdem.run.recorder import Recorder
+from ifrdem.run.signals import Stopped, Stops
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
-from ifrdem.stops import Stopped, Stops
 from ifrdem.trajectory import layout, writer_process
 from ifrdem.trajectory.background import QueuedWriter
 
@@ -166,7 +167,7 @@ def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monk
     case = whole.parent / "gas.toml"
     stopping += [60]
     save_once(monkeypatch)
-    monkeypatch.setattr("ifrdem.recorder.ROWS_WAIT", 0.0)  # every row is committed at once
+    monkeypatch.setattr("ifrdem.run.recorder.ROWS_WAIT", 0.0)  # every row is committed at once
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
     with h5py.File(tmp_path / "gas.h5") as file:
         frames = len(file["particles/all/box/edges/step"])

@@ -9,11 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import Trajectory, case_file, cli, shipped, template
-from ifrdem.draft import Draft
+from ifrdem import Trajectory
+from ifrdem.case import file as case_file
+from ifrdem.case import shipped, template
+from ifrdem.case.draft import Draft
+from ifrdem.case.gas import Gas
+from ifrdem.case.rules import problems
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.gas import Gas
-from ifrdem.problems import problems
 
 pytestmark = pytest.mark.unoptimised
 

@@ -11,11 +11,11 @@ from gases import COIN
 from serial_reference import simulate
 from test_engine_serial_order import run
 
+from ifrdem.case.rules import WIDEST_RATIO
 from ifrdem.errors import InputError
 from ifrdem.initial import packing, placement, radii
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.problems import WIDEST_RATIO
 from ifrdem.simulation.engine import Engine
 
 pytestmark = pytest.mark.unoptimised

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from gases import touching
 
-from ifrdem import case_file, cli
-from ifrdem.case import Case
+from ifrdem.case import file as case_file
+from ifrdem.case.case import Case
+from ifrdem.case.gas import Gas
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.gas import Gas
 from ifrdem.initial import packing, radii
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.box import Box

@@ -13,9 +13,10 @@ import threading
 import numpy as np
 import pytest
 
-from ifrdem import status, tail_options
+from ifrdem.cli import tail_options
 from ifrdem.errors import InputError
-from ifrdem.status import Status
+from ifrdem.run import status
+from ifrdem.run.status import Status
 
 
 def dead_pid() -> int:

@@ -11,9 +11,11 @@ import pytest
 from figures import texts
 from numpy.typing import NDArray
 
-from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, cli, plot_options
+from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter
 from ifrdem.analysis import catalogue, steadiness
-from ifrdem.analysis.outcome import NOT_STEADY
+from ifrdem.analysis.result import NOT_STEADY
+from ifrdem.cli import main as cli
+from ifrdem.cli import plot_options
 
 pytestmark = pytest.mark.unoptimised
 

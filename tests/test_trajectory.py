@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.case import UNITS
-from ifrdem.describe import describe
+from ifrdem.case.case import UNITS
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
+from ifrdem.run.info import describe
 from ifrdem.trajectory.frame_rows import FrameRows
 from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
 from ifrdem.trajectory.rows import Rows

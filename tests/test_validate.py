@@ -12,7 +12,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ifrdem import EngineError, InputError, cli
+from ifrdem import EngineError, InputError
+from ifrdem.cli import main as cli
 from ifrdem.validation.paper import (
     angles,
     energy,

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from ifrdem import cli, theory
+from ifrdem import theory
+from ifrdem.cli import main as cli
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.validation.gas import collapse, sample, state, waves
 from ifrdem.validation.report import page, registry, runner, terminal

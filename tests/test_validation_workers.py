@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import worker_calls
 
-from ifrdem import cli
+from ifrdem.cli import main as cli
 from ifrdem.simulation import device
 from ifrdem.validation.report import registry, runner, terminal, workers
 from ifrdem.validation.report.registry import Result, Row

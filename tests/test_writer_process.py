@@ -22,7 +22,7 @@ from test_trajectory import BOX, some_disks, some_state
 from test_trajectory_resume import N, begun, content, go_on
 from trajectory_parts import TRACKED, batch
 
-from ifrdem import cli
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.model.state import State, StoredState
 from ifrdem.trajectory import file as output_file

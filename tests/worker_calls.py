@@ -8,7 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from ifrdem import cli
+from ifrdem.cli import main as cli
 from ifrdem.simulation import device
 from ifrdem.validation.report import runner
 from ifrdem.validation.report.registry import Result, Row

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ..trajectory.reader import Trajectory
-from . import file_changes, file_frames
-from .outcome import Outcome
+from . import over_time, per_frame
+from .result import Outcome
 
 
 @dataclass(frozen=True)
@@ -19,16 +19,16 @@ class Analysis:
 
 
 ANALYSES = {
-    "velocity": Analysis("velocities and spins: Sonine coefficients", file_frames.of_velocity),
-    "g": Analysis("pair correlation g(r)", file_frames.of_pairs),
-    "S": Analysis("structure factor S(k)", file_frames.of_structure),
-    "msd": Analysis("mean-square displacement", file_changes.of_msd),
-    "vacf": Analysis("velocity autocorrelation", file_changes.of_vacf),
-    "fields": Analysis("coarse-grained fields", file_frames.of_fields),
-    "clusters": Analysis("clusters", file_frames.of_clusters),
-    "psi6": Analysis("hexatic order psi_6", file_frames.of_psi6),
-    "pressure": Analysis("pressure", file_changes.of_pressure),
-    "cooling": Analysis("Haff's law and the ratio of temperatures", file_changes.of_cooling),
-    "impact": Analysis("angles of impact and regimes", file_changes.of_impact),
+    "velocity": Analysis("velocities and spins: Sonine coefficients", per_frame.of_velocity),
+    "g": Analysis("pair correlation g(r)", per_frame.of_pairs),
+    "S": Analysis("structure factor S(k)", per_frame.of_structure),
+    "msd": Analysis("mean-square displacement", over_time.of_msd),
+    "vacf": Analysis("velocity autocorrelation", over_time.of_vacf),
+    "fields": Analysis("coarse-grained fields", per_frame.of_fields),
+    "clusters": Analysis("clusters", per_frame.of_clusters),
+    "psi6": Analysis("hexatic order psi_6", per_frame.of_psi6),
+    "pressure": Analysis("pressure", over_time.of_pressure),
+    "cooling": Analysis("Haff's law and the ratio of temperatures", over_time.of_cooling),
+    "impact": Analysis("angles of impact and regimes", over_time.of_impact),
 }
 """Name -> analysis."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.reprs import Brief
-from .frames import as_box, each, neighbours
+from .common import as_box, each, neighbours
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools.reprs import Brief
-from .frames import as_box
+from .common import as_box
 
 ORIGINS = ("all", "first")
 EVEN = 1e-3  # of the mean interval: how far intervals may differ where all origins are used

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .frames import correlation_time
+from .common import correlation_time
 
 MODES = 5
 """Slow waves, at most, that are looked for in what a law leaves."""

@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..model.box import Box
 from ..tools.reprs import Brief
 from . import libraries
-from .frames import Positions, as_box, each, freud_frame, times_of
+from .common import Positions, as_box, each, freud_frame, times_of
 
 CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted
 CONTACT_BINS = 25

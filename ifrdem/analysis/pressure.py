@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..tools.reprs import Brief
-from .frames import mean_with_error
+from .common import mean_with_error
 
 BLOCKS = 20
 

@@ -12,7 +12,7 @@ from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools.reprs import Brief
 from . import libraries
-from .frames import as_box, each, freud_frame
+from .common import as_box, each, freud_frame
 
 NEIGHBOURS = ("nearest", "voronoi")
 

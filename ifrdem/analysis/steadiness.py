@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.box import Box
-from .outcome import NOT_STEADY
+from .result import NOT_STEADY
 
 LEVEL = 0.0027
 CELLS, DISKS = (5, 32), 40

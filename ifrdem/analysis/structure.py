@@ -12,7 +12,7 @@ from ..errors import InputError
 from ..model.box import Box
 from ..tools.reprs import Brief
 from . import libraries
-from .frames import Positions, as_box, each, times_of
+from .common import Positions, as_box, each, times_of
 
 MOST_MODES = 1024
 """Modes along an axis that one transform computes; beyond, only every p-th k that the box allows is taken."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
-from ..outputs import check_apart, write_aside
+from ..run.outputs import check_apart, write_aside
 from . import tables
 from .frame import SPIN
 from .history import History

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..outputs import check_apart, not_a_file
+from ..run.outputs import check_apart, not_a_file
 from . import damage, history, layout
 from .damage import DamageError
 from .reader import Trajectory

@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 
 from ..errors import InputError
-from ..outputs import VIEWS, check_apart, check_files
+from ..run.outputs import VIEWS, check_apart, check_files
 from . import layout as h5md
 from .reader import Trajectory
 

@@ -19,10 +19,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ... import __version__, check
-from ...case import UNITS, Case
-from ...gas import Gas
-from ...progress import Progress
+from ... import __version__
+from ...case import summary
+from ...case.case import UNITS, Case
+from ...case.gas import Gas
+from ...run.progress import Progress
 from ...simulation import device
 from ...simulation.simulation import Simulation
 from . import compile_time, equilibrium, profiler
@@ -251,7 +252,7 @@ def measure(
     """
     run = case.run
     device.check(run.arch, run.threads, run.precision)
-    check.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
+    summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
     gas = Gas.from_case(case, folder)
     phi = gas.room.packing_fraction(gas.disks.radius)
     compiling = None

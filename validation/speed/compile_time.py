@@ -69,7 +69,7 @@ def measure_run(n: int, *, arch: str, threads: int | None, precision: str) -> tu
 
     It runs the case of `ifrdem new cooling` with n disks.
     """
-    from ... import template
+    from ...case import template
 
     with tempfile.TemporaryDirectory(prefix="ifrdem-bench-") as folder:
         case = Path(folder) / "cooling.toml"
@@ -101,7 +101,7 @@ def start_a_gas(began: float, arguments: Sequence[str]) -> None:
     import_began = time.monotonic()
     import taichi  # noqa: F401
 
-    from ...gas import Gas
+    from ...case.gas import Gas
     from ...simulation import simulation  # noqa: F401
     from . import equilibrium
 
@@ -118,7 +118,7 @@ def start_a_gas(began: float, arguments: Sequence[str]) -> None:
 
 def start_a_run(began: float, arguments: Sequence[str]) -> None:
     """In a process of its own: do what `ifrdem` does until it shows progress; print the seconds until then."""
-    from ... import progress
+    from ...run import progress
 
     class FirstCall(progress.Progress):
         def __call__(self, *_: object) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from ... import theory
-from ...case import Case
-from ...gas import Gas
+from ...case.case import Case
+from ...case.gas import Gas
 
 RADIUS, MASS, TEMPERATURE = 0.5, 1.0, 1.0  # reduced units: lengths are in diameters
 

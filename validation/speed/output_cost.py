@@ -16,9 +16,9 @@ from typing import Any
 
 from scipy.stats import quantile_test
 
-from ...case_output import ROWS_PER_FRAME
-from ...gas import Gas
-from ...recorder import Ledger, Recorder
+from ...case.gas import Gas
+from ...case.output_section import ROWS_PER_FRAME
+from ...run.recorder import Ledger, Recorder
 from ...simulation.course import Course
 from ...simulation.schedule import Cadence, Span
 from ...trajectory import writer_process

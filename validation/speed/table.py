@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ... import check, progress
-from ...case import Case
+from ...case import summary
+from ...case.case import Case
+from ...run import progress
 from ...simulation import device
 from . import bench, compile_time, equilibrium
 from .bench import Benchmark, Note
@@ -96,7 +97,7 @@ def measure(options: BenchOptions, *, say: Callable[[str], None], note: Note) ->
     import json
 
     chosen = entries(options.most, options.clustered)
-    check.refuse_beyond_memory(max(each.n for each in chosen), options.arch)
+    summary.refuse_beyond_memory(max(each.n for each in chosen), options.arch)
     if not options.json:
         say(f"{heading(options)}\n\n| {' | '.join(COLUMNS)} |\n|{'---|' * len(COLUMNS)}")
     figures: list[dict[str, Any]] = []

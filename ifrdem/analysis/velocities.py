@@ -1,0 +1,190 @@
+"""Distributions of velocities and spins, and how far they are from Gaussian: Sonine coefficients."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError
+from ..tools.reprs import Brief
+from .common import Positions, each
+
+
+@dataclass(frozen=True)
+class SonineCoefficients:
+    """Fourth cumulants of velocities and spins of disks, 0 for independent Gaussians, with their standard errors.
+
+    With c = v / sqrt(2 T / m) and w = omega / sqrt(2 T_rot / I), the coefficients of the expansion of the distribution
+    in Sonine (Laguerre) polynomials that belong to c^4, w^4 and c^2 w^2::
+
+        a20 = <v^4> / (2 <v^2>^2) - 1
+        a02 = <omega^4> / (3 <omega^2>^2) - 1
+        a11 = <v^2 omega^2> / (<v^2> <omega^2>) - 1
+
+    These are the definitions of A. Santos, G. M. Kremer and M. dos Santos, Phys. Fluids 23, 030604 (2011),
+    arXiv:1009.6180, for spheres, <c^4> = d (d + 2) (1 + a20) / 4, at two components of v and one of omega, as
+    for disks in A. Megias and A. Santos, arXiv:2303.00057. Positive values mean heavy tails (a20, a02), or that fast
+    disks spin fast (a11). Other numbers go by these or like names: the excess kurtosis of a velocity component is
+    3 a20, that of spins 3 a02; of spheres, with three components each, a20 and a02 have 3/5 in place of 1/2 and 1/3;
+    and coefficients fitted to a histogram, or cut off at another order of the series, are no cumulants.
+
+    Attributes
+    ----------
+    a20, a02, a11 : float
+        nan for what does not move: without spins, a02 and a11.
+    a20_error, a02_error, a11_error : float
+        Standard errors, to first order in them. Disks count as independent of one another, frames do not: a disk's
+        contributions are summed over the frames first. Of n disks of a Gaussian gas in one frame they are
+        1 / sqrt(n), sqrt(8 / (3 n)) and sqrt(2 / n). Where velocities are correlated in space, errors are larger.
+    disks, frames : int
+        How many of them there were.
+    """
+
+    a20: float
+    a20_error: float
+    a02: float
+    a02_error: float
+    a11: float
+    a11_error: float
+    disks: int
+    frames: int
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class VelocityDistribution(Brief):
+    """Distributions of velocity components and spins over their thermal speeds.
+
+    Attributes
+    ----------
+    speed : array (bins,)
+        Middles of the bins of c_x and c_y, c = v / sqrt(2 T / m).
+    density, density_error : array (bins,)
+        Probability density of a component, both counted; standard error if disks and frames were independent.
+    spin, spin_density, spin_density_error : array (bins,)
+        The same of w = omega / sqrt(2 T_rot / I); densities are nan where nothing spins.
+    sonine : SonineCoefficients
+        Of the same disks.
+    """
+
+    speed: NDArray[np.float64]
+    density: NDArray[np.float64]
+    density_error: NDArray[np.float64]
+    spin: NDArray[np.float64]
+    spin_density: NDArray[np.float64]
+    spin_density_error: NDArray[np.float64]
+    sonine: SonineCoefficients
+
+
+def gaussian(c: ArrayLike) -> NDArray[np.float64]:
+    """Density of a component c over its thermal speed in a Gaussian gas: exp(-c^2) / sqrt(pi)."""
+    x = np.asarray(c, dtype=float)
+    return np.exp(-x * x) / np.sqrt(np.pi)
+
+
+def sonine_density(c: ArrayLike, a2: float) -> NDArray[np.float64]:
+    """The same with a fourth cumulant: times 1 + a2 (c^4 / 2 - 3 c^2 / 2 + 3 / 8).
+
+    That is L_2^(-1/2)(c^2), of a spin with a02 and, because L_2^(0)(c_x^2 + c_y^2) leaves it when c_y is integrated
+    out, of a velocity component with a20.
+    """
+    x = np.asarray(c, dtype=float) ** 2
+    return gaussian(c) * (1.0 + a2 * (0.5 * x * x - 1.5 * x + 0.375))
+
+
+def velocity_distribution(
+    velocity: Positions,
+    spin: Positions,
+    *,
+    mass: ArrayLike = 1.0,
+    inertia: ArrayLike = 1.0,
+    bins: int = 81,
+    widest: float = 5.0,
+) -> VelocityDistribution:
+    """Distributions of velocities and spins, each frame relative to its own mean velocity and its own temperatures.
+
+    Parameters
+    ----------
+    velocity : array (n, 2) or frames of them
+        Velocities [length/time]; of a sheared gas the peculiar ones.
+    spin : array (n,) or as many frames of them
+        Spins [rad/time]; their mean is not taken off.
+    mass, inertia : float or array (n,)
+        Masses [mass] and moments of inertia [mass length^2]. Different ones count with v sqrt(m): right if all have
+        one temperature; pass one species at a time where they have not.
+    bins : int
+        Number of bins.
+    widest : float
+        End of the outermost bins; what is beyond is not in the densities, and is in the coefficients.
+
+    Raises
+    ------
+    InputError
+        If shapes do not match, there are no frames, fewer than 2 disks, or nothing moves.
+    """
+    edges = np.linspace(-widest, widest, bins + 1)
+    counts, spin_counts = np.zeros(bins), np.zeros(bins)
+    root_mass, root_inertia = np.sqrt(np.asarray(mass, float)), np.sqrt(np.asarray(inertia, float))
+    sums: NDArray[np.float64] | None = None
+    frames = 0
+    for v, omega in itertools.zip_longest(each(velocity), each(spin, 1)):
+        if v is None or omega is None:
+            raise InputError("velocities and spins have different numbers of frames")
+        if len(v) != len(omega) or len(v) < 2:
+            raise InputError(
+                f"velocities of {len(v)} disks, spins of {len(omega)}: as many, 2 or more, are needed"
+            )
+        weight = np.broadcast_to(root_mass**2, len(v))
+        c = root_mass[..., None] * (v - np.average(v, axis=0, weights=weight))
+        w = root_inertia * omega
+        square, spin_square = np.sum(c * c, axis=1), w * w
+        T2, T2_rot = square.mean(), 2.0 * spin_square.mean()  # 2 T and 2 T_rot
+        if T2 == 0.0:
+            raise InputError("nothing moves: there is no distribution of velocities")
+        counts += np.histogram(c / np.sqrt(T2), bins, (-widest, widest))[0]
+        x = square / T2
+        y = np.full(len(v), np.nan)
+        if T2_rot > 0.0:
+            spin_counts += np.histogram(w / np.sqrt(T2_rot), bins, (-widest, widest))[0]
+            y = 2.0 * spin_square / T2_rot  # mean 1, as x
+        terms = np.stack((x, y, x * x, y * y, x * y))
+        sums = terms if sums is None else sums + terms
+        frames += 1
+    if sums is None:
+        raise InputError("no frames: there is no distribution of velocities")
+    n = sums.shape[1]
+    width = edges[1] - edges[0]
+    spins = n * frames if np.all(np.isfinite(sums[1])) else 0
+    density, error = _density(counts, 2 * n * frames, width)
+    spin_density, spin_error = _density(spin_counts, spins, width)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    return VelocityDistribution(
+        middle, density, error, middle, spin_density, spin_error, _sonine(sums / frames, frames)
+    )
+
+
+def _density(
+    counts: NDArray[np.float64], total: int, width: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    if total == 0:
+        return np.full(len(counts), np.nan), np.full(len(counts), np.nan)
+    share = counts / total
+    return share / width, np.sqrt(share * (1.0 - share) / total) / width
+
+
+def _sonine(means: NDArray[np.float64], frames: int) -> SonineCoefficients:
+    """Coefficients and errors from each disk's means over frames of x, y, x^2, y^2, x y; <x> = <y> = 1."""
+    x, y, xx, yy, xy = means
+    n = len(x)
+
+    def estimate(q: NDArray[np.float64], influence: NDArray[np.float64]) -> tuple[float, float]:
+        """The mean of q, less 1, and the error that the spread of each disk's influence on it makes."""
+        return float(q.mean() - 1.0), float(np.std(influence, ddof=1) / np.sqrt(n))
+
+    # d(m4 / m2^2) = dm4 - 2 m4 dm2 at m2 = 1, and so for the mixed one.
+    a20 = estimate(0.5 * xx, 0.5 * xx - 2.0 * np.mean(0.5 * xx) * x)
+    a02 = estimate(yy / 3.0, yy / 3.0 - 2.0 * np.mean(yy / 3.0) * y)
+    a11 = estimate(xy, xy - np.mean(xy) * (x + y))
+    return SonineCoefficients(*a20, *a02, *a11, disks=n, frames=frames)

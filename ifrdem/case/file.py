@@ -1,0 +1,272 @@
+"""Case files: read TOML, apply overrides, and report everything that is wrong at once."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+
+from ..errors import InputError, nearest
+from .case import Case
+from .draft import Draft, Problem
+from .rules import problems
+from .section import Section
+
+KeyPath = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class CaseFile:
+    """A case file that passed every check.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    text : str
+        Its text.
+    overrides : tuple of str
+        The "key=value" overrides, in order.
+    case : Case
+        What the two say together.
+    """
+
+    path: Path
+    text: str
+    overrides: tuple[str, ...]
+    case: Case
+
+    @property
+    def folder(self) -> Path:
+        """The folder that a start file's path begins at."""
+        return self.path.parent
+
+
+def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
+    """Read and check a case file.
+
+    Parameters
+    ----------
+    path : path
+        A TOML file.
+    overrides : sequence of str
+        Assignments such as "run.seed=3" or "species[0].number=100", applied in order. The value is TOML;
+        what is not TOML is taken as text; nothing after "=" removes the key.
+
+    Raises
+    ------
+    InputError
+        With one line for each thing that is wrong.
+    """
+    path = Path(path)
+    text = _text(path)
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+    for assignment in overrides:
+        override(raw, assignment)
+    found = mistakes(raw, path.parent)
+    if found:
+        set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
+        raise InputError(
+            "\n".join(
+                f"{path}: {problem}" + (" [set on the command line]" if problem.key in set_here else "")
+                for problem in found
+            )
+        )
+    return CaseFile(path, text, tuple(overrides), Case.model_validate(raw))
+
+
+def mistakes(raw: Mapping[str, Any], folder: Path) -> list[Problem]:
+    """Everything that is wrong with a parsed case: keys, types and ranges first, then the physics.
+
+    The physics is checked as far as the sections that it needs are in order by themselves.
+    """
+    found: list[Problem] = []
+    unknown: list[KeyPath] = []
+    try:
+        Case.model_validate(raw)
+    except ValidationError as error:
+        for each in error.errors(include_url=False):
+            key = tuple(each["loc"])
+            if each["type"] == "extra_forbidden":
+                unknown.append(key)
+            found.append(_translated(each, key))
+    known: Any = nested_copy(raw)
+    for *above, last in unknown:  # an unknown key alone does not hide what is wrong with the rest
+        place: Any = known
+        for step in above:
+            place = place[step]
+        del place[last]
+    return found + problems(Draft.from_sections(known), folder)
+
+
+def override(raw: dict[str, Any], assignment: str) -> None:
+    """Carry out one "key=value" on a parsed case.
+
+    Raises
+    ------
+    InputError
+        If there is no "=", the key is no path, or it leads through something that holds no keys.
+    """
+    key, value, remove = parse_assignment(assignment)
+    place: Any = raw
+    for depth, step in enumerate(key):
+        last = depth == len(key) - 1
+        where = _spelled(key[:depth]) or "the case"
+        if isinstance(place, list) and isinstance(step, int):
+            if not 0 <= step < len(place):
+                raise InputError(f"--set {assignment}: {where} has {len(place)} entries, numbered from 0")
+        elif not (isinstance(place, dict) and isinstance(step, str)):
+            kind = "a list: give a number" if isinstance(place, list) else "no table that holds keys"
+            raise InputError(f"--set {assignment}: {where} is {kind}")
+        elif not last and step not in place:
+            place[step] = {}
+        if not last:
+            place = place[step]
+        elif not remove:
+            place[step] = value
+        elif isinstance(place, dict):
+            place.pop(step, None)
+        else:
+            del place[step]
+
+
+def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
+    """Split "key=value" into the path of the key, the value, and whether the key is to be removed."""
+    key, equals, value = assignment.partition("=")
+    key, value = key.strip(), value.strip()
+    if not equals or not re.fullmatch(r"\w+(\.\w+|\[\d+\])*", key):
+        raise InputError(
+            f"--set {assignment}: KEY=VALUE is needed, such as run.seed=3 or species[0].number=100"
+        )
+    path: KeyPath = tuple(int(step) if step.isdigit() else step for step in re.findall(r"\w+", key))
+    try:
+        # A line break would let a value bring further keys with it.
+        parsed = value if "\n" in value else tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        parsed = value
+    return path, parsed, value == ""
+
+
+def nested_copy(value: Any) -> Any:
+    """A copy of nested dicts and lists; their leaves are shared."""
+    if isinstance(value, Mapping):
+        return {key: nested_copy(each) for key, each in value.items()}
+    return [nested_copy(each) for each in value] if isinstance(value, list) else value
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        folder = path.parent
+        names = [each.name for each in folder.glob("*.toml")] if folder.is_dir() else []
+        raise InputError(f"{path}: there is no such file{nearest(path.name, names)}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text file in UTF-8: {error.reason} at byte {error.start}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
+    kind, context = error["type"], error.get("ctx", {})
+    if kind == "extra_forbidden":
+        allowed = _keys(key[:-1])
+        text = f"unknown key{nearest(str(key[-1]), allowed)}; known here: {', '.join(allowed)}"
+    elif kind == "missing":
+        text = f"missing: {_about(key)}"
+    elif kind == "choice":
+        text = context["text"]
+    elif kind == "model_type":
+        text = f"a table is needed ({_table(key)})"
+    elif kind == "list_type" and isinstance(_section(key), type):
+        text = f"a list of tables is needed ({_table(key)})"
+    elif kind in ("too_short", "too_long", "string_too_short", "string_too_long"):
+        least = "short" in kind
+        given, bound = len(error["input"]), context["min_length" if least else "max_length"]
+        one, several = ("character", "characters") if "string" in kind else ("entry", "entries")
+        text = f"at {'least' if least else 'most'} {bound} {one if bound == 1 else several} "
+        text += f"{'is' if bound == 1 else 'are'} {'needed' if least else 'allowed'}, {given or 'none'} given"
+        if about := _about(key):
+            text += f" ({about})"
+    else:
+        text = str(error["msg"]).replace("Input should", "must").replace("be a valid", "be a")
+        text = text.replace("integer", "whole number")
+        if kind == "literal_error" and isinstance(error["input"], str):
+            text += nearest(error["input"], re.findall(r"'([^']+)'", context["expected"]))
+        elif kind == "string_pattern_mismatch":
+            text = "characters that are not allowed"
+        if kind not in ("literal_error", "positions") and (about := _about(key)):
+            text += f" ({about})"
+    valueless = kind in {"missing", "choice"} or (
+        isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
+    )
+    return Problem(_spelled(key), None if valueless else _shown(error["input"]), text)
+
+
+def _spelled(key: Iterable[str | int]) -> str:
+    """material[0].e_n from ("material", 0, "e_n")."""
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in key).lstrip(".")
+
+
+def _shown(value: Any, longest: int = 60) -> str:
+    # TOML spells nan and inf as Python does, and all else as JSON.
+    text = repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def _section(key: KeyPath) -> type[Section] | None:
+    """The model behind a key, or None if the key is a plain value or unknown."""
+    model: type[Section] = Case
+    for step in key:
+        if isinstance(step, int):
+            continue
+        found = model.model_fields.get(step)
+        inner = _model_in(found.annotation) if found is not None else None
+        if inner is None:
+            return None
+        model = inner
+    return model
+
+
+def _model_in(annotation: Any) -> type[Section] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation if issubclass(annotation, Section) else None
+    if get_origin(annotation) in (list, Union, UnionType):
+        return next((found for each in get_args(annotation) if (found := _model_in(each))), None)
+    return None
+
+
+def _keys(key: KeyPath) -> list[str]:
+    section = _section(key)
+    return list(section.model_fields) if section is not None else []
+
+
+def _about(key: KeyPath) -> str:
+    """The description of a key, or of the section that it leads to."""
+    if section := _section(key):
+        return f"{_table(key)}, {(section.__doc__ or '').strip().splitlines()[0].rstrip('.').lower()}"
+    while key and isinstance(key[-1], int):
+        key = key[:-1]
+    owner = _section(key[:-1])
+    name = str(key[-1]) if key else ""
+    return owner.about(name)[0] if owner is not None and name in owner.model_fields else ""
+
+
+def _table(key: KeyPath) -> str:
+    """How the section of a key is written in the file."""
+    name = str(next(step for step in key if isinstance(step, str)))
+    inner = [step for step in key if isinstance(step, str)][-1]
+    if inner != name:  # a table inside of a section
+        return f"{inner} = {{ ... }}"
+    listed = get_origin(Case.model_fields[name].annotation) is list
+    return f"[[{name}]]" if listed else f"[{name}]"

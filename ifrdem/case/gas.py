@@ -1,0 +1,275 @@
+"""The gas that a case describes: disks, box and laws, and how they start."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..initial import from_csv, from_trajectory, impact_scan, packing, placement
+from ..initial.from_csv import Given
+from ..model.box import Box
+from ..model.free_area import Room
+from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.state import Disks, State
+from ..model.walls import Wall
+from ..run.stage import Stage
+from ..simulation.simulation import Simulation
+from ..tools import seeds
+from .case import IMPACT_SCAN, Case, is_trajectory
+from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
+from .pair_rules import PairVerdict, verdicts, wall_verdicts
+from .rules import problems
+
+if TYPE_CHECKING:
+    from ..model.forces import Force
+
+
+@dataclass(frozen=True)
+class Gas:
+    """What moves, where, and how it collides.
+
+    Attributes
+    ----------
+    species : tuple of Species
+        In the order of the disks' ids.
+    materials : tuple of str
+        Names of the materials that occur, in the order of `laws`; that of the sides of the box is the first.
+    laws : list of lists of IFRLaw or None
+        The law of each pair of materials; None for two that only walls are made of, which never meet.
+    verdicts : tuple of PairVerdict
+        Admissibility of each pair of species, and of each species and material of walls.
+    disks : Disks
+        The disks, species by species.
+    box : Box
+        The box.
+    given : Given or None
+        The start, if the case names a file or a trajectory with it.
+    walls : tuple of Wall
+        Beside those at the sides of the box.
+    patch : Box or None
+        The rectangle in which disks are placed at the start: the box, or what an open one says of it.
+    """
+
+    species: tuple[Species, ...]
+    materials: tuple[str, ...]
+    laws: list[list[IFRLaw | None]]
+    verdicts: tuple[PairVerdict, ...]
+    disks: Disks
+    box: Box
+    given: Given | None = None
+    walls: tuple[Wall, ...] = ()
+    patch: Box | None = None
+
+    @classmethod
+    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> Gas:
+        """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
+
+        Raises
+        ------
+        InputError
+            With a line for each thing that is wrong.
+        """
+        draft = Draft.from_case(case)
+        found = problems(draft, Path(folder), start=start)
+        if found:
+            raise InputError("\n".join(str(problem) for problem in found))
+        species = tuple(draft.known_species())
+        names = [each.material for each in species]
+        if case.box.material is not None:
+            names.insert(0, case.box.material)  # the engine makes the sides of the first one
+        materials = tuple(dict.fromkeys([*names, *draft.materials_of_walls()]))
+        judged = (*verdicts(draft, list(species)), *wall_verdicts(draft, list(species)))
+        laws = [[_law_between(judged, a, b) for b in materials] for a in materials]
+        disks = _disks(species, materials)
+        box = box_around(case.box, disks.radius)
+        walls = tuple(walls_of(case.wall, materials))
+        given = None
+        if not start:
+            pass  # it has begun already
+        elif case.start.file is not None:
+            given = from_csv.read(Path(folder) / case.start.file, disks.n, box)
+        elif is_trajectory(case.start.positions):
+            path = Path(folder) / case.start.positions
+            given = from_trajectory.read(
+                path, case.start.frame, disks.radius, box, motion=case.start.motion, walls=walls
+            )
+            if given.velocity is not None:  # there was no flow
+                given = replace(given, velocity=given.velocity + box.flow(given.position))
+        elif case.start.positions == IMPACT_SCAN:
+            given = impact_scan.start(
+                disks, case.start.psi_range, case.start.speed or 0.0, seed=case.run.seed
+            )
+        if given is not None:
+            species = _as_moving(species, given, box)
+        patch = patch_of(case.box, disks.radius)
+        return cls(species, materials, laws, judged, disks, box, given, walls, patch)
+
+    @property
+    def room(self) -> Room:
+        """What walls leave to the disks."""
+        return Room(self.box, self.walls)
+
+    def law(self, i: int = 0, j: int = 0) -> IFRLaw:
+        """The law of two species, by their numbers."""
+        a, b = (self.materials.index(self.species[one].material) for one in (i, j))
+        found = self.laws[a][b]
+        assert found is not None  # they have disks
+        return found
+
+    @property
+    def warnings(self) -> list[str]:
+        """One text for each law that only the loss along the line of centres keeps from adding energy."""
+        texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
+        return list(texts)
+
+    def start(self, case: Case) -> State:
+        """The state at time 0, without overlaps.
+
+        Raises
+        ------
+        InputError
+            If the disks do not fit into the box in the way the case wants: a line with the key.
+        """
+        seed = case.run.seed
+        if self.given is not None:
+            position = self.given.position
+            if self.given.velocity is not None and self.given.spin is not None:
+                return State(position=position, velocity=self.given.velocity, spin=self.given.spin)
+        else:
+            position = self._placed(case.start.positions, seed)
+        velocity, spin = [], []
+        for i, each in enumerate(self.species):
+            own = seeds.of_species(seed, i)
+            velocity.append(placement.maxwellian(each.mass, speed_rms=each.speed_rms, seed=own))
+            spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
+        flow = self.box.flow(position)
+        return State(position=position, velocity=np.concatenate(velocity) + flow, spin=np.concatenate(spin))
+
+    def simulation(
+        self,
+        case: Case,
+        state: State | None = None,
+        *,
+        skin: float | None = None,
+        tracked: NDArray[np.int32] | None = None,
+    ) -> Simulation:
+        """The simulation of this gas on the case's device, from its start or from another `state`.
+
+        What `warnings` says is not said again. A `skin` [length] overrides the engine's own choice; `tracked` disks,
+        which have histories, else come from the case and the start.
+        """
+        options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads, "skin": skin}
+        if case.run.precision != "f64":
+            options["precision"] = case.run.precision
+        options["seed"] = case.run.seed  # of forces and thermal walls
+        options["ledger"] = case.output.ledger
+        options["partners"] = "last_partner" in case.output.fields
+        options["angles"] = "angle" in case.output.fields
+        if case.force:
+            options["forces"] = forces_of(case)
+        if self.walls:
+            options["walls"] = self.walls
+        if any(case.box.gravity):
+            options["gravity"] = (case.box.gravity[0], case.box.gravity[1])
+        if case.run.collapse != "none":
+            options |= collapse_of(case)
+        begin = self.start(case) if state is None else state
+        options["tracked"] = self.tracked(case, begin) if tracked is None else tracked
+        any_law = self.law()  # stands where two walls would meet, which never happens
+        laws = [[any_law if one is None else one for one in row] for row in self.laws]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)
+            return Simulation(self.disks, self.box, laws, begin, **options)
+
+    def tracked(self, case: Case, start: State) -> NDArray[np.int32]:
+        """Disks that have histories, ascending.
+
+        Raises
+        ------
+        InputError
+            If histories are asked for of a region in which no disk starts.
+        """
+        found = case.output.tracked(start.position, seeds.stream(case.run.seed, seeds.HISTORIES))
+        if case.output.tracks and not len(found):
+            region = str(case.output.histories_region)
+            raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
+        return found
+
+    def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
+        assert self.patch is not None  # `problems` has seen to it
+        try:
+            if way == "hexagonal":
+                # Several species would lie in layers else.
+                dealt = seed if len(self.species) > 1 or not self.species[0].equal else None
+                return placement.hexagonal_positions(
+                    self.patch, self.disks.radius, seed=dealt, walls=self.walls
+                )
+            if way == "growth":
+                return packing.grow(
+                    self.patch, self.disks.radius, seed=seed, walls=self.walls, progress=Stage("growth")
+                )
+            return placement.random_positions(self.patch, self.disks.radius, seed=seed, walls=self.walls)
+        except InputError as error:
+            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
+
+
+def forces_of(case: Case) -> list[Force]:
+    """The forces of a case, in its order. Imports Taichi."""
+    from ..model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
+
+    kinds: dict[str, Callable[..., Force]] = {
+        "kicks": RandomKicks,
+        "spin_kicks": SpinKicks,
+        "langevin": Langevin,
+        "drag": Drag,
+        "rescale": Rescale,
+        "table_friction": TableFriction,
+    }
+    return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
+
+
+def collapse_of(case: Case) -> dict[str, Any]:
+    """What the simulation takes against collisions without end."""
+    numbers = {"contact_time": case.run.contact_time, "velocity_cutoff": case.run.velocity_cutoff}
+    return {"collapse": case.run.collapse} | {key: each for key, each in numbers.items() if each is not None}
+
+
+def _as_moving(species: tuple[Species, ...], given: Given, box: Box) -> tuple[Species, ...]:
+    """The species with the speeds, relative to the flow, and spins of a start file, if it has them."""
+    if given.velocity is None or given.spin is None:
+        return species
+    peculiar = given.velocity - box.flow(given.position)
+    moving, first = [], 0
+    for each in species:
+        own = slice(first, first + each.number)
+        first += each.number
+        speed_rms = float(np.sqrt(np.mean(np.sum(peculiar[own] ** 2, axis=1))))
+        spin_rms = float(np.sqrt(np.mean(given.spin[own] ** 2)))
+        moving.append(replace(each, speed_rms=speed_rms, spin_rms=spin_rms))
+    return tuple(moving)
+
+
+def _disks(species: tuple[Species, ...], materials: tuple[str, ...]) -> Disks:
+    def column(values: list[float]) -> NDArray[np.float64]:
+        return np.repeat(np.array(values), [each.number for each in species])
+
+    return Disks(
+        n=sum(each.number for each in species),
+        mass=np.concatenate([each.mass for each in species]),
+        radius=np.concatenate([each.radius for each in species]),
+        k=column([each.k for each in species]),
+        material=column([materials.index(each.material) for each in species]).astype(np.int32),
+    )
+
+
+def _law_between(judged: tuple[PairVerdict, ...], a: str, b: str) -> IFRLaw | None:
+    """The law of two materials, made for the largest mean k of what meets with them; None if nothing does."""
+    laws = [each.law for each in judged if each.law is not None and each.materials == {a, b}]
+    return max(laws, key=lambda law: law.k, default=None)

@@ -1,0 +1,152 @@
+"""The pairs of species: which coefficients they collide with, and whether those can add energy."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from ..errors import InputError, nearest
+from ..model.coin_table import coins
+from ..model.ifr import EnergyWarning, IFRLaw
+from .draft import Draft, Problem, Species
+
+
+class PairVerdict(NamedTuple):
+    """What the law of two species, or of one and walls of a material, says about energy, or why there is none."""
+
+    first: str
+    second: str
+    key: str
+    admissible: bool
+    strict: bool
+    message: str
+    law: IFRLaw | None
+    materials: frozenset[str] = frozenset()
+
+
+class Coefficients(NamedTuple):
+    """What a law is made of, and the key that it comes from."""
+
+    key: str
+    e_n: float
+    e_t: float
+    mu: float
+    sticking: Any
+    rho: float
+
+
+def _coefficients(draft: Draft, a: str, b: str) -> Coefficients | Problem | None:
+    """The coefficients of a pair of materials; a problem if there are none; None if that cannot be told."""
+    if a != b:
+        for i, pair in enumerate(draft.pair):
+            if pair is not None and set(pair.materials) == {a, b}:
+                return Coefficients(f"pair[{i}]", pair.e_n, pair.e_t, pair.mu, pair.sticking, pair.rho)
+        if None in draft.pair:
+            return None
+        coin_a, coin_b = _coin_of(draft, a), _coin_of(draft, b)
+        if coin_a is not None and coin_b is not None:
+            try:
+                law = coins.pair(coin_a, coin_b)
+            except InputError:
+                pass  # the paper did not measure this pair: the case has to say
+            else:
+                return Coefficients(
+                    f"'{coin_a}' with '{coin_b}'", law.e_n, law.e_t, law.mu, law.sticking, law.rho
+                )
+        return Problem(
+            "pair",
+            None,
+            f"missing for the materials '{a}' and '{b}': their e_n, e_t and mu are needed in a [[pair]]",
+        )
+    for i, material in enumerate(draft.material):
+        if material is None or material.name != a:
+            continue
+        key = f"material[{i}]"
+        if material.coin is None:
+            assert material.e_n is not None
+            assert material.e_t is not None
+            assert material.mu is not None
+            return Coefficients(key, material.e_n, material.e_t, material.mu, material.sticking, material.rho)
+        if material.coin not in coins:
+            return None
+        law = coins[material.coin].law
+        return Coefficients(key, law.e_n, law.e_t, law.mu, material.sticking, material.rho)
+    if a in coins and _coin_of(draft, a) == a:
+        law = coins[a].law
+        return Coefficients(f"coin '{a}'", law.e_n, law.e_t, law.mu, law.sticking, law.rho)
+    return None
+
+
+def _coin_of(draft: Draft, material: str) -> str | None:
+    """The coin whose coefficients a material has, if it has a coin's."""
+    for each in draft.material:
+        if each is not None and each.name == material:
+            plain = each.sticking == "percussion_center" and each.rho == 0.0
+            return each.coin if plain else None
+    used = (each.coin for each in draft.species if each is not None and each.material is None)
+    return next((coin for coin in used if coin == material), None)
+
+
+def verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
+    """Whether collisions can add energy, for every pair of species whose coefficients are known."""
+    order = list(dict.fromkeys(each.material for each in species))
+    for one, other in itertools.combinations_with_replacement(species, 2):
+        # In one order, so that a pair that is missing is named once.
+        made_of = _coefficients(draft, *sorted((one.material, other.material), key=order.index))
+        if isinstance(made_of, Problem):
+            yield PairVerdict(one.name, other.name, made_of.key, False, False, made_of.text, None)
+        elif made_of is not None:
+            yield _judged(made_of, one, other)._replace(materials=frozenset((one.material, other.material)))
+
+
+def wall_verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
+    """The same for every species and every material of walls."""
+    for material in draft.materials_of_walls():
+        wall = f"wall ({material})"
+        for each in species:
+            made_of = _coefficients(draft, each.material, material)
+            if isinstance(made_of, Problem):
+                known = (
+                    *draft.material_names,
+                    *(name for one in draft.pair if one for name in one.materials),
+                )
+                text = made_of.text + ("" if material in known else nearest(material, known))
+                yield PairVerdict(each.name, wall, made_of.key, False, False, text, None)
+            elif made_of is not None:
+                # Beside an infinite mass, the pair's mean k is the disk's own.
+                verdict = _judgement(made_of, each.name, wall, each.k, each.k)
+                yield verdict._replace(materials=frozenset((each.material, material)))
+
+
+def _judged(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
+    """The worst verdict for any two disks of the species.
+
+    Masses enter by the mean k = (k_1 m_2 + k_2 m_1)/(m_1 + m_2) alone, which is monotone in m_1/m_2, and the mean k
+    that are admissible form an interval: each condition of `IFRLaw.admissibility` asks a convex function of it to be
+    no more than a linear one, or bounds it from above. So the ends of the mass ratio decide.
+    """
+    found: list[PairVerdict] = []
+    for m_1, m_2 in {
+        (float(one.mass.min()), float(other.mass.max())),
+        (float(one.mass.max()), float(other.mass.min())),
+    }:
+        found.append(_judgement(made_of, one.name, other.name, one.k, other.k, m_1, m_2))
+    return min(found, key=lambda each: (each.admissible, each.strict, -each.law.k if each.law else 0.0))
+
+
+def _judgement(
+    made_of: Coefficients, first: str, second: str, k_1: float, k_2: float, m_1: float = 1.0, m_2: float = 1.0
+) -> PairVerdict:
+    """The verdict for two disks with these k and masses."""
+    key, coefficients = made_of.key, made_of._asdict()
+    del coefficients["key"]
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)  # the verdict says the same
+            law = IFRLaw(**coefficients, k=(k_1 * m_2 + k_2 * m_1) / (m_1 + m_2))
+        verdict = law.admissibility(k_1, k_2, m_1, m_2)
+    except InputError as error:
+        return PairVerdict(first, second, key, False, False, str(error), None)
+    return PairVerdict(first, second, key, *verdict, law)

@@ -1,0 +1,290 @@
+"""What `ifrdem check` says of a case that is in order, and `ifrdem run` before it begins."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
+from ..run.info import describe_sides
+from ..simulation import device as backend
+from .case import Case
+from .estimate import OBSERVABLES, Estimate
+from .file_size import disk_bytes
+from .gas import Gas
+from .output_section import MOST_FRAMES
+from .report_walls import lines_of_walls
+
+HOST_BYTES_PER_DISK = 300
+"""What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
+
+GROWTH_BYTES_PER_DISK = 1000
+"""The same for a start by growth: 940 bytes a disk were seen."""
+WRITER_BYTES_PER_DISK = 200
+"""Frames that are being told, wait or are written, here and in the process that writes.
+
+A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all, the process that writes not counted."""
+
+COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
+"""Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
+
+Measured 2026-11-21: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (README, Mixtures)."""
+
+
+def refuse_cadences(case: Case, gas: Gas, estimate: Estimate) -> None:
+    """Raise InputError for frames or rows of series at intervals that make no sense, with a line for each.
+
+    At most `MOST_FRAMES` of either, as where a number is given. The length of the run is its own, or the one that
+    theory expects; where neither is known, so many must not fall into the shortest time that the case names: a mean
+    free time, the flight over a radius, a step of a force. And nothing is written more often than the gas collides.
+    """
+    wrong = [
+        f"output.{key} = {value:g}: {text}"
+        for what in ("frames", "series")
+        for key, value, text in _wrong_cadence(case, gas, estimate, what)
+    ]
+    if wrong:
+        raise InputError("\n".join(wrong))
+
+
+def _wrong_cadence(case: Case, gas: Gas, estimate: Estimate, what: str) -> Iterator[tuple[str, float, str]]:
+    many = f"{MOST_FRAMES} {'frames' if what == 'frames' else 'rows'}"
+    interval = getattr(case.output, f"{what}_interval")
+    if interval is not None:
+        length, which = _length(case, gas, estimate)
+        if not math.isnan(length) and interval * MOST_FRAMES < length:
+            text = f"more than {many} in {length:.4g}{case.unit('time')}, {which}"
+            yield f"{what}_interval", interval, f"{text}: {length / MOST_FRAMES:.3g} or more is needed"
+    collisions = getattr(case.output, f"{what}_collisions")
+    if collisions is not None:
+        one, per_disk = 2.0 / gas.disks.n, 2.0 * estimate.collisions / gas.disks.n
+        least = one if math.isnan(per_disk) else max(one, per_disk / MOST_FRAMES)
+        if collisions < least * (1.0 - 1e-9):
+            if least == one:
+                text = f"more often than one collision of {gas.disks.n} disks"
+            else:
+                text = f"more than {many} in {per_disk:.4g} collisions per disk"
+            yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
+
+
+def _length(case: Case, gas: Gas, estimate: Estimate) -> tuple[float, str]:
+    """A time [time] that the run lasts at least, and what it is; nan where the case names none."""
+    if case.run.t_end is not None:
+        return case.run.t_end, "the length of the run"
+    if not math.isnan(estimate.end_time):
+        return estimate.end_time, "the length of the run by kinetic theory"
+    times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
+    times += [float(each.radius.min()) / each.speed_rms for each in gas.species if each.speed_rms > 0.0]
+    times += [each.step for each in case.force]
+    return (min(times), "the shortest time that the case names") if times else (math.nan, "")
+
+
+def refuse_beyond_disk(needed: int, folder: Path) -> None:
+    """Raise InputError if a trajectory of `needed` bytes does not fit on the disk of its folder."""
+    free = shutil.disk_usage(folder).free
+    if needed > free:
+        raise InputError(
+            f"output: the trajectory needs some {size(needed)}, and {size(free)} are free in {folder.resolve()}: fewer "
+            "output.frames or output.fields, or another place (-o)"
+        )
+
+
+def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
+    """Raise InputError if n disks need more memory than is free. Of a GPU's own memory it knows nothing.
+
+    `positions` is start.positions: growth needs more.
+    """
+    host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
+    engine = BYTES_PER_DISK + LEDGER_BYTES_PER_DISK if arch == "cpu" else 0
+    needed = n * (host + WRITER_BYTES_PER_DISK + engine)
+    free = backend.memory_available()
+    if free is not None and needed > free:
+        most = n * free // needed
+        raise InputError(
+            f"{n} disks need some {size(needed)} of memory, and {size(free)} are free: {most} would fit"
+        )
+
+
+def summary(case: Case, gas: Gas, estimate: Estimate, device: str) -> str:
+    """The lines that stand above a run: what will run, on what, and how many collisions are expected."""
+    length, time = case.unit("length"), case.unit("time")
+    if gas.box.is_open:
+        return "\n".join(
+            (
+                f"{case.run.name}: {gas.disks.n} disks in an open box",
+                f"to {_end(case)}: {_collisions(estimate)}",
+                f"on {device}",
+            )
+        )
+    paths = [path for path in estimate.free_path if not math.isnan(path)]
+    if not paths:
+        path = "nothing moves at the start"
+    else:
+        shown = f"{min(paths):.4g}" if len(paths) == 1 else f"{min(paths):.4g} to {max(paths):.4g}"
+        path = f"mean free path {shown}{length}"
+    return "\n".join(
+        (
+            f"{case.run.name}: {gas.disks.n} disks, packing fraction {estimate.packing_fraction:.4g}, {path}",
+            f"to {_end(case)}: {_collisions(estimate)}{_end_time(case, estimate, time)}",
+            f"on {device}",
+        )
+    )
+
+
+def report(case: Case, gas: Gas, estimate: Estimate) -> str:
+    """Everything that can be said of a case before it runs."""
+    length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
+    speed = f"{length}/{time.strip()}" if length else ""
+    if gas.box.is_open:
+        lines = [f"{case.run.name}: {gas.disks.n} disks in an open box, {case.run.units} units"]
+        if gas.patch is not None:
+            start = gas.patch.packing_fraction(gas.disks.radius)
+            sides = f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
+            lines.append(_row("start", f"in {sides}, packing fraction {start:.5g} there"))
+    else:
+        lines = _density(case, gas, estimate)
+    radius = gas.disks.radius
+    if np.ptp(radius) > 0.0:
+        ratio = float(radius.max() / radius.min())
+        lines.append(_row("radii", f"{_span(radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}"))
+    for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
+        lines.append(
+            _row(
+                f"species {each.name}",
+                f"{each.number} of {each.material}: mass {_span(each.mass)}{mass}, "
+                f"radius {_span(each.radius)}{length}, k = {each.k:g}, speed {each.speed_rms:.4g}{speed} rms",
+            )
+        )
+        if rate > 0.0:
+            diameters = path / (2.0 * float(each.radius.mean()))
+            text = f"{path:.4g}{length} ({diameters:.3g} diameters), mean free time {1.0 / rate:.4g}{time}"
+            lines.append(_row("  mean free path", f"{text}, at the start"))
+        elif not gas.box.is_open:
+            lines.append(_row("  mean free path", "none: nothing moves at the start"))
+    for verdict in gas.verdicts:
+        law = verdict.law
+        assert law is not None  # a gas has no refused pairs
+        short = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
+        lines.append(
+            _row(
+                f"pair {verdict.first}, {verdict.second}",
+                f"{short} (e_n = {law.e_n:g}, e_t = {law.e_t:g}, mu = {law.mu:g}, {law.sticking}, "
+                f"rho = {law.rho:g})",
+            )
+        )
+        if not verdict.strict:
+            lines.append(_row("", verdict.message))
+    lines += [_row(*each) for each in lines_of_walls(case, gas, estimate)]
+    lines += _forces(case, estimate)
+    each_disk = disk_bytes(case.output.fields, case.output.precision)
+    frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"
+    what = f"{estimate.frames} frames x {frame}"
+    what += f", {'' if case.output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
+    if estimate.tracked:
+        what += f", histories of {estimate.tracked} disks"
+    if case.output.compression != "none":
+        what += f", at most: {case.output.compression} makes it smaller"
+    lines += [
+        _row("run", f"to {_end(case)}: {_collisions(estimate)}{_end_time(case, estimate, time)}"),
+        _row("file", f"{case.run.name}.h5, {size(estimate.file_bytes)}: {what}"),
+        _row(
+            "memory",
+            f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x "
+            f"{estimate.array_bytes // max(gas.disks.n, 1)} bytes), "
+            "beside Python, Taichi and their libraries",
+        ),
+    ]
+    return "\n".join(lines)
+
+
+def _density(case: Case, gas: Gas, estimate: Estimate) -> list[str]:
+    """Heading of a report on a gas in a box, and how dense it is."""
+    length = case.unit("length")
+    lengths = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
+    kind = describe_sides(gas.box)
+    box = (
+        f"a periodic box of {lengths}{_shear(gas, case)}"
+        if all(gas.box.periodic)
+        else f"a box of {lengths}, {kind}"
+    )
+    return [
+        f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units",
+        _row("packing fraction", f"{estimate.packing_fraction:.5g}"),
+        _row("number density", f"{estimate.number_density:.5g}{f' per{length}^2' if length else ''}"),
+    ]
+
+
+def _forces(case: Case, estimate: Estimate) -> list[str]:
+    """A line for each force, and the steady state that theory expects."""
+    lines = []
+    free_times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
+    for i, force in enumerate(case.force, start=1):
+        given = force.model_dump(exclude={"kind", "step"}, exclude_none=True)
+        text = f"{force.kind}: {', '.join(f'{key} = {value:g}' for key, value in given.items())}"
+        text += f", every {force.step:g}{case.unit('time')}"
+        if free_times:
+            text += f" ({force.step / min(free_times):.3g} of the shortest mean free time at the start)"
+        lines.append(_row(f"force {i}", text))
+    if estimate.steady_state is not None:
+        T, T_rot = estimate.steady_state
+        spins = "" if math.isnan(T_rot) else f", T_rot = {T_rot:.4g}{case.unit('energy')}"
+        lines.append(_row("steady state", f"T = {T:.4g}{case.unit('energy')}{spins}, by kinetic theory"))
+    return lines
+
+
+def _shear(gas: Gas, case: Case) -> str:
+    """What to say of a sheared box."""
+    per_time = f" 1/{time.strip()}" if (time := case.unit("time")) else ""
+    return f", sheared at the rate {gas.box.shear_rate:g}{per_time}" if gas.box.shear_rate else ""
+
+
+def _span(values: NDArray[np.float64]) -> str:
+    """One number for equal values, else their ends and mean."""
+    low, high = float(values.min()), float(values.max())
+    return f"{low:.5g}" if low == high else f"{low:.5g} to {high:.5g} (mean {float(values.mean()):.5g})"
+
+
+def _cost(ratio: float) -> str:
+    """What a size ratio costs, by `COST_OF_RATIO`."""
+    factor = float(np.interp(math.log(ratio), np.log(list(COST_OF_RATIO)), list(COST_OF_RATIO.values())))
+    more = " or more" if ratio > max(COST_OF_RATIO) else ""
+    return f"a collision takes some {factor:.2g} times{more} as long as among equal disks"
+
+
+def size(count: float) -> str:
+    """A number of bytes, to three digits: 1.23 MB."""
+    value = float(count)
+    for unit in ("bytes", "kB", "MB", "GB"):
+        if value < 999.5:
+            return f"{value:.3g} {unit}"
+        value /= 1000.0
+    return f"{value:.3g} TB"
+
+
+def _row(name: str, text: str) -> str:
+    return f"  {name:<22} {text}"
+
+
+def _end(case: Case) -> str:
+    if case.run.t_end is not None:
+        return f"t = {case.run.t_end:g}{case.unit('time')}"
+    return f"{case.run.collisions_per_disk:g} collisions per disk"
+
+
+def _collisions(estimate: Estimate) -> str:
+    if math.isnan(estimate.collisions):
+        return "an unknown number of collisions"
+    kind = "at most " if estimate.collisions_at_most else ""
+    return f"{kind}{estimate.collisions:.4g} collisions"
+
+
+def _end_time(case: Case, estimate: Estimate, unit: str) -> str:
+    if case.run.t_end is not None or math.isnan(estimate.end_time):
+        return ""
+    return f", t = {estimate.end_time:.4g}{unit} if it stayed homogeneous (kinetic theory)"

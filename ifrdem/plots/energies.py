@@ -1,0 +1,92 @@
+"""Panels of whole-gas quantities against time: energies, and what became of the energy."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..analysis import stored
+from ..trajectory.reader import Trajectory
+from .style import ACROSS, RATIO, ROTATION, TRANSLATION, legend_above, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INPUT, HEAT, DISSIPATED = "#009E73", "#CC79A7", "#E69F00"
+
+
+def _finish(axes: Any, trajectory: Trajectory, text: str, columns: int = 3) -> None:
+    axes.set_xlabel(with_unit("time $t$", trajectory.units.get("time")))
+    axes.set_ylabel(with_unit(text, trajectory.units.get("energy")))
+    axes.grid(True, which="major", lw=0.4, alpha=0.5)
+    legend_above(axes, columns)
+
+
+def energy(figure: Figure, trajectory: Trajectory) -> None:
+    """Translational, rotational and potential energy against time."""
+    axes = figure.subplots()
+    names = ["translational_energy", "rotational_energy"]
+    when, values = stored.series(trajectory, *names)
+    for name, value, colour, style in zip(names, values, (TRANSLATION, ROTATION), ("-", "--"), strict=True):
+        axes.plot(when, value, style, color=colour, lw=1.5, label=name.replace("_", " "))
+    if "potential_energy" in trajectory.observables and np.any(trajectory.observables["potential_energy"]):
+        when, (value,) = stored.series(trajectory, "potential_energy")
+        axes.plot(when, value, "-.", color=RATIO, lw=1.5, label="potential energy")
+    axes.set_ylim(bottom=0.0 if axes.get_ylim()[0] >= 0.0 or np.all(values[0] >= 0.0) else None)
+    _finish(axes, trajectory, "energy")
+
+
+def ledger(figure: Figure, trajectory: Trajectory) -> None:
+    """Where the energy is and went: present, dissipated, put in; and by how much the sum of it all changes.
+
+    present + dissipated - input = start. The residual is that of the file's `ledger_residual` if it has one, which is
+    counted collision by collision; otherwise there is nothing to compare and it is not drawn.
+    """
+    with_residual = True
+    try:
+        when_left, (residual,) = stored.series(trajectory, "ledger_residual")
+    except ValueError:  # only runs that count every collision have it
+        with_residual = False
+    if with_residual:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
+    else:
+        upper = figure.subplots()
+    when, (present, dissipated) = stored.series(trajectory, "energy", "dissipated_energy")
+    if "potential_energy" in trajectory.observables:
+        present = present + stored.series(trajectory, "potential_energy")[1][0]
+    upper.plot(when, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
+    upper.plot(when, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
+    total = present + dissipated
+    for name, colour, label in (
+        ("energy_input", INPUT, "put in by forces or shear"),
+        ("wall_work", ACROSS, "work of walls"),
+        ("wall_heat", HEAT, "heat of walls"),
+    ):
+        if name in trajectory.observables and np.any(trajectory.observables[name]):
+            _, (value,) = stored.series(trajectory, name)
+            upper.plot(when, value, "-.", color=colour, lw=1.5, label=label)
+            total = total - value
+    upper.plot(when, total, ":", color=RATIO, lw=1.8, label="present + dissipated $-$ put in")
+    _finish(upper, trajectory, "energy")
+    if with_residual:
+        start = abs(float(total[0])) or 1.0
+        lower.plot(when_left, residual / start, ".-", color=RATIO, lw=0.8, ms=3)
+        lower.set_ylabel("residual / start")
+        lower.set_xlabel(upper.get_xlabel())
+        lower.grid(True, lw=0.4, alpha=0.5)
+        upper.set_xlabel("")
+
+
+def mechanisms(figure: Figure, trajectory: Trajectory) -> None:
+    """Energy dissipated by each mechanism against time."""
+    axes = figure.subplots()
+    when, (values,) = stored.series(trajectory, "dissipated_by_mechanism")
+    names = ("normal", "tangential restitution", "sliding", "sticking", "rolling", "walls")
+    colours = (TRANSLATION, ROTATION, INPUT, HEAT, DISSIPATED, RATIO)
+    for i, (name, colour, style) in enumerate(
+        zip(names, colours, ("-", "--", "-.", ":", "-", "--"), strict=True)
+    ):
+        if np.any(values[:, i]):
+            axes.plot(when, values[:, i], style, color=colour, lw=1.5, label=name)
+    _finish(axes, trajectory, "energy dissipated", columns=4)

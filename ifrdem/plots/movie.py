@@ -1,0 +1,245 @@
+"""Movies of trajectories: MP4, a picture a frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, nearest
+from ..run.outputs import check_apart, write_aside
+from ..trajectory import tables
+from ..trajectory.reader import Trajectory
+from . import disks as plot_disks
+from . import raster, run
+from .style import with_unit
+
+COLOURS = ("spin", "temperature")
+ANGLES = ("angle", "orientation")  # names of fields that say how far a disk has turned
+SHADES = 256  # numbers of colours; two more follow:
+EMPTY, MARK = SHADES, SHADES + 1
+FINER = 2  # pixels are drawn so much finer along each axis, and averaged
+SAMPLES = 9  # frames that decide on the range of the colours
+DPI = 100
+
+
+class Scene:
+    """The picture of which every frame is a variant: axes, colour bar and walls are drawn once.
+
+    Up to `plot_disks.MOST_DISKS` disks are drawn as disks, coloured by spin or by the temperature of each, m c^2 / 2
+    with the velocity c relative to the mean flow of a sheared box; of more than that a map of the area fraction. The
+    range of the colours is that of the whole movie.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    frames : sequence of int
+        The frames of the movie.
+    size : (width, height)
+        In pixels.
+    colour : {"spin", "temperature"}
+
+    Raises
+    ------
+    InputError
+        If the colour is another word, or a field that is needed is not stored.
+    """
+
+    def __init__(
+        self, trajectory: Trajectory, frames: Sequence[int], size: tuple[int, int], colour: str = "spin"
+    ) -> None:
+        if colour not in COLOURS:
+            raise InputError(f"--colour {colour}: allowed are {', '.join(COLOURS)}{nearest(colour, COLOURS)}")
+        from matplotlib import colormaps
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
+        from matplotlib.figure import Figure
+
+        self._trajectory, self._colour = trajectory, colour
+        self._is_map = trajectory.disks.n > plot_disks.MOST_DISKS
+        trajectory.dataset("position")  # says that it is missing
+        self._angle = next((name for name in ANGLES if name in trajectory.fields), None)
+        samples = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, SAMPLES).astype(int))]
+        regions = [plot_disks.shown_region(trajectory, trajectory[i].position) for i in samples]
+        self._region = np.column_stack([np.min(regions, axis=0)[:, 0], np.max(regions, axis=0)[:, 1]])
+        low, high = self._range(samples)
+        map_ = colormaps[plot_disks.DENSITIES]
+        if colour == "spin" and not self._is_map:
+            map_ = LinearSegmentedColormap.from_list("spins", plot_disks.SPINS)
+        shades = map_(np.linspace(0.0, 1.0, SHADES))[:, :3]
+        self._shades = (
+            (255.0 * np.vstack([shades, to_rgb("white"), to_rgb("white")])).round().astype(np.uint8)
+        )
+        self._low, self._high = low, high
+
+        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, layout="compressed")
+        self._canvas = FigureCanvasAgg(figure)
+        self._axes = axes = figure.add_subplot()
+        axes.set_xlim(*self._region[0])
+        axes.set_ylim(*self._region[1])
+        axes.set_aspect("equal")
+        axes.set_xlabel(with_unit("$x$", trajectory.units.get("length")))
+        axes.set_ylabel(with_unit("$y$", trajectory.units.get("length")))
+        bar = figure.colorbar(
+            ScalarMappable(Normalize(low, high), map_), ax=axes, shrink=0.85,
+            extend="both" if colour == "spin" and not self._is_map else "max",
+        )  # fmt: skip
+        bar.set_label(self._label())
+        figure.suptitle(run.gas(trajectory))
+        self._title = axes.set_title("$t$ = 0")
+        self._canvas.draw()
+        figure.set_layout_engine("none")  # it stays as it is now
+        self._title.set_animated(True)
+        self._canvas.draw()
+        self._background = self._canvas.copy_from_bbox(figure.bbox)
+        box = axes.get_window_extent()
+        height = self._canvas.get_width_height()[1]
+        left, right = round(box.x0), round(box.x1)
+        # Agg counts rows from the top.
+        self._rows = slice(height - round(box.y1), height - round(box.y0))
+        self._columns = slice(left, right)
+
+    def _label(self) -> str:
+        units = self._trajectory.units
+        if self._is_map:
+            return "area fraction"
+        if self._colour == "spin":
+            unit = "reduced units" if "time" not in units else f"rad/{units['time']}"
+            return rf"spin $\omega$ ({unit}), counter-clockwise positive"
+        return with_unit("temperature of each disk $m c^2 / 2$", units.get("energy"))
+
+    def _range(self, samples: Sequence[int]) -> tuple[float, float]:
+        """Ends of the colours: few of the whole movie's values lie beyond."""
+        if self._is_map:
+            tops = [np.quantile(self._covered(i), 0.999) for i in samples]
+            return 0.0, float(max(tops)) or 1.0
+        tops = [np.quantile(np.abs(self._values(i)), 0.95) for i in samples if self._trajectory.disks.n]
+        top = float(np.median(tops)) if tops else 1.0
+        top = top if top > 0.0 else 1.0
+        return (-top, top) if self._colour == "spin" else (0.0, top)
+
+    def _values(self, index: int) -> NDArray[np.float64]:
+        """What colours the disks, shape (n,)."""
+        frame, mass = self._trajectory[index], self._trajectory.disks.mass
+        if self._colour == "spin":
+            return frame.spin
+        movable = self._trajectory.disks.movable
+        return 0.5 * np.where(movable, mass, 0.0) * np.sum(frame.peculiar_velocity**2, axis=1)
+
+    def _covered(self, index: int) -> NDArray[np.float64]:
+        return plot_disks.area_fraction(self._trajectory, self._trajectory[index].position, self._region)
+
+    def draw(self, index: int) -> NDArray[np.uint8]:
+        """The picture of a frame, shape (height, width, 3)."""
+        frame = self._trajectory[index]
+        self._canvas.restore_region(self._background)
+        time = f"$t$ = {self._trajectory.with_unit(f'{frame.time:.4g}', 'time')}"
+        rows, columns = self._rows.stop - self._rows.start, self._columns.stop - self._columns.start
+        if self._is_map:
+            covered = self._covered(index)
+            cells = self._trajectory.with_unit(f"{plot_disks.cell_side(covered, self._region):.3g}", "length")
+            time += f", cells of {cells}"
+            x = np.arange(columns) * covered.shape[0] // columns
+            y = np.arange(rows) * covered.shape[1] // rows
+            pixels = self._shades[self._numbers(covered)[x[None, :], y[:, None]]]
+        else:
+            pixels = self._disks(index, rows, columns)
+        self._title.set_text(time)
+        self._axes.draw_artist(self._title)
+        picture = np.asarray(self._canvas.buffer_rgba())
+        picture[self._rows, self._columns, :3] = pixels[::-1]
+        self._draw_above(frame.time)
+        return picture[..., :3].copy()
+
+    def _numbers(self, values: NDArray[np.float64]) -> NDArray[np.intp]:
+        part = (values - self._low) / (self._high - self._low)
+        return (np.clip(part, 0.0, 1.0) * (SHADES - 1) + 0.5).astype(np.intp)
+
+    def _disks(self, index: int, rows: int, columns: int) -> NDArray[np.uint8]:
+        trajectory, frame = self._trajectory, self._trajectory[index]
+        radius = trajectory.disks.radius
+        position, owner = plot_disks.with_images(frame.position, radius, trajectory.box, frame.time)
+        scale = FINER * np.array([columns, rows]) / np.ptp(self._region, axis=1)
+        drawn = raster.draw(
+            (FINER * rows, FINER * columns),
+            (position - self._region[:, 0]) * scale,
+            radius[owner] * float(scale.mean()),
+            self._numbers(self._values(index))[owner],
+            empty=EMPTY,
+            angle=None if self._angle is None else frame[self._angle][owner],
+            mark=MARK,
+        )
+        fine = self._shades[drawn].reshape(rows, FINER, columns, FINER, 3)
+        mean = sum(fine[:, i, :, j].astype(np.uint16) for i in range(FINER) for j in range(FINER)) // FINER**2
+        return np.asarray(mean, dtype=np.uint8)
+
+    def _draw_above(self, time: float) -> None:
+        """Draw what lies above the disks: walls where they are, and the frame."""
+        before = set(self._axes.get_children())
+        plot_disks.draw_walls(self._axes, self._trajectory, time)
+        walls = [each for each in self._axes.get_children() if each not in before]
+        for artist in (*walls, *self._axes.spines.values()):
+            self._axes.draw_artist(artist)
+        for artist in walls:
+            artist.remove()
+
+
+def write(
+    trajectory: Trajectory,
+    place: Path,
+    frames: Sequence[int],
+    *,
+    fps: int = 25,
+    size: tuple[int, int] = (1200, 1080),
+    colour: str = "spin",
+    progress: Callable[[Sequence[int]], Iterable[int]] = iter,
+) -> None:
+    """Write a movie (H.264 in MP4), a picture a frame.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    place : Path
+        The file to write: it appears whole or not at all, and replaces one that is there.
+    frames : sequence of int
+        Which, in this order.
+    fps : int
+        Pictures a second.
+    size : (width, height)
+        In pixels, both even.
+    colour : {"spin", "temperature"}
+        What colours the disks, see `Scene`.
+    progress : callable
+        Wraps the frames, to show how far it is.
+
+    Raises
+    ------
+    InputError
+        If imageio-ffmpeg is not installed, there is nothing to draw, or the file cannot be written: a folder, a device,
+        the trajectory itself.
+    """
+    ffmpeg: Any = tables.needed("imageio_ffmpeg", "movie")
+    if len(frames) == 0 or trajectory.disks.n == 0:
+        raise InputError(f"{trajectory.path}: no {'disks' if len(frames) else 'frames'} to draw")
+    check_apart(place, trajectory.path)
+    scene = Scene(trajectory, frames, size, colour)
+
+    def encode(aside: Path) -> None:
+        pictures = ffmpeg.write_frames(
+            str(aside), size, fps=fps, quality=7, macro_block_size=2, ffmpeg_log_level="error",
+            output_params=["-movflags", "+faststart", "-f", "mp4"],
+        )  # fmt: skip
+        pictures.send(None)
+        try:
+            for index in progress(frames):
+                pictures.send(scene.draw(index))
+        finally:
+            pictures.close()
+        if not aside.exists() or aside.stat().st_size == 0:
+            raise InputError(f"output {place}: ffmpeg wrote nothing")
+
+    write_aside(place, encode)

@@ -1,0 +1,125 @@
+"""Panels of profiles across a gas: packing fraction, temperatures, and the mean velocity where something drags it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..trajectory.reader import Trajectory
+from .profile_data import Profile
+from .style import ACROSS, RATIO, ROTATION, TRANSLATION, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+HOT = "#CC79A7"
+SLABS = 20  # in which the mean flow is drawn
+
+
+def draw(figure: Any, place: Any, trajectory: Trajectory, profile: Profile) -> None:
+    """Draw a profile into a place of the figure's grid: side by side upwards, one above the other across."""
+    upwards = profile.axis == 1
+    dragged = any(wall.surface_speed != 0.0 or wall.motion.kind == "steady" for wall in trajectory.walls)
+    count = 3 if dragged else 2
+    grid = place.subgridspec(1, count) if upwards else place.subgridspec(count, 1)
+    panels: list[Axes] = []
+    for i in range(count):
+        shared = {("sharey" if upwards else "sharex"): panels[0]} if panels else {}
+        panels.append(figure.add_subplot(grid[0, i] if upwards else grid[i, 0], **shared))
+    units = trajectory.units
+    _fraction(panels[0], profile)
+    _temperatures(panels[1], trajectory, profile, units)
+    if dragged:
+        _velocities(panels[2], profile, units)
+    name = with_unit("$y$" if upwards else "$x$", units.get("length"))
+    if upwards:
+        panels[0].set_ylabel(name)
+        for axes in panels[1:]:
+            axes.tick_params(labelleft=False)
+    else:
+        panels[-1].set_xlabel(name)
+        for axes in panels[:-1]:
+            axes.tick_params(labelbottom=False)
+    first, last = (trajectory.with_unit(f"{time:.4g}", "time") for time in profile.times)
+    panels[0].set_title(f"means from {first} to {last}", fontsize="medium", loc="left")
+    for axes in panels:
+        axes.grid(True, which="major", lw=0.4, alpha=0.5)
+
+
+def _line(axes: Axes, profile: Profile, values: NDArray[np.float64], **look: Any) -> None:
+    places = profile.middle
+    axes.plot(*((values, places) if profile.axis == 1 else (places, values)), **look)
+
+
+def _value_axis(axes: Axes, profile: Profile, text: str, *, from_zero: bool = True) -> None:
+    """Label the axis of the values, and let it begin at 0."""
+    if profile.axis == 1:
+        axes.set_xlabel(text)
+        if from_zero:
+            axes.set_xlim(left=0.0)
+    else:
+        axes.set_ylabel(text.replace(" (", "\n("))  # flat panels
+        if from_zero:
+            axes.set_ylim(bottom=0.0)
+
+
+def _fraction(axes: Axes, profile: Profile) -> None:
+    _line(axes, profile, profile.packing_fraction, color=RATIO, marker="o", ms=3, lw=1.2)
+    _value_axis(axes, profile, r"packing fraction $\phi$")
+
+
+def _temperatures(axes: Axes, trajectory: Trajectory, profile: Profile, units: dict[str, str]) -> None:
+    along, across = ("y", "x") if profile.axis == 1 else ("x", "y")
+    for values, colour, style, label in (
+        (profile.temperature[:, profile.axis], TRANSLATION, "o-", rf"$T_{along}$, along"),
+        (profile.temperature[:, 1 - profile.axis], ACROSS, "s--", rf"$T_{across}$, across"),
+        (profile.rotational_temperature, ROTATION, "^:", r"$T_\mathrm{rot}$"),
+    ):
+        _line(axes, profile, values, color=colour, marker=style[0], ls=style[1:], ms=3, lw=1.2, label=label)
+    label = "thermal wall"
+    for wall in trajectory.walls:
+        if wall.temperature is None or wall.shape != "line" or wall.towards[profile.axis] == 0.0:
+            continue
+        at = wall.place[profile.axis]
+        pair = (wall.temperature, at) if profile.axis == 1 else (at, wall.temperature)
+        axes.plot(*pair, "D", color=HOT, ms=7, clip_on=False, zorder=5, label=label)
+        label = "_"  # once in the legend
+    _value_axis(axes, profile, with_unit("temperature", units.get("energy")))
+    axes.legend(loc="best", frameon=False, fontsize="small")
+
+
+def _velocities(axes: Axes, profile: Profile, units: dict[str, str]) -> None:
+    for i, colour, style in ((0, TRANSLATION, "o-"), (1, ACROSS, "s--")):
+        label = rf"$u_{'xy'[i]}$"
+        look = {"color": colour, "marker": style[0], "ls": style[1:], "ms": 3, "lw": 1.2}
+        _line(axes, profile, profile.velocity[:, i], label=label, **look)
+    unit = f"{units['length']}/{units['time']}" if {"length", "time"} <= units.keys() else None
+    _value_axis(axes, profile, with_unit("mean velocity", unit), from_zero=False)
+    axes.legend(loc="best", frameon=False, fontsize="small")
+
+
+def flow(axes: Axes, trajectory: Trajectory) -> None:
+    """Mean velocity along x in slabs, over the second half of the frames, beside the flow that the box imposes."""
+    units, box = trajectory.units, trajectory.box
+    height = box.lengths[1]
+    edges = np.array([0.0, height])
+    imposed = box.flow(np.stack((np.zeros(2), edges), axis=1))[:, 0]
+    speed = units["length"] + "/" + units["time"] if "time" in units else None
+    if {"position", "velocity"} <= set(trajectory.fields):
+        count, sum_ = np.zeros(SLABS), np.zeros(SLABS)
+        for frame in trajectory[len(trajectory) // 2 :]:
+            slab = np.minimum((frame.position[:, 1] / height * SLABS).astype(int), SLABS - 1)
+            count += np.bincount(slab, minlength=SLABS)
+            sum_ += np.bincount(slab, frame.velocity[:, 0], minlength=SLABS)
+        middles = (np.arange(SLABS) + 0.5) * height / SLABS
+        with np.errstate(invalid="ignore"):
+            axes.plot(sum_ / count, middles, "o", ms=5, mfc="none", color=TRANSLATION, label="disks")
+    axes.plot(imposed, edges, "-", lw=1.0, color="black", label=r"$\dot\gamma (y - L_y / 2)$")
+    axes.set_ylim(0.0, height)
+    axes.set_xlabel(with_unit(r"$\langle v_x \rangle$", speed))
+    axes.set_ylabel(with_unit("$y$", units.get("length")))
+    axes.set_title("mean flow, second half")
+    axes.grid(True, which="major", lw=0.4, alpha=0.5)
+    axes.legend(loc="upper left", frameon=False)

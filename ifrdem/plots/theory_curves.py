@@ -1,0 +1,170 @@
+"""The curves of kinetic theory that belong beside a trajectory, or why there are none."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.state import Disks
+from ..theory import driven_gas, sheared_gas
+from ..theory.choose import prediction
+from ..theory.driven_gas import Drive
+from ..theory.mixtures import Mixture
+from ..trajectory.reader import Trajectory
+
+Curves = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Times, and T and T_rot [energy] at them."""
+
+MOST_KINDS = 16
+"""Of disks: every pair of kinds is summed at every step, which takes seconds from there on."""
+
+
+@dataclass(frozen=True)
+class _Gas:
+    """What kinetic theory needs to know of a trajectory: temperatures at its start are those of each kind of disks."""
+
+    disks: Disks
+    laws: list[list[IFRLaw]]
+    phi: float
+    T0: NDArray[np.float64]
+    T_rot0: NDArray[np.float64]
+    forces: list[dict[str, Any]]
+    kinds: int
+
+    @property
+    def one_kind(self) -> tuple[IFRLaw, float, float, float, float]:
+        """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
+        disks = self.disks
+        material = int(disks.material[0])
+        return (
+            self.laws[material][material],
+            float(disks.mass[0]), float(disks.radius[0]), float(disks.k[0]), self.phi,
+        )  # fmt: skip
+
+    def curves(self, trajectory: Trajectory, elapsed: NDArray[np.float64], shear_rate: float = 0.0) -> Curves:
+        """T and T_rot of all disks, `elapsed` after the first frame."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)  # the run has said it
+            found = prediction(
+                self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
+                shear_rate=shear_rate,
+            )  # fmt: skip
+        return elapsed + trajectory.times[0], found.T, found.T_rot
+
+    @property
+    def text(self) -> str:
+        """What the legend says of the curves."""
+        return (
+            "kinetic theory (homogeneous gas)" if self.kinds == 1 else "kinetic theory (homogeneous mixture)"
+        )
+
+
+def _gas(trajectory: Trajectory) -> _Gas | str:
+    """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
+    if trajectory.room.all_walls:
+        return "walls: no kinetic theory here"
+    if trajectory.parameters.get("collapse", "none") != "none":
+        return "elastic exceptions against collapse: no kinetic theory here"
+    disks = trajectory.disks
+    if trajectory.box.is_open:
+        return "open box: no kinetic theory here"
+    if not disks.movable.all():
+        return "immovable disks: no kinetic theory here"
+    if "laws" not in trajectory.parameters:
+        return "no law in the file: no kinetic theory here"
+    columns = np.stack([disks.mass, disks.radius, disks.k, disks.material.astype(np.float64)])
+    kinds = len(np.unique(columns, axis=1).T)
+    if kinds > MOST_KINDS:
+        return f"more than {MOST_KINDS} kinds of disks: no kinetic theory here"
+    phi = trajectory.box.packing_fraction(disks.radius)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EnergyWarning)
+        rows = json.loads(str(trajectory.parameters["laws"]))
+        if any(row["rho"] > 0.0 for line in rows for row in line):
+            return "rolling friction: no kinetic theory here"
+        try:
+            laws = _laws(disks, rows)
+            _, which = Mixture.of(disks, laws, phi)
+        except InputError as error:
+            return f"no kinetic theory here: {error}"
+    forces = json.loads(str(trajectory.parameters.get("forces", "[]")))
+    if kinds == 1:
+        start = [
+            np.array([trajectory.observables[name][0]]) for name in ("temperature", "rotational_temperature")
+        ]
+    else:
+        frame, members = trajectory[0], [which == kind for kind in range(kinds)]
+        moving = 0.5 * disks.mass * np.sum(frame.velocity**2, axis=1)
+        spinning = disks.inertia * frame.spin**2
+        start = [np.array([each[those].mean() for those in members]) for each in (moving, spinning)]
+    return _Gas(disks, laws, phi, start[0], start[1], forces, kinds)
+
+
+def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:
+    """The table [material][material] of a file, each law with the mean k of a pair of disks that is there."""
+    m, k = (
+        np.array([column[disks.material == a][0] if np.any(disks.material == a) else 2.0 for a in range(len(rows))])
+        for column in (disks.mass, disks.k)
+    )  # fmt: skip
+    return [
+        [IFRLaw(**row, k=(k[a] * m[b] + k[b] * m[a]) / (m[a] + m[b])) for b, row in enumerate(line)]
+        for a, line in enumerate(rows)
+    ]
+
+
+def cooling(trajectory: Trajectory) -> tuple[Curves | None, str]:
+    """Times, T and T_rot by kinetic theory, and what to say of it; None where it does not hold."""
+    gas, times = _gas(trajectory), trajectory.times
+    if isinstance(gas, str):
+        return None, gas
+    if not gas.T0.any() or times[-1] <= times[0]:
+        return None, "nothing moves: no kinetic theory here"
+    elapsed = times[times > times[0]] - times[0]
+    # Of a single frame, a decade before it shows where it comes from.
+    when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
+    return gas.curves(trajectory, when), gas.text
+
+
+def driven(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] | None, str]:
+    """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold.
+
+    Of several kinds of disks there is no steady state in closed form; the curve shows it where the run is long.
+    """
+    gas, times = _gas(trajectory), trajectory.times
+    if isinstance(gas, str):
+        return None, None, gas
+    mass, inertia = gas.disks.mass, gas.disks.inertia
+    drives = [Drive.of(gas.forces, m, i) for m, i in set(zip(mass.tolist(), inertia.tolist(), strict=True))]
+    known = [drive for drive in drives if drive is not None]
+    if len(known) < len(drives):
+        return None, None, "a force that is not linear: no kinetic theory here"
+    if (not gas.T0.any() and not any(drive.power for drive in known)) or times[-1] <= times[0]:
+        return None, None, "nothing moves: no kinetic theory here"
+    when, T, T_rot = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400))
+    T = np.where(T > 0.0, T, np.nan)
+    steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 else None
+    return (when, T, T_rot), steady, gas.text
+
+
+def sheared(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] | None, str]:
+    """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold."""
+    gas, times = _gas(trajectory), trajectory.times
+    if isinstance(gas, str):
+        return None, None, gas
+    if gas.forces:
+        return None, None, "forces in a flow: no kinetic theory here"
+    if gas.kinds > 1:
+        return None, None, "several kinds of disks in a flow: no kinetic theory here"
+    rate = trajectory.box.shear_rate
+    steady = sheared_gas.steady_state(*gas.one_kind, rate)
+    if not gas.T0.any() or times[-1] <= times[0]:
+        return None, steady, "nothing moves at first: no curve of kinetic theory here"
+    found = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), rate)
+    return found, steady, "kinetic theory (homogeneous flow)"

@@ -1,0 +1,210 @@
+"""What a trajectory file holds, as text for people."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ..model.box import Box
+from ..trajectory import history, layout, views
+from ..trajectory.reader import Trajectory
+from . import status
+
+
+def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
+    """What a trajectory file holds, as text for people.
+
+    Parameters
+    ----------
+    path : str or path
+        The file.
+    full : bool
+        Give long parameters (the case text) whole instead of by their number of lines.
+
+    Raises
+    ------
+    InputError
+        As `Trajectory`.
+    """
+    with Trajectory(path) as trajectory:
+        lines = [f"{path}: trajectory of ifrdem, H5MD {'.'.join(map(str, layout.H5MD_VERSION))}"]
+        lines += _describe_gas(trajectory)
+        lines += _describe_fields(trajectory)
+        lines += _describe_series(trajectory)
+        lines += _describe_histories(trajectory)
+        lines += _describe_beside(trajectory.path)
+        lines += _describe_names("units", trajectory.units, full=full)
+        record = {
+            k: v for k, v in trajectory.parameters.items() if k != "units" and not k.startswith("units/")
+        }
+        lines += _describe_names("parameters", record, full=full)
+    return "\n".join(lines)
+
+
+def _describe_gas(trajectory: Trajectory) -> list[str]:
+    disks, box, times = trajectory.disks, trajectory.box, trajectory.times
+    length, time, mass = (
+        f" {trajectory.units[name]}" if name in trajectory.units else ""
+        for name in ("length", "time", "mass")
+    )
+    lines = [f"  size on disk      {_bytes(trajectory.path.stat().st_size)}"]
+    span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""
+    lines.append(f"  frames            {len(trajectory)}{span}")
+    if "units" in trajectory.parameters:
+        lines.append(f"  units             {trajectory.parameters['units']}")
+    lines.append(f"  disks             {disks.n}")
+    for name, values, unit in (
+        ("radius", disks.radius, length),
+        ("mass", disks.mass, mass),
+        ("k", disks.k, ""),
+    ):
+        if disks.n:
+            low, high = float(values.min()), float(values.max())
+            lines.append(
+                f"  {name:<18}" + (f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}") + unit
+            )
+    if disks.n:
+        lines.append(f"  materials         {len(np.unique(disks.material))}")
+    if box.is_open:
+        lines.append("  box               open: positions are plain, never wrapped")
+    else:
+        lines.append(
+            f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {describe_sides(box)}"
+        )
+    if trajectory.walls:
+        shapes = [wall.shape for wall in trajectory.walls]
+        counts = ", ".join(f"{shapes.count(shape)} {shape}" for shape in dict.fromkeys(shapes))
+        lines.append(f"  walls             {counts}")
+    if not box.is_open:
+        lines.append(f"  packing fraction  {trajectory.room.packing_fraction(disks.radius):.4f}")
+    return lines
+
+
+def _describe_fields(trajectory: Trajectory) -> list[str]:
+    lines = ["fields (per disk and frame)"]
+    for name in trajectory.fields:
+        dataset = trajectory.dataset(name)
+        frame = int(np.prod(dataset.shape[1:])) * dataset.dtype.itemsize
+        filters = f", {dataset.compression}" if dataset.compression else ""
+        stored = _bytes(dataset.id.get_storage_size())
+        lines.append(
+            f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, "
+            f"{_bytes(frame)} a frame, {stored} stored{filters}"
+        )
+        if len(dataset) > len(trajectory):
+            lines[-1] += f", {len(dataset) - len(trajectory)} uncommitted"
+    lines.append("observables (per frame)")
+    for name, values in trajectory.observables.items():
+        lines.append(f"  {name:<24}{values.dtype}{_shape(values.shape[1:])}")
+    return lines
+
+
+def _describe_series(trajectory: Trajectory) -> list[str]:
+    series, lines = trajectory.series, []
+    if len(series):
+        rows = len(series.time)
+        span = f", time {series.time[0]:.6g} to {series.time[-1]:.6g}" if rows else ""
+        lines.append(f"series ({rows} rows{span})")
+        for name in series:
+            value, columns = series[name], series.columns(name)
+            named = f": {', '.join(columns)}" if columns else ""
+            lines.append(f"  {name:<24}{value.dtype}{_shape(value.shape[1:])}{named}")
+    ledger = ledger_residual(trajectory)
+    if ledger is not None:
+        worst, scale = ledger
+        share = f", {worst / scale:.1e} of the largest energy in it" if scale > 0.0 else ""
+        unit = trajectory.with_unit("", "energy")
+        lines.append(f"energy ledger closes to {worst:.3g}{unit}{share}")
+    return lines
+
+
+def ledger_residual(trajectory: Trajectory) -> tuple[float, float] | None:
+    """The largest absolute residual of the energy ledger, and the largest energy in it [energy]; None without ledger.
+
+    The ledger is the series `ledger_residual`: what was there at the start and was put in since, less what was
+    dissipated and what is there.
+    """
+    series = trajectory.series
+    if "ledger_residual" not in series or len(series.time) == 0:
+        return None
+    worst = float(np.max(np.abs(series["ledger_residual"])))
+    parts = [name for name in ("energy", "dissipated_energy", "energy_input", "wall_work") if name in series]
+    return worst, max((float(np.max(np.abs(series[name]))) for name in parts), default=0.0)
+
+
+def _describe_histories(trajectory: Trajectory) -> list[str]:
+    ids = trajectory.tracked
+    if len(ids) == 0:
+        return []
+    events, end = history.committed(trajectory.file)
+    some = ", ".join(map(str, ids[:8])) + (", ..." if len(ids) > 8 else "")
+    start = float(trajectory.file[f"{history.GROUP}/start/time"][()])
+    until = trajectory.with_unit(f"{end:.6g}", "time")
+    return [
+        f"histories of {len(ids)} disks ({some})",
+        f"  events            {events}, time {start:.6g} to {until}",
+    ]
+
+
+def _describe_beside(path: Path) -> list[str]:
+    """Files that belong to the trajectory."""
+    name = path.name.removesuffix(".h5")
+    lines = []
+    checkpoint = path.with_name(f"{name}.checkpoint.h5")
+    if checkpoint.exists():
+        lines.append(f"  checkpoint        {checkpoint.name} ({_bytes(checkpoint.stat().st_size)})")
+    told = status.path_of(path)
+    if told.exists():
+        lines.append(f"  status            {told.name}: {_status(told)}")
+    for view in views.paths(path):
+        if view.exists():
+            old = view.stat().st_mtime_ns < path.stat().st_mtime_ns
+            stale = ", older than the trajectory: `ifrdem views` renews it" if old else ""
+            lines.append(f"  view              {view.name}{stale}")
+    return ["beside it", *lines] if lines else []
+
+
+def _status(path: Path) -> str:
+    found = status.read(path)  # which knows whether the run's process is there still
+    state, message = str(found["state"]), str(found.get("message") or "")
+    return f"{state}, {message}" if message else state
+
+
+def _describe_names(title: str, names: Mapping[str, object], *, full: bool) -> list[str]:
+    lines = [title] if names else []
+    for name, value in names.items():
+        text = str(value).rstrip("\n")
+        rows = text.splitlines()
+        if len(rows) <= 1 and (full or len(text) <= 80):
+            lines.append(f"  {name:<18}{text}")
+        elif full:
+            lines += [f"  {name}", *(f"    {row}" for row in rows)]
+        else:
+            lines.append(f"  {name:<18}{rows[0][:50]} ... ({len(rows)} lines, {len(text)} characters)")
+    return lines
+
+
+def _shape(shape: tuple[int, ...]) -> str:
+    return f" x {' x '.join(map(str, shape))}" if shape else ""
+
+
+def _bytes(count: float) -> str:
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
+
+
+def describe_sides(box: Box) -> str:
+    """What stands at the sides of a box, in words."""
+    if box.shear_rate:
+        return f"periodic, sheared at the rate {box.shear_rate:.6g}"
+    if box.periodic[0] == box.periodic[1]:
+        return "periodic" if box.periodic[0] else "between walls"
+    return (
+        f"periodic in {'x' if box.periodic[0] else 'y'}, between walls in {'y' if box.periodic[0] else 'x'}"
+    )

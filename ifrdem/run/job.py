@@ -1,0 +1,429 @@
+"""Running a case: from its file to the trajectory, the picture and a summary."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shlex
+import subprocess
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from ..case import summary as check
+from ..case.case import IMPACT_SCAN, UNITS, Case
+from ..case.estimate import Estimate
+from ..case.file import CaseFile
+from ..case.gas import Gas
+from ..errors import EngineError, InputError
+from ..model.observables import MECHANISMS, Measure
+from ..plots import impact_scan as scan_picture
+from ..plots import run as plot
+from ..plots import table_friction
+from ..simulation import device as backend
+from ..simulation.course import Course
+from ..simulation.schedule import Span
+from ..simulation.simulation import Simulation
+from ..simulation.tracking import Events
+from ..trajectory import writer_process
+from ..trajectory.background import QueuedWriter
+from ..trajectory.views import write_views
+from ..trajectory.writer import TrajectoryError
+from .outputs import Outputs
+from .progress import Progress
+from .recorder import Ledger, Recorder
+from .signals import Stopped, Stops
+from .status import Status
+
+
+@dataclass
+class Job:
+    """A run that is under way, from its beginning or from a checkpoint."""
+
+    file: CaseFile
+    gas: Gas
+    outputs: Outputs
+    simulation: Simulation
+    course: Course
+    ledger: Ledger
+    writer: QueuedWriter
+    device: str
+    pending: Events | None = None
+
+
+def run(
+    file: CaseFile,
+    outputs: Outputs,
+    *,
+    force: bool = False,
+    max_hours: float | None = None,
+    say: Callable[[str], None] = print,
+    warn: Callable[[str], None] = print,
+) -> None:
+    """Run a case, and write its trajectory and picture.
+
+    Whatever can be refused is refused before a file is touched.
+
+    Parameters
+    ----------
+    file : CaseFile
+        The case.
+    outputs : Outputs
+        Where to write.
+    force : bool
+        Replace files that exist.
+    max_hours : float, optional
+        Real time after which it stops with a checkpoint [hours].
+    say, warn : callable
+        Take the lines to show.
+
+    Raises
+    ------
+    InputError
+        If the case, the device or the outputs cannot be used.
+    Stopped
+        If it was stopped by a signal or the limit of time. A checkpoint is there; the trajectory keeps the frames so
+        far.
+    KeyboardInterrupt
+        If the user interrupts it twice, or before it has begun. The trajectory keeps the frames so far.
+    EngineError, TrajectoryError
+        If the engine or the disk fails. The trajectory keeps the frames so far.
+    """
+    case = file.case
+    outputs.check(force=force)
+    backend.check(case.run.arch, case.run.threads, case.run.precision)
+    check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, case.start.positions)
+    began = time.perf_counter()
+    gas = Gas.from_case(case, file.folder)
+    estimate = Estimate.of(gas, case)
+    check.refuse_cadences(case, gas, estimate)
+    check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
+    say(check.summary(case, gas, estimate, how(case)))
+    for text in gas.warnings:
+        warn(text)
+    try:
+        state = gas.start(case)
+        tracked = gas.tracked(case, state)
+        simulation = gas.simulation(case, state, tracked=tracked)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
+    if force:  # the checkpoint of the trajectory that is replaced is of no use
+        outputs.checkpoint.unlink(missing_ok=True)
+    writer = writer_process.begin(
+        outputs.trajectory,
+        gas.disks,
+        gas.box,
+        fields=case.output.fields,
+        parameters=_record(file, gas, device_of(case)),
+        units=UNITS[case.run.units],
+        precision=case.output.precision,
+        compression=case.output.compression,
+        force=force,
+        walls=gas.walls,
+    )
+    with QueuedWriter(writer) as queue:
+        if len(tracked):
+            queue.begin_histories(tracked, state)
+        span = Span.to(
+            gas.disks.n, simulation.time, simulation.collisions,
+            t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
+        )  # fmt: skip
+        course = Course(span, case.output.frame_cadence, case.output.series_cadence)
+        job = Job(file, gas, outputs, simulation, course, Ledger(), queue, device_of(case))
+        before = simulation.collisions
+        rate = drive(job, max_hours=max_hours, say=say, warn=warn)
+    finish(job, began, before, rate, say)
+
+
+def how(case: Case) -> str:
+    """What computes, for the summary of a run."""
+    used = case.run.threads or backend.cores()
+    text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
+    return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
+
+
+def device_of(case: Case) -> str:
+    """The device of a case."""
+    device = next(each for each in backend.available() if each.arch == case.run.arch)
+    return f"{device.arch}: {device.description}"
+
+
+def drive(
+    job: Job, *, max_hours: float | None, say: Callable[[str], None], warn: Callable[[str], None]
+) -> float:
+    """Run to the end, writing all that the case wants; returns collisions per second of real time.
+
+    Raises
+    ------
+    Stopped, KeyboardInterrupt, EngineError, TrajectoryError
+        As `run`.
+    """
+    case, simulation = job.file.case, job.simulation
+    recorder = Recorder(
+        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending,
+        now=lambda: simulation.time,
+    )  # fmt: skip
+    status = Status(
+        job.outputs.trajectory,
+        name=case.run.name,
+        t_end=case.run.t_end,
+        collisions_per_disk_end=case.run.collisions_per_disk,
+        device=job.device,
+    )
+    stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
+    n = job.gas.disks.n
+    progress = Progress(
+        n,
+        t_end=case.run.t_end,
+        collisions_per_disk=case.run.collisions_per_disk,
+        unit=UNITS[case.run.units]["time"] if case.run.units == "SI" else "",
+    )
+
+    def tell(time: float, collisions: int) -> None:
+        progress(time, collisions)
+        status.update(
+            time=time,
+            collisions=collisions,
+            collisions_per_disk=2.0 * collisions / max(n, 1),
+            fraction=progress.fraction,
+            collisions_per_second=progress.collisions_per_second,
+            eta_seconds=progress.seconds_left,
+            frames=len(job.writer),
+            series_rows=job.writer.series_rows,
+        )
+
+    def row(measure: Measure) -> None:
+        recorder.row(measure)
+        status.update(
+            temperature=measure.temperature,
+            rotational_temperature=measure.rotational_temperature,
+            energy=measure.energy,
+            dissipated_energy=job.ledger.dissipated(measure),
+            ledger_residual=job.ledger.relative_residual(measure),
+        )
+
+    def between() -> None:
+        recorder.between(simulation.time)
+        stops.check()
+        if stops.checkpoint_due:
+            save(job, recorder)
+            stops.stored()
+
+    say("compiling kernels: seconds if this machine has compiled them before, else up to some minutes")
+    try:
+        with stops, progress:
+            simulation.follow(
+                job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
+                stored=case.output.fields if case.output.precision == "f4" else None,
+            )  # fmt: skip
+            # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
+            recorder.write_rows()
+            job.writer.flush()
+    except Stopped as stop:
+        save(job, recorder)
+        text = _remains(job, str(stop))
+        status.finish("interrupted", _one_line(text))
+        raise Stopped(text, stop.status) from None
+    except KeyboardInterrupt:
+        with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
+            recorder.write_rows()
+            job.writer.flush()
+        text = _remains(job, "interrupted")
+        if len(job.writer):
+            status.finish("interrupted", _one_line(text))
+        else:
+            status.path.unlink(missing_ok=True)
+            job.outputs.checkpoint.unlink(missing_ok=True)
+        raise KeyboardInterrupt(text) from None
+    except Exception as error:  # whatever it is, nobody must take the run for one that goes on
+        known = isinstance(error, EngineError | TrajectoryError | InputError)
+        status.finish("failed", _one_line(str(error) if known else repr(error)))
+        raise
+    job.outputs.checkpoint.unlink(missing_ok=True)
+    status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
+    status.finish("done")
+    return progress.collisions_per_second
+
+
+def save(job: Job, recorder: Recorder) -> None:
+    """Write a checkpoint, after all that was given to the trajectory is committed."""
+    recorder.write_rows()
+    job.writer.flush()
+    pending = recorder.pending
+    arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
+    arrays["tracked"] = job.simulation.tracked
+    extra = {
+        "name": job.file.case.run.name,
+        "case": job.file.text,
+        "case_path": str(job.file.path.resolve()),
+        "overrides": list(job.file.overrides),
+        # Without defaults: keys that exclude each other must not stand side by side.
+        "case_as_set": job.file.case.model_dump_json(exclude_unset=True),
+        "trajectory": job.outputs.trajectory.name,
+        "course": job.course.to_record(),
+        "ledger": job.ledger.to_record(),
+        "seen": job.writer.seen,
+    }
+    try:
+        job.simulation.save_checkpoint(job.outputs.checkpoint, extra, arrays)
+    except InputError as error:  # a full disk is nobody's bad input
+        raise TrajectoryError(_remains(job, str(error))) from error
+
+
+def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
+    """Draw the picture, and say what the run did; it began, or went on, at this time (`perf_counter`).
+
+    There were so many collisions before.
+    """
+    ran = time.perf_counter() - began
+    if job.outputs.views:
+        write_views(job.outputs.trajectory)
+    if job.outputs.picture is not None:
+        _draw(job.file.case, job.gas)(job.outputs.trajectory, job.outputs.picture)
+    last = job.simulation.measure()
+    overall = (last.collisions - before) / ran
+    say(_closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall))
+    if job.simulation.statistics.elastic:
+        say(f"  {job.simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
+    for path, size in job.outputs.sizes().items():
+        say(f"  {path} ({check.size(size)})")
+    if job.writer.compressor:
+        say(f"  compressed by {job.writer.compressor}")
+
+
+def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
+    """What draws the picture of a case."""
+    if case.start.file is None and case.start.positions == IMPACT_SCAN:
+        return scan_picture.impact_scan
+    if any(each.kind == "table_friction" for each in case.force):
+        return table_friction.table
+    if case.walled:
+        return plot.walled
+    if gas.box.shear_rate:
+        return plot.sheared
+    return plot.driven if case.force else plot.cooling
+
+
+def _one_line(text: str) -> str:
+    """For the status, whose state says already that it was interrupted."""
+    return "; ".join(text.removeprefix("interrupted: ").splitlines())
+
+
+def _remains(job: Job, reason: str) -> str:
+    ledger, trajectory = job.ledger, job.outputs.trajectory
+    if len(job.writer) == 0 or ledger.latest is None:
+        return f"{reason} before the first frame: nothing was written"
+    text = (
+        f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
+        f"to t = {ledger.latest.time:.6g} and {ledger.latest.collisions} collisions"
+    )
+    if job.outputs.checkpoint.exists():
+        place = str(trajectory)  # relative to where the user is, as it was given
+        if place.startswith("-"):
+            place = os.path.join(os.curdir, place)
+        text += f"\nto go on: ifrdem resume {shlex.quote(place)}"
+    return text
+
+
+def _closing(
+    case: Case, gas: Gas, ledger: Ledger, last: Measure, wall: float, rate: float, overall: float
+) -> str:
+    """The lines below a run; `last` is its end, rates are collisions a second without and with compilation."""
+    first = ledger.first
+    assert first is not None
+    done = last.collisions - first.collisions
+    per_disk = 2.0 * done / gas.disks.n
+    lines = [
+        f"done in {wall:.1f} s: {done} collisions ({per_disk:.4g} per disk) "
+        f"to t = {last.time:.5g}{case.unit('time')}; "
+        f"{rate:.3g} collisions/s once compiled, {overall:.3g} in all"
+    ]
+    if first.temperature > 0.0:
+        lines.append(f"  T/T0 = {last.temperature / first.temperature:.5g}")
+    if last.temperature > 0.0:
+        lines[-1] += f", theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}"
+    lost = ledger.dissipated(last)
+    energy = case.unit("energy")
+    if case.walled:
+        gave = f"{last.wall_work:.6g}{energy} as work"
+        if last.wall_heat != 0.0:
+            gave += f" and {last.wall_heat:.6g}{energy} as heat"
+        lines.append(f"  {last.wall_hits} collisions with walls, which gave {gave}")
+    if case.force or case.walled or gas.box.shear_rate:
+        source = " and ".join(
+            name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there
+        )
+        put_in = f"{source} put in {last.energy_input:.6g}{energy}, " if source else ""
+        lines.append(f"  {put_in}collisions dissipated {lost:.6g}{energy}")
+    elif first.energy > 0.0:
+        lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
+    residual = ledger.relative_residual(last)
+    if residual is not None and last.dissipated is not None:
+        shares = zip(MECHANISMS, last.dissipated, strict=True)
+        parts = ", ".join(f"{name.replace('_', ' ')} {part:.4g}" for name, part in shares if part != 0.0)
+        if parts:
+            lines.append(f"  by mechanism: {parts}{energy}")
+        lines.append(
+            f"  the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
+        )
+    if first.energy > 0.0:
+        # Against the momentum that the disks' typical speed would add up to, all one way.
+        scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))
+        if scale > 0.0:
+            drift = float(np.linalg.norm(last.momentum - first.momentum))
+            what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
+            lines.append(
+                f"  momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
+                "of what the disks would carry if all flew one way at the start"
+            )
+    return "\n".join(lines)
+
+
+def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | float]:
+    """What the trajectory file says of where it comes from."""
+    case = file.case
+    species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
+    laws = [
+        [law and {key: getattr(law, key) for key in ("e_n", "e_t", "mu", "sticking", "rho")} for law in row]
+        for row in gas.laws
+    ]
+    return {
+        "name": case.run.name,
+        "seed": case.run.seed,
+        "case": file.text,
+        "overrides": "\n".join(file.overrides),
+        "case_in_full": case.model_dump_json(),
+        "species": json.dumps(species),
+        "materials": json.dumps(gas.materials),
+        "laws": json.dumps(laws),
+        "forces": json.dumps([each.model_dump(exclude_none=True) for each in case.force]),
+        "gravity": json.dumps(case.box.gravity),
+        "collapse": case.run.collapse,
+        "device": device,
+        "threads": case.run.threads or backend.cores(),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "git": revision(),
+    }
+
+
+def revision() -> str:
+    """The git commit of the program's own source tree, or why there is none."""
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists():
+        return "not a git checkout"
+    try:
+        found = subprocess.run(
+            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40"],
+            capture_output=True,
+            text=True,
+            timeout=10.0,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return found.stdout.strip()

@@ -1,0 +1,206 @@
+"""What a run writes: its frames, time series and histories, and what it tells of itself as it goes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..model.observables import MECHANISMS, REGIMES, Measure
+from ..model.state import State
+from ..simulation.tracking import Events, joined
+from ..trajectory.background import QueuedWriter
+
+ROWS_AT_ONCE, ROWS_WAIT = 256, 2.0
+"""Rows of the time series that are written together at most, and seconds after which the next row or frame has those
+written that wait: each commit costs a run, however few its rows are."""
+EVENTS_AT_ONCE = 200_000
+"""Events that wait in memory before they are written; each takes 177 bytes."""
+COLUMNS = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
+
+
+@dataclass
+class Ledger:
+    """What a trajectory tells of the whole gas beside its frames: `observables` makes it of the measure of each.
+
+    Attributes
+    ----------
+    first, latest : Measure or None
+        Those in the trajectory.
+    frames : int
+        How many it has.
+    """
+
+    first: Measure | None = None
+    latest: Measure | None = None
+    frames: int = 0
+
+    def dissipated(self, measure: Measure) -> float:
+        """Energy that collisions have taken since the first frame [energy]."""
+        assert self.first is not None
+        return self.first.unspent - measure.unspent
+
+    def residual(self, measure: Measure) -> float | None:
+        """What is missing of the energy beyond what the mechanisms took [energy]; None without a ledger."""
+        if measure.dissipated is None:
+            return None
+        return self.dissipated(measure) - float(measure.dissipated.sum())
+
+    def relative_residual(self, measure: Measure) -> float | None:
+        """The same, over all energy that was there or put in."""
+        residual = self.residual(measure)
+        assert self.first is not None
+        turned = (
+            abs(self.first.energy)
+            + abs(measure.energy_input)
+            + abs(measure.wall_work)
+            + abs(measure.wall_heat)
+        )
+        return None if residual is None or turned == 0.0 else residual / turned
+
+    def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
+        """What is written of the whole gas; see `estimate.OBSERVABLES`."""
+        if self.first is None:
+            self.first = measure
+        return {
+            "translational_energy": measure.translational_energy,
+            "rotational_energy": measure.rotational_energy,
+            "energy": measure.energy,
+            "temperature": measure.temperature,
+            "rotational_temperature": measure.rotational_temperature,
+            "momentum": measure.momentum,
+            "potential_energy": measure.potential_energy,
+            "energy_input": measure.energy_input,
+            "wall_work": measure.wall_work,
+            "wall_heat": measure.wall_heat,
+            # What is missing of what was there and what forces and walls put in was dissipated.
+            "dissipated_energy": self.dissipated(measure),
+            "collisions": measure.collisions,
+            "wall_hits": measure.wall_hits,
+        }
+
+    def row(self, measure: Measure) -> dict[str, Any]:
+        """What is written in a row of the time series; see `estimate.SERIES`."""
+        row: dict[str, Any] = self.observables(measure)
+        if measure.dissipated is not None and measure.regimes is not None:
+            row |= {
+                "dissipated_by_mechanism": measure.dissipated,
+                "collisions_by_regime": measure.regimes,
+                "ledger_residual": self.residual(measure),
+            }
+        return row
+
+    def to_record(self) -> dict[str, Any]:
+        """As JSON knows it, for a checkpoint."""
+        return {"first": _plain(self.first), "latest": _plain(self.latest), "frames": self.frames}
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> Ledger:
+        """What `to_record` gave."""
+        return cls(_measure(record["first"]), _measure(record["latest"]), int(record["frames"]))
+
+
+def _plain(measure: Measure | None) -> dict[str, Any] | None:
+    if measure is None:
+        return None
+    values = {each.name: getattr(measure, each.name) for each in fields(measure)}
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()
+    }
+
+
+def _measure(record: Mapping[str, Any] | None) -> Measure | None:
+    if record is None:
+        return None
+    values: dict[str, Any] = {
+        name: np.array(value) if isinstance(value, list) else value for name, value in record.items()
+    }
+    return Measure(**values)
+
+
+class Recorder:
+    """Writes what a simulation gives as it runs.
+
+    Parameters
+    ----------
+    writer : QueuedWriter
+    ledger : Ledger
+    take_events : callable, optional
+        Gives what happened to tracked disks since the last call (`Simulation.take_events`).
+    pending : Events, optional
+        Events that were not written yet when the run stopped.
+    now : callable, optional
+        How far the simulation is [time]; until then events are complete. A frame may be of a moment before.
+    clock : callable
+        Seconds of real time; another one in tests.
+    """
+
+    def __init__(
+        self,
+        writer: QueuedWriter,
+        ledger: Ledger,
+        take_events: Callable[[], Events] | None = None,
+        pending: Events | None = None,
+        now: Callable[[], float] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._writer, self.ledger, self._take = writer, ledger, take_events
+        self._now = now
+        self._clock, self._wrote = clock, -math.inf
+        self._rows: list[tuple[float, dict[str, Any]]] = []
+        self._pending = [] if pending is None or not len(pending) else [pending]
+
+    def frame(self, state: State, measure: Measure) -> None:
+        """Write a frame, and the events until now."""
+        self._write_due_rows()
+        self._gather()
+        self._write_events(measure.time if self._now is None else self._now())
+        self._writer.write(state, self.ledger.observables(measure))
+        self.ledger.latest = measure
+        self.ledger.frames += 1
+
+    def row(self, measure: Measure) -> None:
+        """Write a row of the time series, now or together with some others."""
+        self._rows.append((measure.time, self.ledger.row(measure)))
+        self._write_due_rows()
+
+    def _write_due_rows(self) -> None:
+        if len(self._rows) >= ROWS_AT_ONCE or self._clock() - self._wrote >= ROWS_WAIT:
+            self.write_rows()
+
+    def write_rows(self) -> None:
+        """Write the rows that wait."""
+        if self._rows:
+            first = self._rows[0][1]
+            columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
+            self._writer.write_series_rows(self._rows, columns)
+        self._rows, self._wrote = [], self._clock()
+
+    def between(self, now: float) -> None:
+        """Write events, if many wait; the run is at this time [time]."""
+        self._gather()
+        if sum(len(each) for each in self._pending) >= EVENTS_AT_ONCE:
+            self._write_events(now)
+
+    @property
+    def pending(self) -> Events | None:
+        """Events that wait, for a checkpoint; None if no disk is tracked."""
+        if self._take is None:
+            return None
+        self._gather()
+        return joined(self._pending) if self._pending else self._take()
+
+    def _gather(self) -> None:
+        if self._take is not None and len(found := self._take()):
+            self._pending.append(found)
+
+    def _write_events(self, now: float) -> None:
+        if self._take is not None:
+            found = joined(self._pending) if self._pending else self._take()
+            self._writer.write_histories(found.columns(), now)
+            self._pending = []

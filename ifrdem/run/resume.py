@@ -1,0 +1,175 @@
+"""Going on with a run that was stopped: bitwise as if it had never been."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from ..case import summary
+from ..case.case import Case
+from ..case.file import CaseFile
+from ..case.gas import Gas
+from ..errors import InputError
+from ..simulation import checkpoint, device
+from ..simulation.course import Course
+from ..simulation.tracking import Events
+from ..trajectory import writer_process
+from ..trajectory.background import QueuedWriter
+from .job import Job, device_of, drive, finish, how
+from .outputs import CHECKPOINT, Outputs, checkpoint_of
+from .recorder import Ledger
+
+
+def find(place: str | os.PathLike[str]) -> Path:
+    """The checkpoint that a path means: itself, that of a trajectory, or the only one in a folder.
+
+    Raises
+    ------
+    InputError
+        If there is none, or several.
+    """
+    path = Path(place)
+    if path.is_dir():
+        found = sorted(path.glob(f"*{CHECKPOINT}"))
+        if len(found) > 1:
+            names = ", ".join(each.name.removesuffix(CHECKPOINT) + ".h5" for each in found)
+            raise InputError(f"{place}: several runs can go on here: name one of {names}")
+        if found:
+            return found[0]
+        raise InputError(
+            f"{place}: no run can go on here: there is no *{CHECKPOINT}; a run that is done has none"
+        )
+    if path.name.endswith(CHECKPOINT):
+        return path
+    if not path.exists():
+        raise InputError(f"{place}: there is no such file or folder")
+    found_one = checkpoint_of(path)
+    if not found_one.exists():
+        raise InputError(
+            f"{place}: there is no {found_one.name} beside it: the run is done, or was killed in its very beginning. "
+            f'A new run can begin with a stored frame: start.positions = "{path.name}"'
+        )
+    return found_one
+
+
+def resume(
+    place: str | os.PathLike[str],
+    *,
+    as_begun: bool = False,
+    threads: int | None = None,
+    max_hours: float | None = None,
+    picture: bool = True,
+    say: Callable[[str], None] = print,
+    warn: Callable[[str], None] = print,
+) -> None:
+    """Go on with a run from its checkpoint: its trajectory gets the same frames as if it had not been stopped.
+
+    Frames that were committed after the checkpoint are computed again and compared, bit for bit.
+
+    Parameters
+    ----------
+    place : path
+        The trajectory, its checkpoint, or the folder that holds the only one.
+    as_begun : bool
+        Go on as the run began though its case file has changed since.
+    threads : int, optional
+        CPU threads, another number than before; the result does not depend on it.
+    max_hours, say, warn
+        As for `run.run`.
+    picture : bool
+        Draw it at the end, if the case wants it.
+
+    Raises
+    ------
+    InputError
+        If there is no checkpoint, it belongs to another version, case or trajectory, or the device is not there.
+    Stopped, KeyboardInterrupt, EngineError, TrajectoryError
+        As `run.run`.
+    """
+    path = find(place)
+    arrays, record = checkpoint.read(path)
+    checkpoint.check_versions(record, path)
+    extra: Mapping[str, Any] = record["extra"]
+    if "course" not in extra:
+        raise InputError(
+            f"{path}: a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
+        )
+    if not as_begun:
+        _refuse_changed(path, extra)
+    case = Case.model_validate_json(extra["case_as_set"])
+    if threads is not None:
+        case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
+    trajectory = path.with_name(extra["trajectory"])
+    if checkpoint_of(trajectory) != path:
+        raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
+    device.check(case.run.arch, case.run.threads, case.run.precision)
+    summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
+    began = time.perf_counter()
+    file = CaseFile(Path(extra["case_path"]), extra["case"], tuple(extra["overrides"]), case)
+    gas = Gas.from_case(case, start=False)
+    outputs = Outputs.plan(
+        case.run.name, str(trajectory), picture=picture and case.output.picture,
+        views=case.output.views and "position" in case.output.fields,
+    )  # fmt: skip
+    pending = _events(arrays)
+    ledger = Ledger.from_record(extra["ledger"])
+    course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
+    writer = writer_process.go_on(
+        trajectory,
+        gas.disks,
+        gas.box,
+        fields=case.output.fields,
+        precision=case.output.precision,
+        compression=case.output.compression,
+        walls=gas.walls,
+        **extra["seen"],
+    )
+    with QueuedWriter(writer) as queue:
+        simulation = gas.simulation(case, checkpoint.state_of(arrays), tracked=arrays["tracked"])
+        simulation.load_checkpoint(path)
+        say(
+            f"{case.run.name}: {gas.disks.n} disks go on at t = {simulation.time:.6g}{case.unit('time')}, "
+            f"after {simulation.collisions} collisions and {ledger.frames} frames, on {how(case)}"
+            + (
+                f"; {len(writer) - ledger.frames} later frames of the file are computed again and compared"
+                if len(writer) > ledger.frames
+                else ""
+            )
+        )
+        job = Job(file, gas, outputs, simulation, course, ledger, queue, device_of(case), pending)
+        before = simulation.collisions
+        rate = drive(job, max_hours=max_hours, say=say, warn=warn)
+    finish(job, began, before, rate, say)
+
+
+def _events(arrays: Mapping[str, NDArray[Any]]) -> Events | None:
+    """Events that had not been written at the checkpoint; None if no disk is tracked."""
+    found = {name.removeprefix("extra_"): each for name, each in arrays.items() if name.startswith("extra_")}
+    return Events(**found) if found else None
+
+
+def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
+    """Refuse if the case file is there still, and says something else."""
+    case = Path(extra["case_path"])
+    try:
+        present = case.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):  # it is gone, or elsewhere: the checkpoint holds the case
+        return
+    if present == extra["case"]:
+        return
+    diff = difflib.unified_diff(
+        extra["case"].splitlines(), present.splitlines(), "begun", "now", lineterm="", n=0
+    )
+    lines = [line for line in diff if not line.startswith(("---", "+++", "@@"))]
+    more = f" (and {len(lines) - 6} lines more)" if len(lines) > 6 else ""
+    raise InputError(
+        f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run goes on "
+        "only as it began: put the file back, or --as-begun goes on with the case as it was; for a new case, begin a "
+        f'new run from a stored frame: start.positions = "{extra["trajectory"]}"'
+    )

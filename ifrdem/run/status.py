@@ -1,0 +1,291 @@
+"""The live state of a run, in a small file beside its trajectory: NAME.status.json for NAME.h5.
+
+The file is renamed into place, so that a reader never sees half of it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import platform
+import time
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from .progress import clock_face
+
+FORMAT = 1
+ENDING = ".status.json"
+RUNNING = "running"
+VALUES = (
+    "time",
+    "collisions",
+    "collisions_per_disk",
+    "fraction",
+    "collisions_per_second",
+    "eta_seconds",
+    "frames",
+    "series_rows",
+    "temperature",
+    "rotational_temperature",
+    "energy",
+    "dissipated_energy",
+    "ledger_residual",
+)
+"""What a run tells as it goes; null in the file while it is not known."""
+QUIET = 600.0
+"""Seconds without news after which a run on another machine is taken for dead."""
+
+
+def path_of(trajectory: str | os.PathLike[str]) -> Path:
+    """The status file of a trajectory file."""
+    path = Path(trajectory)
+    return path.with_name(path.name.removesuffix(".h5") + ENDING)
+
+
+class Status:
+    """Writes the status file of a run.
+
+    A disk that is full, or a folder that is gone, does not end the run: the status is not written then, and
+    `trouble` says why.
+
+    Parameters
+    ----------
+    trajectory : str or path
+        The trajectory file, which the status file stands beside.
+    name : str
+        Name of the run.
+    t_end, collisions_per_disk_end : float or None
+        What ends the run.
+    device : str
+        What it runs on.
+    interval : float
+        Seconds between two writings at least; `finish` always writes.
+    clock : callable
+        Seconds of real time; another one in tests.
+    """
+
+    def __init__(
+        self,
+        trajectory: str | os.PathLike[str],
+        *,
+        name: str,
+        t_end: float | None = None,
+        collisions_per_disk_end: float | None = None,
+        device: str = "",
+        interval: float = 1.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.path = path_of(trajectory)
+        self.trouble: str | None = None
+        self._interval = interval
+        self._clock = clock
+        self._written = -math.inf
+        now = _now()
+        self._content: dict[str, Any] = {
+            "format": FORMAT,
+            "name": name,
+            "state": RUNNING,
+            "message": "",
+            "updated": now,
+            "started": now,
+            "pid": os.getpid(),
+            "host": _host(),
+            "trajectory": Path(trajectory).name,
+            "t_end": t_end,
+            "collisions_per_disk_end": collisions_per_disk_end,
+            "device": device,
+            **dict.fromkeys(VALUES),
+        }
+        self._write()
+
+    def update(self, **values: float | None) -> None:
+        """Take note of some of `VALUES`, and write them if the last time is long enough ago.
+
+        Raises
+        ------
+        TypeError
+            If a name is not one of them.
+        """
+        for name, value in values.items():
+            if name not in VALUES:
+                raise TypeError(f"status has no value {name!r}: there are {', '.join(VALUES)}")
+            self._content[name] = _plain(value)
+        if self._clock() - self._written >= self._interval:
+            self._write()
+
+    def finish(self, state: str, message: str = "") -> None:
+        """Write how the run ended: "done", "interrupted", "failed", "full disk", ..., and why."""
+        self._content.update(state=state, message=message, eta_seconds=None)
+        self._write()
+
+    def _write(self) -> None:
+        self._written = self._clock()
+        self._content["updated"] = _now()
+        beside = self.path.with_name(f".{self.path.name[:100]}.{os.getpid()}.part")
+        try:
+            beside.write_text(json.dumps(self._content, indent=1) + "\n")
+            os.replace(beside, self.path)
+            self.trouble = None
+        except OSError as error:
+            self.trouble = f"{self.path} could not be written: {error.strerror}"
+            with contextlib.suppress(OSError):
+                beside.unlink(missing_ok=True)
+
+
+def find(path: str | os.PathLike[str]) -> Path:
+    """The status file that a path means: itself, that of a trajectory, or the only or newest one in a folder.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    given = Path(path)
+    if os.path.isdir(given):
+        found = sorted(given.glob(f"*{ENDING}"), key=lambda one: one.stat().st_mtime)
+        if not found:
+            raise InputError(f"{path}: no run has written its status (*{ENDING}) in this folder")
+        return found[-1]
+    status = given if given.name.endswith(ENDING) else path_of(given)
+    if not os.path.isfile(status):
+        raise InputError(f"{path}: there is no status file {status}; a run writes it beside its trajectory")
+    return status
+
+
+def read(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What the status file says of a run; `path` as for `find`.
+
+    The state of a run that says it is running, and whose process is gone, is "dead" here.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is not one of ours.
+    """
+    place = find(path)
+    try:
+        content = json.loads(place.read_text())
+    except OSError as error:
+        raise InputError(f"{place} cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT or "state" not in content:
+        raise InputError(f"{place} is not a status file of ifrdem of format {FORMAT}")
+    if content["state"] == RUNNING and not _lives(content):
+        content["state"] = "dead"
+        content["message"] = (
+            f"process {content.get('pid')} is gone without a word; "
+            f"{content.get('trajectory')} holds the {content.get('frames') or 'first'} frames it had committed"
+        )
+    return content
+
+
+def line(content: dict[str, Any]) -> str:
+    """One line for people: how far the run is."""
+    parts = []
+    if content.get("fraction") is not None:
+        parts.append(f"{100.0 * content['fraction']:5.1f} %")
+    for text, name in (
+        ("t = {:.5g}", "time"),
+        ("{:.2f} collisions per disk", "collisions_per_disk"),
+        ("T = {:.4g}", "temperature"),
+    ):
+        if content.get(name) is not None:
+            parts.append(text.format(content[name]))
+    T, T_rot = content.get("temperature"), content.get("rotational_temperature")
+    if T and T_rot is not None:
+        parts.append(f"T_rot/T = {T_rot / T:.4f}")
+    for text, name in (
+        ("residual {:.1e}", "ledger_residual"),
+        ("{:.3g} collisions/s", "collisions_per_second"),
+    ):
+        if content.get(name) is not None:
+            parts.append(text.format(content[name]))
+    if content["state"] == RUNNING:
+        eta = content.get("eta_seconds")
+        parts.append(f"ETA {clock_face(math.inf if eta is None else eta)}")
+        return ", ".join(parts)
+    ending = f"{content['state']}: {content['message']}" if content.get("message") else content["state"]
+    return ", ".join([*parts, ending])
+
+
+def tail(
+    path: str | os.PathLike[str],
+    say: Callable[[str], object] = print,
+    *,
+    follow: bool = True,
+    interval: float = 1.0,
+    sleep: Callable[[float], None] = time.sleep,
+) -> str:
+    """Print a line at each news of a run until it ends; without `follow`, one line.
+
+    Parameters
+    ----------
+    path : str or path
+        The trajectory, its status file, or a folder.
+    say : callable
+        Takes the lines.
+    follow : bool
+        Go on until the run ends.
+    interval : float
+        Seconds between two looks.
+    sleep : callable
+        Waits so many seconds; another one in tests.
+
+    Returns
+    -------
+    str
+        The run's state at last: "running", "done", "dead", ...
+
+    Raises
+    ------
+    InputError
+        As `read`.
+    """
+    place = find(path)
+    latest: dict[str, Any] = {}
+    content = read(place)
+    say(f"{content.get('name')}: {content.get('trajectory')}, started {content.get('started')}")
+    while True:
+        if content != latest:
+            say(line(content))
+            latest = content
+        if not follow or content["state"] != RUNNING:
+            return str(content["state"])
+        sleep(interval)
+        content = read(place)
+
+
+def _lives(content: dict[str, Any]) -> bool:
+    """Whether the process of a run is there; of a run on another machine, whether it has told anything lately."""
+    if os.name != "posix" or content.get("host", "") != _host():
+        age = datetime.now(UTC) - datetime.fromisoformat(content["updated"])
+        return age.total_seconds() < QUIET
+    try:
+        os.kill(int(content["pid"]), 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # it is there, and somebody else's
+        return True
+    return True
+
+
+def _host() -> str:
+    return platform.node()
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def _plain(value: float | None) -> float | int | None:
+    """A number as JSON has it: no NumPy types, and null for what is not finite."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(value) if isinstance(value, float) else int(value)
