@@ -1,135 +1,14 @@
 """Event-exact simulation of granular gases of rough disks with the independent friction-restitution law.
 
-The names below are imported when they are first used, so that `import ifrdem` is quick and starts nothing.
+A gas is `Disks` in a `Box` with a law (`IFRLaw`, the paper's `coins`) and a `State` (`ifrdem.initial` makes one);
+`Simulation` moves it collision by collision, `DSMC` solves its kinetic equation. `TrajectoryWriter` and `Trajectory`
+write and read H5MD files. `theory`, `analysis`, `fit` and `plots` say what to expect, what came out, which
+coefficients an experiment has, and how it looks; `forces` act between collisions, `bullet` brings the law to PyBullet.
+From a shell: `ifrdem --help`; the manual: `ifrdem docs`.
+
+Names are imported when they are first used (`__init__.pyi` lists them), so that `import ifrdem` is quick.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-import importlib
-import sys
-import types
-from typing import TYPE_CHECKING, Any
-
-__version__ = "0.1.0"
-
-# Public name -> (module, attribute); without an attribute, the module itself.
-_PUBLIC: dict[str, tuple[str, str | None]] = {
-    "Box": ("box", "Box"),
-    "CollisionLaw": ("collision_law", "CollisionLaw"),
-    "DSMC": ("dsmc", "DSMC"),
-    "Disks": ("state", "Disks"),
-    "EnergyWarning": ("law", "EnergyWarning"),
-    "EngineError": ("errors", "EngineError"),
-    "History": ("history", "History"),
-    "IFRLaw": ("law", "IFRLaw"),
-    "InputError": ("errors", "InputError"),
-    "Ledger": ("recorder", "Ledger"),
-    "Regime": ("law", "Regime"),
-    "Simulation": ("simulation", "Simulation"),
-    "State": ("state", "State"),
-    "Trajectory": ("trajectory", "Trajectory"),
-    "TrajectoryWriter": ("trajectory_writer", "TrajectoryWriter"),
-    "Motion": ("walls", "Motion"),
-    "Wall": ("walls", "Wall"),
-    "analysis": ("analysis", None),
-    "bullet": ("bullet", None),
-    "collide": ("law", "collide"),
-    "forces": ("forces", None),
-    "fit": ("fit", None),
-    "growth": ("growth", None),
-    "observables": ("observables", None),
-    "placement": ("placement", None),
-    "plot": ("plot", None),
-    "radii": ("radii", None),
-    "theory": ("theory", None),
-    "views": ("views", None),
-}
-
-__all__ = [
-    "DSMC",
-    "Box",
-    "CollisionLaw",
-    "Disks",
-    "EnergyWarning",
-    "EngineError",
-    "History",
-    "IFRLaw",
-    "InputError",
-    "Ledger",
-    "Motion",
-    "Regime",
-    "Simulation",
-    "State",
-    "Trajectory",
-    "TrajectoryWriter",
-    "Wall",
-    "__version__",
-    "analysis",
-    "bullet",
-    "coins",
-    "collide",
-    "fit",
-    "forces",
-    "growth",
-    "observables",
-    "placement",
-    "plot",
-    "radii",
-    "theory",
-    "views",
-]
-
-if TYPE_CHECKING:
-    from . import analysis as analysis
-    from . import bullet as bullet
-    from . import theory as theory
-    from .errors import EngineError, InputError
-    from .fit import maximum as fit
-    from .initial import packing as growth
-    from .initial import placement as placement
-    from .initial import radii as radii
-    from .model import forces as forces
-    from .model import observables as observables
-    from .model.box import Box
-    from .model.coin_table import coins
-    from .model.ifr import EnergyWarning, IFRLaw, Regime, collide
-    from .model.law import CollisionLaw
-    from .model.state import Disks, State
-    from .model.walls import Motion, Wall
-    from .plots import run as plot
-    from .run.recorder import Ledger
-    from .simulation.dsmc import DSMC
-    from .simulation.simulation import Simulation
-    from .trajectory import views as views
-    from .trajectory.history import History
-    from .trajectory.reader import Trajectory
-    from .trajectory.writer import TrajectoryWriter
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _PUBLIC:
-        from .errors import nearest
-
-        raise AttributeError(f"module 'ifrdem' has no attribute '{name}'{nearest(name, __all__)}")
-    module, attribute = _PUBLIC[name]
-    found = importlib.import_module(f".{module}", __name__)
-    return found if attribute is None else getattr(found, attribute)
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
-
-
-class _Package(types.ModuleType):
-    """Keeps `ifrdem.model.coin_table` the mapping of coins, although a submodule has that name too."""
-
-    @property
-    def coins(self) -> Any:
-        return importlib.import_module(".coins", __name__).coins
-
-    @coins.setter
-    def coins(self, module: types.ModuleType) -> None:
-        """Ignore that the import of the submodule wants to set its parent's attribute."""
-
-
-sys.modules[__name__].__class__ = _Package
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,9 +9,9 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import layout_files
 import numpy as np
 import pytest
+from support import layout_files
 
 import ifrdem
 from ifrdem import EnergyWarning, Trajectory, analysis

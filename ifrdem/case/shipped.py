@@ -8,7 +8,7 @@ from pathlib import Path
 from ..errors import InputError, nearest
 from . import template
 
-FOLDER = Path(__file__).parent / "cases"
+FOLDER = Path(__file__).parents[1] / "cases"
 
 
 def names() -> list[str]:

@@ -12,9 +12,9 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from .. import __version__
 from ..errors import EngineError, InputError, nearest
 from ..tools.arguments import Parser, whole
+from ..tools.versions import __version__
 from . import (
     analyse,
     export,

@@ -1,1 +1,10 @@
-"""fit."""
+"""The inverse problem: the law's coefficients from measured impacts of one disk on another at rest.
+
+data = fit.read("data.csv", {"angles": 0.7})
+found = fit.fit(data, M=1.0)
+print(fit.table(found))
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

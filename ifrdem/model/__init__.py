@@ -1,1 +1,12 @@
-"""model."""
+"""The gas as the user states it: disks, box, walls, collision laws, forces; and what is measured of a state.
+
+`state`: `Disks`, `State`. `box`: `Box`. `walls`: `Wall`, `Motion`. `law`: `CollisionLaw`, the base of every law.
+`ifr`: the paper's law, `IFRLaw`, `collide`. `coin_table`: the paper's coins. `forces`: what acts between collisions.
+`observables`: temperatures, energy, momentum of a state.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__, submodules=["box", "coin_table", "forces", "ifr", "law", "observables", "state", "walls"]
+)

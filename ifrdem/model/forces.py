@@ -270,9 +270,9 @@ class TableFriction(Force):
     """Disks that lie on a table: Coulomb friction spread evenly over their faces, of velocity and spin together.
 
     The exact solution over a step of dv/dt = -mu g F(eps), d(R omega)/dt = -k mu g T(eps) with eps = v/(R |omega|)
-    (`kernels/table.py`; Farkas et al. 2003, doi:10.1103/PhysRevLett.90.248302): a disk that spins brakes the less, and
-    both motions stop together, after a finite time. A disk at rest stays there exactly, and when all are, the run goes
-    to its end without further steps.
+    (`kernels/table_friction.py`; Farkas et al. 2003, doi:10.1103/PhysRevLett.90.248302): a disk that spins brakes the
+    less, and both motions stop together, after a finite time. A disk at rest stays there exactly, and when all are, the
+    run goes to its end without further steps.
 
     Parameters
     ----------

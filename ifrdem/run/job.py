@@ -413,7 +413,7 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
 
 def revision() -> str:
     """The git commit of the program's own source tree, or why there is none."""
-    root = Path(__file__).resolve().parents[1]
+    root = Path(__file__).resolve().parents[2]
     if not (root / ".git").exists():
         return "not a git checkout"
     try:

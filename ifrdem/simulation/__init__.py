@@ -1,1 +1,1 @@
-"""simulation."""
+"""The event engine and what drives it: `Simulation`, `DSMC`, schedules, checkpoints, the device."""

@@ -358,7 +358,7 @@ class DeviceArrays:
     def _in_frames(
         self, box: Box, state: State, rows: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Positions and velocities in the frames of rows of tiles (`kernels/flow.py`), and how many boxes were crossed.
+        """Positions and velocities in the frames of rows of tiles (`kernels/shear.py`), and boxes crossed.
 
         All positions lie in the box, along x as the frame lay upon it at time 0.
         """

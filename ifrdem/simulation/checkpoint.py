@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.state import State
-from ..trajectory import layout
+from ..tools.versions import package_versions
 
 FORMAT = 4
 _KIND = "ifrdem checkpoint"
@@ -50,7 +50,7 @@ def write(
         with h5py.File(aside, "w") as file:
             file.attrs["kind"] = _KIND
             file.attrs["format"] = FORMAT
-            file["record"] = json.dumps({**record, "versions": layout.package_versions()})
+            file["record"] = json.dumps({**record, "versions": package_versions()})
             file.create_group("arrays")
             for name, array in arrays.items():
                 file[f"arrays/{name}"] = array
@@ -135,7 +135,7 @@ def check_versions(record: Mapping[str, Any], path: str | os.PathLike[str]) -> N
     InputError
         With both versions.
     """
-    present = layout.package_versions()
+    present = package_versions()
     for package in ("ifrdem", "taichi"):
         if record["versions"].get(package) != present[package]:
             raise InputError(

@@ -25,7 +25,7 @@ a serial event-driven code produces, up to rounding. Exact ties in time fall to 
 work was shared does not enter: any number of threads, and any window, gives the same bits. (Skin and tiles set the
 points that positions are measured from, and so enter the rounding; they depend on the gas only, not on the machine.)
 
-In a sheared box, rows of tiles move with the mean flow, and how far a disk moves is counted in it (`kernels/flow.py`).
+In a sheared box, rows of tiles move with the mean flow, and how far a disk moves is counted in it (`kernels/shear.py`).
 
 An epoch ends early, and everything at or after its new end is undone, when
 

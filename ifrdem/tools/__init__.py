@@ -1,1 +1,1 @@
-"""tools."""
+"""Helpers that know no physics: seeds, CSV rows, short reprs, versions, processes."""

@@ -1,1 +1,1 @@
-"""trajectory."""
+"""H5MD trajectories: the layout, writing, reading, histories of tracked disks, views, export, repair."""

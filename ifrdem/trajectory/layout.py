@@ -37,11 +37,7 @@ refuses units that are not in its list.
 
 from __future__ import annotations
 
-import functools
-import importlib.metadata
-import platform
 import re
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -53,6 +49,7 @@ from numpy.typing import DTypeLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..model.state import Disks
+from ..tools.versions import package_versions
 from . import history_columns
 from .staged_group import staged
 
@@ -337,16 +334,3 @@ def _check_series(file: h5py.File, path: str) -> None:
         if steps and (rows is None or len(rows) < steps):
             held = 0 if rows is None else len(rows)
             raise InputError(f"{path} is damaged: time series {name} holds {held} of {steps} rows")
-
-
-@functools.cache
-def package_versions() -> dict[str, str]:
-    """Versions of what a run's numbers depend on, without importing any of it."""
-    # The package itself lies above this module, so it is looked up and not imported.
-    versions = {"python": platform.python_version(), "ifrdem": sys.modules["ifrdem"].__version__}
-    for package in ("taichi", "numpy", "h5py"):
-        try:
-            versions[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:  # a trajectory can be written without Taichi
-            versions[package] = "not installed"
-    return versions

@@ -329,7 +329,7 @@ def _array_in(memory: mmap.mmap, place: _Place) -> NDArray[Any]:
 
 def _start() -> tuple[subprocess.Popen[bytes], connection.Connection, int]:
     """Start a process: it, the line to it, and the file of the memory that both have."""
-    package = str(Path(__file__).resolve().parents[1])
+    package = str(Path(__file__).resolve().parents[2])
     main = threading.current_thread() is threading.main_thread()
     with contextlib.ExitStack() as undo:
         memory = os.memfd_create("ifrdem-frames")

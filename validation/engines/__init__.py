@@ -1,1 +1,1 @@
-"""validation.engines."""
+"""Validation against PyBullet and pymunk."""

@@ -31,7 +31,7 @@ def run(quick: bool) -> Result:
     defaults = {text: np.array([_by_defaults(p, R, e) for e in asked]) for text, R in sizes.items()}
     ours = np.array([_by_settings(e) for e in asked])
     result.all_near(
-        "effective e_n by the settings of validation/bullet_world.py, R = 1", ours, np.repeat(asked[:, None],
+        "effective e_n by the settings of validation/engines/bullet_world.py, R = 1", ours, np.repeat(asked[:, None],
         PHASES, 1),
         1e-6, "contact normals within 6e-7 (GJK)", "the restitution that was asked for",
     )  # fmt: skip
@@ -122,6 +122,6 @@ def _figure(asked: np.ndarray, defaults: dict[str, np.ndarray], ours: np.ndarray
         "bullet-defaults",
         "Restitution of a head-on impact at 1 m/s. With PyBullet's defaults it has little to do with what "
         "was asked for, and differs from impact to impact: bars span the phases of the time step. With the "
-        "settings of validation/bullet_world.py it is what was asked for.",
+        "settings of validation/engines/bullet_world.py it is what was asked for.",
         figure,
     )

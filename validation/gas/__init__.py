@@ -1,1 +1,1 @@
-"""validation.gas."""
+"""Validation of many disks: gases against the literature and kinetic theory."""

@@ -8,7 +8,7 @@ units of its thermal share, S = 1 at the start and x = k^2 xi^2,
 T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997),
 doi:10.1103/PhysRevLett.79.411. Energies of modes are distributed like exp(-S / <S>): the mean of M has the error
 <S> / sqrt(M). All of them together make T fall more slowly than Haff's law (J. Fluid Mech. 134, 401 (1983)); T is
-compared as long as they hold less than a tenth of it (validation/gas_waves.py).
+compared as long as they hold less than a tenth of it (validation/gas/waves.py).
 
 *Clusters.* I. Goldhirsch and G. Zanetti, Phys. Rev. Lett. 70, 1619 (1993), doi:10.1103/PhysRevLett.70.1619: density
 follows. There is no theory of numbers for what the gas looks like then; that it is far from homogeneous is asked for by
@@ -87,7 +87,7 @@ def run(quick: bool, seed: int) -> Result:
                 add(
                     result, f"T over Haff's law after {look.tau:g} collisions per disk, waves hold {held.share[0]:.3f}",
                     look.T * math.exp(z * look.tau), float(held.factor[0]), 1.0 / math.sqrt(n), math.inf,
-                    float(held.factor_error[0]), "waves too short for hydrodynamics (validation/gas_waves.py)", WAVES,
+                    float(held.factor_error[0]), "waves too short for hydrodynamics (validation/gas/waves.py)", WAVES,
                     widest=0.05, **sampled,
                 )  # fmt: skip
     _clustered(result, looks, box, z)

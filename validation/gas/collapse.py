@@ -29,7 +29,7 @@ from ..report.registry import Picture, Result
 from .sample import equal_disks
 
 QUESTION = "Do three disks in a row collapse below e_n = 7 - 4 sqrt(3), and only there?"
-REFERENCE = "McNamara and Young, Phys. Fluids A 4, 496 (1992); the recurrence in validation/gas_collapse.py"
+REFERENCE = "McNamara and Young, Phys. Fluids A 4, 496 (1992); the recurrence in validation/gas/collapse.py"
 
 CRITICAL = 7.0 - 4.0 * math.sqrt(3.0)
 ABOVE = (0.078, 0.08, 0.085, 0.09, 0.1, 0.13, 0.2, 0.3, 0.5, 0.7)
@@ -80,7 +80,7 @@ def run(quick: bool, seed: int) -> Result:
         )  # fmt: skip
         result.all_near(
             f"velocities at the end, e_n = {e_n}", end.velocity[:, 0], velocities(e_n), 1e-13,
-            "rounding of some ten collisions of speed 1", "the recurrence in validation/gas_collapse.py",
+            "rounding of some ten collisions of speed 1", "the recurrence in validation/gas/collapse.py",
         )  # fmt: skip
     for e_n in BELOW:
         counts[e_n], end = row(e_n)

@@ -33,7 +33,7 @@ from .sample import Mean, compare, fluid, ratio, seeds_of, thermal, together
 from .waves import MOST_SHARE, streams
 
 QUESTION = "Do gases of all six materials cool as theory says at first, and as DSMC says for longer?"
-REFERENCE = "closed-form cooling rates (ifrdem/cooling_theory.py) and DSMC of the same law"
+REFERENCE = "closed-form cooling rates (ifrdem/theory/cooling_gas.py) and DSMC of the same law"
 
 MATERIALS = ("1 pta", "5 pts", "50 cts", "100 pts", "200 pts", "polyester")
 STARTS = {"cold": 0.0, "hot": 4.0}  # T_rot at T = 1
@@ -122,7 +122,7 @@ def run(quick: bool, seed: int) -> Result:
              "compared until tau", "a_2 of spins, DSMC"),
             lines,
             "tau: collisions per disk. The factor of T by waves is what hydrodynamics says of simulated over DSMC "
-            "(validation/gas_waves.py), as long as it is small. a_2 of spins is <w^4>/(3 <w^2>^2) - 1, 0 for a "
+            "(validation/gas/waves.py), as long as it is small. a_2 of spins is <w^4>/(3 <w^2>^2) - 1, 0 for a "
             "Gaussian: where DSMC leaves the closed form most, spins have heavy tails.",
         )
     )  # fmt: skip
@@ -197,7 +197,7 @@ def _one(
                     result, text.format(TAU[k], "theory"), mine[:, k], expected, disks=n, seeds=seeds,
                     systematic=(gaussian + off) * expected, widest=0.12 if what == "T" else 0.25,
                     why=f"{100.0 * gaussian:g} % of {what}, by which DSMC leaves the closed form (see the table): not "
-                    "Gaussian; and short waves (validation/gas_waves.py)",
+                    "Gaussian; and short waves (validation/gas/waves.py)",
                     source="cooling_theory.py; Luding et al. (1998), doi:10.1103/PhysRevE.58.3416, extended to the IFR "
                     "law",
                 )  # fmt: skip
@@ -208,7 +208,7 @@ def _one(
             compare(
                 result, text.format(TAU[k], "DSMC"), mine[:, k], mean, disks=n, seeds=seeds,
                 systematic=off * abs(mean.value), widest=0.12 if when == "young" else 0.25,
-                why="waves too short for hydrodynamics; of theta also what spins see of them (validation/gas_waves.py)",
+                why="waves too short for hydrodynamics; of theta also what spins see of them (validation/gas/waves.py)",
                 source="DSMC of the same law",
             )  # fmt: skip
             rows[what, when] = result.rows[-1]

@@ -167,7 +167,7 @@ def _sheared(result: Result, quick: bool, seed: int, axes: Any) -> None:
         compare(
             result, f"T of sheared smooth disks, e_n = {e_n}, phi = {phi}, shear rate {rate}", found, T, disks=n,
             seeds=seeds, systematic=part * T, widest=0.12, source=SHEARED,
-            why="(3/8) z / l: moments are of first order in the anisotropy; see validation/gas_driven.py",
+            why="(3/8) z / l: moments are of first order in the anisotropy; see validation/gas/driven.py",
         )  # fmt: skip
         mean = Mean.of(np.array(found) / T)
         axes.errorbar(e_n, mean.value, mean.error, fmt="o", mfc="none", color=style.BLUE)

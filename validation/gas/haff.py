@@ -4,7 +4,7 @@ r"""Smooth disks that cool: Haff's law with what shear modes add to it, and how 
 (`theory.cooling_factor`); so T falls like exp(-z tau) in collisions per disk, and like 1 / (1 + t / t_H)^2 in time
 (P. K. Haff, J. Fluid Mech. 134, 401 (1983)). T is taken over that after 5 collisions per disk, when a_2 has come near
 its end. One gas is dilute, in a box below the shear length: nothing grows there. In the other, waves above the shear
-length grow beside thermal velocities, and T is F times as large (validation/gas_waves.py; T. P. C. van Noije, M. H.
+length grow beside thermal velocities, and T is F times as large (validation/gas/waves.py; T. P. C. van Noije, M. H.
 Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997), doi:10.1103/PhysRevLett.79.411; J. J. Brey and M.
 J. Ruiz-Montero, arXiv:cond-mat/0701249). A fifth of a_2, by which its first order is off, changes z by a twentieth of
 a_2.
@@ -107,7 +107,7 @@ def _haff(result: Result, quick: bool, seed: int, axes: Any) -> None:
                 result, f"T after {TAU[k]:g} collisions per disk over that after {TAU[NORMAL]:g} and exp(-z tau), "
                 f"e_n = {E_N}, phi = {phi}, with a factor of {right[k]:.4f} by waves",
                 scaled[:, k], right[k], disks=n, seeds=seeds, systematic=off[k], widest=0.035, source=HAFF,
-                why="waves too short for hydrodynamics (validation/gas_waves.py), and a fifth of a_2 in z",
+                why="waves too short for hydrodynamics (validation/gas/waves.py), and a fifth of a_2 in z",
             )  # fmt: skip
         if phi == DILUTE[0]:
             _haff_time(result, runs, exact, a_2, seeds)

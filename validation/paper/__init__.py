@@ -1,1 +1,1 @@
-"""validation.paper."""
+"""Validation against the paper: its equations, figures and tables, through the kernels."""

@@ -199,7 +199,7 @@ def _beyond(result: Result, n: int) -> None:
             text = f"{text}, {NAMES[sticking]}"
             source = "Eqs. 6, 7, 10, 11 and " + ("13, 14" if sticking == "contact_point" else "16, 17")
             if "disk 2" in text or "both" in text:
-                source += "; spin of disk 2 by momentum balance (validation/predicted.py)"
+                source += "; spin of disk 2 by momentum balance (validation/paper/predicted.py)"
             result.all_near(f"delta_1 [rad], {text}", got.delta_1, right.delta_1, EXACT, ROUND_OFF, source)
             if np.all(got.impact.M > 0.0):  # an immovable disk 2 has no direction
                 result.all_near(

@@ -99,7 +99,7 @@ def _compare(result: Result, text: str, found: Map) -> None:
     gains = found.gain > GAIN
     n = len(gains)
     reason = "a count"
-    source = "necessary and sufficient set, ifrdem/law.py"
+    source = "necessary and sufficient set, ifrdem/model/ifr.py"
     result.near(f"admissible laws that gained energy, of {int(found.admissible.sum())}, {text}",
                 np.sum(gains & found.admissible), 0.0, 0.0, reason, source)  # fmt: skip
     result.near(f"laws refused by 3 % of mu or more that gained none, of {int(found.clearly_refused.sum())}, {text}",

@@ -82,7 +82,8 @@ def _equations(result: Result) -> None:
         ("Eq. 38: R_2 omega_2, sticking plus nonrolling, contact point", CONTACT, FLAT, rho, lambda got: got.Rw_2,
          equations.Rw_2_contact_point_nonrolling, equations.Rw_2_contact_point_nonrolling_printed, "Eqs. 32 and 36"),
         ("Eq. 41: R_2 omega_2, sticking plus nonrolling", PERCUSSION, FLAT, rho, lambda got: got.Rw_2,
-         equations.Rw_2_percussion_center_nonrolling, equations.Rw_2_percussion_center_nonrolling_printed, "Eqs. 32 and 39"),
+         equations.Rw_2_percussion_center_nonrolling, equations.Rw_2_percussion_center_nonrolling_printed,
+         "Eqs. 32 and 39"),
     ]  # fmt: skip
     for where, sticking, psi, one_rho, quantity, right, printed, source in table:
         c = _case(psi, rho=one_rho)
@@ -142,7 +143,8 @@ def _table_i(result: Result) -> None:
     without = equations.e_t_apparent_percussion_center(c)
     _row(
         result, "Table I: e_t*, sticking plus nonrolling, percussion centre", float(_fly(c).e_t_apparent[0]),
-        float(equations.e_t_apparent_nonrolling(c, without)), float(equations.e_t_apparent_nonrolling_printed(c, without)),
+        float(equations.e_t_apparent_nonrolling(c, without)),
+        float(equations.e_t_apparent_nonrolling_printed(c, without)),
         "Eq. 32 and the contact velocities",
     )  # fmt: skip
     c = _case(FLAT, rho=0.02 * float(_case(FLAT).R_2))

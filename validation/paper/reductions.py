@@ -13,7 +13,7 @@ from .pairs import ROUND_OFF
 
 QUESTION = "Does IFR become Walton's, Brach's, smooth and perfectly rough disks where it should?"
 REFERENCE = (
-    "Sec. II E (Brach's sticking: e_t = -1, not 0), momentum and energy balance; validation/classic.py"
+    "Sec. II E (Brach's sticking: e_t = -1, not 0), momentum and energy balance; validation/paper/classic.py"
 )
 
 Array = NDArray[np.float64]

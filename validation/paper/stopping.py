@@ -14,7 +14,9 @@ from .equations import TABLE_II
 from .pairs import ROUND_OFF, After
 
 QUESTION = "Where do the coins stop, how wrong is Eq. 29, and does the collision weigh them (Eq. 30)?"
-REFERENCE = "F and T by quadrature, flights by SciPy's DOP853 (validation/table_reference.py); Eqs. 29 and 30"
+REFERENCE = (
+    "F and T by quadrature, flights by SciPy's DOP853 (validation/paper/table_reference.py); Eqs. 29 and 30"
+)
 
 Array = NDArray[np.float64]
 

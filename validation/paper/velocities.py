@@ -63,10 +63,12 @@ def _equations(result: Result, c: Impact, sticking: str) -> None:
     result.all_near(f"v_2n, {name}", got.v_2n, equations.v_2n(c), EXACT, ROUND_OFF, "Eq. 7")
     stick, v_1t, v_2t, one, two, limit = {
         "contact_point": (
-            equations.P_f_contact_point, equations.v_1t_contact_point, equations.v_2t_contact_point, 13, "14, corrected", 12,
+            equations.P_f_contact_point, equations.v_1t_contact_point, equations.v_2t_contact_point,
+            13, "14, corrected", 12,
         ),
         "percussion_center": (
-            equations.P_f_percussion_center, equations.v_1t_percussion_center, equations.v_2t_percussion_center, 16, "17", 15,
+            equations.P_f_percussion_center, equations.v_1t_percussion_center, equations.v_2t_percussion_center,
+            16, "17", 15,
         ),
     }[sticking]  # fmt: skip
     for regime, where, friction, first, second, sources in (

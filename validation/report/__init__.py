@@ -1,1 +1,1 @@
-"""validation.report."""
+"""Validation cases: their list, their run, the report."""

@@ -1,6 +1,6 @@
 """What a validation case is, and which there are.
 
-A case is a module of this package with three things:
+A case is a module of `ifrdem.validation.paper`, `.engines` or `.gas` with three things:
 
 - `QUESTION`, one line: what it asks;
 - `REFERENCE`, one line: where the expected values come from;
@@ -33,10 +33,13 @@ GAS = ("gas_state", "gas_elastic", "gas_haff", "gas_cooling", "gas_driven", "gas
 """Cases that hold many disks against the literature and kinetic theory; they take minutes, and a seed."""
 
 CASES = PAPER + BULLET + GAS
-"""Names of all cases, in the order in which they run; each is a module `ifrdem.validation.<name>`."""
+"""Names of all cases, in the order in which they run."""
 
 GROUPS = {"paper": PAPER, "bullet": BULLET, "gas": GAS}
 """Names that stand for several cases."""
+
+ROOMS = {"paper": "paper", "bullet": "engines", "gas": "gas"}
+"""Folder of each group: case `gas_haff` is the module `ifrdem.validation.gas.haff`."""
 
 
 SECONDS = {
@@ -212,7 +215,10 @@ def load(name: str) -> Case:
         If there is none.
     """
     check_names([name])
-    return cast(Case, importlib.import_module(f".{name}", __package__))
+    room, module = next(
+        (ROOMS[group], name.removeprefix(f"{group}_")) for group, has in GROUPS.items() if name in has
+    )
+    return cast(Case, importlib.import_module(f"...validation.{room}.{module}", __package__))
 
 
 def check_names(names: list[str]) -> None:

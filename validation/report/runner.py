@@ -16,9 +16,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ... import __version__, bullet
+from ... import bullet
 from ...errors import InputError
 from ...simulation import device
+from ...tools.versions import __version__
 from . import registry, workers
 from .registry import Result, Row, Skip
 from .terminal import Course, Say, closing

@@ -1,1 +1,1 @@
-"""validation.speed."""
+"""Benchmarks: this engine, the parts of its time, and peers beside it."""

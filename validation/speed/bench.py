@@ -19,13 +19,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ... import __version__
 from ...case import summary
 from ...case.case import UNITS, Case
 from ...case.gas import Gas
 from ...run.progress import Progress
 from ...simulation import device
 from ...simulation.simulation import Simulation
+from ...tools.versions import __version__
 from . import compile_time, equilibrium, profiler
 from .compile_time import CompileTimes
 from .options import Timing

@@ -46,10 +46,10 @@ from datetime import UTC, datetime
 from importlib import metadata
 from typing import Any
 
-from ... import __version__
 from ...errors import EngineError, InputError
 from ...simulation import device
 from ...tools.arguments import Parser, whole
+from ...tools.versions import __version__
 from . import soft_disks
 from .side_by_side import Options, Row, compare
 

@@ -1,0 +1,14 @@
+from .data import Data as Data
+from .data import example as example
+from .data import read as read
+from .maximum import fit as fit
+from .model import Pair as Pair
+from .report import as_json as as_json
+from .report import material as material
+from .report import table as table
+from .result import CONFIDENCE as CONFIDENCE
+from .result import TELLING as TELLING
+from .result import Closure as Closure
+from .result import Estimate as Estimate
+from .result import Fit as Fit
+from .result import Interval as Interval

@@ -1,0 +1,191 @@
+"""Means over frames are marked where the gas changes over them, and not where it does not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from support.figures import texts
+
+from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter
+from ifrdem.analysis import catalogue, steadiness
+from ifrdem.analysis.result import NOT_STEADY
+from ifrdem.cli import main as cli
+from ifrdem.cli import plot_options
+
+pytestmark = pytest.mark.unoptimised
+
+N, FRAMES = 600, 21
+BOX = Box((40.0, 40.0))
+SI = {"length": "m", "time": "s", "mass": "kg", "energy": "J"}
+OF_FRAMES = ("velocity", "g", "S", "psi6")
+
+Moved = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
+
+
+def write(
+    path: Path,
+    *,
+    place: Moved = lambda x, frame: x,
+    push: Moved = lambda v, frame: v,
+    times: NDArray[np.float64] | None = None,
+    temperature: NDArray[np.float64] | None = None,
+) -> Path:
+    """An ideal gas in equilibrium that flies freely, but for what is done to its positions and velocities."""
+    rng = np.random.default_rng(12)
+    begin, velocity = rng.random((N, 2)) * BOX.lengths, rng.normal(size=(N, 2))
+    spin = rng.normal(size=N)
+    times = np.linspace(0.0, 4.0, FRAMES) if times is None else times
+    temperature = np.ones(len(times)) if temperature is None else temperature
+    parameters = {"name": "made up", "seed": 11}
+    with TrajectoryWriter(
+        path, Disks(N, mass=1.0, radius=0.2), BOX, parameters=parameters, units=SI
+    ) as writer:
+        for i, time in enumerate(times):
+            position = BOX.wrap(place(begin + velocity * time, i), time)
+            totals = {"temperature": temperature[i], "rotational_temperature": 1.0, "collisions": 100 * i}
+            writer.write(State(position, push(velocity, i), spin, time=time), totals)
+    return path
+
+
+def frozen(x: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
+    """From frame 15 on, nearly on a triangular lattice."""
+    if frame < 15:
+        return x
+    row, column = np.divmod(np.arange(N), 24)
+    lattice = np.stack((column + 0.5 * (row % 2), row), axis=1) * (40.0 / 24.0, 40.0 / 25.0)
+    return lattice + 0.1 * np.random.default_rng(frame).normal(size=(N, 2))
+
+
+def heavy(v: NDArray[np.float64], frame: int) -> NDArray[np.float64]:
+    return v if frame < 15 else v * np.linalg.norm(v, axis=1)[:, None]
+
+
+def test_a_steady_gas_has_no_mark_and_one_that_changes_has_one_with_what_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "steady.h5")
+    write(tmp_path / "changing.h5", place=frozen, push=heavy)
+    doubts = {}
+    shown = ""
+    for name in ("steady", "changing"):
+        assert cli.main(["analyse", f"{name}.h5", *OF_FRAMES]) == 0
+        record = json.loads(Path(f"{name}-analysis/{name}.json").read_text())["analyses"]
+        doubts[name] = {what: record[what]["doubts"] for what in OF_FRAMES}
+        shown = capsys.readouterr().out
+        assert all(record[what]["frames"] == 11 for what in OF_FRAMES)
+    assert doubts["steady"] == {what: [] for what in OF_FRAMES}
+    for what, quantity in (
+        ("velocity", "a20 goes from "),
+        ("g", "the number of others whose centres are nearer"),
+        ("S", "S in the mean over the 32 longest waves"),
+        ("psi6", "the mean of |psi_6|"),
+    ):
+        (doubt,) = doubts["changing"][what]
+        assert doubt.startswith(f"{NOT_STEADY}: {quantity}")
+        assert "from the first half of these frames to the second" in doubt
+        assert f"  ! {doubt}\n" in shown
+
+
+def test_a_stretch_of_a_changing_gas_that_is_steady_has_no_mark_and_one_frame_has_none(
+    tmp_path: Path,
+) -> None:
+    with Trajectory(write(tmp_path / "run.h5", place=frozen, push=heavy)) as trajectory:
+        for what in OF_FRAMES:
+            of = catalogue.ANALYSES[what].of
+            assert of(trajectory, list(range(15))).doubts == []
+            assert of(trajectory, [20]).doubts == []
+            assert len(of(trajectory, [0, 20]).doubts) == 1
+
+
+def test_a_temperature_that_falls_by_itself_marks_no_scaled_distribution(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.h5", push=lambda v, frame: v * 0.7**frame)
+    with Trajectory(path) as trajectory:
+        assert catalogue.ANALYSES["velocity"].of(trajectory, None).doubts == []
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.99])
+def test_marks_of_a_steady_gas_are_as_rare_as_they_are_said_to_be(memory: float) -> None:
+    """0.27 % of 1000, 2.7 at most, however much frames know of the ones before; above 9 comes by chance in 0.1 %."""
+    rng = np.random.default_rng(3)
+    cells = modes = 0
+    for _ in range(1000):
+        where = [rng.random((200, 2)) * BOX.lengths] * 10
+        noise = np.empty((10, 200))
+        waves = np.empty((10, 32), dtype=complex)
+        for i in range(10):
+            new, wave = rng.normal(size=200), rng.normal(size=32) + 1j * rng.normal(size=32)
+            share = memory if i else 0.0
+            noise[i] = share * noise[i - 1] + np.sqrt(1.0 - share**2) * new
+            waves[i] = share * waves[i - 1] + np.sqrt(1.0 - share**2) * wave
+        strength = np.geomspace(1.0, 100.0, 32)  # S(k) need not be flat
+        cells += bool(steadiness.doubts([steadiness.between_cells("x", list(noise), where, BOX)]))
+        modes += bool(steadiness.doubts([steadiness.between_modes("S", list(strength * np.abs(waves) ** 2))]))
+    assert cells <= 9
+    assert modes <= 9
+
+
+def test_several_quantities_are_compared_at_the_level_of_one() -> None:
+    """Two-sided 0.27 % of a Gaussian is 3 standard errors; a ninth of that 3.6."""
+    one = steadiness.between("x", (0.0, 1.0), (3.3 * 2.0**0.5, 1.0), 10**6)
+    still = steadiness.between("y", (0.0, 1.0), (0.0, 1.0), 10**6)
+    assert one.t == pytest.approx(3.3)
+    assert len(steadiness.doubts([one])) == 1
+    assert steadiness.doubts([one, *[still] * 8]) == []
+
+
+def test_autocorrelation_of_a_gas_that_cools_says_that_it_decays_by_that_too(tmp_path: Path) -> None:
+    falling = 1.5 / (1.0 + np.arange(FRAMES)) ** 2
+    with Trajectory(write(tmp_path / "cools.h5", temperature=falling)) as trajectory:
+        (doubt,) = catalogue.ANALYSES["vacf"].of(trajectory, None).doubts
+        assert doubt.startswith(
+            f"{NOT_STEADY}: T goes from 1.5 J to 0.003401 J in that time: velocities shrink"
+        )
+        assert NOT_STEADY in texts(plot_options.draw(trajectory, "vacf"))
+    with Trajectory(write(tmp_path / "steady.h5")) as trajectory:
+        assert catalogue.ANALYSES["vacf"].of(trajectory, None).doubts == []
+
+
+def test_time_of_an_autocorrelation_is_logarithmic_where_frames_are_spaced_so(tmp_path: Path) -> None:
+    log = np.concatenate(([0.0], np.geomspace(1e-3, 10.0, FRAMES - 1)))
+    for times, scale in ((None, "linear"), (log, "log")):
+        with Trajectory(write(tmp_path / f"{scale}.h5", times=times)) as trajectory:
+            figure = plot_options.draw(trajectory, "vacf")
+        axes = figure.axes[0]
+        assert axes.get_xscale() == scale
+        drawn = np.asarray(axes.lines[0].get_xdata(), dtype=float)
+        assert len(drawn) == (FRAMES if times is None else FRAMES - 1)  # no lag 0 on a logarithm
+
+
+def test_tables_and_pictures_say_how_many_frames_were_averaged_and_of_which_times(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Trajectory(write(tmp_path / "run.h5")) as trajectory:
+        assert "\n11 frames, t = 2 to 4 s" in texts(plot_options.draw(trajectory, "velocity"))
+    assert cli.main(["analyse", "run.h5", "velocity", "fields", "clusters"]) == 0
+    shown = capsys.readouterr().out
+    assert "Sonine coefficients, 11 frames, t = 2 to 4 s\n" in shown
+    assert "coarse-grained fields, 1 frame, t = 4 s\n" in shown
+    assert "nearer than 0.04 m (0.1 mean diameters)" in shown
+
+
+def test_counts_and_seeds_are_whole_in_json(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert cli.main(["analyse", "run.h5", "fields", "clusters", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    for value in (
+        record["run"]["seed"],
+        record["analyses"]["fields"]["values"]["cells along x"]["value"],
+        record["analyses"]["clusters"]["values"]["disks in it"]["value"],
+    ):
+        assert isinstance(value, int)
+    assert record["run"]["seed"] == 11

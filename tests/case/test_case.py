@@ -1,0 +1,655 @@
+"""Case files: what they may say, what is refused, and the gas that they describe."""
+
+from __future__ import annotations
+
+import copy
+import math
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, get_args, get_origin
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from ifrdem import theory
+from ifrdem.case import file as case_file
+from ifrdem.case import template
+from ifrdem.case.case import Case, MaterialSection, RunSection, SpeciesSection
+from ifrdem.case.estimate import Estimate, collision_rates
+from ifrdem.case.gas import Gas, Species
+from ifrdem.case.section import Section
+from ifrdem.errors import InputError
+from ifrdem.initial.placement import check_no_overlap
+from ifrdem.model.coin_table import coins
+
+SHIPPED = Path(__file__).parents[2] / "cases" / "cooling.toml"
+
+SMALL = """
+[run]
+collisions_per_disk = 5.0
+seed = 3
+[box]
+packing_fraction = 0.2
+[[material]]
+name = "aluminium"
+e_n = 0.87
+e_t = -0.88
+mu = 0.21
+[[species]]
+name = "coins"
+number = 100
+material = "aluminium"
+mass = 1.19e-3
+radius = 10.5e-3
+speed_rms = 1.0
+"""
+
+
+def sections() -> list[type[Section]]:
+    found = []
+    for field in Case.model_fields.values():
+        inner = get_args(field.annotation)[0] if get_origin(field.annotation) is list else field.annotation
+        found.append(inner)
+    return found
+
+
+def case_of(text: str = SMALL, *overrides: str) -> Case:
+    raw = tomllib.loads(text)
+    for assignment in overrides:
+        case_file.override(raw, assignment)
+    return Case.model_validate(raw)
+
+
+def mistakes(*overrides: str, text: str = SMALL, folder: Path = Path()) -> list[str]:
+    raw = tomllib.loads(text)
+    for assignment in overrides:
+        case_file.override(raw, assignment)
+    return [str(problem) for problem in case_file.mistakes(raw, folder)]
+
+
+def mistakes_of_key(section: type[Section], key: str, value: object) -> list[str]:
+    """What a section says of one of its keys, whatever else is missing."""
+    try:
+        section.model_validate({key: value})
+    except ValidationError as error:
+        return [each["msg"] for each in error.errors() if each["loc"] and each["loc"][0] == key]
+    return []
+
+
+# --- the models -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", sections(), ids=lambda model: model.__name__)
+def test_every_key_has_a_description_with_its_unit_and_an_example(model: type[Section]) -> None:
+    for key in model.model_fields:
+        about, example = model.about(key)
+        # "cpu" and the like have no unit: their choices stand in quotes
+        assert re.search(r"\[.+\]", about) or about.count('"') >= 4, key
+        assert example is not None, key
+
+
+def test_shipped_case_is_the_main_job() -> None:
+    case = case_file.read(SHIPPED).case
+    (species,), (material,) = case.species, case.material
+    # the issue's main job: 1 pta is 1.19 g, 21 mm (Sec. III); 0.87, -0.88, 0.21 (Table II)
+    assert (species.number, species.mass, species.diameter, species.k) == (50_000, 1.19e-3, 21.0e-3, 2.0)
+    assert (material.e_n, material.e_t, material.mu) == (0.87, -0.88, 0.21)
+    assert (species.speed_rms, species.spin_rms) == (1.0, 0.0)
+    assert (case.box.packing_fraction, case.run.collisions_per_disk) == (0.25, 50.0)
+    assert (case.run.name, case.run.units, case.run.arch) == ("cooling", "SI", "cpu")
+
+
+@pytest.mark.parametrize("kind", template.TEMPLATES)
+def test_template_passes_every_check(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(template.write(kind), encoding="utf-8")
+    case = case_file.read(path).case
+    assert case == Case.model_validate(template.TEMPLATES[kind].values)
+    assert Gas.from_case(case).disks.n == sum(each.number for each in case.species)
+
+
+@pytest.mark.parametrize("kind", template.TEMPLATES)
+def test_template_shows_every_key_once_per_section(kind: str) -> None:
+    text = template.write(kind)
+    blocks = re.split(r"^(?=(?:# )?\[)", text, flags=re.MULTILINE)[1:]
+    names = [re.match(r"(?:# )?\[+(\w+)\]+", block) for block in blocks]
+    assert {name[1] for name in names if name} == set(Case.model_fields)
+    for name, block in zip(names, blocks, strict=True):
+        assert name is not None
+        model = dict(zip(Case.model_fields, sections(), strict=True))[name[1]]
+        keys = re.findall(r"^(?:# )?(\w+) = ", block, flags=re.MULTILINE)
+        assert keys == list(model.model_fields)
+
+
+def test_every_line_behind_a_hash_is_valid_when_it_is_uncommented() -> None:
+    text = template.write("cooling")
+    tried = 0
+    section: type[Section] = RunSection
+    for line in text.splitlines():
+        if heading := re.match(r"(?:# )?\[+(\w+)\]+$", line):
+            section = dict(zip(Case.model_fields, sections(), strict=True))[heading[1]]
+        elif option := re.match(r"# (\w+ = .+)$", line):
+            ((key, value),) = tomllib.loads(option[1]).items()
+            # The rest of the section does not matter here: only an error at this key would be wrong.
+            assert mistakes_of_key(section, key, value) == [], line
+            tried += 1
+    assert tried > 15
+
+
+def test_unknown_template_names_the_nearest() -> None:
+    with pytest.raises(InputError, match=r"coolin.*did you mean 'cooling'"):
+        template.write("coolin")
+
+
+# --- what is refused --------------------------------------------------------------------------------------
+
+
+def test_good_case_has_no_mistakes() -> None:
+    assert mistakes() == []
+
+
+@pytest.mark.parametrize(
+    ("override", "key", "says"),
+    [
+        ("run.sede=3", "run.sede = 3", r"unknown key \(did you mean 'seed'\?\); known here: name, seed"),
+        ("outptu.frames=3", "outptu", r"did you mean 'output'"),
+        ("run.seed=1.5", "run.seed = 1.5", "must be a whole number"),
+        ("run.seed=-1", "run.seed = -1", "greater than or equal to 0"),
+        ("run.seed=true", "run.seed = true", "must be a whole number"),
+        ("run.name=a/b", 'run.name = "a/b"', "characters that are not allowed"),
+        ("run.arch=cdua", 'run.arch = "cdua"', r"'cpu' or 'cuda' \(did you mean 'cuda'\?\)"),
+        ("run.units=SI units", 'run.units = "SI units"', "'SI' or 'reduced'"),
+        ("run.threads=0", "run.threads = 0", "greater than or equal to 1"),
+        ("run.collisions_per_disk=nan", "run.collisions_per_disk = nan", "must be a finite number"),
+        ("run.collisions_per_disk=inf", "run.collisions_per_disk = inf", "must be a finite number"),
+        ("run.collisions_per_disk=0", "run.collisions_per_disk = 0", "greater than 0"),
+        (
+            "run.t_end=1.0",
+            "run",
+            "exactly one is needed of: t_end, or collisions_per_disk; given: t_end, coll",
+        ),
+        ("run.collisions_per_disk=", "run", "exactly one is needed.*given: none"),
+        ("run=3", "run = 3", r"a table is needed \(\[run\]"),
+        ("box.packing_fraction=0.95", "box.packing_fraction = 0.95", "less than or equal to 0.9069"),
+        ("box.packing_fraction=0.6", "box.packing_fraction = 0.6", "too dense for a random start"),
+        ("box.lengths=[1.0, 2.0]", "box", "exactly one is needed of: packing_fraction, or lengths"),
+        ("box=3", "box = 3", "a table is needed"),
+        ("material=3", "material = 3", r"a list of tables is needed \(\[\[material\]\]"),
+        ("material[0].e_n=1.2", "material[0].e_n = 1.2", "less than or equal to 1 .*normal restitution"),
+        ("material[0].e_n=nan", "material[0].e_n = nan", "must be a finite number"),
+        ("material[0].e_n=0.9a", 'material[0].e_n = "0.9a"', "must be a number"),
+        ("material[0].e_t=-1.1", "material[0].e_t = -1.1", "greater than or equal to -1"),
+        ("material[0].mu=-0.1", "material[0].mu = -0.1", "greater than or equal to 0"),
+        ("material[0].mu=", "material[0]", r"of: e_n \+ e_t \+ mu, or coin; given: e_n, e_t"),
+        (
+            "material[0].sticking=centre",
+            'material[0].sticking = "centre"',
+            "'percussion_center' or 'contact_point'",
+        ),
+        ("material[0].coin=1 pta", "material[0]", "exactly one is needed"),
+        ("material[0].name=", "material[0].name", "missing: name that species"),
+        ("species=[]", "species", "at least 1 entry is needed, none given"),
+        ("species[0].number=0", "species[0].number = 0", "greater than or equal to 1"),
+        ("species[0].number=1e3", "species[0].number = 1000.0", "must be a whole number"),
+        ("species[0].mass=0.0", "species[0].mass = 0.0", "greater than 0"),
+        (
+            "species[0].diameter=0.1",
+            "species[0]",
+            r"of: mass \+ radius, or mass \+ diameter, or coin, or mass \+ radii",
+        ),
+        ("species[0].material=aluminum", 'species[0].material = "aluminum"', "did you mean 'aluminium'"),
+        ("species[0].material=", "species[0].material", "missing: the name of a material.*aluminium"),
+        ("species[0].speed_rms=0", "run.collisions_per_disk = 5", "nothing moves"),
+        ("species[0].number=2", "box = ", "more than a third of the shorter side"),
+        ("start.positions=hexagon", 'start.positions = "hexagon"', "did you mean 'hexagonal'"),
+        ("start.file=no.csv", 'start.file = "no.csv"', "no such file"),
+        ("output.frames=0", "output.frames = 0", "greater than or equal to 1"),
+        ("output.fields=['spin']", 'output.fields[0] = "spin"', "'position'"),
+        ("output.picture=1", "output.picture = 1", "must be a boolean"),
+        ("output.precision=f2", 'output.precision = "f2"', "must be 'f4' or 'f8'"),
+    ],
+)
+def test_wrong_value_is_named_with_what_is_allowed(override: str, key: str, says: str) -> None:
+    found = mistakes(override)
+    assert len(found) == 1, found
+    assert found[0].startswith(key)
+    assert re.search(says, found[0])
+
+
+def test_one_disk_alone_cannot_be_run_to_a_number_of_collisions() -> None:
+    alone = ("species[0].number=1", "box.packing_fraction=", "box.lengths=[1.0, 1.0]")
+    (found,) = mistakes(*alone)
+    assert found.startswith("run.collisions_per_disk = 5: one disk alone never collides")
+    assert mistakes(*alone, "run.collisions_per_disk=", "run.t_end=1.0") == []
+
+
+def test_every_mistake_is_reported_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(SMALL, encoding="utf-8")
+    wrong = ["run.sede=3", "box.packing_fraction=0.95", "material[0].e_n=1.2", "species[0].material=steel"]
+    with pytest.raises(InputError) as error:
+        case_file.read(path, wrong)
+    lines = str(error.value).splitlines()
+    # types and ranges, then physics: the wrong name is found although its material has a mistake too
+    for line, key in zip(
+        lines, ("run.sede", "box.packing_fraction", "material[0].e_n", "species[0].material"), strict=True
+    ):
+        assert line.startswith(f"{path}: {key} = ")
+        assert line.endswith("[set on the command line]")
+
+
+def test_mistakes_of_one_section_are_all_found_beside_a_wrong_combination_of_keys() -> None:
+    found = mistakes("run.t_end=-1.0", "run.seed=x", "run.colour=red")
+    assert [line.split()[0].rstrip(":") for line in found] == ["run", "run.seed", "run.t_end", "run.colour"]
+
+
+def test_unknown_key_does_not_hide_the_physics() -> None:
+    found = mistakes("material[0].e_nn=0.9", "material[0].e_t=0.3", "material[0].e_n=1.0")
+    assert len(found) == 2
+    assert found[0].startswith("material[0].e_nn")
+    assert "would add energy" in found[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [("[run\n", "not valid TOML.*line 1"), ("x = nan\nx = 2\n", "not valid TOML"), ("", "run: missing")],
+)
+def test_file_that_is_no_case_is_refused(text: str, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=says):
+        case_file.read(path)
+
+
+def test_missing_file_names_the_nearest(tmp_path: Path) -> None:
+    (tmp_path / "cooling.toml").write_text(SMALL, encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"colling\.toml: there is no such file \(did you mean 'cooling\.toml'"
+    ):
+        case_file.read(tmp_path / "colling.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        case_file.read(tmp_path)
+
+
+def test_file_that_is_not_text_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="not a text file in UTF-8"):
+        case_file.read(tmp_path / "a.toml")
+
+
+# --- overrides --------------------------------------------------------------------------------------------
+
+
+def test_overrides_reach_every_kind_of_key() -> None:
+    case = case_of(
+        SMALL,
+        "run.seed=7",
+        "species.0.number=12",
+        "species[0].name = big one",
+        'run.name="x"',
+        "output.picture=false",
+    )
+    assert case.run.seed == 7
+    assert case.species[0].number == 12
+    assert case.species[0].name == "big one"  # what is not TOML is text
+    assert case.run.name == "x"
+    assert case.output.picture is False
+
+
+def test_later_override_wins_and_an_empty_one_removes() -> None:
+    case = case_of(SMALL, "run.seed=7", "run.seed=8", "run.collisions_per_disk=", "run.t_end=2")
+    assert (case.run.seed, case.run.t_end, case.run.collisions_per_disk) == (8, 2.0, None)
+
+
+def test_line_break_in_a_value_brings_no_further_keys() -> None:
+    raw: dict[str, Any] = {"run": {}}
+    case_file.override(raw, "run.name=1\nseed = 5")
+    assert raw == {"run": {"name": "1\nseed = 5"}}
+
+
+@pytest.mark.parametrize(
+    ("assignment", "says"),
+    [
+        ("run.seed", "KEY=VALUE is needed"),
+        ("=3", "KEY=VALUE is needed"),
+        ("run..seed=3", "KEY=VALUE is needed"),
+        ("species[3].number=1", "has 1 entries, numbered from 0"),
+        ("species.number=1", "species is a list: give a number"),
+        ("run.seed.x=1", r"run\.seed is no table"),
+    ],
+)
+def test_override_that_leads_nowhere_is_refused(assignment: str, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        case_file.override(tomllib.loads(SMALL), assignment)
+
+
+# --- laws and energy --------------------------------------------------------------------------------------
+
+
+def test_admissibility_is_judged_with_the_k_of_the_species() -> None:
+    # Percussion centre: strict for e_t <= (1 - kbar)/2, so e_t = 0 is right for hoops (k = 1), not for disks.
+    # At e_n = 1 no loss along the line of centres can save it: a (1 - e_n) = 0 is less than
+    # (e_s^2 - 1) (1 + e_n) mu^2/c^2.
+    wrong = ("material[0].e_n=1.0", "material[0].e_t=0.0")
+    assert len(mistakes(*wrong)) == 1
+    assert "a collision would add energy" in mistakes(*wrong)[0]
+    assert mistakes(*wrong, "species[0].k=1.0") == []
+
+
+def test_law_saved_by_the_total_budget_only_is_allowed_with_a_warning() -> None:
+    # k = 2: a = 3, c = 1/2, e_s = 0 + 3/2 > 1, not strict; but a (1 - e_n) = 1.5 is more than
+    # (e_s^2 - 1) (1 + e_n) mu^2/c^2 = (9/4 - 1) 1.5 0.01/0.25 = 0.075.
+    gas = Gas.from_case(case_of(SMALL, "material[0].e_n=0.5", "material[0].e_t=0", "material[0].mu=0.1"))
+    (verdict,) = gas.verdicts
+    assert (verdict.admissible, verdict.strict) == (True, False)
+    assert len(gas.warnings) == 1
+    assert "only the loss along the line of centres" in gas.warnings[0]
+
+
+TWO = (
+    SMALL
+    + """
+[[material]]
+name = "steel"
+e_n = 0.9
+e_t = -0.95
+mu = 0.1
+[[species]]
+name = "balls"
+number = 50
+material = "steel"
+mass = 2.0e-3
+radius = 5.0e-3
+speed_rms = 0.5
+"""
+)
+PAIR = """
+[[pair]]
+materials = ["steel", "aluminium"]
+e_n = 0.7
+e_t = -0.9
+mu = 0.3
+"""
+
+
+def test_pair_of_materials_without_coefficients_is_refused() -> None:
+    (found,) = mistakes(text=TWO)
+    assert found == (
+        "pair: missing for the materials 'aluminium' and 'steel': "
+        "their e_n, e_t and mu are needed in a [[pair]]"
+    )
+
+
+def test_pair_gives_the_law_in_both_orders() -> None:
+    gas = Gas.from_case(case_of(TWO + PAIR))
+    assert gas.materials == ("aluminium", "steel")
+    assert gas.laws[0][1].table_row() == gas.laws[1][0].table_row() == (0.7, -0.9, 0.3, 0.0, 0.0)
+    assert gas.laws[0][0].table_row() == (0.87, -0.88, 0.21, 0.0, 0.0)
+    assert gas.laws[1][1].table_row() == (0.9, -0.95, 0.1, 0.0, 0.0)
+    assert gas.disks.material.tolist() == [0] * 100 + [1] * 50
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (
+            "pair[0].materials=['steel', 'aluminum']",
+            "no material is called 'aluminum'.*did you mean 'aluminium'",
+        ),
+        ("pair[0].materials=['steel', 'steel']", "two different names"),
+        ("pair[0].materials=['steel']", "at least 2 entries are needed, 1 given"),
+        ("material[1].name=aluminium", "the name of material.0. too"),
+        ("species[1].name=coins", "the name of species.0. too"),
+    ],
+)
+def test_wrong_names_of_pairs_and_sections_are_found(change: str, says: str) -> None:
+    assert any(re.search(says, line) for line in mistakes(change, text=TWO + PAIR))
+
+
+def test_coin_brings_mass_size_and_law() -> None:
+    text = """
+    run.collisions_per_disk = 1
+    box.packing_fraction = 0.2
+    [[species]]
+    name = "pesetas"
+    coin = "1 pta"
+    number = 10
+    speed_rms = 1.0
+    """
+    gas = Gas.from_case(case_of(text))
+    assert gas.disks.mass.tolist() == [1.19e-3] * 10  # Sec. III
+    assert gas.disks.radius.tolist() == [10.5e-3] * 10
+    assert gas.laws[0][0].table_row() == (0.87, -0.88, 0.21, 0.0, 0.0)  # Table II
+    assert mistakes("species[0].k=2.0", text=text) == ["species[0]: k cannot stand beside coin"]
+    assert "did you mean '1 pta'" in mistakes("species[0].coin=1 peseta", text=text)[0]
+    assert "in SI" in mistakes("run.units=reduced", text=text)[0]
+
+
+def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
+    case = Case.model_validate(template.TEMPLATES["mixture"].values)
+    assert Gas.from_case(case).laws[0][1] == coins.pair("500 pts", "100 pts")
+    other = copy.deepcopy(dict(template.TEMPLATES["mixture"].values))
+    other["material"] = [{"name": "small", "coin": "1 pta"}, other["material"][1]]
+    (found,) = [str(each) for each in case_file.mistakes(other, Path())]
+    assert "missing for the materials 'small' and 'large'" in found
+
+
+# --- the start --------------------------------------------------------------------------------------------
+
+
+def test_start_has_the_wanted_speeds_no_momentum_and_no_overlap() -> None:
+    case = case_of(TWO + PAIR, "species[1].spin_rms=4.0")
+    gas = Gas.from_case(case)
+    state = gas.start(case)
+    first, second = state.velocity[:100], state.velocity[100:]
+    # rounding of sums of 100 numbers of order 1
+    assert math.sqrt(np.mean(np.sum(first**2, axis=1))) == pytest.approx(1.0, rel=1e-13)
+    assert math.sqrt(np.mean(np.sum(second**2, axis=1))) == pytest.approx(0.5, rel=1e-13)
+    assert np.all(state.spin[:100] == 0.0)
+    assert math.sqrt(np.mean(state.spin[100:] ** 2)) == pytest.approx(4.0, rel=1e-13)
+    assert np.abs(gas.disks.mass @ state.velocity).max() < 1e-15  # of a momentum scale of 0.1 kg m/s
+    check_no_overlap(gas.box, gas.disks.radius, state.position)
+    assert gas.box.packing_fraction(gas.disks.radius) == pytest.approx(0.2, rel=1e-13)
+
+
+def test_seed_decides_the_start_and_species_draw_apart() -> None:
+    text = TWO.replace("number = 50", "number = 100") + PAIR
+    starts = [
+        Gas.from_case(case).start(case)
+        for case in (case_of(text), case_of(text), case_of(text, "run.seed=4"))
+    ]
+    np.testing.assert_array_equal(starts[0].velocity, starts[1].velocity)
+    np.testing.assert_array_equal(starts[0].position, starts[1].position)
+    assert not np.any(starts[0].velocity == starts[2].velocity)
+    # 200 pairs of independent normal numbers correlate by 0.07 on average; one shared stream would give 1.
+    both = starts[0].velocity
+    assert abs(np.corrcoef(both[:100].ravel(), both[100:].ravel())[0, 1]) < 0.3
+
+
+def test_dense_gas_starts_on_a_lattice() -> None:
+    dense = ("box.packing_fraction=0.7", "start.positions=hexagonal")
+    assert mistakes(*dense) == []
+    case = case_of(SMALL, *dense)
+    gas = Gas.from_case(case)
+    check_no_overlap(gas.box, gas.disks.radius, gas.start(case).position)
+    (found,) = mistakes("box.packing_fraction=0.9", "start.positions=hexagonal")
+    assert found.startswith('start.positions = "hexagonal": 100 disks')
+
+
+def test_random_start_that_fails_late_names_the_key() -> None:
+    # Two sizes: what is too dense for them is found by trying. 0.7 is beyond the 0.547 at which random
+    # sequential addition of equal disks ends, and a size ratio of 1.1 adds little.
+    second = SMALL[SMALL.index("[[species]]") :].replace("coins", "larger").replace("10.5e-3", "11.5e-3")
+    case = case_of(SMALL + second, "box.packing_fraction=0.7")
+    with pytest.raises(InputError, match=r'^start\.positions = "random": packing fraction = 0\.7'):
+        Gas.from_case(case).start(case)
+
+
+def start_case(tmp_path: Path, rows: str, *, number: int = 2) -> list[str]:
+    (tmp_path / "start.csv").write_text(rows, encoding="utf-8")
+    return [
+        f"species[0].number={number}",
+        "species[0].radius=0.5",
+        "box.packing_fraction=",
+        "box.lengths=[10.0, 8.0]",
+        "start.file=start.csv",
+    ]
+
+
+def test_start_file_gives_positions_and_motion(tmp_path: Path) -> None:
+    rows = "# made by hand\nspin, x, y, vx, vy\n0.5, 1.0, 1.0, 3.0, 4.0\n\n-0.5, 5.0, 7.9, 0.0, 0.0\n"
+    wanted = [*start_case(tmp_path, rows), "species[0].speed_rms="]
+    assert mistakes(*wanted, folder=tmp_path) == []
+    case = case_of(SMALL, *wanted)
+    gas = Gas.from_case(case, tmp_path)
+    state = gas.start(case)
+    assert state.position.tolist() == [[1.0, 1.0], [5.0, 7.9]]
+    assert state.velocity.tolist() == [[3.0, 4.0], [0.0, 0.0]]
+    assert state.spin.tolist() == [0.5, -0.5]
+    # speeds 5 and 0: the estimate of collisions goes by what the file says
+    assert gas.species[0].speed_rms == pytest.approx(5.0 / math.sqrt(2.0), rel=1e-14)
+
+
+def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_path: Path) -> None:
+    case = case_of(SMALL, *start_case(tmp_path, "x,y\n1.0,1.0\n5.0,7.9\n"))
+    state = Gas.from_case(case, tmp_path).start(case)
+    assert math.sqrt(np.mean(np.sum(state.velocity**2, axis=1))) == pytest.approx(1.0, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("x,y\n1.0,0.2\n1.0,7.9\n", r"disks 0 and 1 overlap by 0\.7 "),  # 0.3 apart, across the side
+        ("x,y\n1.0,1.0\n1.9,1.0\n", r"disks 0 and 1 overlap by 0\.1 "),
+        ("x,y\n1.0,1.0\n", "has 1 disks: 2 are needed"),
+        ("x,y\n1.0,nan\n3.0,3.0\n", "line 2: y = nan: a finite number is needed"),
+        ("x,y\n1.0,1.0\n3.0,abc\n", "line 3: y = abc: a finite number is needed"),
+        ("x,y\n1.0,1.0\n3.0\n", r"line 3 has 1 values: 2 are needed \(x, y\)"),
+        ("x,y\n1.0,1.0\n3.0,8.0\n", "line 3: y = 8: must lie inside the box, from 0 to below 8"),
+        ("x,z\n1.0,1.0\n3.0,3.0\n", "unknown column 'z'.*allowed are x, y, vx, vy, spin"),
+        ("x,vx\n1.0,1.0\n3.0,3.0\n", "missing column y, vy, spin"),
+        ("x,y,spn\n", r"unknown column 'spn' \(did you mean 'spin'\?\)"),
+        ("x,y,x\n1,1,1\n", "column 'x' stands twice"),
+        ("", "is empty"),
+    ],
+)
+def test_wrong_start_file_is_refused_by_line(rows: str, says: str, tmp_path: Path) -> None:
+    found = mistakes(*start_case(tmp_path, rows), folder=tmp_path)
+    assert any(re.search(says, line) for line in found), found
+    assert all(line.startswith('start.file = "start.csv": ') for line in found)
+
+
+@pytest.mark.parametrize("rows", ["1.0,1.0\n5.0,7.9\n", "# x y\n\n1e0, -1,0,0,.5\n3,3,0,0,0\n"])
+def test_start_file_without_header_is_refused_in_one_line(tmp_path: Path, rows: str) -> None:
+    (found,) = mistakes(*start_case(tmp_path, rows), folder=tmp_path)
+    first = next(i for i, row in enumerate(rows.splitlines(), start=1) if row[:1].isdigit())
+    assert found.startswith(f'start.file = "start.csv": line {first}: there is no header')
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ("x,y\n1,1\n5,5\n", "the columns vx, vy, spin or a species' speed_rms above 0"),
+        ("x,y,vx,vy,spin\n1,1,0,0,1\n5,5,0,0,0\n", "vx = vy = 0"),
+    ],
+)
+def test_start_file_at_rest_cannot_be_run_to_a_number_of_collisions(
+    tmp_path: Path, rows: str, says: str
+) -> None:
+    wanted = [*start_case(tmp_path, rows), "species[0].speed_rms="]
+    (found,) = mistakes(*wanted, folder=tmp_path)
+    assert found.startswith("run.collisions_per_disk = 5: nothing moves at the start")
+    assert 'start.file = "start.csv"' in found
+    assert says in found
+    assert mistakes(*wanted, "run.collisions_per_disk=", "run.t_end=1.0", folder=tmp_path) == []
+
+
+def test_speeds_in_the_case_and_in_the_start_file_contradict(tmp_path: Path) -> None:
+    wanted = start_case(tmp_path, "x,y,vx,vy,spin\n1,1,1,0,0\n3,3,-1,0,0\n")
+    (found,) = mistakes(*wanted, folder=tmp_path)
+    assert found.startswith("species[0].speed_rms = 1: cannot stand beside velocities in the start file")
+
+
+# --- estimates --------------------------------------------------------------------------------------------
+
+
+def species(number: int, radius: float, speed: float) -> Species:
+    return Species("a", "m", number, 1.0, radius, 2.0, speed, 0.0)
+
+
+def test_collision_rate_of_equal_disks_is_enskogs() -> None:
+    # 8 phi g sqrt(T/(pi m))/sigma with sigma = m = T = 1 and the virial series: 2.3996 at phi = 0.3.
+    area = 1000 * math.pi / 4.0 / 0.3
+    (rate,) = collision_rates([species(1000, 0.5, math.sqrt(2.0))], area)  # T = m v_rms^2 / 2
+    assert rate == pytest.approx(2.3996, rel=1e-4)  # ways to sum the virial series differ by a few 1e-5
+
+
+def test_collision_rate_does_not_care_how_equal_disks_are_divided() -> None:
+    area = 1000 * math.pi / 4.0 / 0.3
+    rates = collision_rates([species(700, 0.5, 1.0), species(300, 0.5, 1.0)], area)
+    (whole,) = collision_rates([species(1000, 0.5, 1.0)], area)
+    np.testing.assert_allclose(rates, whole, rtol=1e-13)  # rounding
+
+
+def test_points_among_resting_disks_fly_the_free_path_of_a_lorentz_gas() -> None:
+    # Points see disks of radius R at rest: rate = n 2R v / (1 - phi), exactly, as they have the part 1 - phi
+    # of the area to themselves; for a Maxwellian the mean speed is sqrt(pi)/2 of v_rms.
+    area, R, v = 100 * math.pi * 0.25 / 0.4, 0.5, 2.0
+    rates = collision_rates([species(100, R, 0.0), species(1, 1e-9, v)], area)
+    expected = 100 / area * 2.0 * R * (math.sqrt(math.pi) / 2.0 * v) / (1.0 - 0.4)
+    assert rates[1] == pytest.approx(expected, rel=1e-6)  # the points' size is 1e-9
+
+
+def test_estimate_of_the_main_job() -> None:
+    file = case_file.read(SHIPPED)
+    gas = Gas.from_case(file.case, file.folder)
+    estimate = Estimate.of(gas, file.case)
+    assert estimate.collisions == 1_250_000  # 50,000 disks x 50 / 2
+    assert estimate.packing_fraction == pytest.approx(0.25, rel=1e-13)
+    # n = phi / (pi R^2)
+    assert estimate.number_density == pytest.approx(0.25 / (math.pi * 10.5e-3**2), rel=1e-13)
+    # pi sigma / (8 sqrt 2 phi g) with g = (1 - 7 phi/16)/(1 - phi)^2, good to 1e-3 at this density
+    g = (1.0 - 7.0 * 0.25 / 16.0) / 0.75**2
+    assert estimate.free_path[0] == pytest.approx(
+        math.pi * 0.021 / (8.0 * math.sqrt(2.0) * 0.25 * g), rel=2e-3
+    )
+    # 101 frames of position, velocity, image (2 x 4 bytes each), spin and count (4 each), and some totals
+    assert estimate.file_bytes == pytest.approx(101 * 50_000 * 32, rel=0.02)
+
+
+def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
+    """100 disks, 500 steps to the end: 50,000 events of 177 bytes, beside those of collisions."""
+    text = SMALL.replace("collisions_per_disk = 5.0", "t_end = 1.0") + "[output]\nhistories_all = true\n"
+    sizes = []
+    for step in (1.0, 2e-3):
+        case = case_of(f'{text}[[force]]\nkind = "kicks"\nstep = {step}\npower = 1e-6\n')
+        sizes.append(Estimate.of(Gas.from_case(case), case).file_bytes)
+    assert sizes[1] - sizes[0] == pytest.approx(177 * 100 * 499, rel=0.05)
+
+
+def test_expected_end_is_where_theory_has_the_wanted_collisions() -> None:
+    case = case_of()
+    gas = Gas.from_case(case)
+    estimate = Estimate.of(gas, case)
+    T = 0.5 * 1.19e-3
+    _, _, per_disk = theory.cooling(gas.laws[0][0], 1.19e-3, 10.5e-3, 2.0, 0.2, T, 0.0, [estimate.end_time])
+    assert per_disk[0] == pytest.approx(5.0, rel=1e-5)  # the root is sought to 1e-6
+    timed = case_of(SMALL, "run.collisions_per_disk=", f"run.t_end={estimate.end_time}")
+    assert Estimate.of(gas, timed).collisions == pytest.approx(250.0, rel=1e-5)
+
+
+def test_mixture_run_to_a_time_gets_an_upper_bound_of_collisions() -> None:
+    case = case_of(TWO + PAIR, "run.collisions_per_disk=", "run.t_end=0.1")
+    estimate = Estimate.of(Gas.from_case(case), case)
+    assert estimate.collisions_at_most
+    numbers, rates = np.array([100, 50]), np.array(estimate.collision_rate)
+    assert estimate.collisions == pytest.approx(0.5 * 0.1 * numbers @ rates, rel=1e-12)
+
+
+def test_models_forbid_what_they_do_not_know() -> None:
+    with pytest.raises(ValidationError, match="Extra inputs"):
+        SpeciesSection.model_validate({"name": "a", "number": 1, "coin": "1 pta", "colour": "red"})
+    with pytest.raises(ValidationError, match="exactly one"):
+        MaterialSection.model_validate({"name": "a"})

@@ -1,0 +1,248 @@
+"""Forces in case files: what they may say, what is refused, what `check` and `run` make of them, and their picture."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from ifrdem import forces
+from ifrdem.case import file as case_file
+from ifrdem.case.case import Case
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.forces_section import FORCES, ForceSection
+from ifrdem.case.gas import Gas, forces_of
+from ifrdem.cli.main import main
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.plots import run
+from ifrdem.theory.driven_gas import Drive, steady_state
+from ifrdem.trajectory.reader import Trajectory
+
+pytestmark = pytest.mark.unoptimised
+
+ROOT = Path(__file__).parents[2]
+
+DRIVEN = """
+[run]
+name = "kicked"
+t_end = 2.0
+seed = 4
+units = "reduced"
+[box]
+packing_fraction = 0.1
+[[material]]
+name = "coin"
+e_n = 0.87
+e_t = -0.88
+mu = 0.21
+[[species]]
+name = "coins"
+number = 200
+material = "coin"
+mass = 2.0
+radius = 0.5
+[[force]]
+kind = "kicks"
+step = 0.05
+power = 3.0
+[output]
+frames = 8
+"""
+
+
+def changed(*overrides: str) -> dict[str, object]:
+    raw = tomllib.loads(DRIVEN)
+    for assignment in overrides:
+        case_file.override(raw, assignment)
+    return raw
+
+
+def mistakes(*overrides: str) -> list[str]:
+    return [str(problem) for problem in case_file.mistakes(changed(*overrides), Path())]
+
+
+def test_the_case_is_in_order() -> None:
+    """At rest at the start, which kicks allow even where collisions end the run."""
+    assert mistakes() == []
+    assert mistakes("run.t_end=", "run.collisions_per_disk=5.0") == []
+    (found,) = mistakes("run.t_end=", "run.collisions_per_disk=5.0", "force=[]")
+    assert "nothing moves at the start" in found
+
+
+@pytest.mark.parametrize(
+    ("overrides", "key", "says"),
+    [
+        (["force[0].kind=kick"], 'force[0].kind = "kick"', "did you mean 'kicks'"),
+        (["force[0].powr=1.0"], "force[0].powr = 1.0", "did you mean 'power'"),
+        (
+            ["force[0].power="],
+            "force[0]",
+            'kind = "kicks": exactly one of power or diffusion is needed; given: none',
+        ),
+        (["force[0].diffusion=1.0"], "force[0]", "given: power, diffusion"),
+        (["force[0].power=0"], "force[0].power = 0", "greater than 0"),
+        (["force[0].step=-1.0"], "force[0].step = -1.0", "greater than 0"),
+        (["force[0].step="], "force[0].step", "missing: time between two applications"),
+        (["force[0].rate=1.0"], "force[0]", "rate cannot stand here; known for it: power, diffusion"),
+        (
+            ["force[0].kind=drag"],
+            "force[0]",
+            "power cannot stand here.*at least one of rate, quadratic, spin_rate",
+        ),
+        (
+            ["force[0].kind=langevin", "force[0].power=", "force[0].rate=1.0"],
+            "force[0]",
+            "temperature missing",
+        ),
+        (["force[0].step=5.0"], "force[0].step = 5", "never comes before run.t_end = 2"),
+        (
+            ["species[0].number=1", "box.lengths=[9.0, 9.0]", "box.packing_fraction="],
+            "force[0].kind",
+            "2 disks",
+        ),
+        (
+            ["force[0].kind=rescale", "force[0].power=", "force[0].temperature=0.0"],
+            "force[0]",
+            "temperature = 0: a number above 0",
+        ),
+    ],
+)
+def test_a_wrong_force_is_named_with_what_is_allowed(overrides: list[str], key: str, says: str) -> None:
+    found = mistakes(*overrides)
+    assert len(found) == 1, found
+    assert found[0].startswith(key)
+    assert re.search(says, found[0])
+
+
+def test_mistakes_of_a_force_come_with_all_others() -> None:
+    found = mistakes("force[0].kind=drag", "force[0].step=x", "run.sede=1", "material[0].e_n=2.0")
+    assert {line.split(" ")[0].rstrip(":") for line in found} == {
+        "run.sede",
+        "material[0].e_n",
+        "force[0]",
+        "force[0].step",
+    }
+
+
+def test_every_kind_of_force_reaches_its_class() -> None:
+    given = {
+        "kicks": ({"diffusion": 0.5}, forces.RandomKicks(0.1, diffusion=0.5)),
+        "spin_kicks": ({"power": 0.5}, forces.SpinKicks(0.1, power=0.5)),
+        "langevin": (
+            {"temperature": 1.0, "spin_temperature": 2.0, "spin_rate": 0.5},
+            forces.Langevin(0.1, temperature=1.0, spin_temperature=2.0, spin_rate=0.5),
+        ),
+        "drag": ({"rate": 0.1, "quadratic": 0.2}, forces.Drag(0.1, rate=0.1, quadratic=0.2)),
+        "rescale": ({"energy": 2.0}, forces.Rescale(0.1, energy=2.0)),
+        "table_friction": ({"mu": 0.2, "gravity": 2.0}, forces.TableFriction(0.1, mu=0.2, gravity=2.0)),
+    }
+    assert given.keys() == FORCES.keys()
+    raw = changed()
+    raw["force"] = [{"kind": kind, "step": 0.1} | keys for kind, (keys, _) in given.items()]
+    made = forces_of(Case.model_validate(raw))
+    for one, (_, other) in zip(made, given.values(), strict=True):
+        assert type(one) is type(other)
+        assert (one.step, one.parameters) == (other.step, other.parameters)
+    keys = {key for each in FORCES.values() for key in each.all}
+    assert keys | {"kind", "step"} == set(ForceSection.model_fields)
+
+
+def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = tmp_path / "kicked.toml"
+    case.write_text(DRIVEN)
+    assert main(["check", str(case), "--set", "species[0].speed_rms=2.0"]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(
+        r"force 1 +kicks: power = 3, every 0.05 \([\d.]+ of the shortest mean free time at the start\)", shown
+    )
+    T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (
+        0,
+        0,
+    )
+    assert re.search(rf"steady state +T = {T:.4g}, T_rot = {T_rot:.4g}, by kinetic theory", shown)
+    assert main(["check", str(case), "--set", "force[0].kind=kick"]) == 2
+    assert "did you mean 'kicks'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("overrides", "known"),
+    [
+        ([], True),
+        (
+            ["force[0].power=", "force[0].kind=drag", "force[0].quadratic=0.1", "species[0].speed_rms=1.0"],
+            False,
+        ),
+    ],
+)
+def test_collisions_are_estimated_where_theory_knows_the_drive(overrides: list[str], known: bool) -> None:
+    case = Case.model_validate(changed(*overrides))
+    estimate = Estimate.of(Gas.from_case(case), case)
+    assert np.isfinite(estimate.collisions) == known
+    assert not estimate.collisions_at_most
+
+
+def test_a_run_keeps_its_ledger(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("kicked.toml").write_text(DRIVEN)
+    assert main(["run", "kicked.toml"]) == 0
+    assert re.search(r"forces put in [\d.]+, collisions dissipated [\d.]+", capsys.readouterr().out)
+    assert Path("kicked.png").stat().st_size > 100_000
+    with Trajectory("kicked.h5") as trajectory:
+        totals = {name: values[:] for name, values in trajectory.observables.items()}
+        assert json.loads(str(trajectory.parameters["forces"])) == [
+            {"kind": "kicks", "step": 0.05, "power": 3.0}
+        ]
+    assert totals["energy"][0] == 0.0
+    # 200 disks get 3 x 2 each; work on velocities of T < 3 scatters by sqrt(200 x 2 x 6 x 3) = 85 at most.
+    assert totals["energy_input"][-1] == pytest.approx(1200.0, abs=425.0)
+    assert np.all(np.diff(totals["dissipated_energy"]) > 0.0)
+    np.testing.assert_allclose(
+        totals["energy"] + totals["dissipated_energy"], totals["energy_input"], rtol=1e-12
+    )
+
+
+def test_the_picture_shows_theory_and_its_steady_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("kicked.toml").write_text(DRIVEN)
+    assert main(["run", "kicked.toml", "--no-picture"]) == 0
+    figures: list[Figure] = []
+    monkeypatch.setattr(run, "save", lambda figure, path: figures.append(figure))
+    run.driven("kicked.h5", "kicked.png")
+    upper, lower = figures[0].axes[:2]
+    T, T_rot = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, Drive(power=3.0)) or (
+        0,
+        0,
+    )
+    for axes, values in ((upper, [T, T_rot]), (lower, [T_rot / T])):
+        dotted = [
+            line.get_ydata()[0]
+            for line in axes.lines
+            if line.get_linestyle() == ":" and len(line.get_ydata())
+        ]
+        np.testing.assert_allclose(dotted, values, rtol=1e-10)
+    dashed = next(line for line in upper.lines if line.get_linestyle() == "--")
+    # At first the kicks alone: T = power t.
+    assert dashed.get_ydata()[1] == pytest.approx(3.0 * dashed.get_xdata()[1], rel=0.02)
+
+
+def test_the_shipped_cases_are_in_order() -> None:
+    driven = case_file.read(ROOT / "cases" / "driven.toml").case
+    estimate = Estimate.of(Gas.from_case(driven), driven)
+    assert estimate.steady_state == pytest.approx(
+        (2.9e-4, 8.7e-5), rel=0.01
+    )  # what its comments say: theta 0.30
+    assert driven.force[0].step * 30.3 < 0.1  # of the collision rate in the steady state
+    elastic = case_file.read(ROOT / "cases" / "elastic.toml").case
+    estimate = Estimate.of(Gas.from_case(elastic), elastic)
+    assert estimate.collision_rate == pytest.approx(
+        [2.40], rel=2e-3
+    )  # of the comments, which tests of the engine confirm

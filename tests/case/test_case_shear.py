@@ -1,0 +1,147 @@
+"""Sheared boxes in case files, trajectories and pictures."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from ifrdem.case import file as case_file
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.gas import Gas
+from ifrdem.cli.main import main
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.plots import run
+from ifrdem.theory.sheared_gas import steady_state
+from ifrdem.trajectory.reader import Trajectory
+
+pytestmark = pytest.mark.unoptimised
+
+ROOT = Path(__file__).parents[2]
+SHEARED = """
+[run]
+name = "flow"
+seed = 3
+t_end = 6.0
+units = "reduced"
+[box]
+packing_fraction = 0.1
+shear_rate = 0.8
+[[material]]
+name = "m"
+e_n = 0.87
+e_t = -0.88
+mu = 0.21
+[[species]]
+name = "s"
+number = 300
+material = "m"
+mass = 2.0
+radius = 0.5
+speed_rms = 1.0
+[output]
+frames = 6
+fields = ["position", "velocity", "angular_velocity", "collisions", "image"]
+"""
+STEADY = steady_state(IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21), 2.0, 0.5, 2.0, 0.1, 0.8) or (0.0, 0.0)
+
+
+@pytest.fixture
+def flow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the case above, as the present one."""
+    monkeypatch.chdir(tmp_path)
+    Path("flow.toml").write_text(SHEARED)
+    return tmp_path
+
+
+def test_a_run_keeps_the_ledger_and_shows_what_the_flow_put_in(
+    flow: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert main(["run", "flow.toml", "--no-picture"]) == 0
+    assert re.search(r"the flow put in [\d.]+, collisions dissipated [\d.]+", capsys.readouterr().out)
+    with Trajectory("flow.h5") as trajectory:
+        totals = {name: values[:] for name, values in trajectory.observables.items()}
+        assert trajectory.box.shear_rate == 0.8
+        first, last = trajectory[0], trajectory[-1]
+        # Lab velocities are stored; temperatures are peculiar.
+        assert np.polyfit(first.position[:, 1], first.velocity[:, 0], 1)[0] == pytest.approx(0.8, rel=0.1)
+        for frame in (first, last):
+            mean_square = np.mean(np.sum(frame.peculiar_velocity**2, axis=1))  # T = m v^2 / 2, m = 2
+            assert mean_square == pytest.approx(totals["temperature"][frame.index], rel=1e-5)
+        travelled = trajectory.box.unwrap(last.position, last.image, last.time) - first.position
+        assert np.abs(travelled[:, 0]).max() > trajectory.box.lengths[0]
+    assert totals["temperature"][0] == pytest.approx(1.0, rel=0.01)  # m speed_rms^2 / 2
+    assert np.all(np.diff(totals["dissipated_energy"]) > 0.0)
+    begin = totals["energy"][0]
+    np.testing.assert_allclose(
+        totals["energy"] + totals["dissipated_energy"], begin + totals["energy_input"], rtol=1e-12
+    )
+    assert totals["energy_input"][-1] > begin
+    figures: list[Figure] = []
+    monkeypatch.setattr(run, "save", lambda figure, path: figures.append(figure))
+    run.sheared("flow.h5", "flow.png")
+    upper, lower, profile = figures[0].axes[:3]
+    for axes, values in ((upper, STEADY), (lower, [STEADY[1] / STEADY[0]])):
+        dotted = [line.get_ydata() for line in axes.lines if line.get_linestyle() == ":"]
+        np.testing.assert_allclose([each[0] for each in dotted if len(each)], values, rtol=1e-10)
+    imposed = next(line for line in profile.lines if line.get_linestyle() == "-")
+    slope = np.diff(imposed.get_xdata()) / np.diff(imposed.get_ydata())
+    np.testing.assert_allclose(slope, 0.8, rtol=1e-12)
+    measured = next(line for line in profile.lines if line.get_linestyle() == "None")
+    assert np.polyfit(measured.get_ydata(), measured.get_xdata(), 1)[0] == pytest.approx(0.8, rel=0.15)
+
+
+def test_a_frame_of_a_sheared_box_starts_no_other_run(flow: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "flow.toml", "--no-picture", "--set", "run.t_end=0.1"]) == 0
+    Path("again.toml").write_text(SHEARED + '[start]\npositions = "flow.h5"\n')
+    capsys.readouterr()
+    assert main(["check", "again.toml"]) == 2
+    assert re.search(
+        r'start.positions = "flow.h5": its box is sheared \(shear_rate = 0.8\)', capsys.readouterr().err
+    )
+
+
+def test_check_says_what_a_sheared_gas_will_do(flow: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "flow.toml"]) == 0
+    shown = capsys.readouterr().out
+    assert ", sheared at the rate 0.8, reduced units" in shown
+    assert f"steady state           T = {STEADY[0]:.4g}, T_rot = {STEADY[1]:.4g}, by kinetic theory" in shown
+    assert "at most" not in shown  # the flow raises the rate of collisions
+    assert main(["check", "flow.toml", "--set", "box.shear_rates=1"]) == 2
+    assert "did you mean 'shear_rate'" in capsys.readouterr().err
+    # Also where nothing moves but the flow.
+    assert main(["check", "flow.toml", "--set", "species[0].speed_rms=0", "--set", "run.t_end=", "--set",
+                 "run.collisions_per_disk=5"]) == 0  # fmt: skip
+
+
+def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -> None:
+    """A gas that another run has mixed is sheared from now on."""
+    assert main(["run", "flow.toml", "--no-picture", "--set", "box.shear_rate=0", "--set", "run.t_end=0.1",
+                 "--set", "output.precision=f8"]) == 0  # fmt: skip
+    Path("next.toml").write_text(
+        SHEARED.replace("speed_rms = 1.0\n", "") + '[start]\npositions = "flow.h5"\nmotion = true\n'
+    )
+    with Trajectory("flow.h5") as trajectory:
+        lengths, last = trajectory.box.lengths, trajectory[-1]
+        case = case_file.read(Path("next.toml")).case
+        gas = Gas.from_case(case)
+        state = gas.start(case)
+        np.testing.assert_allclose(
+            state.velocity[:, 0],
+            last.velocity[:, 0] + 0.8 * (last.position[:, 1] - lengths[1] / 2),
+            rtol=1e-12,
+        )
+        speed = np.sqrt(np.mean(np.sum(last.velocity**2, axis=1)))
+        assert gas.species[0].speed_rms == pytest.approx(speed, rel=1e-9)
+
+
+def test_the_shipped_case_is_in_order() -> None:
+    case = case_file.read(ROOT / "cases" / "shear.toml").case
+    estimate = Estimate.of(Gas.from_case(case), case)
+    # What its comments say.
+    assert estimate.steady_state == pytest.approx((2.19e-4, 6.55e-5), rel=0.01)
+    assert json.loads(case.model_dump_json())["box"]["shear_rate"] == 5.0

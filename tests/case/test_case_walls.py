@@ -1,0 +1,487 @@
+"""Walls, gravity and remedies for collapse in case files: keys, refusals, what `check` and `run` make of them."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from ifrdem.case import file as case_file
+from ifrdem.case import gas as gas_module
+from ifrdem.case import template
+from ifrdem.case.case import Case
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.gas import Gas
+from ifrdem.case.walls_section import MOTIONS, SHAPES, MotionSection, WallSection
+from ifrdem.cli.main import main
+from ifrdem.model.collapse import Collapse
+from ifrdem.model.free_area import Room
+from ifrdem.model.observables import measure
+from ifrdem.model.walls import Motion, Wall, from_json, to_json
+from ifrdem.plots import profile_data, theory_curves
+from ifrdem.run.info import describe
+from ifrdem.trajectory.reader import Trajectory
+
+pytestmark = pytest.mark.unoptimised
+
+ROOT = Path(__file__).parents[2]
+
+SHAKEN = """
+[run]
+name = "shaken"
+t_end = 1.0
+seed = 4
+units = "reduced"
+[box]
+lengths = [20.0, 24.0]
+periodic = [false, false]
+material = "glass"
+gravity = [0.0, -1.0]
+[[material]]
+name = "coin"
+e_n = 0.87
+e_t = -0.88
+mu = 0.21
+[[pair]]
+materials = ["coin", "glass"]
+e_n = 0.9
+e_t = -0.8
+mu = 0.3
+[[pair]]
+materials = ["steel", "coin"]
+e_n = 0.95
+e_t = -0.7
+mu = 0.1
+[[species]]
+name = "coins"
+number = 100
+material = "coin"
+mass = 2.0
+radius = 0.5
+speed_rms = 2.0
+[[wall]]
+shape = "line"
+material = "steel"
+point = [0.0, 0.5]
+normal = [0.0, 1.0]
+motion = { kind = "sine", amplitude = 0.5, frequency = 2.0 }
+[[wall]]
+shape = "post"
+material = "coin"
+center = [10.0, 8.0]
+radius = 2.0
+surface_speed = 0.5
+[output]
+frames = 4
+precision = "f8"
+"""
+
+
+def changed(*overrides: str, text: str = SHAKEN) -> dict[str, object]:
+    raw = tomllib.loads(text)
+    for assignment in overrides:
+        case_file.override(raw, assignment)
+    return raw
+
+
+def mistakes(*overrides: str, text: str = SHAKEN) -> list[str]:
+    return [str(problem) for problem in case_file.mistakes(changed(*overrides, text=text), Path())]
+
+
+def test_the_case_is_in_order() -> None:
+    """Coins at rest too: the floor and gravity move them. The post needs no pair: it is made of what the coins are."""
+    assert mistakes() == []
+    assert mistakes("species[0].speed_rms=", "run.t_end=", "run.collisions_per_disk=5.0") == []
+
+
+@pytest.mark.parametrize(
+    ("overrides", "key", "says"),
+    [
+        (["wall[0].shape=lin"], 'wall[0].shape = "lin"', "did you mean 'line'"),
+        (["wall[0].normal="], "wall[0]", 'shape = "line": normal missing'),
+        (
+            ["wall[0].radius=1.0"],
+            "wall[0]",
+            'shape = "line": radius cannot stand here; known for it: point, normal',
+        ),
+        (["wall[0].normal=[0.0, 0.0]"], "wall[0]", "no direction"),
+        (["wall[0].normal=[0.0]"], "wall[0].normal", "at least 2 entries"),
+        (["wall[1].radius=-1.0"], "wall[1].radius = -1.0", "greater than or equal to 0"),
+        (["wall[1].shape=container", "wall[1].radius=0"], "wall[1]", "a container needs one above 0"),
+        (["wall[1].surface_sped=1.0"], "wall[1].surface_sped = 1.0", "did you mean 'surface_speed'"),
+        (["wall[0].material="], "wall[0]", "either material or temperature is needed"),
+        (["wall[0].temperature=2.0"], "wall[0]", "either material or temperature is needed"),
+        (["wall[0].motion.kind=sin"], 'wall[0].motion.kind = "sin"', "did you mean 'sine'"),
+        (["wall[0].motion.frequency="], "wall[0].motion", 'kind = "sine": frequency missing'),
+        (
+            ["wall[0].motion.speed=1.0"],
+            "wall[0].motion",
+            "speed cannot stand here; known for it: amplitude, freq",
+        ),
+        (["wall[0].motion.direction=[0.0, 0.0]"], "wall[0].motion", "it has no direction"),
+        (["wall[0].motion.frequency=0.0"], "wall[0].motion.frequency = 0.0", "greater than 0"),
+        (
+            ["wall[0].material=stele"],
+            "pair",
+            "missing for the materials 'coin' and 'stele'.*did you mean 'steel'",
+        ),
+        (["box.material="], "box", "material is missing"),
+        (["box.material=steal"], "pair", "'coin' and 'steal'.*did you mean 'steel'"),
+        (["box.gravity=[0.0]"], "box.gravity", "at least 2 entries"),
+        (["box.periodic=[true, 1]"], "box.periodic[1] = 1", "boolean"),
+        (
+            ["box.periodic=[true, false]", "box.gravity=[1.0, -1.0]"],
+            "box",
+            "would fall for ever along x.*periodic = \\[false, false\\] gives it a floor",
+        ),
+        (
+            ["box.periodic=[true, false]", "wall[0].normal=[1.0, 1.0]"],
+            "wall[0]",
+            "line: a line across a periodic",
+        ),
+        (
+            ["box.periodic=[true, false]", "wall[1].center=[1.0, 8.0]"],
+            "wall[1]",
+            "post: at .1, 8. it reaches beyond a periodic side",
+        ),
+        (["wall[1].center=[10.0, 27.0]"], "wall[1]", "the post lies outside of the box, which reaches from"),
+        (["wall[0].point=[0.0, 23.5]"], "wall", "the walls leave no room for a disk of diameter 1"),
+        (
+            ["box.lengths=", "box.packing_fraction=0.2"],
+            "box.packing_fraction",
+            "box.lengths is needed instead",
+        ),
+        (["run.collapse=velocity"], 'run.collapse = "velocity"', "did you mean 'velocity_cutoff'"),
+        (["run.collapse=velocity_cutoff"], "run", 'collapse = "velocity_cutoff": velocity_cutoff missing'),
+        (["run.velocity_cutoff=0.1"], "run", 'velocity_cutoff cannot stand beside collapse = "none"'),
+        (
+            ["run.collapse=tc", "run.contact_time=0.1", "run.velocity_cutoff=0.1"],
+            "run",
+            'collapse = "velocity_cutoff" needs it',
+        ),
+        (["species[0].number=500"], "box.lengths = 0.8585", "too dense for a random start"),
+        (["species[0].number=700"], "box.lengths = 1.2", "than the room between walls has: some 318 of them"),
+        (["wall[0].material=coin", 'pair[1].materials=["coin", "stel"]'], "pair[1].materials", "no material"),
+    ],
+)
+def test_a_wrong_wall_is_named_with_what_is_allowed(overrides: list[str], key: str, says: str) -> None:
+    found = mistakes(*overrides)
+    assert found, overrides
+    assert any(line.startswith(key) and re.search(says, line) for line in found), found
+
+
+def test_mistakes_of_walls_come_with_all_others() -> None:
+    found = mistakes("wall[0].motion.kind=sin", "wall[1].radius=x", "run.sede=1", "box.gravity=[0.0, nan]")
+    assert {line.split(" ")[0].rstrip(":") for line in found} == {
+        "run.sede",
+        "box.gravity[1]",
+        "wall[0].motion.kind",
+        "wall[1].radius",
+    }
+
+
+def test_a_wall_that_can_add_energy_is_refused_with_its_pair() -> None:
+    (found,) = mistakes("pair[1].e_t=1.0")
+    assert found.startswith("pair[1]")
+    assert "energy" in found
+
+
+def test_too_many_walls_are_counted_with_the_sides() -> None:
+    raw = changed()
+    del raw["pair"][1]  # type: ignore[attr-defined]  # no steel
+    post = {"shape": "post", "material": "coin", "radius": 0.1}
+    raw["wall"] = [post | {"center": [0.5 * i + 1.0, 20.0]} for i in range(28)]
+    (found,) = case_file.mistakes(raw, Path())
+    assert "32 walls: 31 at most are supported, the sides of the box included" in str(found)
+
+
+def test_every_key_of_a_wall_reaches_the_engine() -> None:
+    motions = {
+        "steady": ({"speed": 0.1}, Motion("steady", speed=0.1)),
+        "sine": (
+            {"amplitude": 0.1, "frequency": 2.0, "phase": 1.0, "direction": [1.0, 0.0]},
+            Motion("sine", (1.0, 0.0), amplitude=0.1, frequency=2.0, phase=1.0),
+        ),
+        "sawtooth": (
+            {"amplitude": 0.1, "frequency": 2.0, "rise": 0.3},
+            Motion("sawtooth", amplitude=0.1, frequency=2.0, rise=0.3),
+        ),
+    }
+    shapes = {
+        "line": ({"point": [0.0, 0.5], "normal": [0.0, 2.0]}, Wall.line((0.0, 0.5), (0.0, 1.0), material=2)),
+        "segment": (
+            {"start": [1.0, 20.0], "end": [2.0, 21.0], "surface_speed": 0.5},
+            Wall.segment((1.0, 20.0), (2.0, 21.0), material=2, surface_speed=0.5),
+        ),
+        "container": (
+            {"center": [10.0, 12.0], "radius": 9.0},
+            Wall.container((10.0, 12.0), 9.0, material=2),
+        ),
+        "post": ({"center": [10.0, 12.0], "radius": 0.0}, Wall.post((10.0, 12.0), 0.0, material=2)),
+    }
+    assert shapes.keys() == SHAPES.keys()
+    assert motions.keys() == MOTIONS.keys()
+    raw = changed("run.collapse=velocity_cutoff", "run.velocity_cutoff=0.25")
+    raw["wall"] = [{"shape": shape, "material": "steel"} | keys for shape, (keys, _) in shapes.items()]
+    raw["wall"] += [  # type: ignore[operator]
+        {"shape": "post", "material": "coin", "center": [5.0, 5.0], "radius": 1.0}
+        | {"motion": {"kind": kind} | keys}
+        for kind, (keys, _) in motions.items()
+    ]
+    gas = Gas.from_case(Case.model_validate(raw))
+    assert gas.materials == ("glass", "coin", "steel")  # the engine makes the sides of the first
+    expected = [wall for _, wall in shapes.values()]
+    expected += [Wall.post((5.0, 5.0), 1.0, material=1, motion=motion) for _, motion in motions.values()]
+    assert list(gas.walls) == expected
+    assert from_json(to_json(gas.walls)) == gas.walls
+    law = gas.laws[1][2]
+    assert law is not None
+    assert (law.e_n, law.e_t, law.mu) == (0.95, -0.7, 0.1)
+    assert gas.laws[2][1] is law or gas.laws[2][1] == law
+    assert gas.laws[0][2] is None  # glass and steel never meet
+    keys = {key for each in SHAPES.values() for key in each}
+    assert keys | {"shape", "material", "motion", "surface_speed", "temperature"} == set(
+        WallSection.model_fields
+    )
+    keys = {key for needed, also in MOTIONS.values() for key in needed + also}
+    assert keys | {"kind", "direction"} == set(MotionSection.model_fields)
+
+
+def test_a_thermal_wall_needs_no_material(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hot = ["wall[0].material=", "wall[0].temperature=2.5", 'pair[1].materials=["coin", "glass"]', "pair[0]="]
+    gas = Gas.from_case(Case.model_validate(changed(*hot)))
+    floor = Wall.line((0.0, 0.5), (0.0, 1.0), temperature=2.5, motion=gas.walls[0].motion)
+    assert gas.walls[0] == floor
+    assert gas.materials == ("glass", "coin")
+    (tmp_path / "hot.toml").write_text(SHAKEN)
+    assert (
+        main(["check", str(tmp_path / "hot.toml"), *(word for each in hot for word in ("--set", each))]) == 0
+    )
+    assert "line, thermal, T = 2.5; sine, " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("kind", "key"), [("velocity_cutoff", "velocity_cutoff"), ("tc", "contact_time")])
+def test_remedies_for_collapse_reach_the_engine(
+    kind: str, key: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given: dict[str, object] = {}
+    monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
+    overrides = [f"run.collapse={kind}", f"run.{key}=0.25"]
+    case = Case.model_validate(changed(*overrides))
+    Gas.from_case(case).simulation(case)
+    assert {name: given[name] for name in ("collapse", key, "gravity", "seed")} == {
+        "collapse": kind,
+        key: 0.25,
+        "gravity": (0.0, -1.0),
+        "seed": 4,
+    }
+    assert Collapse(kind, **{key: 0.25}).kind == kind  # what Simulation makes of it
+    (tmp_path / "case.toml").write_text(SHAKEN)
+    assert (
+        main(["check", str(tmp_path / "case.toml"), *(w for each in overrides for w in ("--set", each))]) == 0
+    )
+    assert re.search(r"collapse +(velocity cut-off|contact time) 0.25: collisions", capsys.readouterr().out)
+
+
+def test_check_says_what_walls_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "shaken.toml"
+    path.write_text(SHAKEN)
+    assert main(["check", str(path)]) == 0
+    shown = capsys.readouterr().out
+    area = 20.0 * 23.5 - 4.0 * math.pi
+    assert "100 disks in a box of 20 x 24, between walls, reduced units" in shown
+    assert re.search(rf"packing fraction +{100 * math.pi / 4 / area:.5g}\n", shown)
+    assert re.search(rf"room between walls +{area:.5g}, ", shown)
+    assert re.search(r"gravity +\(0, -1\): 2 lift the mean disk by its diameter", shown)  # m g d = 2 x 1 x 1
+    assert re.search(r"sides +walls of glass across x and y", shown)
+    # 2 pi f A = 6.283; m v^2 / 2 = 39.48; A (2 pi f)^2 / g = 78.96
+    motion = r"sine, amplitude 0.5, frequency 2, up to 6.283 \(m v\^2 / 2 = 39.48 of the mean disk\)"
+    assert re.search(rf"wall 1 +line, of steel; {motion}, acceleration up to 78.96 g", shown)
+    assert re.search(r"wall 2 +post, of coin, surface at 0.5", shown)
+    assert re.search(r"pair coins, wall \(steel\) +strictly admissible \(e_n = 0.95", shown)
+    assert "an unknown number of collisions" in shown
+    assert re.search(r"wall hits +some [\d.]+ per unit of time at the start", shown)
+    assert main(["check", str(path), "--set", "wall[0].shape=lin"]) == 2
+    assert "did you mean 'line'" in capsys.readouterr().err
+
+
+ELASTIC = """
+[run]
+name = "elastic"
+t_end = 20.0
+units = "reduced"
+[box]
+lengths = [24.0, 16.0]
+periodic = [false, true]
+material = "smooth"
+[[material]]
+name = "smooth"
+e_n = 1.0
+e_t = -1.0
+mu = 0.0
+[[species]]
+name = "disks"
+number = 100
+material = "smooth"
+mass = 2.0
+radius = 0.5
+speed_rms = 1.0
+[[wall]]
+shape = "post"
+material = "smooth"
+center = [12.0, 8.0]
+radius = 2.0
+[output]
+frames = 10
+precision = "f8"
+"""
+
+
+def test_a_run_between_walls_stores_them_and_its_ledger(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("shaken.toml").write_text(SHAKEN)
+    assert main(["run", "shaken.toml"]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"\d+ collisions with walls, which gave [\d.]+ as work", shown)
+    assert Path("shaken.png").stat().st_size > 50_000
+    with h5py.File("shaken.h5") as file:
+        assert list(file["particles/all/box"].attrs["boundary"]) == ["none", "none", "none"]
+        np.testing.assert_array_equal(file["particles/all/box"].attrs["lengths"], [20.0, 24.0])
+    gas = Gas.from_case(Case.model_validate(changed()))
+    with Trajectory("shaken.h5") as trajectory:
+        assert trajectory.box == gas.box
+        assert trajectory.walls == gas.walls
+        assert json.loads(str(trajectory.parameters["gravity"])) == [0.0, -1.0]
+        laws = json.loads(str(trajectory.parameters["laws"]))
+        assert laws[0][2] is None
+        assert laws[1][2]["e_n"] == 0.95
+        totals = {name: values[:] for name, values in trajectory.observables.items()}
+        last = trajectory[-1]
+        height = last.position[:, 1]
+        for frame in trajectory:
+            assert np.all(Room(gas.box).gap(frame.position, gas.disks.radius) > -1e-9)
+        assert theory_curves.cooling(trajectory) == (None, "walls: no kinetic theory here")
+    assert totals["potential_energy"][-1] == pytest.approx(2.0 * np.sum(height), rel=1e-12)  # m g y
+    assert np.all(np.diff(totals["wall_hits"]) > 0)
+    assert totals["wall_work"][-1] > 0.0
+    balance = (
+        totals["energy"] + totals["potential_energy"] + totals["dissipated_energy"] - totals["wall_work"]
+    )
+    np.testing.assert_allclose(balance, balance[0], rtol=1e-12)
+    # That dissipation is what disks lose, not what is left over: it never falls.
+    assert np.all(np.diff(totals["dissipated_energy"]) > 0.0)
+    text = describe("shaken.h5")
+    assert "between walls" in text
+    assert "1 line, 1 post" in text
+    assert f"packing fraction  {gas.room.packing_fraction(gas.disks.radius):.4f}" in text
+
+
+def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And take no energy: the ledger's dissipation is rounding."""
+    monkeypatch.chdir(tmp_path)
+    Path("elastic.toml").write_text(ELASTIC)
+    assert main(["run", "elastic.toml", "--no-picture"]) == 0
+    case = Case.model_validate(changed(text=ELASTIC))
+    estimate = Estimate.of(Gas.from_case(case), case)
+    with Trajectory("elastic.h5") as trajectory:
+        hits = trajectory.observables["wall_hits"]
+        energy = trajectory.observables["energy"]
+        dissipated = trajectory.observables["dissipated_energy"]
+        collisions = trajectory.observables["collisions"][-1]
+    # Some 400 hits: standard error 5 %.
+    assert hits[-1] == pytest.approx(20.0 * estimate.wall_hits, rel=0.15)
+    np.testing.assert_allclose(dissipated, 0.0, atol=1e-12 * energy[0])
+    assert estimate.collisions_at_most
+    assert collisions == pytest.approx(estimate.collisions, rel=0.15)
+
+
+def test_a_run_goes_on_from_a_frame_between_walls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Positions in single precision: disks that touched a wall are moved off it."""
+    monkeypatch.chdir(tmp_path)
+    Path("elastic.toml").write_text(ELASTIC)
+    short = ["--no-picture", "--set", "run.t_end=1.0", "--set", "output.precision=f4"]
+    assert main(["run", "elastic.toml", *short]) == 0
+    again = ["--set", "run.name=again", "--set", "start.positions=elastic.h5", "--set", "start.motion=true"]
+    assert main(["run", "elastic.toml", *short, *again, "--set", "species[0].speed_rms="]) == 0
+    with Trajectory("elastic.h5") as first, Trajectory("again.h5") as second:
+        np.testing.assert_allclose(second[0].position, first[-1].position, atol=1e-5)
+    wide = "wall[0].radius=4.0"
+    found = mistakes(
+        "start.positions=elastic.h5", "species[0].speed_rms=", "start.motion=true", wide, text=ELASTIC
+    )
+    assert "overlaps wall 0 (post)" in found[0]
+
+
+def test_positions_of_a_file_must_keep_off_walls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("start.csv").write_text("x,y\n1.0,2.0\n10.0,10.2\n")
+    (found,) = mistakes("species[0].number=2", "start.file=start.csv")
+    assert re.search(r"disk 1 at \(10, 10.2\) overlaps wall 1 \(post\) by 0.3", found)
+    (found,) = mistakes("species[0].number=2", "start.file=start.csv", "wall[1].center=[10.0, 20.0]",
+                        "wall[0].motion.phase=1.5707963267948966", "wall[0].point=[0.0, 1.1]")  # fmt: skip
+    assert "disk 0 at (1, 2) overlaps wall 0 (line) by 0.1" in found  # the floor is at 1.6 at t = 0
+
+
+def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
+    """A state at a time at which the floor is low may have disks where it is at t = 0."""
+    case = Case.model_validate(changed())
+    gas = Gas.from_case(case)
+    state = gas.start(case)
+    state.position[0] = (
+        1.0,
+        0.5 + 0.5 - 0.4,
+    )  # overlaps the floor at 0.5, and not at 0.5 - 0.5 at t = 3/4 period
+    state.time = 0.375
+    others = np.hypot(*(state.position[1:] - state.position[0]).T)
+    assert others.min() > 1.0
+    assert gas.simulation(case, state).time == 0.375
+
+
+@pytest.mark.parametrize("way", ["growth", "hexagonal"])
+def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
+    case = Case.model_validate(changed("species[0].number=300", f"start.positions={way}"))
+    gas = Gas.from_case(case)
+    assert np.all(gas.room.gap(gas.start(case).position, gas.disks.radius) >= 0.0)
+
+
+def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Density inversion, as its comment says, in a box a quarter as wide and for a second and a half."""
+    monkeypatch.chdir(tmp_path)
+    less = ["box.lengths=[0.2625, 0.7]", "species[0].number=100", "run.t_end=1.5", "output.frames=30"]
+    words = [word for each in less for word in ("--set", each)]
+    assert main(["run", "vibrated", "--no-picture", *words]) == 0
+    with Trajectory("vibrated.h5") as trajectory:
+        found = profile_data.of(trajectory)
+    assert found is not None
+    densest = int(np.argmax(found.packing_fraction))
+    assert found.packing_fraction[densest] > 0.5
+    assert 4.0 < (found.middle[densest] - 0.0105) / 0.021 < 9.0  # diameters above the floor
+    assert found.packing_fraction[0] < 0.5 * found.packing_fraction[densest]
+    T_x, T_y = found.temperature[0]
+    assert T_y > 2.0 * T_x
+    assert T_y > 8.0 * found.temperature[densest, 1]
+
+
+def test_the_template_of_walls_is_a_shaken_floor() -> None:
+    case = Case.model_validate(template.TEMPLATES["walls"].values)
+    gas = Gas.from_case(case)
+    assert [wall.motion.kind for wall in gas.walls] == ["sine"]
+    assert "# shape = " not in template.write("walls").split("[[wall]]")[1].split("[start]")[0]
+
+
+def test_measures_without_gravity_have_no_potential_energy() -> None:
+    gas = Gas.from_case(Case.model_validate(changed("box.gravity=[0.0, 0.0]")))
+    state = gas.start(Case.model_validate(changed()))
+    assert measure(gas.disks, state).potential_energy == 0.0
+    tilted = measure(gas.disks, state, gravity=(0.5, -2.0)).potential_energy
+    assert tilted == pytest.approx(2.0 * np.sum(2.0 * state.position[:, 1] - 0.5 * state.position[:, 0]))

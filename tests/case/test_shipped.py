@@ -1,0 +1,111 @@
+"""The shipped cases: listed, found by name, and in order."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem import Trajectory
+from ifrdem.case import file as case_file
+from ifrdem.case import shipped, template
+from ifrdem.case.draft import Draft
+from ifrdem.case.gas import Gas
+from ifrdem.case.rules import problems
+from ifrdem.cli import main as cli
+from ifrdem.errors import InputError
+
+pytestmark = pytest.mark.unoptimised
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def test_every_case_of_the_folder_is_listed_with_what_it_shows(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["cases"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    names = sorted(path.stem for path in CASES.glob("*.toml"))
+    assert {"cooling", "mixture"} <= set(names)
+    for name, line in zip(names, lines, strict=False):
+        assert line.startswith(f"{name} ")
+        assert 10 < len(line) < 120
+    assert "A cooling gas of coins" in next(line for line in lines if line.startswith("cooling "))
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in CASES.glob("*.toml")))
+def test_every_shipped_case_is_in_order_and_named_like_its_file(name: str) -> None:
+    file = case_file.read(shipped.find(name))
+    assert problems(Draft.from_case(file.case), file.folder) == []
+    assert file.case.run.name == name
+    assert f"ifrdem run cases/{name}.toml" in file.text
+
+
+def test_listing_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from ifrdem.cli import main as cli; cli.main(['cases']); "
+        "print(sorted(m for m in ('taichi', 'matplotlib', 'h5py', 'scipy') if m in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_file_of_the_folder_comes_before_a_shipped_case_of_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert shipped.find("mixture").resolve() == CASES / "mixture.toml"
+    (tmp_path / "mixture").touch()
+    assert shipped.find("mixture") == Path("mixture")
+    assert shipped.find("mixture.toml") == Path("mixture.toml")  # a path is never a shipped case
+
+
+@pytest.mark.parametrize("verb", ["run", "check"])
+def test_a_name_that_is_neither_file_nor_case_gets_the_nearest(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main([verb, "mixtrue"]) == 2
+    error = capsys.readouterr().err
+    assert (
+        "mixtrue: there is no such file, and no shipped case of this name (did you mean 'mixture'?)" in error
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("spelling", ["cases/mixture.toml", "cases/mixture"])
+def test_new_copies_a_shipped_case(spelling: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new", spelling]) == 0
+    assert (tmp_path / "mixture.toml").read_bytes() == (CASES / "mixture.toml").read_bytes()
+    assert cli.main(["new", spelling]) == 2  # it exists
+
+
+def test_new_prefers_the_template_where_both_have_a_name() -> None:
+    assert shipped.new("cooling") == template.write("cooling")
+    assert shipped.new("cases/cooling.toml") == (CASES / "cooling.toml").read_text(encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"'cases/coolin'.*did you mean.*templates: cooling, .*cases/cooling\.toml"
+    ):
+        shipped.new("cases/coolin")
+
+
+def test_the_mixture_shows_what_its_comment_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Smaller and shorter: the largest disks keep the higher temperature, in the number of disks' 10 % errors."""
+    monkeypatch.chdir(tmp_path)
+    changes = ["species[0].number=2000", "output.frames=1"]
+    words = [word for change in changes for word in ("--set", change)]
+    assert cli.main(["run", "mixture", "--no-picture", *words]) == 0
+    trajectory = Trajectory("mixture.h5")
+    order = np.argsort(trajectory.disks.radius)
+
+    def ratio(frame: int) -> float:
+        energy = trajectory.disks.mass * np.sum(trajectory[frame].velocity ** 2, axis=1)
+        return float(energy[order[-200:]].mean() / energy[order[:200]].mean())
+
+    assert ratio(0) == pytest.approx(1.0, abs=0.3)  # 200 disks each: standard error sqrt(2/200) = 0.1
+    assert ratio(-1) > 1.4
+    gas = Gas.from_case(case_file.read(CASES / "mixture.toml").case)
+    assert gas.box.packing_fraction(gas.disks.radius) == pytest.approx(0.4, rel=1e-13)
+    assert gas.disks.radius.max() / gas.disks.radius.min() < 8.0  # 40 mm over 5 mm

@@ -1,0 +1,196 @@
+"""`ifrdem fit`: what it prints and writes, and what it refuses before any work."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from ifrdem import fit
+from ifrdem.cli.main import main
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An own working folder with the example in it."""
+    (tmp_path / "data.csv").write_text(fit.example(), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def refused(arguments: list[str], folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """The complaints of a command that must fail and leave nothing behind."""
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert main(["fit", *arguments]) == 2
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    lines = shown.err.splitlines()
+    assert all(line.startswith("ifrdem: ") for line in lines)
+    return [line.removeprefix("ifrdem: ") for line in lines]
+
+
+def test_example_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fit", "--example"]) == 0
+    assert capsys.readouterr().out == fit.example()
+
+
+def test_fit_writes_what_was_asked_for(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["data.csv", "--M", "1", "--error", "0.7", "--json", "fit.json", "--picture", "fit.png"]
+    assert main(["fit", *arguments, "--write-material", "coins.toml", "--material-name", "al"]) == 0
+    shown = capsys.readouterr().out
+    assert "sticking: percussion centre (Eq. 15)   <- preferred by the data" in shown
+    assert "wrote fit.json, fit.png, fit.pdf, coins.toml" in shown
+    assert (folder / "fit.png").read_bytes().startswith(b"\x89PNG")
+    assert (folder / "fit.pdf").read_bytes().startswith(b"%PDF")
+    found = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
+    written = tomllib.loads((folder / "coins.toml").read_text(encoding="utf-8"))["material"][0]
+    estimates = found["closures"]["percussion_center"]["estimates"]
+    assert written["name"] == "al"
+    assert written["sticking"] == "percussion_center"
+    for name in ("e_n", "e_t", "mu"):
+        assert written[name] == pytest.approx(estimates[name]["value"], abs=1e-6)
+
+
+def test_material_fits_into_a_case_that_check_likes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert (
+        main(
+            [
+                "fit",
+                "data.csv",
+                "--M",
+                "1",
+                "--error",
+                "0.7",
+                "--sticking",
+                "percussion_center",
+                "--write-material",
+                "coins.toml",
+            ]
+        )
+        == 0
+    )
+    case = (ROOT / "cases" / "cooling.toml").read_text(encoding="utf-8")
+    begin, end = case.index("[[material]]"), case.index("# The coin of 1 pta")
+    case = case[:begin] + (folder / "coins.toml").read_text(encoding="utf-8") + case[end:]
+    (folder / "case.toml").write_text(
+        case.replace('material = "aluminium"', 'material = "data"'), encoding="utf-8"
+    )
+    capsys.readouterr()
+    assert main(["check", "case.toml"]) == 0
+    written = tomllib.loads((folder / "coins.toml").read_text(encoding="utf-8"))["material"][0]
+    shown = capsys.readouterr().out
+    assert re.search(rf"e_n = {written['e_n']:g}", shown)
+
+
+def test_coins_of_the_paper_give_mass_ratio_and_radii(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert (
+        main(
+            ["fit", "data.csv", "--pair", "500 pts", "100 pts", "--error", "1", "--sticking", "contact_point"]
+        )
+        == 0
+    )
+    shown = capsys.readouterr().out
+    assert "M = 1.30011, k_1 = 2, k_2 = 2, R_1 = 0.014, R_2 = 0.01225" in shown  # 12.00 g / 9.23 g
+    assert "percussion" not in shown
+
+
+def test_law_that_adds_energy_is_shown_but_gives_no_material(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """tan(delta_2) = (1 + e_t)/(3 (1 + e_n)) tan(psi) + mu with e_n = 0.95, e_t = 0.5, mu = 0.8; see test_fit.py."""
+    from test_fit import impacts
+
+    data = impacts((0.95, 0.5, 0.8), error=0.2)
+    rows = zip(data.psi, data.measured["delta_1"], data.measured["delta_2"], strict=True)
+    text = "psi,delta_1,delta_2\n" + "".join(f"{a},{b},{c}\n" for a, b, c in rows)
+    (folder / "hot.csv").write_text(text, encoding="utf-8")
+    arguments = ["hot.csv", "--M", "1", "--error", "0.2", "--sticking", "percussion_center"]
+    assert main(["fit", *arguments, "--write-material", "hot.toml"]) == 1
+    shown = capsys.readouterr()
+    assert "SOME COLLISIONS ADD ENERGY" in shown.out
+    assert "no material is written" in shown.err
+    assert not (folder / "hot.toml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], ["DATA is missing", "--M is missing"]),
+        (["data.csv"], ["--M is missing"]),
+        (["data.csv", "--M", "-1"], ["--M -1: a positive finite number"]),
+        (["data.csv", "--M", "x", "--k-1", "0"], ["--M x: a positive", "--k-1 0: a positive"]),
+        (["data.csv", "--pair", "1 pta", "1 peta"], [r"--pair '1 peta': no such coin \(did you mean '1 pta'"]),
+        (["data.csv", "--pair", "1 pta", "1 pta", "--M", "1"], ["--M: not beside --pair"]),
+        (["data.csv", "--M", "1", "--rolling"], ["--R-1 is missing", "--R-2 is missing"]),
+        (["data.csv", "--M", "1", "--R-1", "1"], ["both radii are needed"]),
+        (["data.csv", "--M", "1", "--error", "delta_3=1"], [r"no column is called 'delta_3' \(did you mean 'delta_"]),
+        (["data.csv", "--M", "1", "--error", "0"], ["--error 0: a positive finite number"]),
+        (["data.csv", "--M", "1", "--error", "1", "--error", "2"], ["--error 2: given twice"]),
+        (["data.csv", "--M", "1", "--sticking", "contact"], [r"--sticking contact: .*did you mean 'contact_point'"]),
+        (["data.csv", "--M", "1", "--bootstrap", "5"], ["--bootstrap 5: a whole number from 40"]),
+        (["data.csv", "--M", "1", "--seed", "5"], ["--seed: only beside --bootstrap"]),
+        (["data.csv", "--M", "1", "--material-name", "a"], ["--material-name: only beside --write-material"]),
+        (["data.csv", "--M", "1", "--json", "no/f.json"], ["output folder no: does not exist"]),
+        (["data.csv", "--M", "1", "--json", "data.csv"], ["is the data file", "exists already"]),
+        (["data.csv", "--M", "1", "--json", "a", "--write-material", "a"], ["output a: is asked for twice"]),
+        (["data.csv", "--M", "1", "--jsn", "a"], [r"unrecognized arguments: --jsn.*did you mean '--json'"]),
+        (["data.cvs", "--M", "1"], [r"data.cvs: there is no such file \(did you mean 'data.csv'"]),
+        (["data.csv", "--M", "1"], [r"psi: no error", r"delta_1: no error", r"delta_2: no error"]),
+        (["data.csv", "--M", "1", "--error", "1", "--rolling", "--R-1", "1", "--R-2", "1"], ["Rw_2 or e_t_apparent"]),
+    ],
+)  # fmt: skip
+def test_bad_input_is_refused_all_at_once(
+    arguments: list[str], says: list[str], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = refused(arguments, folder, capsys)
+    for text in says:
+        assert any(re.search(text, line) for line in lines), lines
+
+
+def test_existing_files_are_kept_unless_forced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "fit.pdf").write_text("mine", encoding="utf-8")
+    arguments = ["data.csv", "--M", "1", "--error", "0.7", "--picture", "fit"]
+    (line,) = refused(arguments, folder, capsys)
+    assert line == "output fit.pdf: exists already; --force replaces it, another name keeps it"
+    assert main(["fit", *arguments, "--sticking", "percussion_center", "--force"]) == 0
+    assert (folder / "fit.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_help_and_refusals_start_no_heavy_import(folder: Path) -> None:
+    code = (
+        "import sys\nfrom ifrdem.cli import main\n"
+        "try:\n    status = main(['fit', *sys.argv[1:]])\nexcept SystemExit as end:\n    status = end.code\n"
+        "assert not {'taichi', 'scipy', 'matplotlib'} & set(sys.modules)\nsys.exit(status)\n"
+    )
+    for arguments, status in ((["--help"], 0), (["data.csv", "--M", "0"], 2)):
+        done = subprocess.run(
+            [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == status, done.stderr
+
+
+def test_readme_example_works(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from test_readme import block
+
+    for line in block("fit").splitlines():
+        words = line.removeprefix(".venv/bin/ifrdem ").split(" > ")[0].split()
+        assert main(words) == 0
+    shown = capsys.readouterr().out
+    assert "preferred by the data" in shown
+    section = (ROOT / "README.md").read_text(encoding="utf-8").split("## Fit the")[1].split("\n## ")[0]
+    options = re.findall(r"`(--[\w-]+)", section)
+    assert len(options) > 10
+    with pytest.raises(SystemExit):
+        main(["fit", "--help"])
+    shown = capsys.readouterr().out
+    assert [option for option in options if option not in shown] == []

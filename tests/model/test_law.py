@@ -1,0 +1,143 @@
+"""Collision laws of one's own pass through the same door as the IFR law."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+from support.gases import mixture, start
+from support.law_examples import Half, Short, Silent, Viscoelastic, Weak
+
+from ifrdem.errors import InputError
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import EnergyWarning, IFRLaw, collide
+from ifrdem.model.law import CollisionLaw
+from ifrdem.model.observables import measure
+from ifrdem.model.state import Disks, State
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.simulation import Simulation
+
+pytestmark = pytest.mark.unoptimised
+
+
+def viscoelastic(c: float = 0.0) -> Viscoelastic:
+    return Viscoelastic(c=c, e_t=-1.0, mu=0.0)
+
+
+def quiet(*arguments: Any, **options: Any) -> Simulation:
+    """A simulation whose law is known not to be judged."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EnergyWarning)
+        return Simulation(*arguments, **options)
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_the_ifr_law_by_a_class_of_ones_own_is_the_ifr_law_to_the_last_bit(order: str) -> None:
+    """Unequal rough disks that slide and stick; e_n = 1 - 0 g_n^(1/5) is 1 exactly."""
+    disks = mixture(300)
+    box, state = start(disks, 0.4)
+
+    def end(table: tuple[float, ...], law: type[CollisionLaw]) -> State:
+        engine = Engine(disks, box, state, np.array([[table]]), law=law, order=order, tile_disks=60)
+        while engine.time < 0.5:
+            engine.advance(t_end=0.5)
+        assert engine.collisions > 300
+        return engine.state()
+
+    built_in, own = end((1.0, -0.9, 0.15, 1.0, 0.0), IFRLaw), end((0.0, -0.9, 0.15), Viscoelastic)
+    for name in ("position", "velocity", "spin", "collisions"):
+        np.testing.assert_array_equal(getattr(own, name), getattr(built_in, name))
+
+
+def test_restitution_of_a_viscoelastic_law_falls_with_the_speed_of_approach() -> None:
+    """Head-on pairs of unequal masses: g_n' = -e(g) g with e = 1 - 0.1 g^(1/5), at speeds over six decades.
+
+    The law to lowest order of Brilliantov, Spahn, Hertzsch and Poeschel (1996), doi:10.1103/PhysRevE.53.5382. Momentum
+    is kept to rounding.
+    """
+    disks = Disks(2, mass=np.array([1.0, 3.0]), radius=0.5)
+    for g in 10.0 ** np.arange(-3.0, 4.0):
+        begin = State([[10.0, 5.0], [12.0, 5.0]], [[g, 0.0], [0.0, 0.0]], [0.0, 0.0])  # type: ignore[arg-type]
+        pair = quiet(disks, Box((30.0, 30.0)), viscoelastic(0.1), begin)
+        pair.run(t_end=2.0 / g)
+        assert pair.collisions == 1
+        velocity, e = pair.state.velocity[:, 0], 1.0 - 0.1 * g**0.2
+        assert velocity[0] - velocity[1] == pytest.approx(-e * g, rel=1e-12)
+        assert disks.mass @ velocity == pytest.approx(g, rel=1e-14)
+        assert pair.dissipated_energy == pytest.approx(
+            0.5 * 0.75 * g**2 * (1.0 - e**2), rel=1e-12
+        )  # m_n = 3/4
+
+
+def test_a_law_that_adds_energy_is_told_before_and_after() -> None:
+    """e_n = 1 + 0.2 g_n^(1/5): every collision adds energy."""
+    disks = mixture(100)
+    box, state = start(disks, 0.2)
+    with pytest.warns(EnergyWarning, match=r"law Viscoelastic: .* of 4096 random collisions 4096 did"):
+        gas = Simulation(disks, box, viscoelastic(-0.2), state)
+    before = measure(disks, state).energy
+    with pytest.warns(EnergyWarning, match=r"collisions have added energy, \d"):
+        gas.run(collisions_per_disk=2.0)
+    gained = measure(disks, gas.state).energy - before
+    assert gained > 0.2 * before
+    assert gas.dissipated_energy == pytest.approx(-gained, rel=1e-12)
+
+
+def test_a_law_that_lets_disks_through_each_other_is_refused() -> None:
+    disks = mixture(100)
+    box, state = start(disks, 0.2)
+    with pytest.raises(
+        InputError, match=r"law Weak: .* get P_n = .*, not below m_n g_n = .*through each other"
+    ):
+        Simulation(disks, box, Weak(part=0.5), state)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: viscoelastic(), None),
+        (lambda: Viscoelastic(c=1.0, d=0.1), r"Viscoelastic: unknown coefficient 'd'.*it has: c, e_t, mu"),
+        (lambda: Viscoelastic(c=1.0), r"Viscoelastic: e_t is missing"),
+        (lambda: viscoelastic(float("nan")), r"Viscoelastic: c = nan: a finite number is needed"),
+        (lambda: Silent(), r"law = .*Silent.*: an IFRLaw, or .* with a method collide, is needed"),
+        (lambda: 0.9, r"law = 0.9: an IFRLaw, or"),
+        (
+            lambda: [
+                [viscoelastic(), viscoelastic()],
+                [viscoelastic(), Weak(part=1.0)],
+            ],
+            r"law table: laws of 2 classes, Viscoelastic, Weak",
+        ),
+    ],
+)
+def test_what_is_no_law_is_refused_by_name(make: Any, message: str | None) -> None:
+    disks = mixture(10)
+    box, state = start(disks, 0.2)
+    if message is None:
+        assert quiet(disks, box, make(), state).collisions == 0
+        return
+    with pytest.raises(InputError, match=message):
+        Simulation(disks, box, make(), state)
+
+
+def test_collide_in_numpy_takes_the_ifr_law_only() -> None:
+    with pytest.raises(InputError, match=r"collide takes an IFRLaw"):
+        collide(viscoelastic(), [1, 0], [1, 1], [1, 1], [2, 2], [[1, 0], [0, 0]], [0, 0])  # type: ignore[arg-type]
+
+
+def test_a_law_needs_no_coefficients() -> None:
+    disks = mixture(100)
+    box, state = start(disks, 0.4)
+    gas = quiet(disks, box, Half(), state)
+    gas.run(t_end=0.2)
+    assert gas.collisions > 50
+    assert gas.dissipated_energy > 0.0
+
+
+def test_a_law_that_returns_too_little_is_refused_by_name() -> None:
+    disks = mixture(100)
+    box, state = start(disks, 0.4)
+    with pytest.raises(InputError, match=r"law Short: Taichi cannot compile .* returns P_n, P_t and T"):
+        quiet(disks, box, Short(), state)

@@ -1,0 +1,210 @@
+"""Movies: disks are where and as large as they are, in the colours of their spins; the file plays."""
+
+from __future__ import annotations
+
+import gc
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.layout_files import BOX, write
+
+from ifrdem.cli.main import main
+from ifrdem.errors import InputError
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
+from ifrdem.plots import disks as plot_disks
+from ifrdem.plots import movie, raster
+from ifrdem.trajectory import layout
+from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
+
+EMPTY, MARK = 900, 901
+
+
+def place_some(n: int, shape: tuple[int, int], radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Disks that do not overlap, some across the edges: a jittered grid."""
+    rng = np.random.default_rng(2)
+    side = int(np.ceil(np.sqrt(n)))
+    cell = np.array([shape[1], shape[0]]) / side
+    grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)[:n]
+    spare = cell - 2.0 * radius
+    assert (spare > 0.0).all()
+    place = grid * cell + radius + rng.uniform(size=(n, 2)) * spare - 0.5 * radius
+    return place, rng.uniform(0.6, 1.0, n) * radius, np.arange(n) % 256
+
+
+@pytest.mark.parametrize(("n", "radius"), [(9, 20.0), (1600, 1.7)], ids=["few large", "many small"])
+def test_pixels_belong_to_the_disk_that_covers_their_centre(n, radius):
+    """Against all pairs of pixels and disks."""
+    shape = (160, 200)
+    place, radii, number = place_some(n, shape, radius)
+    drawn = raster.draw(shape, place, radii, number, empty=EMPTY)
+    y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
+    expected = np.full(shape, EMPTY)
+    for i in range(n):
+        expected[(x - place[i, 0]) ** 2 + (y - place[i, 1]) ** 2 <= radii[i] ** 2] = number[i]
+    assert np.array_equal(drawn, expected)
+    assert (drawn != EMPTY).sum() > 1000
+
+
+def test_marks_point_where_disks_have_turned_to():
+    place, radius = np.array([[20.5, 20.5], [60.5, 20.5]]), np.array([15.0, 15.0])
+    drawn = raster.draw(
+        (40, 80), place, radius, np.array([1, 2]), empty=EMPTY, angle=np.array([0.0, 0.5 * np.pi]), mark=MARK
+    )
+    assert drawn[20, 30] == MARK  # to the right
+    assert drawn[20, 10] == 1
+    assert drawn[30, 60] == MARK  # upwards: row 0 is at the bottom
+    assert drawn[10, 60] == 2
+
+
+def two_disks(path: Path, **options) -> None:
+    """One disk spins counter-clockwise at (5, 15), radius 2; one clockwise at (29, 4), across the right side."""
+    disks = Disks(2, mass=1.0, radius=[2.0, 3.0])
+    with TrajectoryWriter(path, disks, BOX, units={"length": "m", "time": "s"}, **options) as writer:
+        for i in range(3):
+            writer.write(State([[5.0, 15.0], [29.0, 4.0]], np.zeros((2, 2)), [2.0, -2.0], time=0.5 * i))
+
+
+def colour_at(picture: np.ndarray, scene: movie.Scene, x: float, y: float) -> np.ndarray:
+    """Colour of the picture at a place of the box."""
+    rows, columns = scene._rows, scene._columns
+    column = columns.start + x / 30.0 * (columns.stop - columns.start)
+    row = rows.stop - y / 20.0 * (rows.stop - rows.start)
+    return picture[int(row), int(column)].astype(int)
+
+
+def test_disks_are_drawn_where_they_are_in_the_colours_of_their_spins(tmp_path):
+    two_disks(tmp_path / "run.h5")
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        scene = movie.Scene(trajectory, range(3), (600, 500))
+        picture = scene.draw(1)
+        assert picture.shape == (500, 600, 3)
+        orange, blue, white = [0xFF, 0x9A, 0x3D], [0x56, 0xB4, 0xE9], [255, 255, 255]
+        for x, y in ((5.0, 15.0), (3.3, 15.0), (5.0, 16.7), (6.7, 15.0)):
+            assert np.abs(colour_at(picture, scene, x, y) - orange).max() <= 2
+        for x, y in ((29.0, 4.0), (27.0, 4.0), (1.0, 4.0)):  # and its image on the left
+            assert np.abs(colour_at(picture, scene, x, y) - blue).max() <= 2
+        for x, y in ((5.0, 12.5), (7.5, 15.0), (15.0, 10.0), (25.5, 4.0)):
+            assert colour_at(picture, scene, x, y).tolist() == white
+        again = scene.draw(1)
+        assert np.array_equal(again, picture)
+        assert not np.array_equal(scene.draw(2), picture)  # the time in its title
+
+
+def test_moving_walls_are_drawn_where_they_are_then(tmp_path):
+    wall = Wall.line((0.0, 5.0), (0.0, 1.0), motion=Motion(kind="steady", direction=(0.0, 1.0), speed=4.0))
+    disks = Disks(1, mass=1.0, radius=0.5)
+    with TrajectoryWriter(
+        tmp_path / "run.h5", disks, Box((30.0, 20.0), (True, False)), walls=(wall,)
+    ) as writer:
+        for i in range(3):
+            writer.write(State([[5.0, 18.0]], np.zeros((1, 2)), [1.0], time=1.0 * i))
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        scene = movie.Scene(trajectory, range(3), (600, 500))
+        for i, y in ((2, 13.0), (0, 5.0)):
+            picture = scene.draw(i)
+            for place in (5.0, 9.0, 13.0):
+                assert (colour_at(picture, scene, 20.0, place).max() < 100) == (place == y)
+
+
+def test_many_disks_are_a_map_of_the_area_fraction(tmp_path, monkeypatch):
+    monkeypatch.setattr(plot_disks, "MOST_DISKS", 100)
+    n = 400
+    rng = np.random.default_rng(1)
+    left = rng.uniform(0.0, 1.0, (n, 2)) * (12.0, 20.0)  # 10 of 25 columns of cells
+    with TrajectoryWriter(tmp_path / "run.h5", Disks(n, mass=1.0, radius=0.1), BOX) as writer:
+        for i in range(2):
+            writer.write(State(left, np.zeros((n, 2)), np.zeros(n), time=1.0 * i))
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        scene = movie.Scene(trajectory, range(2), (600, 500))
+        covered = scene._covered(0)
+        assert len(covered) == 25  # cells of 6 diameters
+        assert covered[:10].mean() == pytest.approx(400 * np.pi * 0.01 / (12.0 * 20.0), rel=0.01)
+        picture = scene.draw(0)
+        half = (scene._columns.start + scene._columns.stop) // 2
+        right = picture[scene._rows, half + 5 : scene._columns.stop - 5][5:-5]
+        darkest = np.array([0, 34, 78])  # cividis at 0
+        assert np.abs(right.astype(int) - darkest).max() <= 2
+        brightness = picture[scene._rows, scene._columns.start + 5 : half - 5][5:-5].mean()
+        assert brightness > darkest.mean() + 10.0
+
+
+def test_angles_are_marked_where_the_file_holds_them(tmp_path, monkeypatch):
+    monkeypatch.setitem(layout.FIELDS, "angle", layout.Field("angle", 1))
+    state = State([[15.0, 10.0]], np.zeros((1, 2)), [3.0])
+    state.angle = np.array([0.0])  # type: ignore[attr-defined]
+    with TrajectoryWriter(
+        tmp_path / "run.h5",
+        Disks(1, mass=1.0, radius=5.0),
+        BOX,
+        fields=("position", "angular_velocity", "angle"),
+    ) as writer:
+        writer.write(state)
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        scene = movie.Scene(trajectory, [0], (600, 500))
+        picture = scene.draw(0)
+        assert colour_at(picture, scene, 18.0, 10.0).tolist() == [255, 255, 255]
+        assert colour_at(picture, scene, 12.0, 10.0).tolist() != [255, 255, 255]
+
+
+# imageio-ffmpeg's reader leaves its pipes to the garbage collector.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("colour", movie.COLOURS)
+def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys):
+    import imageio_ffmpeg
+
+    path = tmp_path / "run.h5"
+    write(path, n=50, frames=6)
+    arguments = ["movie", str(path), "--frames", "1:", "--fps", "10", "--size", "320x300", "--colour", colour]
+    assert main(arguments) == 0
+    place = tmp_path / "run.mp4"
+    assert f"wrote {place}: 5 pictures, 0.5 s" in capsys.readouterr().out
+    pictures = imageio_ffmpeg.read_frames(str(place))
+    about = next(pictures)
+    assert about["codec"] == "h264"
+    assert about["size"] == (320, 300)
+    assert about["fps"] == 10.0
+    shown = [np.frombuffer(each, dtype=np.uint8).reshape(300, 320, 3) for each in pictures]
+    assert len(shown) == 5
+    with Trajectory(path) as trajectory:
+        scene = movie.Scene(trajectory, range(1, 6), (320, 300), colour)
+        # what compression leaves of the picture: a mean difference of some grey levels
+        assert np.abs(scene.draw(3).astype(int) - shown[2]).mean() < 6.0
+    assert sorted(os.listdir(tmp_path)) == ["run.h5", "run.mp4"]
+    del pictures
+    gc.collect()
+
+
+def test_wrong_options_are_refused_before_work(tmp_path, capsys):
+    path = tmp_path / "run.h5"
+    write(path, n=5)
+    for arguments, reason in (
+        (["--size", "321x300"], "--size 321x300: width x height in pixels are needed, even numbers"),
+        (["--size", "big"], "such as 1280x720"),
+        (["--fps", "0"], "--fps = 0: a whole number, 1 to 240"),
+        (["--colour", "spni"], "allowed are spin, temperature (did you mean 'spin'?)"),
+        (["--frames", "7"], "names none of the 3 frames"),
+    ):
+        assert main(["movie", str(path), *arguments]) == 2
+        assert reason in capsys.readouterr().err
+    assert os.listdir(tmp_path) == ["run.h5"]
+    write(tmp_path / "bare.h5", fields=("position",))
+    with (
+        Trajectory(tmp_path / "bare.h5") as trajectory,
+        pytest.raises(InputError, match="no field 'angular_velocity'"),
+    ):
+        movie.write(trajectory, tmp_path / "bare.mp4", range(3))
+
+
+def test_disks_have_the_temperature_of_their_peculiar_velocity(tmp_path):
+    """m c^2 / 2: mass 2 and velocity (3, 4) make 25; at y = 15, 5 above the middle, the flow of rate 0.4 is (2, 0)."""
+    for box, expected in ((BOX, 25.0), (Box((30.0, 20.0), shear_rate=0.4), 1.0 + 16.0)):
+        disks = Disks(1, mass=2.0, radius=1.0)
+        with TrajectoryWriter(tmp_path / "run.h5", disks, box, precision="f8", force=True) as writer:
+            writer.write(State([[5.0, 15.0]], [[3.0, 4.0]], [0.0]))
+        with Trajectory(tmp_path / "run.h5") as trajectory:
+            scene = movie.Scene(trajectory, [0], (600, 500), "temperature")
+            assert scene._values(0).tolist() == pytest.approx([expected], rel=1e-15)

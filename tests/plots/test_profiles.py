@@ -1,0 +1,195 @@
+"""Profiles across a gas between walls, and their picture: what is drawn is what was put into the file."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from support.figures import texts
+
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
+from ifrdem.plots import profile_data, run, theory_curves
+from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
+
+pytestmark = pytest.mark.unoptimised
+
+WIDTH, HEIGHT = 30.0, 20.0
+SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
+
+
+def write(
+    path: Path,
+    walls: tuple[Wall, ...] = (),
+    *,
+    gravity: tuple[float, float] = (0.0, -1.0),
+    periodic: tuple[bool, bool] = (True, False),
+    frames: int = 10,
+    n: int = 4000,
+) -> None:
+    """Disks in the lower half, uniformly; at the height y they drift with (1 + y, 0), T_x = 4, T_y = 9 and T_rot = 2.
+
+    In the first half of the frames everything is at rest: it must not count.
+    """
+    rng = np.random.default_rng(3)
+    disks = Disks(n, np.where(np.arange(n) % 2 == 0, 1.0, 3.0), 0.1)
+    box = Box((WIDTH, HEIGHT), periodic)
+    with TrajectoryWriter(
+        path, disks, box, parameters={"gravity": json.dumps(gravity)}, units=SI, walls=walls, precision="f8"
+    ) as writer:
+        for time in np.arange(frames, dtype=float):
+            position = rng.random((n, 2)) * (WIDTH, HEIGHT / 2)
+            scale = 1.0 if time >= frames // 2 else 0.0
+            drift = np.column_stack((1.0 + position[:, 1], np.zeros(n)))
+            random = rng.normal(size=(n, 2)) * (2.0, 3.0) / np.sqrt(disks.mass)[:, None]
+            spin = rng.normal(size=n) * np.sqrt(2.0 / disks.inertia)
+            state = State(position, scale * (drift + random), scale * spin, time=time)
+            writer.write(state, {"temperature": 1.0, "rotational_temperature": 0.5, "collisions": 0})
+
+
+def test_profiles_are_those_of_the_second_half(tmp_path: Path) -> None:
+    write(tmp_path / "a.h5")
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        found = profile_data.of(trajectory)
+    assert found is not None
+    assert (found.axis, found.times) == (1, (5.0, 9.0))
+    phi = 4000 * math.pi * 0.01 / (WIDTH * HEIGHT / 2)
+    inner = slice(1, -3)  # at the ends strips are not full: disks stick out of what they were drawn in
+    # 20,000 disks in 40 strips: 500 each, standard error 4.5 % (Poisson), 6 % for a variance.
+    np.testing.assert_allclose(found.packing_fraction[inner], phi, rtol=0.2)
+    np.testing.assert_allclose(found.velocity[inner, 0], 1.0 + found.middle[inner], atol=0.5)
+    np.testing.assert_allclose(found.velocity[inner, 1], 0.0, atol=0.6)
+    np.testing.assert_allclose(found.temperature[inner], [[4.0, 9.0]] * len(found.middle[inner]), rtol=0.3)
+    np.testing.assert_allclose(found.rotational_temperature[inner], 2.0, rtol=0.3)
+    # Over all strips the errors are six times smaller; the drift's own spread within a strip adds 2 x 0.26^2 / 12.
+    np.testing.assert_allclose(found.temperature[inner].mean(axis=0), [4.0, 9.0], rtol=0.04)
+    np.testing.assert_allclose(found.rotational_temperature[inner].mean(), 2.0, rtol=0.04)
+
+
+def test_a_disk_is_shared_out_among_strips_by_area(tmp_path: Path) -> None:
+    """One disk across three strips, its middle at a quarter of one: areas of circular segments."""
+    disks, box = Disks(1, 1.0, 1.0), Box((8.0, 8.0), (True, False))
+    with TrajectoryWriter(tmp_path / "a.h5", disks, box, precision="f8") as writer:
+        writer.write(State(np.array([[4.0, 4.25]]), np.zeros((1, 2)), np.zeros(1)))
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        found = profile_data.of(trajectory)
+    assert found is not None
+    areas = found.packing_fraction * np.diff(found.edges) * 8.0
+    assert np.sum(areas) == pytest.approx(math.pi, rel=1e-12)
+
+    def below(edge: float) -> float:  # pi - (area of the cap of height h = 1 - u, u the distance of the edge)
+        u = min(max(edge - 4.25, -1.0), 1.0)
+        return math.pi - (math.acos(u) - u * math.sqrt(1.0 - u * u))
+
+    expected = [below(high) - below(low) for low, high in zip(found.edges[:-1], found.edges[1:], strict=True)]
+    np.testing.assert_allclose(areas, expected, atol=1e-12)
+    assert np.all(np.isnan(found.velocity))  # one disk has no temperature
+
+
+def test_strips_of_a_container_are_compared_with_its_own_room(tmp_path: Path) -> None:
+    """A uniform gas in a circle has a flat profile, though strips at its ends are short."""
+    rng = np.random.default_rng(4)
+    n = 20_000
+    r, angle = 9.0 * np.sqrt(rng.random(n)), 2.0 * np.pi * rng.random(n)
+    position = 10.0 + np.column_stack((r * np.cos(angle), r * np.sin(angle)))
+    drum = Wall.container((10.0, 10.0), 9.0)
+    disks = Disks(n, 1.0, 0.05)
+    parameters = {"gravity": "[0.0, -1.0]"}
+    with TrajectoryWriter(
+        tmp_path / "a.h5", disks, Box((20.0, 20.0), (False, False)), walls=[drum], parameters=parameters
+    ) as writer:
+        writer.write(State(position, np.zeros((n, 2)), np.zeros(n)))
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        found = profile_data.of(trajectory)
+        phi = trajectory.room.packing_fraction(disks.radius)
+    assert found is not None
+    assert phi == pytest.approx(n * 0.05**2 / 81.0)
+    np.testing.assert_allclose(
+        found.packing_fraction[2:-2], phi, rtol=0.25
+    )  # 200 disks a strip and more: 7 %
+    np.testing.assert_allclose(found.packing_fraction[10:-10].mean(), phi, rtol=0.04)
+
+
+@pytest.mark.parametrize(
+    ("gravity", "periodic", "walls", "axis"),
+    [
+        ((1.0, 0.0), (False, False), (), 0),
+        ((0.5, -1.0), (False, False), (), 1),
+        ((0.0, 0.0), (False, True), (), 0),
+        ((0.0, 0.0), (True, False), (), 1),
+        ((0.0, 0.0), (False, False), (Wall.line((0.0, 1.0), (0.0, 1.0)),), 1),
+    ],
+)
+def test_profiles_go_along_gravity_or_from_wall_to_wall(
+    tmp_path: Path,
+    gravity: tuple[float, float],
+    periodic: tuple[bool, bool],
+    walls: tuple[Wall, ...],
+    axis: int,
+) -> None:
+    write(tmp_path / "a.h5", walls, gravity=gravity, periodic=periodic, frames=2, n=500)
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        found = profile_data.of(trajectory)
+    assert found is not None
+    assert found.axis == axis
+
+
+def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: list[Figure]) -> None:
+    sine = Motion("sine", amplitude=0.5, frequency=0.25)
+    walls = (
+        Wall.line((0.0, 1.0), (0.0, 1.0), motion=sine),
+        Wall.post((20.0, 15.0), 2.0, surface_speed=0.5),
+        Wall.segment((2.0, 12.0), (6.0, 14.0)),
+        Wall.line((0.0, 20.0), (0.0, -1.0), temperature=5.0),
+    )
+    write(tmp_path / "a.h5", walls)
+    run.walled(tmp_path / "a.h5", tmp_path / "a.png")
+    (figure,) = drawn
+    shown = texts(figure)
+    for label in (
+        "temperature (J)",
+        "time $t$ (s)",
+        "$y$ (m)",
+        r"packing fraction $\phi$",
+        "means from 5 s to 9 s",
+    ):
+        assert label in shown
+    assert "kinetic theory" not in shown
+    assert "packing fraction between walls" in shown
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        found = profile_data.of(trajectory)
+        assert theory_curves.driven(trajectory)[2] == "walls: no kinetic theory here"
+    assert found is not None
+    density, temperatures, velocities = figure.axes[1:4]  # a surface moves, so the velocity is shown
+    np.testing.assert_array_equal(density.lines[0].get_xdata(), found.packing_fraction)
+    np.testing.assert_array_equal(density.lines[0].get_ydata(), found.middle)
+    for line, values in zip(
+        temperatures.lines, (*found.temperature.T[::-1], found.rotational_temperature), strict=False
+    ):
+        np.testing.assert_array_equal(line.get_xdata(), values)
+    assert [tuple(np.ravel(line.get_xydata())) for line in temperatures.lines[3:]] == [(5.0, 20.0)]
+    np.testing.assert_array_equal(velocities.lines[0].get_xdata(), found.velocity[:, 0])
+    (panel,) = [axes for axes in figure.axes if axes.findobj(EllipseCollection)]
+    heights = [np.asarray(line.get_ydata()) for line in panel.lines]
+    np.testing.assert_allclose(heights[0], 1.5, rtol=1e-12)  # at t = 9: 2.25 periods
+    np.testing.assert_array_equal(heights[1], [12.0, 14.0])
+    assert panel.get_xlim() == (0.0, WIDTH)
+    (post,) = [each for each in panel.patches if isinstance(each, Circle)]
+    assert (post.center, post.radius) == ((20.0, 15.0), 2.0)
+    assert panel.spines["bottom"].get_linewidth() > panel.spines["left"].get_linewidth()
+
+
+def test_a_file_without_velocities_has_no_profile_and_a_picture(tmp_path: Path, drawn: list[Figure]) -> None:
+    disks, box = Disks(1, 1.0, 1.0), Box((8.0, 8.0), (True, False))
+    with TrajectoryWriter(tmp_path / "a.h5", disks, box, fields=["position"]) as writer:
+        state = State(np.array([[4.0, 4.0]]), np.zeros((1, 2)), np.zeros(1))
+        writer.write(state, {"temperature": 1.0, "rotational_temperature": 0.0})
+    run.walled(tmp_path / "a.h5", tmp_path / "a.png")
+    assert "packing fraction $" not in texts(drawn[0])

@@ -1,0 +1,140 @@
+"""No verb takes a device, a pipe, a folder or the trajectory itself for a file that it may write."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from support.layout_files import write
+
+from ifrdem.cli.main import main
+from ifrdem.errors import InputError
+from ifrdem.plots import movie, run
+from ifrdem.run.outputs import write_aside
+from ifrdem.trajectory import export, repair, views
+from ifrdem.trajectory.reader import Trajectory
+
+
+def make_pipe(place: Path, path: Path) -> None:
+    os.mkfifo(place)
+
+
+def make_folder(place: Path, path: Path) -> None:
+    place.mkdir()
+
+
+def link(place: Path, path: Path) -> None:
+    place.symlink_to(path)
+
+
+def second_name(place: Path, path: Path) -> None:
+    os.link(path, place)
+
+
+THINGS: list[tuple[Callable[[Path, Path], None], str]] = [
+    (make_pipe, "is a device or pipe"),
+    (make_folder, "is a folder"),
+    (link, "is the trajectory itself"),
+    (second_name, "is the trajectory itself"),
+]
+
+
+def kind(place: Path) -> int:
+    return stat.S_IFMT(os.lstat(place).st_mode)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    write(tmp_path / "run.h5", n=20, frames=3)
+    return tmp_path / "run.h5"
+
+
+@pytest.mark.parametrize(("make", "said"), THINGS)
+@pytest.mark.parametrize("name", ["run.vtkhdf", "run.nc"])
+def test_views_replace_views_only(path: Path, make: Callable, said: str, name: str, capsys) -> None:
+    place, before = path.with_name(name), path.read_bytes()
+    make(place, path)
+    was = kind(place)
+    assert main(["views", str(path)]) == 2
+    assert said in capsys.readouterr().err
+    assert kind(place) == was
+    assert path.read_bytes() == before
+    assert sorted(os.listdir(path.parent)) == sorted(["run.h5", name])  # nor is the other one written
+
+
+@pytest.mark.parametrize(("make", "said"), THINGS)
+@pytest.mark.parametrize("verb", ["repair", "movie", "export --to csv", "plot disks"])
+def test_verbs_replace_files_only_and_never_their_input(
+    path: Path, make: Callable, said: str, verb: str, capsys
+) -> None:
+    place, before = path.with_name("out"), path.read_bytes()
+    make(place, path)
+    was = kind(place)
+    first, *rest = verb.split()
+    assert main([first, str(path), *rest, "-o", str(place), "--force"]) == 2
+    assert said in capsys.readouterr().err
+    assert kind(place) == was
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(("make", "said"), THINGS)
+def test_functions_refuse_likewise(path: Path, make: Callable, said: str) -> None:
+    place, before = path.with_name("out"), path.read_bytes()
+    make(place, path)
+    with Trajectory(path) as trajectory:
+        for write_it in (
+            lambda: export.export(trajectory, place, "csv", [0]),
+            lambda: movie.write(trajectory, place, [0], size=(160, 160)),
+            lambda: repair.repair(path, place, say=lambda line: None),
+        ):
+            with pytest.raises(InputError, match=said):
+                write_it()
+    assert path.read_bytes() == before
+    assert kind(place) in (stat.S_IFIFO, stat.S_IFDIR, stat.S_IFLNK, stat.S_IFREG)
+
+
+@pytest.mark.parametrize(("make", "said"), THINGS[:2])
+def test_nothing_that_is_no_file_is_replaced_by_a_picture(path: Path, make: Callable, said: str) -> None:
+    from matplotlib.figure import Figure
+
+    place = path.with_name("out.png")
+    make(place, path)
+    was = kind(place)
+    with pytest.raises(InputError, match=said):
+        run.save(Figure(), place)
+    with pytest.raises(InputError, match=said):
+        write_aside(place, lambda aside: aside.write_text("x"))
+    assert kind(place) == was
+    assert len(os.listdir(path.parent)) == 2
+
+
+@pytest.mark.parametrize("verb", ["info", "views", "repair", "repair --in-place", "export --to csv"])
+def test_a_pipe_is_no_trajectory_and_is_not_waited_for(tmp_path: Path, verb: str, capsys) -> None:
+    os.mkfifo(tmp_path / "run.h5")
+    first, *rest = verb.split()
+    assert main([first, str(tmp_path / "run.h5"), *rest]) == 2
+    assert "is a device or pipe: a trajectory file is needed" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == ["run.h5"]
+
+
+def test_repair_in_place_of_a_link_repairs_what_it_points_to(path: Path, capsys) -> None:
+    import h5py
+
+    named = path.with_name("latest.h5")
+    named.symlink_to(path)
+    with h5py.File(path, "r+") as file:
+        file["particles/all/position/step"].resize(2, axis=0)
+    assert main(["repair", str(named), "--in-place"]) == 0
+    assert named.is_symlink()
+    with Trajectory(path) as trajectory:
+        assert len(trajectory) == 2
+    assert repair.repair(path, path, say=lambda line: None) is False
+
+
+def test_views_written_twice_are_replaced(path: Path) -> None:
+    made = views.write_views(path)
+    assert views.write_views(path) == made
+    assert [one.exists() for one in made] == [True, True]

@@ -1,0 +1,417 @@
+"""A run that was stopped goes on to the same file, bit for bit, as one that never was."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from ifrdem.case.case import Case
+from ifrdem.cli import main as cli
+from ifrdem.errors import InputError
+from ifrdem.model.observables import Measure
+from ifrdem.run import job as run
+from ifrdem.run.recorder import Recorder
+from ifrdem.run.signals import Stopped, Stops
+from ifrdem.simulation import checkpoint
+from ifrdem.simulation.simulation import Simulation
+from ifrdem.tools.versions import package_versions
+from ifrdem.trajectory import writer_process
+from ifrdem.trajectory.background import QueuedWriter
+
+pytestmark = pytest.mark.unoptimised
+
+CASE = """
+[run]
+name = "gas"
+seed = 3
+t_end = 2.0
+units = "reduced"
+
+[box]
+packing_fraction = 0.3
+
+[[material]]
+name = "coin"
+e_n = 0.87
+e_t = -0.88
+mu = 0.21
+
+[[species]]
+name = "coins"
+number = 400
+material = "coin"
+mass = 1.0
+diameter = 1.0
+speed_rms = 1.4
+
+[[force]]
+kind = "kicks"
+step = 0.05
+power = 0.5
+
+[output]
+frames = 12
+fields = ["position", "velocity", "angle", "angular_velocity", "collisions", "image", "last_partner"]
+series = 70
+histories_sample = 20
+picture = false
+"""
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Every dataset and attribute of a trajectory but the time and place of its writing."""
+    found: dict[str, bytes] = {}
+
+    def take(name: str, item: h5py.Dataset | h5py.Group) -> None:
+        for key, value in item.attrs.items():
+            found[f"{name}@{key}"] = str(np.asarray(value).tolist()).encode()
+        if isinstance(item, h5py.Dataset) and name not in ("parameters/started", "parameters/threads"):
+            found[name] = np.asarray(item[()]).tobytes() if item.shape else str(item[()]).encode()
+
+    with h5py.File(path, "r") as file:
+        file.visititems(take)
+    return found
+
+
+def same(one: Path, other: Path) -> None:
+    a, b = contents(one), contents(other)
+    assert a.keys() == b.keys()
+    assert [name for name in a if a[name] != b[name]] == []
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The trajectory of the run that nobody stopped; the case stands beside it."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "gas.toml").write_text(CASE)
+    assert cli.main(["run", str(folder / "gas.toml"), "-o", f"{folder}/"]) == 0
+    assert sorted(each.name for each in folder.iterdir()) == [
+        "gas.h5",
+        "gas.nc",
+        "gas.status.json",
+        "gas.toml",
+        "gas.vtkhdf",
+    ]
+    return folder / "gas.h5"
+
+
+@pytest.fixture
+def stopping(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Stops the run after so many looks at the signals, the first of the list; the run after it by the second ..."""
+    plan: list[int] = []
+
+    def check(self: Stops) -> None:
+        if plan:
+            plan[0] -= 1
+            if plan[0] < 0:
+                plan.pop(0)
+                raise Stopped("interrupted", 130)
+
+    monkeypatch.setattr(Stops, "check", check)
+    return plan
+
+
+SAVE = run.save
+
+
+def save_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the first checkpoint is written: what comes after it is lost, as if the run were killed."""
+    calls: list[int] = []
+
+    def first_only(job: run.Job, recorder: run.Recorder) -> None:
+        calls.append(1)
+        if len(calls) == 1:
+            SAVE(job, recorder)
+
+    monkeypatch.setattr(run, "save", first_only)
+
+
+@pytest.mark.parametrize(("threads", "apart"), [("1", False), ("2", True)])
+def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(
+    whole, tmp_path, stopping, monkeypatch, threads, apart, capsys
+):
+    """Also where another process writes."""
+    if apart:
+        monkeypatch.setattr(writer_process, "LEAST_DISKS", 0)
+    case = whole.parent / "gas.toml"
+    stopping += [0, 5, 13, 40]  # in the very beginning, and later
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--set", f"run.threads={threads}"]) == 130
+    told = capsys.readouterr().err
+    assert "gas.h5 holds the 1 frames so far" in told
+    assert f"ifrdem resume {tmp_path / 'gas.h5'}" in told
+    for _ in range(3):
+        assert cli.main(["resume", str(tmp_path)]) == 130
+    assert cli.main(["resume", str(tmp_path / "gas.h5")]) == 0
+    assert "energy ledger closes to" in capsys.readouterr().out
+    made = contents(tmp_path / "gas.h5")
+    expected = contents(whole)
+    # The command line's own words are in the record.
+    differ = {name for name in made if made[name] != expected[name]}
+    assert differ <= {"parameters/overrides", "parameters/case_in_full"}
+    assert not (tmp_path / "gas.checkpoint.h5").exists()
+
+
+def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monkeypatch, stopping):
+    """Killed long after its checkpoint: what was committed since stays, and the run that goes on finds the same."""
+    case = whole.parent / "gas.toml"
+    stopping += [60]
+    save_once(monkeypatch)
+    monkeypatch.setattr("ifrdem.run.recorder.ROWS_WAIT", 0.0)  # every row is committed at once
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
+    with h5py.File(tmp_path / "gas.h5") as file:
+        frames = len(file["particles/all/box/edges/step"])
+        rows = len(file["timeseries/step"])
+    assert frames > 3
+    assert rows > 10
+    monkeypatch.setattr(run, "save", SAVE)
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_a_file_that_was_changed_is_not_gone_on_with(whole, tmp_path, monkeypatch, stopping, capsys):
+    case = whole.parent / "gas.toml"
+    stopping += [30]
+    save_once(monkeypatch)
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
+    monkeypatch.setattr(run, "save", SAVE)
+    with h5py.File(tmp_path / "gas.h5", "r+") as file:
+        file["particles/all/velocity/value_2d"][2, 17, 0] += np.float32(1e-3)
+    capsys.readouterr()
+    assert cli.main(["resume", str(tmp_path)]) == 1
+    told = capsys.readouterr().err
+    assert "velocity" in told
+    assert "17" in told
+
+
+def test_rates_after_a_resume_are_those_of_what_was_done_since(
+    whole, tmp_path, stopping, monkeypatch, capsys
+):
+    """With what was done before they would be twice as large or more."""
+    stopping += [60]
+    assert cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"]) == 130
+    told: list[tuple[int, float, float]] = []
+
+    def closing(_case, _gas, _ledger, last, wall, _rate, overall) -> str:  # type: ignore[no-untyped-def]
+        told.append((last.collisions, wall, overall))
+        return ""
+
+    monkeypatch.setattr(run, "_closing", closing)
+    monkeypatch.setattr(run, "write_views", lambda _: None)  # which takes time, and is no part of the rate
+    capsys.readouterr()
+    assert cli.main(["resume", str(tmp_path), "--no-picture"]) == 0
+    before = int(re.search(r"after (\d+) collisions", capsys.readouterr().out).group(1))  # type: ignore[union-attr]
+    done, wall, overall = told[0]
+    assert 2 * before > done
+    assert overall * wall == pytest.approx(done - before, rel=0.3)
+
+
+def test_a_signal_while_the_last_frames_are_written_leaves_a_run_that_is_done(
+    whole, tmp_path, monkeypatch, capsys
+):
+    flush, sent = QueuedWriter.flush, []
+
+    def signalled(self: QueuedWriter) -> None:
+        if self.series_rows and not sent:
+            sent.append(1)
+            os.kill(os.getpid(), signal.SIGTERM)
+        flush(self)
+
+    monkeypatch.setattr(QueuedWriter, "flush", signalled)
+    assert cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"]) == 0
+    assert sent
+    assert "terminated" in capsys.readouterr().err
+    assert json.loads((tmp_path / "gas.status.json").read_text())["state"] == "done"
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_a_fault_that_nobody_foresaw_is_no_run_that_goes_on(whole, tmp_path, monkeypatch):
+    def odd(_self: Recorder, _state: object, measure: Measure) -> None:
+        if measure.time > 1.0:
+            raise ZeroDivisionError("odd")
+
+    monkeypatch.setattr(Recorder, "frame", odd)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["run", str(whole.parent / "gas.toml"), "-o", f"{tmp_path}/"])
+    status = json.loads((tmp_path / "gas.status.json").read_text())
+    assert (status["state"], status["message"]) == ("failed", "ZeroDivisionError('odd')")
+
+
+def test_a_checkpoint_that_cannot_be_written_tells_what_remains(
+    whole, tmp_path, monkeypatch, stopping, capsys
+):
+    case = whole.parent / "gas.toml"
+    stopping += [30]
+    save = Simulation.save_checkpoint
+    calls: list[int] = []
+
+    def first_only(self: Simulation, path: Path, *record: object) -> None:
+        calls.append(1)
+        if len(calls) > 1:
+            raise InputError(f"checkpoint {path} cannot be written: Read-only file system")
+        save(self, path, *record)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Simulation, "save_checkpoint", first_only)
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 1
+    told = capsys.readouterr().err
+    assert "gas.checkpoint.h5 cannot be written: Read-only file system: " in told
+    assert "frames so far" in told
+    assert f"to go on: ifrdem resume {tmp_path / 'gas.h5'}" in told
+    monkeypatch.undo()
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, capsys):
+    case = tmp_path / "gas.toml"
+    case.write_text(CASE)
+    stopping += [20]
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
+    case.write_text(CASE.replace("mu = 0.21", "mu = 0.3"))
+    capsys.readouterr()
+    assert cli.main(["resume", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert "-mu = 0.21; +mu = 0.3" in told
+    assert "--as-begun" in told
+    assert cli.main(["resume", str(tmp_path), "--as-begun"]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_what_cannot_go_on_is_refused_with_the_reason(whole, tmp_path, capsys):
+    for place, reason in (
+        (str(whole), "the run is done, or was killed in its very beginning"),
+        (str(whole.parent), "no run can go on here"),
+        (str(tmp_path / "none"), "there is no such file or folder"),
+    ):
+        assert cli.main(["resume", place]) == 2
+        assert reason in capsys.readouterr().err
+    (tmp_path / "a.checkpoint.h5").write_text("x")
+    (tmp_path / "b.checkpoint.h5").write_text("x")
+    assert cli.main(["resume", str(tmp_path)]) == 2
+    assert "name one of a.h5, b.h5" in capsys.readouterr().err
+    (tmp_path / "a.h5").write_text("x")
+    assert cli.main(["resume", str(tmp_path / "a.h5")]) == 2
+    assert "damaged, or no checkpoint" in capsys.readouterr().err
+    for hours in ("0", "-1", "many", "inf"):
+        assert cli.main(["resume", str(tmp_path), "--maxh", hours]) == 2
+        assert f"--maxh {hours}" in capsys.readouterr().err
+
+
+def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, monkeypatch, capsys):
+    """One of Python's own, one that was renamed, one of another version."""
+    place = tmp_path / "a.checkpoint.h5"
+
+    def told() -> str:
+        assert cli.main(["resume", str(place)]) == 2
+        return capsys.readouterr().err
+
+    checkpoint.write(place, {"a": np.arange(3)}, {"extra": {"mine": 1}})
+    assert "Simulation.load_checkpoint goes on with it" in told()
+    case = Case.model_validate(tomllib.loads(CASE)).model_dump_json(exclude_unset=True)
+    run_of_b = {
+        "course": {},
+        "case_path": str(tmp_path / "gone.toml"),
+        "case_as_set": case,
+        "trajectory": "b.h5",
+    }
+    checkpoint.write(place, {"a": np.arange(3)}, {"extra": run_of_b})
+    assert "belongs to b.h5: rename it back" in told()
+    versions = {**package_versions(), "ifrdem": "0.0.1"}
+    with monkeypatch.context() as other:
+        other.setattr(checkpoint, "package_versions", lambda: versions)
+        checkpoint.write(place, {"a": np.arange(3)}, {"extra": run_of_b})
+    assert "was written by ifrdem 0.0.1" in told()
+    assert os.listdir(tmp_path) == ["a.checkpoint.h5"]
+
+
+APART = """
+import sys
+from ifrdem.cli import main as cli
+from ifrdem.trajectory import writer_process
+writer_process.LEAST_DISKS = 0
+sys.exit(cli.main(sys.argv[1:]))
+"""
+
+
+def launched(case: Path, *, apart: bool) -> subprocess.Popen[str]:
+    """A run in a process group of its own, whose trajectory it writes itself or another process writes."""
+    environment = {**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"}
+    program = ["-c", APART] if apart else ["-m", "ifrdem"]
+    return subprocess.Popen(
+        [sys.executable, *program, "run", str(case), "-o", f"{case.parent}/"],
+        env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
+    )  # fmt: skip
+
+
+def wait_for_frames(folder: Path, count: int, process: subprocess.Popen[str]) -> None:
+    status = folder / "gas.status.json"
+    for _ in range(3000):
+        written = (json.loads(status.read_text())["frames"] or 0) if status.exists() else 0
+        if written >= count and (folder / "gas.checkpoint.h5").exists():
+            return
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.02)
+    raise AssertionError("the run does not get on")
+
+
+LONG = CASE.replace("t_end = 2.0", "t_end = 400.0").replace("frames = 12", "frames = 4000")
+
+
+@pytest.mark.parametrize(
+    ("number", "status", "word", "apart"),
+    [
+        (signal.SIGINT, 130, "interrupted", False),
+        (signal.SIGTERM, 143, "terminated", False),
+        (signal.SIGINT, 130, "interrupted", True),
+    ],
+)
+def test_signals_end_a_run_with_a_checkpoint(tmp_path, number, status, word, apart):
+    """All processes of the run get them, as from a terminal."""
+    (tmp_path / "gas.toml").write_text(LONG)
+    process = launched(tmp_path / "gas.toml", apart=apart)
+    wait_for_frames(tmp_path, 3, process)
+    os.killpg(process.pid, number)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == status
+    assert f"{word}: the run stops after this epoch, with a checkpoint" in told
+    assert "to go on: ifrdem resume" in told
+    assert (tmp_path / "gas.checkpoint.h5").exists()
+    content = json.loads((tmp_path / "gas.status.json").read_text())
+    assert content["state"] == "interrupted"
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_killed_run_goes_on_to_the_same_file(whole, tmp_path, apart):
+    """SIGKILL at moments of its life drawn at random; the checkpoint is the one of the beginning."""
+    rng = random.Random(5)
+    case = tmp_path / "gas.toml"
+    case.write_text(CASE)
+    process = launched(case, apart=apart)
+    while not (tmp_path / "gas.checkpoint.h5").exists():
+        assert process.poll() is None, process.communicate()[1]
+        time.sleep(0.005)
+    time.sleep(0.3 * rng.random())  # the rest of the run takes a second
+    process.kill()
+    process.communicate()
+    assert process.returncode == -signal.SIGKILL
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)
+
+
+def test_max_hours_stop_a_run_that_can_go_on(whole, tmp_path, capsys):
+    case = whole.parent / "gas.toml"
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--maxh", "1e-9"]) == 3
+    assert "1e-09 hours are up (--maxh)" in capsys.readouterr().err
+    assert cli.main(["resume", str(tmp_path)]) == 0
+    same(tmp_path / "gas.h5", whole)

@@ -1,0 +1,218 @@
+"""A run that goes on from a checkpoint is bitwise the run that was never interrupted."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+
+import h5py
+import numpy as np
+import pytest
+from support.gases import equal_disks, mixture, start
+
+from ifrdem.errors import InputError
+from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, RandomKicks
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.state import State
+from ifrdem.model.walls import Motion, Wall
+from ifrdem.simulation import checkpoint
+from ifrdem.simulation.simulation import Simulation
+
+pytestmark = pytest.mark.unoptimised
+
+COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+STATE = (
+    "position", "velocity", "spin", "collisions", "image", "wall_hits", "latest_collision", "last_partner",
+    "angle",
+)  # fmt: skip
+
+
+def same_bits(one: Simulation, other: Simulation) -> None:
+    a, b = one.state, other.state
+    assert a.time == b.time
+    for name in STATE:
+        assert np.array_equal(getattr(a, name), getattr(b, name)), name
+    p, q = one.measure(), other.measure()
+    for name in ("energy_input", "wall_work", "wall_heat", "collisions", "wall_hits"):
+        assert getattr(p, name) == getattr(q, name), name
+    assert np.array_equal(p.dissipated, q.dissipated)
+    assert np.array_equal(p.regimes, q.regimes)
+    assert one.statistics == other.statistics
+    assert one.dissipated_energy == other.dissipated_energy
+
+
+def gas(**options: object) -> Callable[[int], Simulation]:
+    disks = mixture(1200)
+    box, state = start(disks, 0.5)
+    return lambda threads: Simulation(
+        disks, box, COIN, state, threads=threads, ledger=True, partners=True, angles=True, **options
+    )
+
+
+def walled(threads: int) -> Simulation:
+    disks, box = equal_disks(60), Box((14.0, 40.0), periodic=(True, False))
+    rng = np.random.default_rng(5)
+    grid = np.stack(np.meshgrid(np.arange(10), np.arange(6)), axis=-1).reshape(-1, 2) * 1.3 + 1.0
+    walls = [
+        Wall.line((0.0, 0.3), (0.0, 1.0), motion=Motion("sine", amplitude=0.2, frequency=1.0)),
+        Wall.line((0.0, 14.0), (0.0, -1.0), temperature=1.5),
+    ]
+    return Simulation(
+        disks, box, COIN, State(grid, rng.normal(size=(60, 2)), rng.normal(size=60)), threads=threads, walls=walls,
+        gravity=(0.0, -1.0), collapse="tc", contact_time=0.01, seed=3, ledger=True, partners=True, angles=True,
+    )  # fmt: skip
+
+
+def sheared(threads: int) -> Simulation:
+    disks = equal_disks(300)
+    box, state = start(disks, 0.4)
+    flowing = Box(box.lengths, shear_rate=0.7)
+    moving = State(state.position, state.velocity + flowing.flow(state.position), state.spin)
+    return Simulation(disks, flowing, COIN, moving, threads=threads, ledger=True, partners=True, angles=True)
+
+
+def freed(threads: int) -> Simulation:
+    disks = equal_disks(100)
+    _, state = start(disks, 0.4)
+    return Simulation(
+        disks, Box.open(), COIN, state, threads=threads, ledger=True, partners=True, angles=True
+    )
+
+
+def driven(threads: int) -> Simulation:
+    disks = equal_disks(300)
+    box, state = start(disks, 0.3)
+    return Simulation(
+        disks, box, COIN, state, threads=threads, ledger=True, partners=True, angles=True, seed=9,
+        forces=[RandomKicks(0.05, power=0.5), Drag(0.08, rate=0.1)],
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("make", [gas(), gas(precision="f32"), walled, sheared, freed, driven])
+def test_a_run_goes_on_to_the_bit(tmp_path, make):
+    # In time, except that a gas in single precision may as well end by its collisions.
+    whole = make(1)
+    whole.run(t_end=0.9)
+    whole.save_checkpoint(tmp_path / "a.h5", {"note": 1})
+    whole.run(t_end=2.0)
+    again = make(1)
+    assert again.load_checkpoint(tmp_path / "a.h5") == {"note": 1}
+    assert again.time == 0.9
+    again.run(t_end=2.0)
+    assert whole.collisions > 0
+    same_bits(whole, again)
+
+
+def test_so_does_one_in_tiles_on_another_number_of_threads(tmp_path, monkeypatch):
+    monkeypatch.setattr("ifrdem.simulation.engine.ALONE", 100)
+    make = gas(tracked=[0, 5])
+    whole = make(2)
+    whole.run(collisions_per_disk=3.0)
+    whole.save_checkpoint(tmp_path / "a.h5")
+    whole.take_events()
+    whole.run(collisions_per_disk=6.0)
+    found, events = whole.state, whole.take_events()
+    again = make(1)
+    again.load_checkpoint(tmp_path / "a.h5")
+    again.run(collisions_per_disk=6.0)
+    for name in STATE:
+        assert np.array_equal(getattr(found, name), getattr(again.state, name)), name
+    for name, column in again.take_events().columns().items():
+        assert np.array_equal(column, events.columns()[name]), name
+
+
+def test_writing_a_checkpoint_changes_nothing(tmp_path):
+    make = gas()
+    plain, stored = make(1), make(1)
+    for end in (0.3, 0.6, 0.9):
+        plain.run(t_end=end)
+        stored.run(t_end=end)
+        stored.save_checkpoint(tmp_path / "a.h5")
+    same_bits(plain, stored)
+
+
+def test_the_checkpoint_of_another_gas_is_refused(tmp_path):
+    make = gas()
+    make(1).save_checkpoint(tmp_path / "a.h5")
+    for other in (gas(seed=2), gas(precision="f32"), driven):
+        with pytest.raises(InputError, match="another gas"):
+            other(1).load_checkpoint(tmp_path / "a.h5")
+
+
+def test_what_is_no_checkpoint_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        checkpoint.read(tmp_path / "none.h5")
+    (tmp_path / "text.h5").write_text("text")
+    with pytest.raises(InputError, match="damaged, or no checkpoint"):
+        checkpoint.read(tmp_path / "text.h5")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1
+    with pytest.raises(InputError, match="is no checkpoint"):
+        checkpoint.read(tmp_path / "other.h5")
+    whole = tmp_path / "whole.h5"
+    checkpoint.write(whole, {"a": np.arange(100_000)}, {})
+    os.truncate(whole, whole.stat().st_size // 2)
+    with pytest.raises(InputError, match="damaged"):
+        checkpoint.read(whole)
+
+
+def test_a_checkpoint_appears_whole_or_not_at_all(tmp_path, monkeypatch):
+    path = tmp_path / "a.h5"
+    checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
+    monkeypatch.setattr(os, "fsync", lambda _: (_ for _ in ()).throw(OSError(28, "no space")))
+    with pytest.raises(InputError, match="No space left on device"):
+        checkpoint.write(path, {"a": np.arange(4)}, {"n": 2})
+    arrays, record = checkpoint.read(path)
+    assert record["n"] == 1
+    assert arrays["a"].tolist() == [0, 1, 2]
+    assert os.listdir(tmp_path) == ["a.h5"]
+    # What a killed process left is tidied up.
+    (tmp_path / ".a.h5.123.part").write_text("half")
+    monkeypatch.undo()
+    checkpoint.write(path, {"a": np.arange(5)}, {"n": 3})
+    assert os.listdir(tmp_path) == ["a.h5"]
+
+
+@pytest.mark.parametrize("package", ["ifrdem", "taichi"])
+def test_the_checkpoint_of_another_version_is_refused_with_both(tmp_path, package):
+    path = tmp_path / "a.h5"
+    checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
+    with h5py.File(path, "r+") as file:
+        record = json.loads(file["record"][()])
+        present = record["versions"][package]
+        record["versions"][package] = "0.0.1"
+        del file["record"]
+        file["record"] = json.dumps(record)
+    _, record = checkpoint.read(path)
+    with pytest.raises(InputError, match=rf"written by {package} 0\.0\.1, this is {present}"):
+        checkpoint.check_versions(record, path)
+
+
+def test_a_checkpoint_of_a_later_format_is_refused(tmp_path):
+    path = tmp_path / "a.h5"
+    checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
+    with h5py.File(path, "r+") as file:
+        file.attrs["format"] = 99
+    with pytest.raises(InputError, match=f"format 99; this ifrdem reads {checkpoint.FORMAT}"):
+        checkpoint.read(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((3,), "path = 3: the path of a file is needed"),
+        (("a.h5", {"when": {1, 2}}), r"extra\['when'\] = \{1, 2\}: JSON cannot hold it"),
+        (("a.h5", {(1, 2): 3}), r"extra\[\(1, 2\)\] = 3: JSON cannot hold it"),
+        (("a.h5", [1]), r"extra = \[1\]: a mapping by name is needed"),
+        (("a.h5", None, {"extra_x": ["a"]}), r"arrays\['extra_x'\] = \['a'\]: an array of numbers"),
+        (("a.h5", None, 5), "arrays = 5: a mapping by name is needed"),
+    ],
+)
+def test_what_a_checkpoint_cannot_hold_is_named_and_leaves_no_file(tmp_path, monkeypatch, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    simulation = freed(1)
+    with pytest.raises(InputError, match=said):
+        simulation.save_checkpoint(*arguments)
+    assert os.listdir(tmp_path) == []

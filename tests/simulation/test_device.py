@@ -1,0 +1,106 @@
+"""Devices: named, checked before use, never exchanged silently."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from ifrdem.errors import InputError
+from ifrdem.simulation import device as backend
+
+
+def test_a_cpu_is_always_there() -> None:
+    (cpu,) = (device for device in backend.available() if device.arch == "cpu")
+    assert f"{backend.cores()} threads" in cpu.description
+
+
+@pytest.mark.parametrize(
+    ("arch", "threads", "message"),
+    [
+        ("cdua", None, "allowed are cpu, cuda .did you mean 'cuda'"),
+        ("gpu", None, "allowed are cpu, cuda"),
+        ("cpu", 0, "threads = 0: must lie between 1"),
+        ("cpu", backend.cores() + 1, f"must lie between 1 and the {backend.cores()} cores"),
+    ],
+)
+def test_what_is_not_there_is_refused(arch: str, threads: int | None, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        backend.start(arch, threads=threads)
+
+
+@pytest.mark.skipif(len(backend.available()) > 1, reason="this machine has a CUDA device")
+def test_an_absent_gpu_is_refused_and_not_replaced_by_the_cpu() -> None:
+    with pytest.raises(InputError, match="no such device on this machine; present: cpu"):
+        backend.start("cuda")
+
+
+def test_starting_again_with_the_same_settings_keeps_what_runs() -> None:
+    import taichi as ti
+
+    running = backend.start("cpu")
+    program = ti.lang.impl.get_runtime().prog
+    assert backend.start("cpu") is running
+    assert ti.lang.impl.get_runtime().prog is program
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_precision_is_the_type_of_real_numbers(precision: str) -> None:
+    import taichi as ti
+
+    try:
+        assert backend.start("cpu", precision=precision).precision == precision
+        assert ti.lang.impl.get_runtime().default_fp == getattr(ti, precision)
+    finally:
+        backend.stop()
+
+
+def test_an_unknown_precision_is_refused_with_the_nearest_spelling() -> None:
+    with pytest.raises(InputError, match=r"precision = 'f46': allowed are f64, f32 \(did you mean 'f64'\?\)"):
+        backend.start("cpu", precision="f46")
+
+
+def test_memory_that_is_available_is_no_more_than_there_is() -> None:
+    free = backend.memory_available()
+    if free is not None:  # the system tells
+        assert 0 < free <= os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+
+
+def test_neither_the_environment_nor_an_unwritable_cache_changes_what_runs() -> None:
+    code = (
+        "from ifrdem.simulation import device as backend; backend.start('cpu'); import taichi as ti; "
+        "assert ti.cfg.arch == ti.cpu, ti.cfg.arch"
+    )
+    environment = {**os.environ, "TI_ARCH": "vulkan", "TI_OFFLINE_CACHE_FILE_PATH": "/proc/1/nowhere"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_starting_says_nothing_on_stdout() -> None:
+    code = "from ifrdem.simulation import device as backend; backend.available(); backend.start('cpu')"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
+    )
+    assert done.stdout == ""
+
+
+def test_arrays_of_a_taichi_that_ended_take_none_of_the_next_with_them() -> None:
+    # Taichi knows an array by its address: without `free_array` some of the new arrays here are freed with the old.
+    import taichi as ti
+
+    backend.start("cpu")
+    for _ in range(10):
+        old = [ti.ndarray(ti.i32, (100,)) for _ in range(200)]
+        backend.stop()
+        assert all(array.arr is None for array in old)
+        backend.start("cpu")
+        new = [ti.Vector.ndarray(3, ti.f32, (100,)) for _ in range(200)]
+        del old
+        others = [ti.ndarray(ti.i32, (7,)) for _ in range(200)]
+        assert all(list(array.arr.shape) == [100] for array in new)
+        assert len(others) == 200
+    backend.stop()

@@ -1,0 +1,131 @@
+"""The engine's guarantee at length: a million collisions held against the serial code, and what happens without it."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from support.gases import COIN, ELASTIC, equal_disks, equilibrated, mixture
+from support.serial_reference import simulate
+from test_engine_serial_order import run
+
+from ifrdem.errors import EngineError
+from ifrdem.initial import placement
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Engine
+
+N = 4000
+LAWS = {"elastic": ELASTIC, "coin": COIN}
+MAKERS = {"equal": equal_disks, "mixture": mixture}
+# Rounding grows with each collision of a disk, most in dilute gases and mixtures: after so many, sequences still agree.
+GASES = [
+    (phi, disks, law)
+    for disks, densities in (
+        ("equal", (0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.7, 0.72)),
+        ("mixture", (0.05, 0.3, 0.5)),
+    )
+    for phi in densities
+    for law in LAWS
+]
+WAYS = {
+    "alone": {"order": "alone"},
+    "tiles": {"order": "tiles", "tile_disks": 250},
+    "other skin": {"order": "tiles", "tile_disks": 1000, "windows": 2, "skin": 0.7},
+    "rounds": {"order": "rounds"},
+}
+# Gases are prepared on all cores: the same number first, because changing it starts Taichi anew.
+THREADS = [t for t in (2, 1) if t <= device.cores()]
+
+
+def n_compared(phi: float, kind: str) -> int:
+    return int((2.0 if kind == "mixture" else 3.0 if phi < 0.08 else 4.0) * N / 2)
+
+
+@cache
+def expected(phi: float, kind: str, law: str) -> tuple[Disks, Box, State, np.ndarray, np.ndarray]:
+    """A gas, and the pairs and times of its first collisions by the serial code."""
+    disks = MAKERS[kind](N)
+    box, state = equilibrated(disks, phi)
+    _, found = simulate(disks, box, LAWS[law], state, max_collisions=n_compared(phi, kind))
+    assert len(found) == n_compared(phi, kind)
+    return disks, box, state, np.array([sorted(c[1:]) for c in found]), np.array([c[0] for c in found])
+
+
+@pytest.mark.parametrize(("phi", "kind", "law"), GASES)
+@pytest.mark.parametrize("threads", THREADS)
+def test_every_way_of_running_gives_the_serial_sequence(
+    phi: float, kind: str, law: str, threads: int
+) -> None:
+    disks, box, state, pairs, times = expected(phi, kind, law)
+    for way, options in WAYS.items():
+        engine = Engine(disks, box, state, np.array([[LAWS[law]]]), threads=threads, **options)  # type: ignore[arg-type]
+        found = run(engine, len(pairs))
+        np.testing.assert_array_equal(found.pair, pairs, err_msg=way)
+        np.testing.assert_allclose(found.time, times, rtol=0.0, atol=1e-6, err_msg=way)
+
+
+def test_more_than_a_million_collisions_are_compared() -> None:
+    """By the test above, which compares all of a gas's collisions, in every way, on two threads and on one."""
+    assert sum(n_compared(phi, kind) for phi, kind, _ in GASES) * len(WAYS) * 2 > 1_000_000
+
+
+@pytest.mark.parametrize("order", ["tiles", "rounds"])
+def test_without_rollback_the_sequence_is_wrong(order: str) -> None:
+    """The tests above would notice if collisions that came too early were not undone."""
+    disks, box, state, pairs, _ = expected(0.6, "equal", "elastic")
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=250)
+    engine.switch_off_rollback()
+    try:
+        found = run(engine, len(pairs))
+    except EngineError:
+        return  # the watchdog noticed
+    assert not np.array_equal(found.pair, pairs)
+
+
+@pytest.mark.parametrize(("phi", "law", "order"), [(0.6, "elastic", "alone"), (0.7, "elastic", "tiles")])
+def test_no_disks_overlap_in_ten_million_collisions(phi: float, law: str, order: str) -> None:
+    """Two runs of five million; contact may be short of the contact distance by the rounding of two positions."""
+    disks = equal_disks(10_000)
+    box, state = equilibrated(disks, phi)
+    engine = Engine(disks, box, state, np.array([[LAWS[law]]]), order=order)
+    for frame in range(1, 11):
+        while engine.collisions < frame * 500_000:
+            engine.advance(collisions=frame * 500_000)
+        placement.check_no_overlap(box, disks.radius, engine.state().position, tolerance=1e-11)
+    assert engine.collisions == 5_000_000
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_a_run_repeats_to_the_last_bit(order: str) -> None:
+    disks = mixture(3000)
+    box, state = equilibrated(disks, 0.4)
+    ends = []
+    for _ in range(2):
+        engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=300)
+        while engine.collisions < 30_000:
+            engine.advance(collisions=30_000)
+        ends.append(engine.state())
+    for name in ("position", "velocity", "spin", "collisions", "image", "time"):
+        np.testing.assert_array_equal(getattr(ends[0], name), getattr(ends[1], name))
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles"])
+def test_single_precision_keeps_energy_and_contacts_to_its_rounding(order: str) -> None:
+    """A hundred elastic collisions a disk: each changes v^2 by some 1e-7 of itself, at random; 1e-7 * 10 for each disk.
+
+    Positions are rounded to 1e-7 of a tile's side, some 100 diameters, at every epoch: overlaps of 1e-4.
+    """
+    disks = equal_disks(4000)
+    box, state = equilibrated(disks, 0.3)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=1000, precision="f32")
+    while engine.collisions < 200_000:
+        engine.advance(collisions=200_000)
+    end = engine.state()
+    before, after = (float(np.sum(s.velocity.astype(np.float64) ** 2)) for s in (state, end))
+    assert after == pytest.approx(before, rel=2e-5)
+    assert after != before  # it was single precision
+    placement.check_no_overlap(box, disks.radius, end.position, tolerance=1e-4)
+    assert engine.bytes_allocated < 0.8 * Engine(disks, box, state, np.array([[ELASTIC]])).bytes_allocated

@@ -1,0 +1,304 @@
+"""The energy ledger: what each mechanism takes adds up to what is missing, in every kind of gas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support import gases
+from support.gases import equal_disks, mixture, start
+from support.law_examples import Driving, Weak
+
+from ifrdem.errors import EngineError, InputError
+from ifrdem.model.box import Box
+from ifrdem.model.forces import Drag, RandomKicks
+from ifrdem.model.ifr import IFRLaw, Regime, collide
+from ifrdem.model.observables import MECHANISMS, REGIMES, Measure
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.schedule import Cadence
+from ifrdem.simulation.simulation import Simulation
+
+pytestmark = pytest.mark.unoptimised
+
+ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
+COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+
+
+def residual(first: Measure, last: Measure) -> float:
+    """What the ledger does not explain, over what was turned over."""
+    assert last.dissipated is not None
+    turned = first.energy + abs(last.energy_input) + abs(last.wall_work) + abs(last.wall_heat)
+    return (first.unspent - last.unspent - float(last.dissipated.sum())) / turned
+
+
+def test_each_mechanism_takes_what_one_collision_shows(arch):
+    """One pair, slowly approaching and with spins, against the law's own numbers.
+
+    P_n takes P_n (g_n - P_n / 2 m_n), and so on; the pieces are computed here from `law.collide`, which the engine does
+    not use, and the known slip: m_n = 1/2, m_t = 1/6 for two disks of mass 1 and k = 2.
+    """
+    disks = Disks(2, mass=1.0, radius=0.5)
+    v, w = np.array([[1.0, 0.3], [-0.5, 0.0]]), np.array([0.8, -0.1])
+    position = np.array([[4.0, 5.0], [6.0, 5.3 - 0.3]])
+    simulation = Simulation(disks, Box((10.0, 10.0)), ROLLING, State(position, v, w), arch=arch, ledger=True)
+    simulation.run(t_end=2.0)
+    assert simulation.collisions == 1
+    contact = simulation.measure()
+    # The collision's normal: from where they touched, by the time at which |r| = 1.
+    r, u = position[0] - position[1], v[0] - v[1]
+    b, c = r @ u, r @ r - 1.0
+    t = c / (-b + np.sqrt(b * b - u @ u * c))
+    n = -(r + u * t)
+    after = collide(ROLLING, n / np.hypot(*n), [1.0, 1.0], [0.5, 0.5], [2.0, 2.0], v, w)
+    n = n / np.hypot(*n)
+    g_n, g_t = u @ n, (u[1] * n[0] - u[0] * n[1]) + 0.5 * (w[0] + w[1])
+    P_n, P_t = float(after.P_n), float(after.P_t)
+    P_et = 0.1 / 6.0 * g_t  # (1 + e_t) m_t g_t
+    normal = P_n * (g_n - P_n)  # m_n = 1/2
+    restitution = P_et * (g_t - 3.0 * P_et)  # m_t = 1/6
+    friction = P_t * (g_t - 3.0 * P_t) - restitution
+    total = 0.5 * (np.sum(v**2) + 0.125 * np.sum(w**2)) - 0.5 * (
+        np.sum(after.velocity**2) + 0.125 * np.sum(after.spin**2)
+    )
+    expected = dict.fromkeys(MECHANISMS, 0.0) | {
+        "normal": normal, "tangential_restitution": restitution, "rolling": total - normal - restitution - friction,
+    }  # fmt: skip
+    sticks = int(after.regime) in (Regime.STICKING_ROLLING, Regime.STICKING_NONROLLING)
+    expected["sticking" if sticks else "sliding"] = friction
+    assert expected["rolling"] > 0.0
+    assert contact.dissipated == pytest.approx(np.array(list(expected.values())), rel=1e-12, abs=1e-15)
+
+
+def test_collisions_are_counted_by_their_regime(arch):
+    """Pairs of two materials that meet head on with spins s, so that the slip is s: what each is, `law.collide` says.
+
+    The last pair is slower than the cut-off, below which collisions are elastic.
+    """
+    spins = [0.1, 5.0, 0.1, 0.5, 5.0, 0.1]
+    material = np.repeat([0, 0, 1, 1, 1, 0], 2)
+    speed = np.repeat([0.5, 0.5, 0.5, 0.5, 0.5, 1e-3], 2) * np.tile([1.0, -1.0], 6)
+    disks = Disks(12, mass=1.0, radius=0.5, material=material)
+    place = np.column_stack((np.tile([4.5, 5.51], 6), np.repeat(2.0 + 3.0 * np.arange(6), 2)))
+    velocity = np.column_stack((speed, np.zeros(12)))
+    smooth = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point")
+    laws = [[smooth, smooth], [smooth, ROLLING]]
+    expected = dict.fromkeys(REGIMES, 0)
+    for pair in range(5):
+        law, two = laws[material[2 * pair]][material[2 * pair]], slice(2 * pair, 2 * pair + 2)
+        found = collide(
+            law, [1.0, 0.0], [1.0, 1.0], [0.5, 0.5], [2.0, 2.0], velocity[two], np.full(2, spins[pair])
+        )
+        name = Regime(int(found.regime)).name.lower().removesuffix("_nonrolling")
+        expected["_".join(reversed(name.split("_")))] += 1
+    expected["elastic"] += 1
+    assert all(expected.values())
+    simulation = Simulation(
+        disks, Box((10.0, 20.0)), laws, State(place, velocity, np.repeat(spins, 2)), arch=arch, ledger=True,
+        collapse="velocity_cutoff", velocity_cutoff=0.01,
+    )  # fmt: skip
+    simulation.collide(6)
+    assert dict(zip(REGIMES, simulation.measure().regimes.tolist(), strict=True)) == expected
+
+
+def test_the_ledger_closes_where_spins_hold_nearly_all_energy(arch):
+    """10^12 times that of flights: what small losses add up to must not be lost beside the large."""
+    disks = equal_disks(300)
+    box, state = start(disks, 0.3)
+    state.spin[::2] *= 1e6
+    measures: list[Measure] = []
+    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+    simulation.run(collisions_per_disk=2.0, series=2, samplers=[measures.append])
+    assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
+    assert abs(residual(measures[0], measures[-1])) < 1e-13
+
+
+@pytest.mark.parametrize("masses", ["one heavy", "all scales"])
+def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(arch, masses):
+    """At one temperature, so that energies are alike where masses differ by 1e6 and 1e12."""
+    mass = np.ones(300) if masses == "one heavy" else 10.0 ** np.linspace(-6.0, 6.0, 300)
+    mass[0] = 1e6
+    disks = Disks(300, mass=mass, radius=0.5)
+    box, state = start(disks, 0.3)
+    state.spin[:] = 0.0
+    measures: list[Measure] = []
+    simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+    simulation.run(collisions_per_disk=5.0, series=3, samplers=[measures.append])
+    assert measures[-1].dissipated.sum() > 0.1 * measures[0].energy
+    assert max(abs(residual(measures[0], each)) for each in measures) < 1e-12
+
+
+@pytest.mark.filterwarnings("ignore::ifrdem.law.EnergyWarning")
+@pytest.mark.parametrize(("part", "speed"), [(3e7, 1.0), (1e16, 1e135)])
+def test_losses_beyond_all_energy_are_counted_as_far_as_numbers_reach_and_then_refused(arch, part, speed):
+    """A law that hands out 3e7 times the impulse and more. g_n = 2 and m_n = 1/2: P_n = part takes P_n (2 - P_n)."""
+    disks = Disks(2, mass=1.0, radius=0.5)
+    state = State(
+        np.array([[4.0, 5.0], [6.0, 5.0]]), speed * np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2)
+    )
+    simulation = Simulation(disks, Box((10.0, 10.0)), Weak(part=part), state, arch=arch, ledger=True)
+    simulation.collide(1)
+    if speed > 1.0:
+        with pytest.raises(EngineError, match="an energy beyond all bounds"):
+            simulation.measure()
+    else:
+        assert simulation.measure().dissipated.sum() == pytest.approx(part * (2.0 - part), rel=1e-14)
+
+
+@pytest.mark.filterwarnings("ignore::ifrdem.law.EnergyWarning")
+def test_the_ledger_closes_where_a_law_drives_spins(arch):
+    """A negative T gives spins energy: a loss below 0."""
+    disks = equal_disks(300)
+    box, state = start(disks, 0.3)
+    measures: list[Measure] = []
+    simulation = Simulation(disks, box, Driving(), state, arch=arch, ledger=True)
+    simulation.run(collisions_per_disk=3.0, series=3, samplers=[measures.append])
+    assert measures[-1].dissipated[MECHANISMS.index("rolling")] < -1e-3
+    assert abs(residual(measures[0], measures[-1])) < 1e-13
+
+
+@pytest.mark.parametrize("n", [300, 2000])
+@pytest.mark.parametrize("law", [ROLLING, COIN])
+def test_the_ledger_closes_in_a_cooling_gas(arch, n, law):
+    disks = mixture(n)
+    box, state = start(disks, 0.3)
+    measures: list[Measure] = []
+    simulation = Simulation(disks, box, law, state, arch=arch, ledger=True)
+    simulation.run(collisions_per_disk=5.0, series=5, samplers=[measures.append])
+    assert measures[-1].dissipated[0] > 0.0
+    assert measures[-1].regimes.sum() == simulation.collisions
+    # Sums of some 5e3 rounded numbers.
+    assert max(abs(residual(measures[0], each)) for each in measures) < 1e-13
+
+
+def test_the_ledger_closes_between_walls_that_shake_and_heat_under_gravity(arch):
+    disks = mixture(150)
+    box = Box((20.0, 40.0), periodic=(False, False))
+    _, state = start(disks, 0.2)
+    rng = np.random.default_rng(3)
+    grid = np.stack(np.meshgrid(np.arange(12), np.arange(13)), axis=-1).reshape(-1, 2)[:150] * 1.4 + 2.0
+    state = State(grid, rng.normal(size=(150, 2)), rng.normal(size=150))
+    walls = [
+        Wall.line((0.0, 0.5), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=2.0)),
+        Wall.line((0.0, 19.4), (0.0, -1.0), temperature=2.0),
+    ]
+    measures: list[Measure] = []
+    simulation = Simulation(
+        disks, box, COIN, state, arch=arch, walls=walls, gravity=(0.0, -1.0), ledger=True,
+        collapse="velocity_cutoff", velocity_cutoff=1e-3,
+    )  # fmt: skip
+    simulation.run(t_end=6.0, series=3, samplers=[measures.append])
+    last = measures[-1]
+    assert last.dissipated[MECHANISMS.index("walls")] > 0.0
+    assert last.wall_heat != 0.0
+    assert abs(residual(measures[0], last)) < 1e-12
+
+
+def test_the_ledger_closes_with_forces_and_in_a_sheared_gas(arch):
+    disks = equal_disks(400)
+    box, state = start(disks, 0.3)
+    driven = Simulation(
+        disks, box, COIN, state, arch=arch, ledger=True, forces=[RandomKicks(0.05, power=0.5), Drag(0.05, rate=0.1)]
+    )  # fmt: skip
+    sheared_box = Box(box.lengths, shear_rate=0.5)
+    moving = State(state.position, state.velocity + sheared_box.flow(state.position), state.spin)
+    sheared = Simulation(disks, sheared_box, COIN, moving, arch=arch, ledger=True)
+    for simulation in (driven, sheared):
+        measures: list[Measure] = []
+        simulation.run(t_end=2.0, series=4, samplers=[measures.append])
+        assert measures[-1].energy_input != 0.0
+        assert abs(residual(measures[0], measures[-1])) < 1e-12
+
+
+def test_the_ledger_has_the_same_bits_for_any_number_of_threads_and_order_of_records():
+    """Two tiles log in turns, rounds in the order in which disks are found; losses are the same whole numbers."""
+    disks = mixture(3000)
+    box, state = start(disks, 0.4)
+    found = []
+    for threads, order in ((1, "tiles"), (2, "tiles"), (2, "rounds")):
+        engine = Engine(
+            disks,
+            box,
+            state,
+            np.array([[gases.COIN]]),
+            ledger=True,
+            threads=threads,
+            order=order,
+            tile_disks=500,
+        )
+        while engine.collisions < 1500:
+            engine.advance(collisions=1500)
+        engine.totals()  # settles
+        found.append(engine.dissipated())
+    assert found[0][1].sum() == 1500
+    for lost, regimes in found[1:]:
+        assert np.array_equal(lost, found[0][0])
+        assert np.array_equal(regimes, found[0][1])
+
+
+def test_series_at_the_ends_of_epochs_change_nothing(arch):
+    disks = equal_disks(600)
+    box, state = start(disks, 0.5)
+    ends, rows = [], []
+    for series in (None, Cadence(number=200, exact=False)):
+        simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
+        simulation.run(collisions_per_disk=10.0, series=series, samplers=[rows.append])
+        ends.append(simulation.state)
+    assert len(rows) > 5
+    assert np.array_equal(ends[0].position, ends[1].position)
+    assert np.array_equal(ends[0].velocity, ends[1].velocity)
+
+
+def test_exact_series_stand_where_they_are_due(arch):
+    disks = equal_disks(50)
+    box, state = start(disks, 0.3)
+    rows: list[Measure] = []
+    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    simulation.run(t_end=1.0, series=40, samplers=[rows.append])
+    assert [row.time for row in rows] == pytest.approx(np.linspace(0.0, 1.0, 41), abs=1e-15)
+    assert rows[0].dissipated is None  # no ledger was asked for
+    simulation.run(t_end=1.1, series=3)  # nobody samples: it ends all the same
+    assert simulation.time == 1.1
+
+
+def test_totals_on_the_device_are_those_of_the_state(arch):
+    disks = Disks(
+        300, mass=np.where(np.arange(300) == 7, np.inf, 2.0), radius=0.4, k=np.linspace(1.0, 2.0, 300)
+    )
+    box, state = start(equal_disks(300), 0.3)
+    state.velocity[7], state.spin[7] = 0.0, 0.0
+    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    seen: list[Measure] = []
+    simulation.run(collisions_per_disk=2.0, observers=[lambda _state, measure: seen.append(measure)])
+    device, host = simulation.measure(), seen[-1]
+    for name in (
+        "time", "collisions", "translational_energy", "rotational_energy", "temperature", "rotational_temperature",
+        "momentum", "shear_pressure", "potential_energy", "wall_hits", "energy_input",
+    ):  # fmt: skip
+        assert getattr(device, name) == pytest.approx(getattr(host, name), rel=1e-12, abs=1e-11), name
+
+
+def test_a_ledger_that_is_switched_off_misses_just_that_time(arch):
+    """And switched on again, goes on; the collisions are the same to the bit."""
+    disks = equal_disks(300)
+    box, state = start(disks, 0.4)
+    whole, parts = (Simulation(disks, box, COIN, state, arch=arch, ledger=True) for _ in range(2))
+    expected = np.zeros(len(MECHANISMS))
+    for k, on in enumerate([True, False, True]):
+        parts.switch_ledger(on)  # nobody has looked since, so that the latest epoch is still to be tallied
+        before = whole.measure().dissipated
+        for simulation in (whole, parts):
+            simulation.run(t_end=0.3 * (k + 1))
+        gained = whole.measure().dissipated - before
+        assert gained.sum() > 1.0
+        expected += gained if on else 0.0
+    assert parts.measure().dissipated == pytest.approx(expected, rel=1e-12)
+    assert np.array_equal(whole.state.velocity, parts.state.velocity)
+
+
+def test_a_simulation_without_a_ledger_has_none_to_switch(arch):
+    disks = equal_disks(10)
+    box, state = start(disks, 0.4)
+    simulation = Simulation(disks, box, COIN, state, arch=arch)
+    with pytest.raises(InputError, match="no ledger to switch"):
+        simulation.switch_ledger(True)

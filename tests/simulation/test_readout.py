@@ -1,0 +1,373 @@
+"""Frames within epochs, told by their logs: nobody who looks changes what happens."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+
+import numpy as np
+import pytest
+from support.gases import equal_disks, mixture, start
+
+from ifrdem.errors import EngineError
+from ifrdem.model.box import Box, below
+from ifrdem.model.forces import RandomKicks
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.observables import Measure, measure
+from ifrdem.model.state import State, StoredState
+from ifrdem.simulation.course import Course
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.schedule import Cadence, Span
+from ifrdem.simulation.simulation import Simulation
+from ifrdem.tools.buffers import Buffers, compact
+from ifrdem.trajectory import layout
+
+pytestmark = pytest.mark.unoptimised
+
+COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+SEEN = ("position", "velocity", "spin", "collisions", "image", "last_partner", "angle")
+ALL_FIELDS = tuple(layout.FIELDS)
+Frames = list[tuple[State, Measure]]
+
+
+@pytest.fixture(params=["alone", "tiles", "rounds"])
+def order(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Every way of processing epochs."""
+    chosen: str = request.param
+    monkeypatch.setattr(
+        "ifrdem.simulation.simulation.Engine", functools.partial(Engine, order=chosen, tile_disks=300)
+    )
+    return chosen
+
+
+def gas(*, n: int = 1500, box: Box | None = None, **options: object) -> Simulation:
+    disks = mixture(n)
+    inside, state = start(disks, 0.5)
+    return Simulation(
+        disks, inside if box is None else box, COIN, state, ledger=True, partners=True, angles=True, **options
+    )
+
+
+def frames_of(simulation: Simulation, **course: object) -> Frames:
+    found: Frames = []
+    simulation.run(**course, observers=[lambda state, measure: found.append((state, measure))])
+    return found
+
+
+def same(one: State, other: State) -> None:
+    assert one.time == other.time
+    for name in SEEN:
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+def alike(one: State, other: State, rel: float = 1e-9) -> None:
+    """The same state, but for rounding that a few collisions have enlarged."""
+    assert one.time == pytest.approx(other.time, rel=1e-12)
+    for name in ("collisions", "last_partner"):
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    for name in ("velocity", "spin", "angle"):
+        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=rel, abs=rel), name
+
+
+@pytest.mark.parametrize("course", [{"t_end": 0.6}, {"collisions_per_disk": 1.3}], ids=["time", "collisions"])
+def test_what_happens_does_not_depend_on_how_often_somebody_looks(
+    order: str, course: dict[str, float]
+) -> None:
+    rare, often = gas(), gas()
+    frames_of(rare, **course, frames=1)
+    found = frames_of(often, **course, frames=37)
+    assert len(found) == 38
+    same(rare.state, often.state)
+    assert rare.collisions == often.collisions
+    assert rare.statistics.epochs == often.statistics.epochs < 37
+
+
+def test_a_frame_is_the_state_of_a_run_that_ends_there(order: str) -> None:
+    found = frames_of(gas(), t_end=0.6, frames=5)
+    for k, (state, told) in enumerate(found):
+        ended = gas()
+        ended.run(t_end=0.6 * k / 5)
+        alike(state, ended.state)
+        assert state.time == 0.6 * k / 5 == told.time
+        assert told.collisions == ended.collisions
+
+
+def test_a_frame_by_collisions_stands_right_after_the_last_of_them(order: str) -> None:
+    found = frames_of(gas(n=1600), collisions_per_disk=1.5, frames=6)
+    ended = gas(n=1600)
+    for k, (state, told) in enumerate(found):
+        ended.run(collisions_per_disk=0.25 * k)
+        assert told.collisions == ended.collisions == 200 * k
+        assert state.collisions.sum() == 400 * k
+        alike(state, ended.state)
+
+
+def test_what_is_measured_at_a_frame_is_that_of_its_state(order: str) -> None:
+    for state, told in frames_of(gas(), t_end=0.6, frames=4):
+        expected = measure(mixture(1500), state)
+        assert told.dissipated is None
+        assert told.regimes is None
+        for name in ("translational_energy", "rotational_energy", "temperature", "energy"):
+            assert getattr(told, name) == pytest.approx(getattr(expected, name), rel=1e-13), name
+        assert told.momentum == pytest.approx(expected.momentum, abs=1e-11)
+        assert told.collisions == expected.collisions
+
+
+def test_positions_of_a_frame_lie_in_the_box_and_paths_have_no_jumps(order: str) -> None:
+    simulation = gas()
+    found = [state for state, _ in frames_of(simulation, t_end=0.6, frames=60)]
+    lengths = np.array(simulation.box.lengths)
+    for state in found:
+        assert np.all((state.position >= 0.0) & (state.position < lengths))
+    paths = np.array([state.position + state.image * lengths for state in found])
+    fastest = np.max([np.hypot(*state.velocity.T) for state in found], axis=0)
+    steps = np.hypot(*np.moveaxis(np.diff(paths, axis=0), -1, 0))
+    # No disk is faster in between than at both ends by more than what one collision gives: a box is 40 wide.
+    assert steps.max() < 3.0 * 0.01 * fastest.max()
+    assert any(state.image.any() for state in found)
+
+
+def test_the_angle_is_the_integral_of_the_spin_of_the_history(order: str) -> None:
+    # Collision by collision, from what is kept of every one: spin before, from the latest one on, times the time.
+    simulation = gas(n=300, tracked=range(300))
+    found = [state for state, _ in frames_of(simulation, t_end=1.5, frames=7)]
+    events = simulation.take_events()
+    begin = found[0]
+    for state in found:
+        angle, spin, since = np.zeros(300), begin.spin.copy(), np.zeros(300)
+        for time, i, after in zip(events.time, events.id, events.spin_after, strict=True):
+            if time <= state.time:
+                angle[i] += spin[i] * (time - since[i])
+                spin[i], since[i] = after, time
+        angle += spin * (state.time - since)
+        assert state.angle == pytest.approx(angle, rel=1e-10, abs=1e-12)
+    assert np.abs(found[-1].angle).max() > math.pi
+
+
+def test_threads_do_not_matter() -> None:
+    found = []
+    for threads in (1, 2):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(
+                "ifrdem.simulation.simulation.Engine",
+                functools.partial(Engine, order="tiles", tile_disks=300),
+            )
+            found.append(frames_of(gas(threads=threads), t_end=0.5, frames=9))
+    for (one, measured_one), (other, measured_other) in zip(*found, strict=True):
+        same(one, other)
+        assert measured_one.energy == measured_other.energy
+        assert np.array_equal(measured_one.momentum, measured_other.momentum)
+
+
+def test_kicks_do_not_move_frames(order: str) -> None:
+    def driven() -> Simulation:
+        return gas(forces=[RandomKicks(0.07, power=0.5)], seed=5)
+
+    rare, often = driven(), driven()
+    frames_of(rare, t_end=0.6, frames=1)
+    found = frames_of(often, t_end=0.6, frames=24)
+    same(rare.state, often.state)
+    assert rare.energy_input == often.energy_input
+    assert [state.time for state, _ in found] == pytest.approx(np.arange(25) / 40)
+    # A kick at 0.035 + 0.07 k changes the velocity of every disk, and nothing else does.
+    velocities = [state.velocity for state, _ in found]
+    kicked = [bool(np.all(a != b)) for a, b in itertools.pairwise(velocities)]
+    kicks = [np.floor((t + 0.035) / 0.07 + 1e-9) for t in np.arange(25) / 40]
+    assert kicked == [bool(b > a) for a, b in itertools.pairwise(kicks)]
+
+
+def test_frames_of_disks_that_meet_nobody_stand_at_their_times() -> None:
+    disks = equal_disks(2)
+    begin = State([[2.0, 2.0], [5.0, 5.0]], [[1.0, 0.0], [1.0, 0.0]], [0.5, -0.5])
+    for box in (Box((10.0, 10.0)), Box.open()):
+        simulation = Simulation(disks, box, COIN, begin, angles=True)
+        found = [state for state, _ in frames_of(simulation, t_end=8.0, frames=4)]
+        assert [state.time for state in found] == [0.0, 2.0, 4.0, 6.0, 8.0]
+        for state in found:
+            paths = state.position + state.image * np.array(box.lengths if not box.is_open else (0.0, 0.0))
+            assert paths[:, 0] == pytest.approx(begin.position[:, 0] + state.time)
+            assert state.angle == pytest.approx([0.5 * state.time, -0.5 * state.time])
+
+
+def test_frames_of_one_disk_and_of_disks_at_rest_stand_at_their_times() -> None:
+    for begin in (
+        State([[2.0, 2.0]], [[1.0, 0.5]], [0.5]),
+        State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0]),
+    ):
+        simulation = Simulation(equal_disks(begin.n), Box((10.0, 10.0)), COIN, begin, angles=True)
+        found = [state for state, _ in frames_of(simulation, t_end=8.0, frames=4)]
+        assert [state.time for state in found] == [0.0, 2.0, 4.0, 6.0, 8.0]
+        for state in found:
+            paths = state.position + 10.0 * state.image
+            assert paths == pytest.approx(begin.position + begin.velocity * state.time)
+            assert state.angle == pytest.approx(begin.spin * state.time)
+
+
+def test_an_open_gas_does_not_mind_being_looked_at() -> None:
+    rare, often = gas(n=200, box=Box.open()), gas(n=200, box=Box.open())
+    frames_of(rare, t_end=3.0, frames=1)
+    found = frames_of(often, t_end=3.0, frames=31)
+    alike(rare.state, often.state)
+    assert [state.time for state, _ in found] == pytest.approx(np.arange(32) * 3.0 / 31)
+
+
+def test_frames_that_coincide_are_told_once() -> None:
+    # 40 points within some tens of collisions: many fall onto the same collision.
+    simulation = gas(n=100)
+    found = frames_of(simulation, collisions_per_disk=0.5, frames=Cadence(number=40, spacing="log"))
+    counts = [told.collisions for _, told in found]
+    assert counts == sorted(set(counts))
+    assert counts[0] == 0
+    assert counts[-1] == simulation.collisions == 25
+
+
+def test_a_run_that_an_observer_ends_can_go_on() -> None:
+    class Enough(Exception):
+        pass
+
+    def stop(state: State, _measure: Measure) -> None:
+        if state.time > 0.2:
+            raise Enough
+
+    stopped, whole = gas(), gas()
+    with pytest.raises(Enough):
+        stopped.run(t_end=0.6, frames=20, observers=[stop])
+    assert 0.2 < stopped.time < 0.6
+    stopped.run(t_end=0.6)
+    whole.run(t_end=0.6)
+    same(stopped.state, whole.state)
+
+
+def test_single_precision_looks_back_to_its_rounding() -> None:
+    found = frames_of(gas(precision="f32"), t_end=0.3, frames=3)
+    exact = frames_of(gas(), t_end=0.3, frames=3)
+    for (state, _), (expected, _) in zip(found, exact, strict=True):
+        box = np.array(gas().box.lengths)
+        apart = state.position + state.image * box - expected.position - expected.image * box
+        assert np.median(np.abs(apart)) < 1e-5
+        assert np.sum(state.collisions != expected.collisions) <= 4
+
+
+def test_single_frames_are_the_exact_ones_rounded_and_lie_in_the_box(order: str) -> None:
+    found: list[list[State]] = [[], []]
+    for frames, stored in zip(found, (None, ALL_FIELDS), strict=True):
+        simulation = gas()
+        span = Span.to(1500, 0.0, 0, t_end=0.6)
+        simulation.follow(
+            Course(span, Cadence(number=12)),
+            observers=[lambda state, _, to=frames: to.append(state)],
+            stored=stored,
+        )
+    exact, rounded = found
+    assert sum(isinstance(state, StoredState) for state in rounded) == 13  # the first and the last, too
+    for one, other in zip(exact, rounded, strict=True):
+        assert one.time == other.time
+        inside = np.array([below(length, np.float32) for length in gas().box.lengths])
+        expected = np.minimum(one.position, inside).astype(np.float32)
+        assert np.array_equal(np.asarray(other.position, dtype=np.float32), expected)
+        for name in ("velocity", "spin"):
+            value = np.asarray(getattr(other, name), dtype=np.float32)
+            assert np.array_equal(value, getattr(one, name).astype(np.float32)), name
+        for name in ("collisions", "image", "last_partner", "angle"):
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name
+
+
+@pytest.mark.parametrize("stored", [None, ALL_FIELDS])
+def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | None) -> None:
+    # Memory of frames is used again; there are more than ever wait for a writer, and every one is still held.
+    kept: list[State] = []
+    copies: list[tuple[np.ndarray, ...]] = []
+
+    def look(state: State, _measure: Measure) -> None:
+        kept.append(state)
+        copies.append(tuple(np.array(getattr(state, name)) for name in SEEN))
+
+    gas(n=300).follow(
+        Course(Span.to(300, 0.0, 0, t_end=0.6), Cadence(number=20)), observers=[look], stored=stored
+    )
+    assert len(kept) == 21
+    for state, copy in zip(kept, copies, strict=True):
+        for name, value in zip(SEEN, copy, strict=True):
+            assert np.array_equal(getattr(state, name), value), name
+
+
+def test_memory_of_frames_that_nobody_holds_is_used_again() -> None:
+    buffers = Buffers()
+    first = buffers.take((3, 2))
+    place = first.__array_interface__["data"][0]
+    column = first[:, 0]
+    del first
+    assert buffers.take((3, 2)).__array_interface__["data"][0] != place  # a view of it is still there
+    del column
+    assert buffers.take((3, 2)).__array_interface__["data"][0] == place
+    assert buffers.take((3, 2), np.float32).dtype == np.float32
+
+
+def test_frames_at_intervals_of_time_end_with_the_collisions_of_the_run(order: str) -> None:
+    simulation = gas()
+    found = frames_of(simulation, collisions_per_disk=1.0, frames=Cadence(interval=0.02))
+    times = [state.time for state, _ in found]
+    assert times[:-1] == pytest.approx(0.02 * np.arange(len(times) - 1))
+    assert times[-2] < times[-1] == simulation.time <= times[-2] + 0.02
+    assert found[-1][1].collisions == simulation.collisions == 750
+
+
+@pytest.mark.parametrize("frames", [5, Cadence(interval=0.5)])
+def test_collisions_that_can_never_come_are_said_whatever_the_frames(frames: int | Cadence) -> None:
+    disks = equal_disks(2)
+    apart = State([[2.0, 2.0], [5.0, 5.0]], [[-1.0, 0.0], [1.0, 0.0]], [0.0, 0.0])
+    still = State([[2.0, 2.0], [5.0, 5.0]], np.zeros((2, 2)), [0.0, 0.0])
+    for box, begin in ((Box.open(), apart), (Box((10.0, 10.0)), still)):
+        simulation = Simulation(disks, box, COIN, begin)
+        with pytest.raises(EngineError, match=r"collisions are\s+asked for"):
+            simulation.run(collisions_per_disk=3.0, frames=frames)
+
+
+def test_an_observer_that_asks_the_simulation_is_told_to_use_what_it_is_given() -> None:
+    simulation = gas(n=300)
+    with pytest.raises(EngineError, match="an observer is being told of a frame within an epoch"):
+        simulation.run(t_end=0.6, frames=20, observers=[lambda *_: simulation.state])
+    simulation.run(t_end=0.6)
+    assert simulation.state.time == 0.6
+
+
+def test_frames_do_not_depend_on_the_speed_of_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    # How many epochs a launch has is a matter of time. Where the clock passes a power of two, adding up and taking
+    # away again is not the same number.
+    found = []
+    for seconds in (0.2, 1e-9):
+        monkeypatch.setattr("ifrdem.simulation.epochs.LAUNCH_SECONDS", seconds)
+        disks = equal_disks(100)
+        box, state = start(disks, 0.3)
+        simulation = Simulation(disks, box, IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), state)
+        found.append(frames_of(simulation, t_end=70.0, frames=Cadence(interval=3.9975)))
+    for (one, _), (other, _) in zip(*found, strict=True):
+        assert np.array_equal(one.position, other.position), one.time
+
+
+@pytest.mark.parametrize("kind", ["f4", "i4", "f8", "i8"])
+def test_columns_become_arrays_of_their_own_bit_by_bit(kind: str) -> None:
+    """Numbers that are none, too; a column of two words is copied as one item, which must not show."""
+    rows = np.random.default_rng(3).integers(
+        -(2**31), 2**31, (1000, 4 * np.dtype(kind).itemsize), dtype=np.int32
+    )
+    numbers = rows.view(kind)
+    for column in (numbers[:, 0:2], numbers[:, 3:5], numbers[:, 1:4], numbers[:, 2], numbers[:, ::2]):
+        found = compact(column)
+        assert found.flags.c_contiguous
+        assert found.dtype == column.dtype
+        assert found.tobytes() == column.tobytes()
+    for turned in (
+        np.asfortranarray(numbers[:, 0:2]),
+        numbers[:, 1::-1],
+        np.broadcast_to(numbers[0, :2], (9, 2)),
+    ):
+        assert compact(turned).tobytes() == turned.tobytes()
+    assert compact(numbers) is numbers
+
+
+def test_memory_of_frames_begins_with_a_line_of_memory() -> None:
+    buffers = Buffers()
+    held = [buffers.take((n, 8), kind) for n in (1, 3, 1000, 200_000) for kind in (np.int32, np.int64)]
+    assert all(array.ctypes.data % 64 == 0 for array in held)

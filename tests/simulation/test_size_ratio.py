@@ -1,0 +1,80 @@
+"""Disks of very different sizes: the engine finds the collisions of the serial code, and says where its limit is."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from support.gases import COIN
+from support.serial_reference import simulate
+from test_engine_serial_order import run
+
+from ifrdem.case.rules import WIDEST_RATIO
+from ifrdem.errors import InputError
+from ifrdem.initial import packing, placement, radii
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.simulation.engine import Engine
+
+pytestmark = pytest.mark.unoptimised
+
+N = 1000
+SIZES = {
+    # Two sizes with about the same area each, and all sizes between 1 and 10.
+    "bidisperse": lambda: radii.bidisperse(N, low=0.5, high=5.0, large_fraction=0.01, seed=1),
+    "uniform": lambda: radii.uniform(N, low=0.5, high=5.0, seed=1),
+}
+
+
+# Light disks between heavy ones that come together collide without end if they lose energy along the normal: that is
+# inelastic collapse, in which no two codes agree. Where all sizes meet closely, friction alone dissipates.
+ROUGH = (1.0, -0.9, 0.21, 0.0, 0.0)
+GASES = {
+    "dilute": ("bidisperse", 0.3, COIN),
+    "dense": ("bidisperse", 0.7, COIN),
+    "all sizes": ("uniform", 0.6, ROUGH),
+}
+
+
+@cache
+def expected(name: str) -> tuple[Disks, Box, State, np.ndarray, np.ndarray]:
+    """A gas of one mass per area and one temperature, and pairs and times of its first N collisions."""
+    sizes, packing_fraction, law = GASES[name]
+    radius = SIZES[sizes]()
+    assert radius.max() / radius.min() > 9.9
+    disks = Disks(N, mass=math.pi * radius**2, radius=radius)
+    box = Box.from_packing_fraction(radius, packing_fraction)
+    velocity = placement.maxwellian(disks.mass, temperature=1.0, seed=1)
+    spin = placement.gaussian_spins(N, spin_rms=1.0, seed=1)
+    state = State(packing.grow(box, radius, seed=1), velocity, spin)
+    _, found = simulate(disks, box, law, state, max_collisions=N)
+    return (
+        disks,
+        box,
+        state,
+        np.array([sorted(each[1:]) for each in found]),
+        np.array([each[0] for each in found]),
+    )
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles"])
+@pytest.mark.parametrize("name", GASES)
+def test_collisions_at_size_ratio_ten_are_those_of_the_serial_code(name: str, order: str) -> None:
+    disks, box, state, pairs, times = expected(name)
+    engine = Engine(disks, box, state, np.array([[GASES[name][2]]]), order=order, tile_disks=100)
+    found = run(engine, N)  # two collisions per disk on average: many more of the large ones
+    np.testing.assert_array_equal(found.pair, pairs)
+    # Rounding of 1e-16 of a box of 100 diameters, times some 10 for each collision of a disk.
+    np.testing.assert_allclose(found.time, times, rtol=0.0, atol=1e-6)
+    placement.check_no_overlap(box, disks.radius, engine.state().position, tolerance=1e-11)
+
+
+def test_the_widest_ratio_that_a_case_may_have_is_that_of_the_engine() -> None:
+    box = Box((1000.0, 1000.0))
+    state = State(np.array([[100.0, 100.0], [500.0, 500.0]]), np.ones((2, 2)), np.zeros(2))
+    law = np.array([[COIN]])
+    Engine(Disks(2, mass=1.0, radius=np.array([1.0, WIDEST_RATIO - 0.1])), box, state, law)
+    with pytest.raises(InputError, match="times as wide as the smallest"):
+        Engine(Disks(2, mass=1.0, radius=np.array([1.0, WIDEST_RATIO + 0.1])), box, state, law)

@@ -1,0 +1,184 @@
+"""Every collision of tracked disks: their paths are exact, and each row tells one collision of the law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.gases import equal_disks, mixture, start
+
+from ifrdem.errors import InputError
+from ifrdem.model.box import Box
+from ifrdem.model.forces import RandomKicks
+from ifrdem.model.ifr import IFRLaw, collide
+from ifrdem.model.state import State
+from ifrdem.model.walls import Motion, Wall
+from ifrdem.simulation.simulation import Simulation
+from ifrdem.simulation.tracking import ELASTIC, KICK, UNKNOWN, Events
+
+pytestmark = pytest.mark.unoptimised
+
+COIN = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+ROLLING = IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15, sticking="contact_point", rho=0.02)
+
+
+def rows_of(events: Events, disk: int) -> dict[str, np.ndarray]:
+    return {name: column[events.id == disk] for name, column in events.columns().items()}
+
+
+def check_path(
+    rows: dict[str, np.ndarray], begin: State, end: State, disk: int, box: Box, gravity=(0.0, 0.0)
+) -> None:
+    """Fly from row to row by velocities after: that must lead from the start through every row to the end."""
+    g, lengths = np.array(gravity), np.where(np.isfinite(box.lengths), box.lengths, 0.0)
+    t, x, v, w = begin.time, begin.position[disk], begin.velocity[disk], begin.spin[disk]
+    for i in range(len(rows["time"]) + 1):
+        last = i == len(rows["time"])
+        dt = (end.time if last else rows["time"][i]) - t
+        x, v = x + v * dt + 0.5 * g * dt * dt, v + g * dt
+        if last:
+            assert x == pytest.approx(end.position[disk] + end.image[disk] * lengths, abs=1e-10)
+            assert v == pytest.approx(end.velocity[disk], abs=1e-11)
+            assert w == end.spin[disk]
+            return
+        assert x == pytest.approx(rows["position"][i] + rows["image"][i] * lengths, abs=1e-11)
+        assert v == pytest.approx(rows["velocity_before"][i], abs=1e-12)
+        assert w == rows["spin_before"][i]
+        t, v, w = rows["time"][i], rows["velocity_after"][i], rows["spin_after"][i]
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_paths_lead_through_every_collision(arch, alone, monkeypatch):
+    if not alone:
+        monkeypatch.setattr("ifrdem.simulation.engine.ALONE", 100)
+    disks = mixture(900)
+    box, state = start(disks, 0.4)
+    tracked = [0, 13, 400, 899]
+    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=tracked, partners=True)
+    simulation.run(collisions_per_disk=12.0)
+    events, end = simulation.take_events(), simulation.state
+    assert np.all(np.diff(events.time) >= 0.0)
+    for disk in tracked:
+        rows = rows_of(events, disk)
+        assert len(rows["time"]) == end.collisions[disk] > 0
+        assert rows["partner"][-1] == end.last_partner[disk]
+        check_path(rows, state, end, disk, box)
+    assert len(simulation.take_events()) == 0
+
+
+def test_each_row_is_one_collision_of_the_law(arch):
+    """Impulses, regime, angle and both sides' velocities of every row against `law.collide`."""
+    disks = mixture(500)
+    box, state = start(disks, 0.3)
+    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(500))
+    simulation.run(collisions_per_disk=3.0)
+    e = simulation.take_events()
+    assert len(e) == 2 * simulation.collisions  # all disks are tracked: each collision twice
+    pair = np.stack([e.id, e.partner], axis=1)
+    after = collide(
+        ROLLING, e.normal, disks.mass[pair], disks.radius[pair], disks.k[pair],
+        np.stack([e.velocity_before, e.partner_velocity_before], axis=1),
+        np.stack([e.spin_before, e.partner_spin_before], axis=1),
+    )  # fmt: skip
+    assert e.velocity_after == pytest.approx(after.velocity[:, 0], abs=1e-12)
+    assert e.partner_velocity_after == pytest.approx(after.velocity[:, 1], abs=1e-12)
+    assert e.spin_after == pytest.approx(after.spin[:, 0], abs=1e-12)
+    assert e.partner_spin_after == pytest.approx(after.spin[:, 1], abs=1e-12)
+    assert e.impulse == pytest.approx(np.stack([after.P_n, after.P_t], axis=1), abs=1e-12)
+    assert np.array_equal(e.regime, after.regime)
+    assert len(set(e.regime)) >= 3  # several kinds were seen
+    # The pair touches, along the normal.
+    other = box.minimum_image(_positions_of_partners(e) - e.position)
+    assert other == pytest.approx(
+        (disks.radius[e.id] + disks.radius[e.partner])[:, None] * e.normal, abs=1e-10
+    )
+    u = e.velocity_before - e.partner_velocity_before
+    assert np.cos(e.psi) == pytest.approx(np.sum(u * e.normal, axis=1) / np.hypot(*u.T), abs=1e-12)
+
+
+def _positions_of_partners(e: Events) -> np.ndarray:
+    """Each collision stands twice: where the partner's own row says that it is."""
+    own = {(t, i, p): row for row, (t, i, p) in enumerate(zip(e.time, e.id, e.partner, strict=True))}
+    return e.position[[own[t, p, i] for t, i, p in zip(e.time, e.id, e.partner, strict=True)]]
+
+
+def test_collisions_at_one_time_stand_in_the_order_in_which_they_happened(arch):
+    """Disks at rest that two others hit from both sides at once: the path leads through both, in one order only."""
+    disks = equal_disks(24)
+    middle = np.column_stack((np.full(8, 8.0), 1.0 + 2.0 * np.arange(8)))
+    away = np.array([2.0, 0.0])
+    state = State(
+        np.concatenate((middle, middle - away, middle + away)),
+        np.repeat([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]], 8, axis=0),
+        np.zeros(24),
+    )
+    box = Box((16.0, 16.0))
+    simulation = Simulation(disks, box, ROLLING, state, arch=arch, tracked=range(24), partners=True)
+    simulation.run(t_end=1.25)
+    events, end = simulation.take_events(), simulation.state
+    assert any(np.any(np.diff(rows_of(events, disk)["time"]) == 0.0) for disk in range(8))
+    for disk in range(24):
+        check_path(rows_of(events, disk), state, end, disk, box)
+
+
+def test_walls_gravity_and_heat_are_in_the_path(arch):
+    box = Box((12.0, 30.0), periodic=(True, False))
+    disks = equal_disks(40)
+    rng = np.random.default_rng(5)
+    grid = np.stack(np.meshgrid(np.arange(8), np.arange(5)), axis=-1).reshape(-1, 2) * 1.4 + 1.0
+    state = State(grid, rng.normal(size=(40, 2)), rng.normal(size=40))
+    walls = [
+        Wall.line((0.0, 0.3), (0.0, 1.0), motion=Motion("sine", amplitude=0.2, frequency=1.0)),
+        Wall.line((0.0, 7.3), (0.0, -1.0), temperature=1.5),
+    ]
+    simulation = Simulation(
+        disks, box, COIN, state, arch=arch, walls=walls, gravity=(0.0, -1.0), tracked=range(40),
+        collapse="velocity_cutoff", velocity_cutoff=0.3,
+    )  # fmt: skip
+    simulation.run(t_end=8.0)
+    events, end = simulation.take_events(), simulation.state
+    for disk in range(40):
+        check_path(rows_of(events, disk), state, end, disk, box, (0.0, -1.0))
+    assert np.count_nonzero(events.partner <= -2) == simulation.wall_hits
+    floor, lid = events.partner == -2, events.partner == -3
+    assert floor.any()
+    assert lid.any()
+    assert set(events.regime[lid]) == {UNKNOWN}
+    assert np.count_nonzero(events.regime == ELASTIC) > 0
+    # The floor's velocity at the contact is that of its motion: 2 pi f A cos(2 pi f t).
+    speed = 0.2 * 2.0 * np.pi * np.cos(2.0 * np.pi * events.time[floor])
+    assert events.partner_velocity_before[floor][:, 1] == pytest.approx(speed, abs=1e-9)
+    assert events.normal[floor] == pytest.approx(np.broadcast_to([0.0, -1.0], (floor.sum(), 2)), abs=1e-12)
+    # What the disk gives to the floor is what it loses itself, along the normal.
+    given = events.velocity_before[floor] - events.velocity_after[floor]
+    assert events.impulse[floor][:, 0] == pytest.approx(-given[:, 1], abs=1e-12)
+
+
+def test_kicks_are_rows_so_that_driven_paths_are_exact_too(arch):
+    disks = equal_disks(200)
+    box, state = start(disks, 0.2)
+    simulation = Simulation(
+        disks, box, COIN, state, arch=arch, tracked=[3, 150], forces=[RandomKicks(0.1, power=1.0)], seed=4
+    )
+    simulation.run(t_end=1.0)
+    events, end = simulation.take_events(), simulation.state
+    assert np.count_nonzero(events.partner == KICK) == 2 * 10
+    for disk in (3, 150):
+        check_path(rows_of(events, disk), state, end, disk, box)
+
+
+def test_what_cannot_be_tracked_is_refused():
+    disks = equal_disks(20)
+    box, state = start(disks, 0.1)
+    for tracked, reason in (
+        ([20], "there is no disk 20"),
+        ([-1], "there is no disk -1"),
+        ([3, 3], "disk 3 is named twice"),
+        ([0.5], "a list of disks' numbers"),
+    ):
+        with pytest.raises(InputError, match=reason):
+            Simulation(disks, box, COIN, state, tracked=tracked)
+    sheared = Box(box.lengths, shear_rate=0.1)
+    with pytest.raises(InputError, match="not supported in a sheared box"):
+        Simulation(disks, sheared, COIN, state, tracked=[0])
+    with pytest.raises(InputError, match=r"tracked=\[0, 1\]"):
+        Simulation(disks, box, COIN, state).take_events()

@@ -1,0 +1,350 @@
+"""Walls: exact hit times, the law at a wall, energy from moving walls, the same collisions in every way of running."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from support.gases import COIN, ELASTIC
+from support.serial_reference import simulate
+
+from ifrdem import forces
+from ifrdem.errors import EngineError, InputError
+from ifrdem.kernels.law import collide_pair
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
+from ifrdem.simulation.engine import Engine
+
+pytestmark = pytest.mark.unoptimised
+
+ORDERS = ("alone", "tiles", "rounds")
+LAW = np.array([[ELASTIC]])
+
+
+def run_to(engine: Engine, t_end: float) -> State:
+    while engine.time < t_end:
+        engine.advance(t_end=t_end)
+    return engine.state()
+
+
+def gas_in(box: Box, n: int, seed: int = 1, radius: float = 0.5) -> tuple[Disks, State]:
+    """Disks on a square lattice well inside of the box, with Gaussian velocities and spins."""
+    rng = np.random.default_rng(seed)
+    columns = math.ceil(math.sqrt(n * box.lengths[0] / box.lengths[1]))
+    rows = math.ceil(n / columns)
+    i = np.arange(n)
+    spacing = np.array([box.lengths[0] / columns, box.lengths[1] / rows])
+    position = (np.column_stack((i % columns, i // columns)) + 0.5) * spacing
+    disks = Disks(n, mass=1.0, radius=radius)
+    return disks, State(position, rng.normal(size=(n, 2)), rng.normal(size=n))
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_ball_on_a_floor_bounces_with_the_period_of_a_parabola(order: str) -> None:
+    """Dropped from height h above contact, an elastic ball is back at 2 sqrt(2 h / g), and drifts sideways steadily."""
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State(np.array([[5.0, 3.0]]), np.array([[0.3, 0.0]]), np.zeros(1))
+    engine = Engine(disks, Box((10.0, 10.0), (True, False)), start, LAW, gravity=(0.0, -2.0), order=order)
+    period = 2.0 * math.sqrt(2.0 * 2.5 / 2.0)
+    for bounce in range(1, 21):
+        state = run_to(engine, bounce * period)
+        assert engine.wall_hits == bounce
+        np.testing.assert_allclose(state.position[0, 1], 3.0, atol=1e-11)
+        np.testing.assert_allclose(state.velocity[0], [0.3, 0.0], atol=1e-11)
+    assert state.collisions[0] == 0
+
+
+def test_a_wall_is_a_disk_of_infinite_mass_to_the_law() -> None:
+    disks = Disks(1, mass=2.0, radius=0.5, k=1.7)
+    start = State(np.array([[5.0, 1.0]]), np.array([[0.7, -1.0]]), np.array([0.4]))
+    wall = Wall.line(
+        (0.0, 0.2), (0.0, 1.0), material=1, surface_speed=0.3, motion=Motion("steady", speed=0.1)
+    )
+    law = np.array([[ELASTIC, COIN], [COIN, ELASTIC]])
+    engine = Engine(disks, Box((10.0, 10.0), (True, False)), start, law, walls=[wall])
+    after = run_to(engine, 1.0)
+    vx, vy, spin, *_ = collide_pair(
+        *COIN, 0.0, -1.0, 1.0 / 2.0, 0.5, 1.7, 0.7, -1.0, 0.4, 0.0, 0.5, 1.0, -0.3, 0.1, 0.0
+    )
+    np.testing.assert_allclose(after.velocity[0], [vx, vy], rtol=1e-13)
+    np.testing.assert_allclose(after.spin[0], spin, rtol=1e-13)
+    hit = (1.0 - 0.2 - 0.5) / 1.1  # the gap over the speed of approach
+    np.testing.assert_allclose(after.position[0, 1], 1.0 - hit + vy * (1.0 - hit), rtol=1e-13)
+    # The wall's impulse times its velocity is what the disk gains, less what the law dissipates.
+    impulse = 2.0 * (after.velocity[0] - [0.7, -1.0])
+    np.testing.assert_allclose(engine.wall_work, impulse @ [-0.3, 0.1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_billiard_in_a_circle_keeps_its_angular_momentum(order: str) -> None:
+    """Its hits are 2 sqrt(r^2 - b^2) / v apart, b the distance of its path from the middle, r = R_c - R."""
+    disks = Disks(1, mass=1.0, radius=0.5)
+    velocity = np.array([0.8, 0.6])
+    start = State(np.array([[6.0, 4.5]]), velocity[None, :], np.zeros(1))
+    engine = Engine(
+        disks,
+        Box((10.0, 10.0), (False, False)),
+        start,
+        LAW,
+        order=order,
+        walls=[Wall.container((5.0, 5.0), 4.0)],
+    )
+    offset = np.array([1.0, -0.5])
+    b = offset[0] * velocity[1] - offset[1] * velocity[0]
+    r = 3.5
+    half = math.sqrt(r * r - b * b)
+    first = half - offset @ velocity
+    for hits in (1, 10, 100):
+        state = run_to(engine, first + (hits - 0.5) * 2.0 * half)
+        assert engine.wall_hits == hits
+        d = state.position[0] - 5.0
+        assert d[0] * state.velocity[0, 1] - d[1] * state.velocity[0, 0] == pytest.approx(b, rel=1e-11)
+        assert math.hypot(*d) == pytest.approx(abs(b), rel=1e-9)  # half-way between two hits
+
+
+MOTIONS = [
+    Motion("sine", amplitude=0.4, frequency=0.7, phase=1.0),
+    Motion("sine", amplitude=0.05, frequency=9.0),
+    Motion("sine", direction=(1.0, 1.0), amplitude=0.4, frequency=0.7),
+    Motion("sawtooth", amplitude=0.4, frequency=0.7, rise=0.2, phase=2.0),
+    Motion("sawtooth", amplitude=0.1, frequency=5.0, rise=0.5),
+    Motion("steady", speed=0.2),
+]
+SHAPES = {
+    "line": lambda motion: Wall.line((0.0, 1.0), (0.0, 1.0), motion=motion),
+    "segment": lambda motion: Wall.segment((3.0, 1.0), (5.3, 1.4), motion=motion),
+    "post": lambda motion: Wall.post((5.1, 1.0), 0.5, motion=motion),
+    "container": lambda motion: Wall.container((5.0, 5.0), 4.2, motion=motion),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("motion", MOTIONS, ids=lambda m: f"{m.kind}-{m.frequency}-{m.direction[0]:.1f}")
+@pytest.mark.parametrize("gravity", [0.0, 0.5])
+def test_a_moving_wall_is_hit_at_the_first_root(shape: str, motion: Motion, gravity: float) -> None:
+    """Against a search for the first change of sign of the gap, in steps of 0.002, and Brent's method there."""
+    wall = SHAPES[shape](motion)
+    disks = Disks(1, mass=1.0, radius=0.5)
+    starts = np.array([[5.0, 3.5], [4.6, 3.0], [5.6, 4.0]])
+    box = Box((10.0, 10.0), (False, False))
+    compared = 0
+    for x, v in zip(starts, ([0.1, -0.7], [0.3, -0.2], [-0.2, -1.1]), strict=True):
+        velocity = np.array(v)
+
+        def gap(t: float | np.ndarray, x: np.ndarray = x, velocity: np.ndarray = velocity) -> float:
+            place = x + velocity * t + 0.5 * np.array([0.0, -gravity]) * t * t
+            return float(wall.gap(place[None, :], np.array([0.5]), t)[0])
+
+        times = np.linspace(0.0, 6.0, 3001)
+        gaps = np.array([gap(t) for t in times])
+        crossing = np.flatnonzero(gaps < 0.0)
+        if not len(crossing):
+            continue
+        expected = brentq(gap, times[crossing[0] - 1], times[crossing[0]], xtol=1e-14, rtol=1e-15)
+        if expected > _time_to_sides(x, velocity, gravity):
+            continue
+        compared += 1
+        start = State(x[None, :], velocity[None, :], np.zeros(1))
+        engine = Engine(disks, box, start, LAW, walls=[wall], gravity=(0.0, -gravity))
+        state = run_to(engine, expected - 1e-9)
+        assert engine.wall_hits == 0, (shape, motion)
+        state = run_to(engine, expected + 1e-9)
+        assert engine.wall_hits == 1, (shape, motion)
+        assert np.all(np.isfinite(state.velocity))
+    assert compared > 0
+
+
+def _time_to_sides(x: np.ndarray, v: np.ndarray, gravity: float) -> float:
+    """When a disk of radius 0.5 reaches a side of the box of side 10."""
+    times = [math.inf]
+    for axis, a in ((0, 0.0), (1, -gravity)):
+        for side in (0.5, 9.5):
+            roots = (
+                np.roots([0.5 * a, v[axis], x[axis] - side]) if a else np.array([(side - x[axis]) / v[axis]])
+            )
+            times += [float(r.real) for r in np.atleast_1d(roots) if abs(r.imag) < 1e-12 and r.real > 0.0]
+    return min(times)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_smooth_elastic_walls_are_mirrors(order: str) -> None:
+    """A gas between two such walls, beside its mirror image, is a periodic gas of twice the width: the serial code's.
+
+    There a disk that meets its own image is one that meets the wall.
+    """
+    n, width = 60, 12.0
+    box = Box((width, 10.0), (False, True))
+    disks, state = gas_in(box, n, radius=0.4)
+    spinless = State(state.position, state.velocity, np.zeros(n))
+    mirrored = State(
+        np.vstack((state.position, [2.0 * width, 0.0] + state.position * [-1.0, 1.0])),
+        np.vstack((state.velocity, state.velocity * [-1.0, 1.0])),
+        np.zeros(2 * n),
+    )
+    _, found = simulate(
+        Disks(2 * n, mass=1.0, radius=0.4), Box((2.0 * width, 10.0)), ELASTIC, mirrored, max_collisions=600
+    )
+    expected = [(t, a, b) for t, a, b in found if a < n and b < n]
+    walls = [t for t, a, b in found if abs(a - b) == n]
+    engine = Engine(disks, box, spinless, LAW, order=order, tile_disks=20)
+    engine.keep_collisions = True
+    pairs, times = [], []
+    end = expected[150][0]
+    while engine.time < end:
+        engine.advance(t_end=end)
+        if engine.last_collisions is not None:
+            pairs += [tuple(pair) for pair in engine.last_collisions.pair]
+            times += list(engine.last_collisions.time)
+    assert pairs == [tuple(sorted((a, b))) for _, a, b in expected[: len(pairs)]]
+    assert len(pairs) >= 150
+    np.testing.assert_allclose(times, [t for t, _, _ in expected[: len(times)]], atol=1e-7)
+    assert engine.wall_hits == sum(t < end for t in walls)
+
+
+def shaken(order: str, threads: int = 1, n: int = 300, law: tuple[float, ...] = COIN) -> Engine:
+    box = Box((30.0, 40.0), (False, False))
+    disks, state = gas_in(box, n)
+    floor = Wall.line((0.0, 0.3), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=0.8))
+    inside = [
+        Wall.segment((5.0, 38.2), (12.0, 37.8)),
+        Wall.post(
+            (18.0, 0.3), 0.1, motion=Motion("sawtooth", amplitude=0.2, frequency=0.5, direction=(1.0, 0.0))
+        ),
+    ]
+    return Engine(
+        disks, box, state, np.array([[law]]), order=order, threads=threads, tile_disks=60, walls=[floor, *inside],
+        gravity=(0.0, -0.1),
+    )  # fmt: skip
+
+
+def test_every_way_of_running_gives_the_same_shaken_gas() -> None:
+    ends = {order: run_to(shaken(order), 4.0) for order in ORDERS}
+    for order in ORDERS[1:]:
+        np.testing.assert_array_equal(ends[order].collisions, ends["alone"].collisions)
+        np.testing.assert_allclose(ends[order].position, ends["alone"].position, atol=1e-6)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_shaken_gas_is_the_same_on_two_threads(order: str) -> None:
+    one, two = (run_to(shaken(order, threads), 5.0) for threads in (1, 2))
+    for name in ("position", "velocity", "spin", "collisions"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_what_walls_give_is_what_elastic_disks_gain(order: str) -> None:
+    """Kinetic energy and m g h together; nothing is dissipated."""
+    engine = shaken(order, law=ELASTIC)
+    start = engine.state()
+    end = run_to(engine, 15.0)
+
+    def energy(state: State) -> float:
+        kinetic = 0.5 * np.sum(state.velocity**2) + 0.5 * np.sum(engine.disks.inertia * state.spin**2)
+        return float(kinetic + 0.1 * np.sum(state.position[:, 1]))
+
+    assert engine.wall_hits > 300
+    assert abs(engine.wall_work) > 1.0
+    assert energy(end) - energy(start) == pytest.approx(engine.wall_work, abs=1e-9)
+    assert np.all(end.position > 0.5 - 1e-9)
+
+
+def test_a_ball_that_comes_to_rest_on_a_wall_stops_the_run_with_a_reason() -> None:
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
+    law = np.array([[(0.5, *ELASTIC[1:])]])
+    engine = Engine(disks, Box((10.0, 10.0), (True, False)), start, law, gravity=(0.0, -1.0))
+    with pytest.raises(EngineError, match="came to rest on a wall"):
+        run_to(engine, 100.0)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_cut_off_keeps_a_ball_bouncing_with_a_speed_just_below_it(order: str) -> None:
+    """Each bounce faster than the cut-off halves the speed, the others keep it: it ends between half of it and it."""
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
+    law = np.array([[(0.5, *ELASTIC[1:])]])
+    engine = Engine(
+        disks,
+        Box((10.0, 10.0), (True, False)),
+        start,
+        law,
+        gravity=(0.0, -1.0),
+        velocity_cutoff=0.3,
+        order=order,
+    )
+    state = run_to(engine, 60.0)
+    speed = math.sqrt(state.velocity[0, 1] ** 2 + 2.0 * (state.position[0, 1] - 0.5))  # at the floor
+    fallen = math.sqrt(2.0 * 2.5)
+    slowing = math.ceil(math.log2(fallen / 0.3))
+    assert speed == pytest.approx(fallen / 2.0**slowing, rel=1e-9)
+    assert engine.statistics.elastic == engine.wall_hits - slowing > 50
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_cut_off_takes_no_energy_from_slow_collisions(order: str) -> None:
+    box = Box((12.0, 12.0), (False, True))
+    disks, state = gas_in(box, 60)
+    engine = Engine(disks, box, state, np.array([[COIN]]), velocity_cutoff=100.0, order=order, tile_disks=20)
+    end = run_to(engine, 10.0)
+    assert engine.statistics.elastic == engine.collisions + engine.wall_hits > 100
+    assert np.sum(end.velocity**2) == pytest.approx(np.sum(state.velocity**2), rel=1e-12)
+    np.testing.assert_array_equal(end.spin, state.spin)
+
+
+@pytest.mark.parametrize(
+    ("wall", "message"),
+    [
+        (lambda: Wall.line((0.0, 3.2), (0.0, 1.0)), "overlaps wall 0"),
+        (lambda: Wall.line((0.0, 1.0), (0.0, 0.0)), "no direction"),
+        (lambda: Wall.container((5.0, 5.0), -1.0), "radius = -1.0"),
+        (lambda: Wall.line((0.0, 1.0), (0.0, 1.0), motion=Motion("sin")), "nearest|did you mean"),
+        (lambda: Wall.post((5.0, 1.0), 0.5, material=3), "material index 3"),
+        (lambda: Wall.line((1.0, 0.0), (1.0, 0.0)), "across a periodic direction"),
+    ],
+)
+def test_impossible_walls_are_refused(wall: object, message: str) -> None:
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
+    with pytest.raises(InputError, match=message):
+        Engine(disks, Box((10.0, 10.0), (True, False)), start, LAW, walls=[wall()])  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_drag_and_gravity_together_reach_the_terminal_velocity(order: str) -> None:
+    """dv/dt = g - gamma v ends at g / gamma; midpoint steps of dt leave a relative error of (gamma dt)^2 / 24.
+
+    A step: v gains g dt / 2, is multiplied by exp(-gamma dt), and gains g dt / 2. Its fixed point just before a half
+    step ends is g dt (1 + exp(-gamma dt)) / (2 (1 - exp(-gamma dt))) = (g / gamma) (1 + (gamma dt)^2 / 12 + ...).
+    """
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State(np.array([[5.0, 380.0]]), np.zeros((1, 2)), np.zeros(1))
+    dt, gamma = 0.1, 0.5
+    engine = Engine(
+        disks, Box((40.0, 400.0), (True, False)), start, LAW, gravity=(0.0, -2.0), order=order,
+        forces=[forces.Drag(step=dt, rate=gamma)],
+    )  # fmt: skip
+    state = run_to(engine, 60.0)
+    decay = math.exp(-gamma * dt)
+    assert state.velocity[0, 1] == pytest.approx(-2.0 * dt * (1.0 + decay) / (2.0 * (1.0 - decay)), rel=1e-9)
+    assert engine.wall_hits == 0
+
+
+@pytest.mark.parametrize("wall", ["post", "segment"])
+def test_a_wall_that_would_leave_through_a_periodic_side_is_refused(wall: str) -> None:
+    motion = Motion("steady", direction=(1.0, 0.0), speed=1.0)
+    places = {
+        "post": Wall.post((15.0, 15.0), 4.0, motion=motion),
+        "segment": Wall.segment((15.0, 10.0), (15.0, 20.0), motion=motion),
+    }
+    state = State(np.array([[2.0, 2.0]]), np.zeros((1, 2)), np.zeros(1))
+    with pytest.raises(InputError, match="carries it across a periodic side"):
+        Engine(
+            Disks(1, mass=1.0, radius=0.5),
+            Box((30.0, 30.0)),
+            state,
+            np.array([[ELASTIC]]),
+            walls=[places[wall]],
+        )

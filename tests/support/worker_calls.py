@@ -1,0 +1,49 @@
+"""What the workers of tests/validation/test_validation_workers.py do; a module of its own, since they import it."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+from ifrdem.cli import main as cli
+from ifrdem.simulation import device
+from ifrdem.validation.report import runner
+from ifrdem.validation.report.registry import Result, Row
+
+
+def shout(name: str) -> tuple[str, int, int]:
+    """The name, this process, and how many threads a kernel would get. Ends it where the name says so."""
+    if name.startswith("killed"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if name.startswith("left"):
+        os._exit(3)
+    if name.startswith("slow"):
+        time.sleep(1.0)
+    return name.upper(), os.getpid(), device.start().threads if "threads" in name else 0
+
+
+def case(name: str, *, quick: bool, seed: int) -> runner.Outcome:
+    """In place of `runner.run_case`: `energy` takes longest, `angles` kills its process."""
+    if name == "angles":
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.5 if name == "energy" else 0.0)
+    row = Row("length [m]", 1.0, 1.0, 0.1, "a guess", "a book")
+    return runner.Outcome(name, f"{name}?", "a book", Result([row]))
+
+
+def endless(name: str, *, quick: bool, seed: int) -> runner.Outcome:
+    """In place of `runner.run_case`: leaves a file named after its process, and goes on until it is killed."""
+    (Path(os.environ["WORKERS"]) / str(os.getpid())).touch()
+    while True:
+        time.sleep(0.05)
+
+
+if __name__ == "__main__":
+    runner.run_case = importlib.import_module("support.worker_calls").endless  # by that name workers find it
+    sys.exit(
+        cli.main(["validate", "angles", "energy", "--jobs", "2", "-o", os.environ["WORKERS"] + "/report"])
+    )

@@ -1,0 +1,205 @@
+"""Trajectories and their views open, unmodified, in other people's tools, and show every number as it is stored."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from support.layout_files import BOX, FIELDS, add_series, some_state, write
+
+from ifrdem.errors import InputError
+from ifrdem.model.box import Box
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.views import write_views
+
+# Packages of others warn of each other's and Python's future; that is theirs.
+pytestmark = pytest.mark.filterwarnings("ignore")
+N, FRAMES = 40, 5
+PRECISIONS = [("f4", np.float32, "none"), ("f8", np.float64, "gzip")]
+
+
+@pytest.fixture(scope="module", params=PRECISIONS, ids=["f4", "f8 gzip"])
+def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, type]:
+    """A trajectory with its views, moved together after they were written, and the type of its floats."""
+    made = tmp_path_factory.mktemp("made")
+    precision, dtype, compression = request.param
+    write(made / "run.h5", n=N, frames=FRAMES, precision=precision, compression=compression)
+    add_series(made / "run.h5")
+    write_views(made / "run.h5")
+    moved = made.with_name(f"{made.name}-moved")
+    made.rename(moved)
+    return moved / "run.h5", dtype
+
+
+def stored(name: str, frame: int, dtype: type) -> np.ndarray:
+    """What the file should hold of a field at a frame; vectors with z = 0."""
+    value = getattr(some_state(N, frame), "spin" if name == "angular_velocity" else name)
+    value = value.astype(dtype) if value.dtype.kind == "f" else value
+    return np.column_stack([value, np.zeros(N, value.dtype)]) if value.ndim == 2 else value
+
+
+def test_mdanalysis_reads_positions_and_velocities(run):
+    import MDAnalysis
+
+    path, dtype = run
+    universe = MDAnalysis.Universe.empty(N, trajectory=True, velocities=True)
+    universe.load_new(str(path), format="H5MD", convert_units=False)
+    assert len(universe.trajectory) == FRAMES
+    for i, step in enumerate(universe.trajectory):
+        # MDAnalysis holds coordinates in single precision
+        assert np.array_equal(step.positions, stored("position", i, dtype).astype(np.float32))
+        assert np.array_equal(step.velocities, stored("velocity", i, dtype).astype(np.float32))
+        assert step.time == 0.1 * i
+        assert np.allclose(step.dimensions[:2], BOX.lengths)
+
+
+def test_pyh5md_reads_every_field(run):
+    import pyh5md
+
+    path, dtype = run
+    with pyh5md.File(str(path), "r") as file:
+        group = file.particles_group("all")
+        for name in FIELDS:
+            element = pyh5md.element(group, name)
+            assert len(element.value) == FRAMES
+            for i in range(FRAMES):
+                assert np.array_equal(element.value[i], stored(name, i, dtype))
+            assert np.array_equal(element.time, [0.1 * i for i in range(FRAMES)])
+
+
+def test_vtk_reads_every_step(run):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    path, dtype = run
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path.with_suffix(".vtkhdf")))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == FRAMES
+    for i in (*range(FRAMES), 1):  # and back again
+        reader.SetStep(i)
+        reader.Update()
+        assert reader.GetTimeValue() == 0.1 * i
+        data = reader.GetOutput()
+        assert data.IsA("vtkPolyData")
+        assert data.GetNumberOfVerts() == data.GetNumberOfPoints() == N
+        assert np.array_equal(vtk_to_numpy(data.GetPoints().GetData()), stored("position", i, dtype))
+        arrays = data.GetPointData()
+        for name in FIELDS:
+            if name != "position":
+                assert np.array_equal(vtk_to_numpy(arrays.GetArray(name)), stored(name, i, dtype)), name
+        with Trajectory(path) as trajectory:
+            assert np.array_equal(vtk_to_numpy(arrays.GetArray("radius")), trajectory.disks.radius)
+            assert np.array_equal(vtk_to_numpy(arrays.GetArray("material")), trajectory.disks.material)
+        assert np.array_equal(vtk_to_numpy(arrays.GetArray("id")), np.arange(N))
+
+
+@pytest.mark.parametrize("engine", ["netcdf4", "h5netcdf"])
+def test_xarray_reads_every_frame(run, engine):
+    import xarray
+
+    path, dtype = run
+    with xarray.open_dataset(path.with_suffix(".nc"), engine=engine) as data:
+        assert data.attrs["Conventions"] == "AMBER"
+        assert data.coordinates.dims == ("frame", "atom", "spatial")
+        assert np.array_equal(data.time, [0.1 * i for i in range(FRAMES)])
+        names = {"position": "coordinates", "velocity": "velocities"}
+        for name in FIELDS:
+            for i in range(FRAMES):
+                assert np.array_equal(data[names.get(name, name)][i].values, stored(name, i, dtype)), name
+        assert data.coordinates.dtype == dtype
+
+
+def test_ase_reads_every_frame(run):
+    from ase.io.netcdftrajectory import NetCDFTrajectory
+
+    path, dtype = run
+    frames = NetCDFTrajectory(str(path.with_suffix(".nc")), "r")
+    assert len(frames) == FRAMES
+    for i in range(FRAMES):
+        atoms = frames[i]
+        assert np.array_equal(atoms.positions, stored("position", i, dtype).astype(np.float64))
+        assert atoms.pbc.tolist() == [True, True, False]
+        assert np.allclose(atoms.cell.lengths()[:2], BOX.lengths)
+        assert np.array_equal(atoms.get_array("collisions"), stored("collisions", i, dtype))
+        with Trajectory(path) as trajectory:
+            assert np.array_equal(atoms.get_array("radius"), trajectory.disks.radius)
+    frames.close()
+
+
+def test_ovito_s_reader_of_netcdf_finds_its_names(run):
+    """OVITO itself is too large for a test: the names, axes and types that its AMBER reader needs, by netCDF4."""
+    import netCDF4
+
+    path, _ = run
+    with netCDF4.Dataset(path.with_suffix(".nc")) as file:
+        assert file.Conventions == "AMBER"
+        assert file.ConventionVersion == "1.0"
+        assert {name: len(axis) for name, axis in file.dimensions.items()} == {
+            "frame": FRAMES, "spatial": 3, "atom": N, "cell_spatial": 3, "cell_angular": 3
+        }  # fmt: skip
+        assert file["cell_lengths"].dimensions == ("frame", "cell_spatial")
+        assert file["cell_lengths"][:].tolist() == [[30.0, 20.0, 0.0]] * FRAMES
+        assert (file["cell_angles"][:] == 90.0).all()
+
+
+def test_views_hold_no_copy_of_the_data(tmp_path):
+    n, frames = 20_000, 4
+    write(tmp_path / "run.h5", n=n, frames=frames, fields=("position", "velocity"))
+    vtkhdf, nc = write_views(tmp_path / "run.h5")
+    for place, name in ((vtkhdf, "VTKHDF/Points"), (nc, "coordinates")):
+        with h5py.File(place) as file:  # a name without a folder: they can be moved together
+            assert {each.file_name for each in file[name].virtual_sources()} == {"run.h5", "."}
+        # The positions alone take 640 kB. VTK wants two lists of the cells and ids, 20 bytes a disk.
+        assert place.stat().st_size < 30_000 + (20 * n if place.suffix == ".vtkhdf" else 0)
+
+
+def test_views_show_what_was_committed_and_are_replaced(tmp_path):
+    path = tmp_path / "run.h5"
+    write(path, frames=4)
+    with h5py.File(path, "r+") as file:  # as after a kill between the phases: the last frame has no step
+        file["particles/all/position/step"].resize(3, axis=0)
+    vtkhdf, nc = write_views(path)
+    with h5py.File(nc) as file:
+        assert file["coordinates"].shape == (3, 5, 3)
+        assert np.array_equal(file["coordinates"][2, :, :2], some_state(5, 2).position.astype(np.float32))
+    write(path, frames=6, force=True)
+    write_views(path)
+    with h5py.File(vtkhdf) as file:
+        assert file["VTKHDF/Steps"].attrs["NSteps"] == 6
+        assert file["VTKHDF/Points"].shape == (30, 3)
+    assert sorted(os.listdir(tmp_path)) == ["run.h5", "run.nc", "run.vtkhdf"]
+
+
+def test_a_view_without_its_trajectory_shows_no_numbers(tmp_path):
+    write(tmp_path / "run.h5")
+    vtkhdf, nc = write_views(tmp_path / "run.h5")
+    (tmp_path / "run.h5").unlink()
+    with h5py.File(nc) as file:
+        assert np.isnan(file["coordinates"][..., :2]).all()
+        assert (file["collisions"][()] == np.iinfo(np.int32).min).all()
+    with h5py.File(vtkhdf) as file:
+        assert np.isnan(file["VTKHDF/Points"][:, :2]).all()
+
+
+@pytest.mark.parametrize("box", [Box((30.0, 20.0), (True, False)), Box.open()], ids=["walls", "open"])
+def test_boxes_without_periods_have_no_cell_length(tmp_path, box):
+    import netCDF4
+
+    write(tmp_path / "run.h5", box=box)
+    _, nc = write_views(tmp_path / "run.h5")
+    with netCDF4.Dataset(nc) as file:
+        assert file["cell_lengths"][0].tolist() == [30.0 if box.periodic[0] else 0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("options", "missing"), [({"n": 0}, "disks"), ({"fields": ("velocity",)}, "positions")]
+)
+def test_what_has_nothing_to_show_is_refused(tmp_path, options, missing):
+    write(tmp_path / "run.h5", **options)
+    with pytest.raises(InputError, match=f"a view needs {missing}, and there are none"):
+        write_views(tmp_path / "run.h5")
+    assert os.listdir(tmp_path) == ["run.h5"]

@@ -1,0 +1,335 @@
+"""Series, histories and compressed chunks: what is written comes back, in the layout that other tools read."""
+
+from __future__ import annotations
+
+import zlib
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, partnered, row
+from test_reader import BOX, FIELDS, some_disks, some_state
+
+from ifrdem.errors import InputError
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.trajectory import deflate
+from ifrdem.trajectory.deflate import Deflate, shuffled
+from ifrdem.trajectory.history_columns import COLUMNS
+from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+
+N = 40
+
+
+def write_all(path: Path, *, frames: int = 2, rows: int = 5, batches: int = 3, **options) -> None:
+    with TrajectoryWriter(path, some_disks(N), BOX, **options) as writer:
+        writer.begin_histories(TRACKED, some_state(N, 0))
+        for number in range(rows):
+            writer.write_series(0.03 * number, row(number), SERIES_COLUMNS)
+        for number in range(batches):
+            writer.write_histories(*batch(number))
+        for frame in range(frames):
+            writer.write(some_state(N, frame), {"energy": 0.5 * frame})
+
+
+# --- series
+
+
+def test_series_come_back_at_their_own_cadence(tmp_path):
+    path = tmp_path / "run.h5"
+    write_all(path, frames=2, rows=5)
+    with h5py.File(path) as file:
+        series = file["timeseries"]
+        assert set(series) == {"step", "time", *row(0)}
+        assert np.array_equal(series["step"], [0, 1, 2, 3, 4])
+        assert np.array_equal(series["time"], 0.03 * np.arange(5))
+        for name in row(0):
+            for shared in ("step", "time"):
+                assert series[name][shared] == series[shared]  # the same object in the file
+            assert np.array_equal(series[name]["value"], [row(number)[name] for number in range(5)])
+        assert series["collisions/value"].dtype == np.int64
+        assert list(series["dissipated_by_mechanism"].attrs["columns"]) == ["normal", "sliding"]
+        assert "columns" not in series["energy"].attrs
+        assert len(file["observables/energy/value"]) == 2
+
+
+def test_a_file_without_series_and_histories_has_no_groups_for_them(tmp_path):
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(3), BOX) as writer:
+        writer.write(some_state(3, 0))
+    with h5py.File(path) as file:
+        assert set(file) == {"h5md", "observables", "parameters", "particles"}
+        assert list(file["h5md/modules/ifrdem"].attrs["version"]) == [1, 2]
+
+
+def test_series_rows_that_do_not_fit_are_refused_and_the_file_unchanged(tmp_path):
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(3), BOX) as writer:
+        writer.write(some_state(3, 0))
+        for name in ("time", "step"):
+            with pytest.raises(InputError, match=f"name of series = '{name}'"):
+                writer.write_series(0.0, {name: 1.0})
+        with pytest.raises(InputError, match="without any quantity"):
+            writer.write_series(0.0, {})
+        with pytest.raises(InputError, match=r"columns of series a = .*the series has \(2,\)"):
+            writer.write_series(0.0, {"a": [1.0, 2.0]}, {"a": ["x"]})
+        with pytest.raises(InputError, match=r"columns of series b .*no value"):
+            writer.write_series(0.0, {"a": [1.0, 2.0]}, {"b": ["x", "y"]})
+        writer.write_series(1.0, {"a": [1.0, 2.0], "count": 3}, {"a": ["x", "y"]})
+        for when, values, columns, reason in (
+            (0.5, {"a": [1.0, 2.0], "count": 3}, None, r"time = 0\.5: .*not before 1\.0"),
+            (float("nan"), {"a": [1.0, 2.0], "count": 3}, None, "time = nan"),
+            (2.0, {"a": [1.0, 2.0]}, None, "the first row has"),
+            (2.0, {"a": 1.0, "count": 3}, None, "series a has shape"),
+            (2.0, {"a": [1.0, 2.0], "count": 3.5}, None, "integer in the first row"),
+            (2.0, {"a": [1.0, 2.0], "count": 3}, {"a": ["x", "z"]}, "the first row has"),
+        ):
+            with pytest.raises(InputError, match=reason):
+                writer.write_series(when, values, columns)
+        writer.write_series(2.0, {"a": [3, 4], "count": 4})
+        assert writer.series_rows == 2
+    with h5py.File(path) as file:
+        assert np.array_equal(file["timeseries/a/value"], [[1.0, 2.0], [3.0, 4.0]])
+        assert np.array_equal(file["timeseries/time"], [1.0, 2.0])
+
+
+# --- histories
+
+
+def test_histories_come_back_with_start_and_commits(tmp_path):
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(N), BOX) as writer:
+        writer.begin_histories(TRACKED[::-1], some_state(N, 4))
+        writer.write(some_state(N, 4))
+        for number in range(1, 4):
+            writer.write_histories(*batch(number))
+        nothing = {name: values[:0] for name, values in batch(0)[0].items()}
+        writer.write_histories(nothing, 4.5)
+        assert writer.events == 150
+    state = some_state(N, 4)
+    with h5py.File(path) as file:
+        group = file["histories"]
+        assert np.array_equal(group["tracked"], TRACKED)  # ascending, whatever the order they were named in
+        assert group["start/time"][()] == state.time
+        for name in ("position", "velocity", "spin", "image"):
+            assert np.array_equal(group[f"start/{name}"], getattr(state, name)[list(TRACKED)])
+        assert np.array_equal(group["committed/events"], [0, 50, 100, 150, 150])
+        assert np.array_equal(group["committed/time"], [state.time, 2.0, 3.0, 4.0, 4.5])
+        for name, column in COLUMNS.items():
+            given = np.concatenate([batch(number)[0][name] for number in range(1, 4)])
+            stored = group[f"events/{name}"]
+            assert stored.dtype == column.dtype
+            assert stored.compression is None  # its last chunk is rewritten in place at each commit
+            assert np.array_equal(stored, given)
+
+
+def test_histories_that_do_not_fit_are_refused_and_the_file_unchanged(tmp_path):
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(N), BOX) as writer:
+        state = some_state(N, 0)
+        writer.write(state)
+        for ids, reason in (([40], "from 0 to 39"), ([], "from 0"), ([1, 1], "disk 1 is there twice")):
+            with pytest.raises(InputError, match=reason):
+                writer.begin_histories(ids, state)
+        with pytest.raises(InputError, match="begin_histories comes before"):
+            writer.write_histories(*batch(0))
+        writer.begin_histories(TRACKED, state)
+
+        def changed(**columns):
+            events, _ = batch(0)
+            return {name: value for name, value in {**events, **columns}.items() if value is not None}
+
+        events, end = batch(0)
+        swapped = events["time"][::-1].copy()
+        infinite = events["psi"].copy()
+        infinite[3] = np.inf
+        for columns, when, reason in (
+            (changed(psi=None), end, "the events lack psi"),
+            (changed(spn=events["psi"]), end, "no column 'spn'"),
+            (changed(psi=events["psi"][:-1]), end, "psi has shape"),
+            (changed(position=events["psi"]), end, "position has shape"),
+            (changed(partner=events["psi"]), end, "partner has type float64"),
+            (changed(regime=events["id"] + 1000), end, "regime: numbers beyond 127"),
+            (changed(psi=infinite), end, r"psi\[3\] = inf"),
+            (changed(time=swapped), end, "not in the order of time and id"),
+            (changed(id=events["id"] * 0 + 3), end, "disk 3 is not tracked"),
+            (changed(), 0.5, "not before the last event"),
+        ):
+            with pytest.raises(InputError, match=reason):
+                writer.write_histories(columns, when)
+        writer.write_histories(events, end)
+        with pytest.raises(TrajectoryError, match=r"complete up to t = 1\.0"):
+            writer.write_histories(events, end)
+    with h5py.File(path) as file:
+        assert np.array_equal(file["histories/committed/events"], [0, 50])
+        assert np.array_equal(file["histories/events/psi"], events["psi"])
+
+
+def test_events_of_one_time_stand_by_id(tmp_path):
+    with TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX) as writer:
+        writer.begin_histories(TRACKED, some_state(N, 0))
+        events = {name: values[:2] for name, values in batch(0)[0].items()}
+        events["time"] = np.array([0.5, 0.5])
+        events["id"] = np.array([5, 2])
+        with pytest.raises(InputError, match=r"event 1 at t = 0\.5 is not in the order"):
+            writer.write_histories(events, 1.0)
+        events["id"] = np.array([2, 5])
+        writer.write_histories(events, 1.0)
+
+
+def test_a_million_events_are_one_call(tmp_path):
+    count = 1_000_000
+    events, end = batch(0, count)
+    with TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX) as writer:
+        writer.begin_histories(TRACKED, some_state(N, 0))
+        writer.write(some_state(N, 0))
+        writer.write_histories(events, end)
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert np.array_equal(file["histories/events/impulse"][-3:], events["impulse"][-3:])
+        assert file["histories/committed/events"][-1] == count
+
+
+# --- fields and chunks
+
+
+def test_the_latest_partner_is_a_field_of_counts(tmp_path):
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(N), BOX, fields=("position", "last_partner")) as writer:
+        for frame in range(2):
+            writer.write(partnered(N, frame))
+    with Trajectory(path) as trajectory:
+        assert trajectory.fields == ("position", "last_partner")
+        for frame in range(2):
+            stored = trajectory[frame].field("last_partner")
+            assert stored.dtype == np.int32
+            assert np.array_equal(stored, partnered(N, frame).last_partner)
+
+
+@pytest.mark.parametrize("compression", ["none", "gzip"])
+@pytest.mark.parametrize("n", [16384, 20001])
+def test_frames_of_several_chunks_come_back(tmp_path, n, compression):
+    """20001 disks are two chunks of 10001, the second filled up."""
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(n), BOX, fields=FIELDS, compression=compression) as writer:
+        for frame in range(2):
+            writer.write(some_state(n, frame))
+    with Trajectory(path) as trajectory:
+        for index, frame in enumerate(trajectory):
+            state = some_state(n, index)
+            assert np.array_equal(frame.position, state.position.astype(np.float32))
+            assert np.array_equal(frame.spin, state.spin.astype(np.float32))
+            assert np.array_equal(frame.image, state.image)
+
+
+def test_shuffle_orders_bytes_as_hdf5_does():
+    # All first bytes, then all second bytes, ...: the numbers 0x0102 and 0x0304 in little-endian order.
+    assert shuffled(np.array([0x0102, 0x0304], dtype="<u2")).tobytes() == bytes([2, 4, 1, 3])
+
+
+def test_compressed_chunks_are_those_of_hdf5_filters(tmp_path):
+    """Both filters are applied to each chunk: zlib undoes the one, and by hand the other is undone."""
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(100), BOX, compression="gzip") as writer:
+        writer.write(some_state(100, 1))
+        assert writer.compressor is not None
+        assert writer.compressor.startswith("isal 1.")
+    with h5py.File(path) as file:
+        dataset = file["particles/all/angular_velocity/value"]
+        mask, stored = dataset.id.read_direct_chunk((0, 0))
+    assert mask == 0
+    raw = np.frombuffer(zlib.decompress(stored), np.uint8).reshape(4, 100).T.copy().view(np.float32).ravel()
+    assert np.array_equal(raw, some_state(100, 1).spin.astype(np.float32))
+
+
+def test_without_isal_hdf5_compresses_and_it_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(deflate, "_isal", lambda: None)
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(100), BOX, compression="gzip") as writer:
+        writer.write(some_state(100, 1))
+        assert writer.compressor is not None
+        assert 'pip install "ifrdem[fast]"' in writer.compressor
+    with TrajectoryWriter(tmp_path / "plain.h5", some_disks(3), BOX) as writer:
+        assert writer.compressor is None
+    with h5py.File(path) as file:
+        dataset = file["particles/all/angular_velocity/value"]
+        assert (dataset.compression, dataset.compression_opts, dataset.shuffle) == ("gzip", 1, True)
+        assert np.array_equal(dataset[0], some_state(100, 1).spin.astype(np.float32))
+
+
+def test_compression_by_several_threads_gives_the_bytes_of_one():
+    rng = np.random.default_rng(0)
+    chunks = [rng.normal(size=1000).astype(np.float32) for _ in range(20)]
+    results = []
+    for threads in (1, 4):
+        packer = Deflate(threads)
+        results.append(list(packer.compress(chunks)))
+        packer.close()
+    assert results[0] == results[1]
+
+
+def test_a_gas_at_rest_compresses_to_little(tmp_path):
+    """Velocities, spins and counts of zeros are a few bytes a chunk: only the positions take room."""
+    n = 20_000
+    state = State(some_state(n, 0).position, np.zeros((n, 2)), np.zeros(n))
+    with TrajectoryWriter(
+        tmp_path / "run.h5", Disks(n, mass=1.0, radius=0.01), BOX, compression="gzip"
+    ) as writer:
+        writer.write(state)
+    with h5py.File(tmp_path / "run.h5") as file:
+        for name in ("velocity/value_2d", "angular_velocity/value", "collisions/value"):
+            assert file[f"particles/all/{name}"].id.get_storage_size() < 0.02 * 4 * n
+
+
+# --- what is damaged is said
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("timeseries/energy/value", "time series energy holds 1 of 5 rows"),
+        ("timeseries/time", "time series time holds 1 of 5 rows"),
+        ("histories/events/psi", r"its histories hold 1 of 150 events \(psi\)"),
+        ("histories/committed/time", "its histories have no commit"),
+    ],
+)
+def test_series_and_histories_that_lack_rows_are_refused_as_damaged(tmp_path, name, reason):
+    path = tmp_path / "run.h5"
+    write_all(path)
+    with h5py.File(path, "r+") as file:
+        file[name].resize(1, axis=0)
+    with pytest.raises(InputError, match=f"damaged: {reason}"):
+        Trajectory(path)
+
+
+def test_files_of_layout_1_0_are_read(tmp_path):
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(3), BOX) as writer:
+        writer.write(some_state(3, 0))
+    with h5py.File(path, "r+") as file:
+        file["h5md/modules/ifrdem"].attrs["version"] = [1, 0]
+    with Trajectory(path) as trajectory:
+        assert len(trajectory) == 1
+
+
+@pytest.mark.parametrize(
+    ("time", "values", "said"),
+    [
+        ("a", {"energy": 1.0}, "time = a: a finite time"),
+        (None, {"energy": 1.0}, "time = None: a finite time"),
+        (True, {"energy": 1.0}, "time = True: a finite time"),
+        (0.5, [1.0], r"series: numbers by name are needed, not \[1\.0\]"),
+        (0.5, {"energy": "b"}, "series energy = 'b': a number or numbers are needed"),
+    ],
+)
+def test_rows_that_are_none_are_refused_and_the_file_goes_on(tmp_path, time, values, said):
+    with TrajectoryWriter(tmp_path / "a.h5", Disks(2, 1.0, 0.1), Box((3.0, 3.0))) as writer:
+        writer.write_series(0.0, {"energy": 1.0})
+        with pytest.raises(InputError, match=said):
+            writer.write_series(time, values)
+        with pytest.raises(InputError):
+            writer.write_histories({}, time)
+        writer.write_series(np.float64(1.0), {"energy": 2.0})
+        writer.write(State(np.ones((2, 2)), np.zeros((2, 2)), np.zeros(2)))
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        assert trajectory.series.time.tolist() == [0.0, 1.0]

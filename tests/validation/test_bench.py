@@ -1,0 +1,439 @@
+"""Benchmarks: what they count is what happened, what they print is what was asked for. No test looks at speed."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import ifrdem
+from ifrdem.case import summary
+from ifrdem.case.gas import Gas
+from ifrdem.cli import main as cli
+from ifrdem.errors import EngineError, InputError
+from ifrdem.simulation import device
+from ifrdem.simulation.simulation import Simulation
+from ifrdem.validation.speed import bench, compile_time, equilibrium, profiler, table
+from ifrdem.validation.speed.bench import Benchmark, Run
+from ifrdem.validation.speed.options import Timing
+from ifrdem.validation.speed.table import CLUSTERED, GRID, Entry
+
+SMALL = ["--n", "200", "--phi", "0.2", "--threads", "1", "--runs", "2", "--seconds", "0.01", "--no-compile"]
+QUICK = Timing(runs=2, seconds=0.01, compiling=False)
+
+CASE = """
+[run]
+name = "coins"
+t_end = 1.0
+threads = 1
+[box]
+packing_fraction = 0.2
+[[species]]
+name = "coins"
+coin = "1 pta"
+number = 150
+speed_rms = 1.0
+"""
+
+
+@pytest.fixture
+def case_file(tmp_path: Path) -> str:
+    (tmp_path / "coins.toml").write_text(CASE, encoding="utf-8")
+    return str(tmp_path / "coins.toml")
+
+
+@pytest.fixture
+def unprofiled() -> Iterator[None]:
+    """Ends a Taichi that runs with its profiler."""
+    yield
+    device.stop()
+
+
+def output(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """What `ifrdem bench` prints on the standard output stream."""
+    assert cli.main(["bench", *arguments]) == 0
+    return capsys.readouterr().out
+
+
+def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The message of an `ifrdem bench` that must be refused before it prints anything."""
+    assert cli.main(["bench", *arguments]) == cli.BAD_INPUT
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "Traceback" not in shown.err
+    return shown.err
+
+
+def found(
+    n: int = 1000, phi: float = 0.3, seconds: tuple[float, ...] = (1.0, 2.0, 4.0), **also: Any
+) -> Benchmark:
+    """A benchmark of made-up runs, each of 8000 collisions."""
+    done = {"epochs": 4, "rounds": 20, "undone": 80, "violations": 7, "cut_for_speed": 1, "cut_for_log": 0}
+    runs = [Run(each, 8000, dict(done), slowest=each / 2.0) for each in seconds]
+    given = {"threads": 2, "bytes_per_disk": 240.0, "environment": bench.environment(), **also}
+    return Benchmark(
+        gas="elastic gas", n=n, phi=phi, arch="cpu", precision="f64", seed=1, skin=None,
+        collisions_before=5000, runs=runs, **given,
+    )  # fmt: skip
+
+
+# --- one gas ----------------------------------------------------------------------------------------------
+
+
+def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]) -> None:
+    own = json.loads(output([*SMALL, "--json", "--seed", "3", "--precision", "f64"], capsys))
+    assert (own["n"], own["phi"], own["arch"], own["threads"]) == (200, pytest.approx(0.2), "cpu", 1)
+    assert (own["precision"], own["seed"], own["skin"]) == ("f64", 3, None)
+    assert own["bytes_per_disk"] > 0.0
+    assert len(own["runs"]) == 2
+    assert (
+        own["collisions_per_second_min"] <= own["collisions_per_second"] <= own["collisions_per_second_max"]
+    )
+    assert own["ns_per_collision"] == pytest.approx(1e9 / own["collisions_per_second"])
+    for key in ("collisions", "epochs"):
+        assert own[key] == sum(run[key] for run in own["runs"])
+    assert set(own["epochs_cut"]) == {key for key in own["runs"][0] if key.startswith("cut_for")}
+    assert own["ifrdem"] == ifrdem.__version__
+    assert own["taichi"].startswith("1.7")
+    assert own["python"] == ".".join(str(part) for part in sys.version_info[:3])
+    assert own["processor"] == device.cpu_name()
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT.*", own["date"])
+    assert own["compile"] is None
+    assert own["profile"] is None
+
+
+def test_report_names_what_was_measured(capsys: pytest.CaptureFixture[str]) -> None:
+    text = output([*SMALL, "--skin", "1.5"], capsys)
+    assert text.startswith("elastic gas: 200 disks, packing fraction 0.2, after ")
+    assert "on cpu, 1 thread, f64" in text
+    for name in ("collisions/s", "time a collision", "time a disk and epoch", "epochs", "undone", "memory"):
+        assert re.search(rf"^  {name} ", text, flags=re.MULTILINE)
+    assert "2 runs" in text
+
+
+def test_every_option_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[str]) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"--[a-z][a-z-]*", readme.split("### Benchmark")[1].split("\n##")[0]))
+    assert len(listed) > 10
+    with pytest.raises(SystemExit):
+        cli.main(["bench", "--help"])
+    assert listed <= set(re.findall(r"--[a-z][a-z-]*", capsys.readouterr().out))
+
+
+def test_figures_follow_from_the_runs() -> None:
+    """Three runs of 8000 collisions in 1, 2 and 4 s, 4 epochs each, 1000 disks on 2 threads."""
+    own = found().figures()
+    assert own["collisions_per_second"] == 4000.0  # the median
+    assert (own["collisions_per_second_min"], own["collisions_per_second_max"]) == (2000.0, 8000.0)
+    assert own["ns_per_collision"] == 250_000.0
+    assert own["thread_ns_per_disk_and_epoch"] == pytest.approx(2 * 7e9 / (1000 * 12))
+    assert own["collisions_per_disk_and_epoch"] == pytest.approx(2 * 24_000 / (1000 * 12))
+    assert own["rounds_per_epoch"] == 5.0
+    assert own["undone_share"] == pytest.approx(240 / 24_240)
+    assert own["epochs_cut"] == {"cut_for_speed": 3, "cut_for_log": 0}
+    assert own["slowest_epoch_seconds"] == 2.0
+
+
+def test_a_timed_run_counts_what_the_simulation_did() -> None:
+    case = equilibrium.elastic_gas(150, 0.3, threads=1)
+    simulation = Gas.from_case(case).simulation(case)
+    simulation.run(t_end=0.5)
+    collisions, epochs = simulation.collisions, simulation.statistics.epochs
+    run = bench.timed(simulation, 0.0)
+    assert run.collisions == simulation.collisions - collisions
+    assert run.done["epochs"] == simulation.statistics.epochs - epochs >= bench.LEAST_EPOCHS
+    assert run.seconds >= run.slowest > 0.0
+    again = bench.timed(simulation, 0.0)  # it stopped between two epochs: it goes on
+    assert simulation.collisions == collisions + run.collisions + again.collisions
+
+
+def test_a_benchmark_adds_up_to_the_collisions_of_its_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Simulation] = []
+
+    def remember(self: Gas, *given: Any, **options: Any) -> Simulation:
+        made.append(original(self, *given, **options))
+        return made[-1]
+
+    original = Gas.simulation
+    monkeypatch.setattr(Gas, "simulation", remember)
+    own = bench.measure(equilibrium.elastic_gas(150, 0.3, threads=1), timing=QUICK)
+    (simulation,) = made
+    assert own.collisions_before + sum(run.collisions for run in own.runs) == simulation.collisions
+    assert own.bytes_per_disk == simulation.bytes_allocated / 150
+
+
+def test_the_elastic_gas_starts_at_its_temperature_and_mixes_for_ten_mean_free_times() -> None:
+    """At phi = 0.3 a disk has 10 collisions less those that the lattice makes it wait for."""
+    case = equilibrium.elastic_gas(400, 0.3, threads=1)
+    gas = Gas.from_case(case)
+    simulation = gas.simulation(case)
+    velocity = simulation.state.velocity
+    # T = <m v^2> / 2 = 1 with m = 1; 400 disks sample it within 1 / sqrt(400) of it.
+    assert float((velocity**2).sum()) / (2 * 400) == pytest.approx(1.0, abs=0.15)
+    simulation.run(t_end=equilibrium.mixing_time(gas))
+    assert 2 * simulation.collisions / 400 == pytest.approx(9.5, abs=1.0)
+
+
+def test_a_case_is_timed_after_the_collisions_asked_for(
+    case_file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--case", case_file, "--after", "3", "--set", "species[0].number=120", *SMALL[4:]]
+    own = json.loads(output([*arguments, "--json"], capsys))
+    assert (own["gas"], own["n"], own["threads"]) == ("coins", 120, 1)
+    assert own["collisions_before"] >= 3 * 120 / 2
+    assert own["slowest_epoch_seconds"] > 0.0
+    text = output(arguments, capsys)
+    assert text.startswith("coins: 120 disks")
+    assert "cut short: speed" in text
+
+
+def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["--case", case_file, "--set", "species[0].speed_rms=0", *SMALL[4:]]
+    assert cli.main(["bench", *arguments]) == cli.FAILED
+    assert "no disk can meet another one" in capsys.readouterr().err
+
+
+# --- refusals ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--n", "1.5"], "--n 1.5: a whole number of disks from 2 to"),
+        (["--n", "1"], "--n 1: a whole number of disks from 2 to"),
+        (["--n", "1e12"], "--n 1e12: a whole number of disks from 2 to"),
+        (["--n", "inf"], "--n inf: a whole number"),
+        (["--phi", "1.2"], "--phi 1.2: a packing fraction from 1e-05 to 0.9068 is needed"),
+        (["--phi", "nan"], "--phi nan: a packing fraction"),
+        (["--arch", "cdua"], "--arch = 'cdua': allowed are cpu, cuda (did you mean 'cuda'?)"),
+        (["--precision", "f23"], "--precision = 'f23': allowed are f64, f32 (did you mean 'f32'?)"),
+        (["--threads", "0"], f"--threads 0: a whole number from 1 to {device.cores()} is needed"),
+        (["--skin", "0"], "--skin 0: a length from 0.001 to 1000 diameters is needed"),
+        (["--skin", "1e9"], "--skin 1e9: a length from 0.001 to 1000 diameters is needed"),
+        (["--runs", "none"], "--runs none: a whole number from 1 to 10000 is needed"),
+        (["--seconds", "-1"], "--seconds -1: a positive number of seconds is needed"),
+        (["--seed", "-1"], "--seed -1: a whole number from 0"),
+        (["--n", "3"], "--n 3 --phi 0.3: box = "),
+        (["--after", "3"], "--after: only beside --case"),
+        (["--set", "run.seed=3"], "--set: only beside --case"),
+        (["--clustered"], "--clustered: only beside --table"),
+        (["--table", "--most", "10"], "--most 10: a whole number of disks from 1000"),
+        (["--table", "--profile"], "--profile: not beside --table"),
+        (["--case", "x.toml", "--phi", "0.2"], "--set changes the case's box.packing_fraction"),
+        (["--case", "nowhere.toml"], "nowhere.toml: there is no such file"),
+        (["--case", "x.toml", "--after", "-1"], "--after -1: a number of collisions per disk, 0 or more, is"),
+        (["--prot"], "unrecognized arguments: --prot (did you mean '--profile'?)"),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert message in refusal(["--no-compile", *arguments], capsys)
+
+
+def test_all_mistakes_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    text = refusal(["--n", "x", "--phi", "y", "--runs", "z", "--arch", "w"], capsys)
+    assert [line.split()[1] for line in text.splitlines()] == ["--n", "--phi", "--runs", "--arch"]
+
+
+def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
+    monkeypatch: pytest.MonkeyPatch, case_file: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(device, "memory_available", lambda: 10_000_000)
+    monkeypatch.setattr(Gas, "from_case", lambda *_: pytest.fail("it was made"))
+    for arguments in (
+        ["--n", "1e5"],
+        ["--case", case_file, "--set", "species[0].number=100000"],
+        ["--table"],
+    ):
+        assert "of memory, and 10 MB are free" in refusal(arguments, capsys)
+    assert cli.main(["run", case_file, "--set", "species[0].number=100000"]) == cli.BAD_INPUT
+    with pytest.raises(InputError, match="100000 disks need some 50 MB"):
+        summary.refuse_beyond_memory(100_000, "cuda")  # the GPU's own memory holds the rest
+    summary.refuse_beyond_memory(1000, "cpu")
+    summary.refuse_beyond_memory(20_000, "cuda", "random")
+    with pytest.raises(InputError, match=r"20000 disks need some 24 MB"):
+        summary.refuse_beyond_memory(20_000, "cuda", "growth")
+
+
+def test_interruption_ends_with_a_message_and_its_status() -> None:
+    command = [sys.executable, "-m", "ifrdem", "bench", *SMALL, "--runs", "10000", "--seconds", "10"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        line = process.stderr.readline()  # the end of the equilibration: the timed runs have begun
+        time.sleep(0.5)
+        os.kill(process.pid, signal.SIGINT)
+        try:
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert "ETA" in line
+    assert process.returncode == cli.INTERRUPTED
+    assert out == ""
+    assert err.endswith("ifrdem: interrupted\n")
+    assert "Traceback" not in err
+
+
+# --- compile times ----------------------------------------------------------------------------------------
+
+
+def test_starts_are_timed_in_fresh_processes(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [each for each in SMALL if each != "--no-compile"]
+    own = json.loads(output([*arguments, "--json"], capsys))
+    for start in (own["compile"]["cold"], own["compile"]["warm"]):
+        assert 0.0 < start["imports"] < start["first_epoch"] <= start["all_kernels"]
+    shown = found(compiling=compile_time.CompileTimes(*[compile_time.StartTimes(0.5, 2.0, 3.0)] * 2)).report()
+    assert "start, kernels cold" in shown
+    assert (
+        "start, kernels warm    2 s to the first epoch, 3 s to the last kernel (0.5 s of it imports)" in shown
+    )
+
+
+def test_a_process_that_fails_is_an_error() -> None:
+    with pytest.raises(EngineError, match=r"that was to be timed ended with 1: .*threads"):
+        compile_time.measure(200, 0.2, arch="cpu", threads=10_000, precision="f64")
+
+
+def test_the_start_of_a_run_is_timed() -> None:
+    cold, warm = compile_time.measure_run(100, arch="cpu", threads=1, precision="f64")
+    assert cold > 0.0
+    assert warm > 0.0
+
+
+# --- profile ----------------------------------------------------------------------------------------------
+
+
+def test_loops_of_a_kernel_are_summed() -> None:
+    """Two calls of one instance of `settle`, each with two loops, and one of another; milliseconds."""
+    records = [
+        ("settle_c80_0_kernel_0_serial", 1.0),
+        ("settle_c80_0_kernel_11_range_for", 2.0),
+        ("one_round_c86_0_kernel_1_range_for", 7.0),
+        ("settle_c80_0_kernel_0_serial", 1.0),
+        ("settle_c80_0_kernel_11_range_for", 2.0),
+        ("settle_c80_1_kernel_0_serial", 3.0),
+        ("other", 0.5),
+    ]
+    assert [
+        (each.kernel, each.calls, pytest.approx(each.seconds)) for each in profiler.gathered(records)
+    ] == [
+        ("settle", 3, 9e-3),
+        ("one_round", 1, 7e-3),
+        ("other", 1, 0.5e-3),
+    ]
+
+
+@pytest.mark.usefixtures("unprofiled")
+def test_the_profile_is_of_the_time_that_passed(capsys: pytest.CaptureFixture[str]) -> None:
+    own = json.loads(output([*SMALL, "--profile", "--json"], capsys))["profile"]
+    kernels = own["kernels"]
+    assert "epochs_by_one_thread" in {each["kernel"] for each in kernels}
+    assert all(each["calls"] > 0 for each in kernels)
+    assert 0.0 < sum(each["seconds"] for each in kernels) < own["seconds"]
+    assert sum(each["share"] for each in kernels) + own["outside_kernels_share"] == pytest.approx(1.0)
+    text = output([*SMALL, "--profile"], capsys)
+    assert re.search(r"^  epochs_by_one_thread +\d+ +\S+ +\S+ %$", text, flags=re.MULTILINE)
+    assert re.search(r"^  outside: Python, launches +\S+ +\S+ %$", text, flags=re.MULTILINE)
+
+
+@pytest.mark.usefixtures("unprofiled")
+def test_a_profiled_device_serves_a_simulation_that_asks_for_no_profile() -> None:
+    profiled = device.start("cpu", threads=1, profile=True)
+    assert device.start("cpu", threads=1) is profiled
+    device.stop()
+    assert not device.start("cpu", threads=1).profile
+
+
+# --- the table --------------------------------------------------------------------------------------------
+
+
+def test_the_grid_has_the_gases_to_reach_in_order_of_size() -> None:
+    assert [each.n for each in table.entries(10**8, clustered=False)] == [
+        10**3, 10**4, 10**5, 10**6, 10**6, 10**6, 10**7,
+    ]  # fmt: skip
+    assert table.entries(10**8, clustered=True)[-1] is CLUSTERED
+    assert [each.n for each in table.entries(20_000, clustered=True)] == [10**3, 10**4]
+
+
+def test_a_row_is_reached_by_its_median() -> None:
+    entry = Entry(1000, 0.3, 4000.0)
+    row = table.gas_row(entry, found(), None)  # 8000 collisions in 1, 2 and 4 s
+    assert row.markdown() == "| elastic, N = 1e3, phi = 0.3 | 4.00e3 (2.00e3 to 8.00e3) | 4.00e3 | yes |"
+    assert not table.gas_row(Entry(1000, 0.3, 4001.0), found(), None).reached
+
+
+def test_a_large_gas_is_held_against_the_cost_in_the_smaller_one() -> None:
+    entry = GRID[-1]
+    assert entry.relative
+    row = table.gas_row(entry, found(), 5000.0)  # at 4000 a second: 1.25 times the cost
+    assert row.measured.endswith(", 1.25 times the cost")
+    assert row.target == "at most 1.3 times the cost per collision at N = 1e5"
+    assert row.reached
+    assert not table.gas_row(entry, found(), 5300.0).reached
+    assert not table.gas_row(entry, found(), None).reached
+
+
+def test_clusters_show_their_slowest_epoch() -> None:
+    row = table.gas_row(CLUSTERED, found(), None)
+    assert row.measured.endswith(f"; an epoch takes {7 / 12:.3g} s, the slowest 2 s")  # 12 epochs in 7 s
+    assert row.target == "5.00e5, no epoch that stalls"
+    assert table.memory_row(found()).reached  # 240 bytes a disk
+    assert not table.memory_row(found(bytes_per_disk=251.0)).reached
+    assert table.start_row(9.0, 1.9).reached
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_the_table_measures_each_of_its_gases(
+    as_json: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(table, "GRID", (Entry(1_000, 0.3, 2e6), Entry(1_000, 0.1, 1e12)))
+    monkeypatch.setattr(table, "CLUSTERED", Entry(1000, 0.3, 1.0, clustered=True))
+    monkeypatch.setattr(table, "AFTER", 2.0)
+    monkeypatch.setattr(table, "REFERENCE", (1_000, 0.3))
+    monkeypatch.setattr(table, "BYTES_AT", (1_000, 0.3))
+    monkeypatch.setattr(compile_time, "measure_run", lambda n, **_: (9.0, 1.5))
+    arguments = ["bench", "--table", "--clustered", "--runs", "1", "--seconds", "0.01", "--threads", "1"]
+    assert cli.main([*arguments, *(["--json"] if as_json else [])]) == 0
+    shown = capsys.readouterr()
+    assert re.search(r"gas 3 of 3: .*; ETA of the table \d+:\d\d", shown.err)
+    if as_json:
+        own = json.loads(shown.out)
+        assert [each["n"] for each in own["benchmarks"]] == [1000, 1000, 1000]
+        assert [each["reached"] for each in own["table"]][:1] == [True]
+        return
+    lines = shown.out.splitlines()
+    assert lines[0].startswith("1 thread of ")
+    assert lines[2:4] == ["| gas | measured | to reach | reached |", "|---|---|---|---|"]
+    names = [line.split(" | ")[0].removeprefix("| ") for line in lines[4:]]
+    assert names == [
+        "warm start of `ifrdem run` to its first progress, N = 1e4",
+        "elastic, N = 1e3, phi = 0.3",
+        "memory at N = 1e3",
+        "elastic, N = 1e3, phi = 0.1",
+        "coins in clusters, N = 1e3, phi = 0.3, after 2 per disk",
+    ]
+    assert all(line.count("|") == 5 for line in lines[2:])
+    assert lines[7].endswith("| 1.00e12 | no |")
+    assert lines[8].endswith("| yes |")
+
+
+def test_mean_free_time_is_that_of_the_collisions_seen() -> None:
+    """Of some 5000 collisions the statistical error is 1.4 %; theory is good to 0.5 %."""
+    case = equilibrium.elastic_gas(1000, 0.3, threads=1)
+    gas = Gas.from_case(case)
+    simulation = gas.simulation(case)
+    simulation.run(t_end=equilibrium.mixing_time(gas))
+    before, start = simulation.collisions, simulation.time
+    simulation.run(t_end=start + 10.0 * equilibrium.mean_free_time(gas))
+    per_disk = 2.0 * (simulation.collisions - before) / 1000
+    assert math.isclose(per_disk, 10.0, rel_tol=0.05)  # 3.5 standard errors
