@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gases import COIN, ELASTIC, equal_disks, equilibrated, run
-from serial_reference import simulate
+from gases import ELASTIC
 
 from ifrdem.box import Box
 from ifrdem.engine import Engine
@@ -32,7 +31,7 @@ def watch_log(engine: Engine, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 def test_a_wall_that_all_disks_hit_at_once_does_not_overfill_the_log(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A column of disks, 4.5 from the wall at speed 1: n records in one round, where n / 2 + 1024 are expected."""
+    """A column of disks that reach it together after 4.5: n records in one round, in a log of n / 2 + 1024."""
     n = 2100
     column = np.column_stack((np.full(n, 4.0), 1.5 * (np.arange(n) + 0.5)))
     state = State(column, np.tile([1.0, 0.0], (n, 1)), np.zeros(n))
@@ -49,17 +48,33 @@ def test_a_wall_that_all_disks_hit_at_once_does_not_overfill_the_log(monkeypatch
 
 
 def test_every_window_finds_room_in_the_log_for_all_disks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Long epochs of eight windows, each of which opens with all disks, and a log for half the disks."""
-    disks = equal_disks(500)
-    box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]), skin=3.0, order="rounds", windows=8)
+    """32 rows of three disks, where the first hits the second at t = 0.1, and that the third at t = 0.3; 100 of two.
+
+    Those meet at t = 0.3. An epoch is 0.5 / 1.15 = 0.43 long and has two windows: 32 records in the first, 132 at once
+    in the second, and a log of 148, half the disks. Equal elastic disks exchange their velocities.
+    """
+    threes, twos = 32, 100
+    row = np.concatenate((np.repeat(np.arange(threes), 3), threes + np.repeat(np.arange(twos), 2)))
+    x = np.concatenate((np.tile([2.0, 3.1, 4.3], threes), np.tile([2.0, 3.3], twos)))
+    first = np.diff(row, prepend=-1) > 0
+    last = np.diff(row, append=row[-1] + 1) > 0
+    n = len(row)
+    velocity = np.column_stack((np.where(first, 1.0, 0.0), np.zeros(n)))
+    state = State(np.column_stack((x, 2.5 * (row + 0.5))), velocity, np.zeros(n))
+    box = Box((12.0, 2.5 * (threes + twos)))
+    disks = Disks(n, mass=1.0, radius=0.5)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), skin=1.0, order="rounds", windows=2, tile_disks=10**6)
     engine.epochs.log_growth = 1  # keep the log short
-    engine.arrays.make_log(disks.n // 2)
+    engine.arrays.make_log(n // 2)
+    assert engine.arrays.records == n // 2 == 148
     watch_log(engine, monkeypatch)
-    found = run(engine, 1250)
-    _, expected = simulate(disks, box, COIN, state, max_collisions=1250)
-    np.testing.assert_array_equal(found.pair, [sorted(collision[1:]) for collision in expected])
+    while engine.time < 0.4:
+        engine.advance(t_end=0.4)
     assert engine.statistics.cut_for_log > 0
+    assert engine.collisions == 2 * threes + twos
+    end = engine.state()
+    np.testing.assert_array_equal(end.velocity[:, 0], np.where(last, 1.0, 0.0))
+    np.testing.assert_allclose(end.position[last, 0], x[last] + 0.1, rtol=1e-14)
 
 
 @pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
