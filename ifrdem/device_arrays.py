@@ -411,6 +411,11 @@ class DeviceArrays:
         """Collisions that the log has room for."""
         return int(self.grid[LOG_CAPACITY])
 
+    @property
+    def most_records(self) -> int:
+        """Collisions that 32-bit indices allow the log to have room for."""
+        return ADDRESSABLE // LOG_REAL
+
     def make_log(self, records: int) -> None:
         """Make room for so many collisions an epoch; the epoch at hand loses its log. Half the disks at least."""
         for old in (self.log_real, self.log_int, self.log_loss):

@@ -10,7 +10,7 @@ import numpy as np
 
 from . import magnitudes
 from .box import Box
-from .engine_limits import MOST_DISKS
+from .engine_limits import ADDRESSABLE, MOST_DISKS
 from .errors import InputError
 from .state import Disks, State
 from .walls import Wall
@@ -76,6 +76,12 @@ def check(
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
     hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
+    thermal = sum(wall.temperature is not None for wall in walls)
+    if n * thermal > ADDRESSABLE:  # each disk's heat from each
+        raise InputError(
+            f"{n} disks and {thermal} thermal walls: the engine's 32-bit indices allow {ADDRESSABLE // thermal} disks "
+            "with so many"
+        )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
     magnitudes.check(disks, box, state, precision, hottest)

@@ -329,11 +329,12 @@ class Epochs:
             a.launch(clear_all)
 
     def _lengthen_log(self) -> bool:
-        """Double the log, if that is still reasonable."""
+        """Double the log, if that is still reasonable and 32-bit indices reach its end."""
         a = self.arrays
-        if self.log_growth == 1 or a.records > MOST_LOG * a.n + 4096:
+        longer = self.log_growth * a.records
+        if self.log_growth == 1 or a.records > MOST_LOG * a.n + 4096 or longer > a.most_records:
             return False
-        a.make_log(self.log_growth * a.records)
+        a.make_log(longer)
         return True
 
     def _one_by_one(self, horizon: float, wanted: int | None) -> float:

@@ -66,6 +66,8 @@ INVERSE_MASS, K, KIND_RADIUS, MATERIAL, KIND_MASS, KIND_INERTIA = range(6)
 PARTNER, HEAD, SEQ, ACTIVE, DIRTY, AFFECTED, UNDO, LENGTH = range(8)
 # While a tile runs, its disks with events due stand in bins; these two columns then hold the bin's list.
 NEXT, PREVIOUS_IN_BIN = ACTIVE, DIRTY
+# While lists are extended, this column holds the LENGTH that a disk's list had before, if it is one of those.
+LENGTH_BEFORE = ACTIVE
 # meta
 ID, KIND, EVENTS = range(3)
 # log_real: time, then x, y, vx, vy, spin of either disk from column BEFORE + 5 * side on

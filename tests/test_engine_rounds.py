@@ -7,12 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gases import ELASTIC
+import taichi as ti
+from gases import ELASTIC, equal_disks, equilibrated, run
 
+import ifrdem.device_arrays
+import ifrdem.engine_checks
+from ifrdem import backend
 from ifrdem.box import Box
 from ifrdem.engine import Engine
-from ifrdem.kernels.layout import N_LOG
+from ifrdem.epochs import Epochs
+from ifrdem.errors import InputError
+from ifrdem.kernels.layout import LENGTH, N_LOG, OTHER, ROW, SAME_FRAME
+from ifrdem.kernels.rounds import one_round, rounds_by_one_thread
 from ifrdem.state import Disks, State
+from ifrdem.walls import Wall
 
 pytestmark = pytest.mark.unoptimised
 
@@ -63,7 +71,9 @@ def test_every_window_finds_room_in_the_log_for_all_disks(monkeypatch: pytest.Mo
     state = State(np.column_stack((x, 2.5 * (row + 0.5))), velocity, np.zeros(n))
     box = Box((12.0, 2.5 * (threes + twos)))
     disks = Disks(n, mass=1.0, radius=0.5)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), skin=1.0, order="rounds", windows=2, tile_disks=10**6)
+    engine = Engine(
+        disks, box, state, np.array([[ELASTIC]]), skin=1.0, order="rounds", windows=2, tile_disks=10**6
+    )
     engine.epochs.log_growth = 1  # keep the log short
     engine.arrays.make_log(n // 2)
     assert engine.arrays.records == n // 2 == 148
@@ -100,3 +110,78 @@ def test_more_collisions_at_one_time_than_an_epoch_has_rounds_are_no_collapse(or
     end = engine.state().velocity[:, 0]
     assert mass @ end == pytest.approx(1.0, rel=1e-12)
     assert mass @ end**2 == pytest.approx(1.0, rel=1e-12)
+
+
+def test_on_a_gpu_no_round_is_left_to_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rounds of a small gas, as `arch="cuda"` runs them, here on the CPU: a GPU's thread takes 20 ms for them."""
+    disks = equal_disks(100)
+    box, state = equilibrated(disks, 0.3)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order="rounds")
+    engine.epochs = Epochs(engine.arrays, engine.statistics, "rounds", arch="cuda")
+    launched = watch_log(engine, monkeypatch)
+    run(engine, 100)
+    assert one_round in launched
+    assert rounds_by_one_thread not in launched
+
+
+def test_the_log_grows_only_as_far_as_its_indices_reach(monkeypatch: pytest.MonkeyPatch) -> None:
+    """11 numbers a record: with indices up to 6000, 545 records. Epochs then get shorter, and lose nothing."""
+    disks = equal_disks(500)
+    box, state = equilibrated(disks, 0.6)
+    engine = Engine(disks, box, state, np.array([[ELASTIC]]), skin=3.0, order="rounds", tile_disks=10**6)
+    engine.arrays.make_log(disks.n // 2)
+    run(engine, 1)  # rows of neighbours have their length by then
+    assert engine.arrays.records == 250
+    monkeypatch.setattr(ifrdem.device_arrays, "ADDRESSABLE", 6000)
+    run(engine, 2500)
+    assert engine.statistics.cut_for_log > 2
+    assert engine.arrays.records == 500  # doubled once
+
+
+def test_more_disks_than_the_heat_of_thermal_walls_has_indices_for_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(ifrdem.engine_checks, "ADDRESSABLE", 100)
+    hot = [Wall.line((0.0, y), (0.0, 1.0), temperature=1.0) for y in (0.0, 0.1)]
+    state = State(
+        np.column_stack((2.0 * np.arange(51) + 1.0, np.full(51, 3.0))), np.zeros((51, 2)), np.zeros(51)
+    )
+    with pytest.raises(InputError, match=r"51 disks and 2 thermal walls.*allow 50 disks"):
+        Engine(
+            Disks(51, mass=1.0, radius=0.5),
+            Box((102.0, 6.0), (True, False)),
+            state,
+            np.array([[ELASTIC]]),
+            walls=hot,
+        )
+
+
+@pytest.mark.parametrize("shift", [SAME_FRAME, SAME_FRAME + 1])
+def test_an_entry_that_is_not_written_yet_is_not_in_a_list(shift: int) -> None:
+    """While lists are extended, a thread raises a list's length and then writes the entry; another may look in between.
+
+    Disk 0 has neighbour 1 in its frame and 2 in another one; a third entry is announced, and in its place disk 7 stands
+    from an earlier epoch. To count it as listed would lose the pair 0 and 7.
+    """
+    backend.start("cpu")
+    from list_kernels import list_of_first_has, raise_first
+
+    def entry(slot: int) -> int:
+        return slot if shift == SAME_FRAME else 9 * slot + shift
+
+    grid = np.zeros(14, dtype=np.int32)
+    grid[ROW] = 6
+    link = ti.Vector.ndarray(8, ti.i32, (8,))
+    rows = np.zeros((8, 8), dtype=np.int32)
+    rows[0, LENGTH] = 1 + OTHER
+    link.from_numpy(rows)
+    neighbour = ti.ndarray(ti.i32, (48,))
+    own = [1, 7, 0, 0, 0, 9 * 2 + shift]
+    others = [1, 0, 0, 0, entry(7), entry(2)]
+    neighbour.from_numpy(np.array([*(own if shift == SAME_FRAME else others), *[0] * 42], dtype=np.int32))
+    raise_first(1, grid, link, np.zeros(17, dtype=np.int32))
+    rows = link.to_numpy()
+    rows[0, LENGTH] += 1 if shift == SAME_FRAME else OTHER
+    link.from_numpy(rows)
+    assert list_of_first_has(1 if shift == SAME_FRAME else 2, shift, grid, link, neighbour) == 1
+    assert list_of_first_has(7, shift, grid, link, neighbour) == 0
