@@ -250,7 +250,7 @@ def test_missing_case_file_names_the_nearest(folder: Path, capsys: pytest.Captur
 def test_missing_device_is_refused_and_nothing_else_takes_over(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(backend, "available", lambda: [backend.Device("cpu", "a CPU")])
+    monkeypatch.setattr(backend, "cuda_absence", lambda: "no driver")
     message = refused(["run", "tiny.toml", "--arch", "cuda"], folder, capsys)
     assert re.search("cuda.*no such device on this machine; present: cpu", message)
 
