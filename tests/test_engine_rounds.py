@@ -10,10 +10,10 @@ import pytest
 import taichi as ti
 from gases import ELASTIC, equal_disks, equilibrated, run
 
-import ifrdem.device_arrays
 import ifrdem.engine_checks
 from ifrdem import backend
 from ifrdem.box import Box
+from ifrdem.device_arrays import DeviceArrays
 from ifrdem.engine import Engine
 from ifrdem.epochs import Epochs
 from ifrdem.errors import InputError
@@ -125,16 +125,16 @@ def test_on_a_gpu_no_round_is_left_to_one_thread(monkeypatch: pytest.MonkeyPatch
 
 
 def test_the_log_grows_only_as_far_as_its_indices_reach(monkeypatch: pytest.MonkeyPatch) -> None:
-    """11 numbers a record: with indices up to 6000, 545 records. Epochs then get shorter, and lose nothing."""
+    """11 numbers a record. Where the log cannot be doubled, epochs get shorter."""
     disks = equal_disks(500)
     box, state = equilibrated(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[ELASTIC]]), skin=3.0, order="rounds", tile_disks=10**6)
+    assert 11 * engine.arrays.most_records <= 2**31 - 1 < 11 * (engine.arrays.most_records + 1)
     engine.arrays.make_log(disks.n // 2)
-    run(engine, 1)  # rows of neighbours have their length by then
-    monkeypatch.setattr(ifrdem.device_arrays, "ADDRESSABLE", 6000)
+    monkeypatch.setattr(DeviceArrays, "most_records", 545)
     run(engine, 2500)
     assert engine.statistics.cut_for_log > 2
-    assert engine.arrays.records == 500  # doubled once, before the limit
+    assert engine.arrays.records == 500  # doubled once
 
 
 def test_more_disks_than_the_heat_of_thermal_walls_has_indices_for_are_refused(
