@@ -110,7 +110,7 @@ def raise_if_fast(i, gas: ti.template()):
     """Have disk i's list extended if it has become too fast for it."""
     level = too_fast(i, gas)
     if level > 0:
-        raise_level(i, level, gas)
+        raise_level(i, level, LATER, gas)
         push(EXTEND_ROW, i, gas)
 
 

@@ -258,7 +258,7 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
                     level = too_fast(m, gas)
                     if ti.static(alone):
                         if level > 0:
-                            raise_level(m, level, gas)
+                            raise_level(m, level, LATER, gas)
                             extend(m, LATER, gas)
                             if gas.counter[MOST_NEIGHBOURS] > 0:
                                 b = high

@@ -519,5 +519,8 @@ def _backends(options: argparse.Namespace) -> int:
 
     for device in backend.available():
         _say(f"{device.arch:<8} {device.description}")
+    absence = backend.cuda_absence()
+    if absence is not None:
+        _say(f"cuda     not usable: {absence}")
     _say(f"pybullet {bullet.describe()}")
     return 0

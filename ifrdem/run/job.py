@@ -149,7 +149,7 @@ def how(case: Case) -> str:
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = next(each for each in backend.available() if each.arch == case.run.arch)
+    device = backend.device(case.run.arch)
     return f"{device.arch}: {device.description}"
 
 

@@ -250,7 +250,7 @@ def test_missing_case_file_names_the_nearest(folder: Path, capsys: pytest.Captur
 def test_missing_device_is_refused_and_nothing_else_takes_over(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device, "available", lambda: [device.Device("cpu", "a CPU")])
+    monkeypatch.setattr(device, "cuda_absence", lambda: "no driver")
     message = refused(["run", "tiny.toml", "--arch", "cuda"], folder, capsys)
     assert re.search("cuda.*no such device on this machine; present: cpu", message)
 
@@ -527,7 +527,7 @@ def test_every_public_name_is_there() -> None:
 def test_coins_stay_a_mapping_when_their_module_is_imported() -> None:
     from ifrdem.model.coin_table import Coin
 
-    assert isinstance(ifrdem.coins["1 pta"], Coin)
+    assert isinstance(ifrdem.model.coin_table["1 pta"], Coin)
 
 
 def test_version_is_that_of_the_package() -> None:

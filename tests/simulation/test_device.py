@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -104,3 +106,42 @@ def test_arrays_of_a_taichi_that_ended_take_none_of_the_next_with_them() -> None
         assert all(list(array.arr.shape) == [100] for array in new)
         assert len(others) == 200
     backend.stop()
+
+
+DRIVER = """
+int cuInit(unsigned flags) { return %d; }
+int cuDeviceGetCount(int *count) { *count = 0; return 0; }
+"""
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, to make a driver")
+@pytest.mark.parametrize(
+    ("library", "error", "says"),
+    [
+        ("libcuda.so", 100, "finds no device that works (cuInit gives error 100)"),
+        ("libcuda.so", 0, "has no device (CUDA_VISIBLE_DEVICES = 7)"),
+        ("libcuda.so.1", 0, "libcuda.so.1 only, and Taichi opens libcuda.so"),
+    ],
+)
+def test_a_driver_without_a_device_is_told_and_no_device(
+    library: str, error: int, says: str, tmp_path: Path
+) -> None:
+    """Error 100 is CUDA_ERROR_NO_DEVICE, what a driver says where no GPU was handed to a container or a job."""
+    (tmp_path / "driver.c").write_text(DRIVER % error)
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, "driver.c"], cwd=tmp_path, check=True)
+    environment = {**os.environ, "LD_LIBRARY_PATH": str(tmp_path), "CUDA_VISIBLE_DEVICES": "7"}
+
+    def run(code: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
+        )
+
+    listed = run("from ifrdem.cli import main; main(['backends'])").stdout
+    assert says in listed
+    assert [line.split()[0] for line in listed.splitlines() if "not usable" not in line] == [
+        "cpu",
+        "pybullet",
+    ]
+    started = run("from ifrdem import backend; backend.start('cuda')")
+    assert says in started.stderr.splitlines()[-1]
+    assert "InputError: arch = 'cuda': no such device" in started.stderr.splitlines()[-1]
