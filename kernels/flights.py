@@ -4,8 +4,7 @@ Everything that decides about a meeting is here once, so that both disks of a pa
 find the same bits.
 """
 
-import taichi as ti
-
+from .language import ti
 from .layout import (
     ASIDE,
     DRIFT,
