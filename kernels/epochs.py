@@ -1,8 +1,7 @@
 """Whole epochs, one after another, by one thread: for systems so small that starting threads would cost more."""
 
-import taichi as ti
-
 from .extend import AT_START_ALONE, extend, raise_level
+from .language import ti
 from .layout import (
     BEGAN,
     BEGIN,

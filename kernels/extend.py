@@ -9,11 +9,10 @@ At any time, every pair closer at the beginning of the epoch than contact + both
 do no harm: no event depends on them.
 """
 
-import taichi as ti
-
 from .cells import cell_beside, columns_aside, has_column, place_of
 from .flights import first_meeting, offer, shift_by
 from .history import start_position
+from .language import ti
 from .layout import (
     AFFECTED,
     AFFECTED_ROW,

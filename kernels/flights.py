@@ -7,8 +7,7 @@ the motion. In what decides about a meeting, `rounded` keeps products from being
 where they are needed for something else, too.
 """
 
-import taichi as ti
-
+from .language import ti
 from .layout import (
     ASIDE,
     DRIFT,

@@ -55,7 +55,7 @@ A kernel takes the arrays that it needs, and bundles them into `GasArrays` for t
 
 from typing import Any, NamedTuple
 
-import taichi as ti
+from .language import ti
 
 # flight: position at time TAU, velocity, spin, radius, time of the earliest predicted event
 X, Y, VX, VY, TAU, SPIN, RADIUS, TE = range(8)

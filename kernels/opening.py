@@ -1,11 +1,10 @@
 """Beginning of an epoch: all lists and first events, as kernels."""
 
-import taichi as ti
-
 from .cells import place_of
 from .events import predict
 from .extend import AT_START, extend, raise_level
 from .flights import first_meeting, offer
+from .language import ti
 from .layout import (
     ACTIVE,
     AFFECTED,

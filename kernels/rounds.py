@@ -15,10 +15,9 @@ Nothing depends on the order in which threads work: each step writes only what n
 and marks are minima. The work lists are filled by atomics in any order, but are used as sets.
 """
 
-import taichi as ti
-
 from .events import collide, mark, predict, propagate, restore
 from .extend import LATER, extend, raise_level
+from .language import ti
 from .layout import (
     AFFECTED_ROW,
     BLOCK,

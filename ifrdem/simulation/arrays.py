@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
 from ..errors import EngineError
+from ..kernels.language import ti
 from ..kernels.layout import (
     ASIDE,
     BLOCK,

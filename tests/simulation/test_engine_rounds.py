@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import taichi as ti
-from gases import ELASTIC, equal_disks, equilibrated, run
+from support.gases import ELASTIC, equal_disks, equilibrated, run
 
 import ifrdem.simulation.checks
 from ifrdem.errors import InputError
