@@ -17,6 +17,10 @@ class EngineError(RuntimeError):
     """The engine found itself in a state that its guarantees exclude, and stopped instead of going on."""
 
 
+class TheoryError(RuntimeError):
+    """Equations of kinetic theory that cannot be integrated numerically for these coefficients."""
+
+
 def nearest(word: str, allowed: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string."""
     found = difflib.get_close_matches(word, list(allowed), n=1, cutoff=0.6)

@@ -14,6 +14,7 @@ from . import driven_theory, engine_limits, shear_theory, theory
 from .case import Case
 from .case_output import OutputSection
 from .driven_theory import Drive
+from .errors import TheoryError
 from .file_size import trajectory_bytes
 from .gas import Gas, Species
 from .observables import MECHANISMS, REGIMES
@@ -250,7 +251,10 @@ def _sheared(gas: Gas, phi: float, case: Case) -> tuple[tuple[float, float] | No
     one = (law, mass, radius, each.k, phi, gas.box.shear_rate)
     T, T_rot = 0.5 * mass * each.speed_rms**2, mass * radius**2 / each.k * each.spin_rms**2
     if case.run.t_end is not None and T > 0.0:
-        per_disk = float(shear_theory.sheared(*one, T, T_rot, [case.run.t_end])[2][0])
+        try:
+            per_disk = float(shear_theory.sheared(*one, T, T_rot, [case.run.t_end])[2][0])
+        except TheoryError:
+            per_disk = math.nan
     return shear_theory.steady_state(*one), per_disk
 
 

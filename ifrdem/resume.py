@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from . import backend, check, checkpoint, writer_process
+from . import backend, case_file, check, checkpoint, text_file, writer_process
 from .case import Case
 from .case_file import CaseFile
 from .course import Course
@@ -156,8 +156,8 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     """Refuse if the case file is there still, and says something else."""
     case = Path(extra["case_path"])
     try:
-        present = case.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):  # it is gone, or elsewhere: the checkpoint holds the case
+        present = text_file.read(case, most=case_file.MOST_BYTES)
+    except InputError:  # it is gone, or elsewhere: the checkpoint holds the case
         return
     if present == extra["case"]:
         return

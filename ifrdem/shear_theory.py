@@ -33,11 +33,14 @@ from scipy.optimize import brentq
 from .collision_rates import collision_rate
 from .contact_values import contact_value
 from .cooling_theory import changes_per_collision, checked_times
-from .errors import InputError
+from .errors import InputError, TheoryError
 from .law import IFRLaw
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _HIGHEST = 7.0  # of a Gaussian variable, beyond which there is 1e-11 of it
+
+MOST_CALLS = 10_000
+"""Evaluations of the right-hand side that one integration may take; hundreds over nine decades of both rates."""
 
 
 def _half_normal() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -178,6 +181,8 @@ def sheared(
     ------
     InputError
         As `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
+    TheoryError
+        If the equations cannot be integrated: shear and collision rates differ by too many orders of magnitude.
     """
     _check(law, shear_rate)
     when = checked_times(times)
@@ -187,10 +192,17 @@ def sheared(
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
     nu0 = collision_rate(packing_fraction, T0, mass, radius)
     more, contact = crowding(packing_fraction, law.e_n)
-    g = shear_rate
+    g, calls = shear_rate, 0
 
     def slope(_: float, y: NDArray[np.float64]) -> tuple[float, ...]:
         """Of T, p_yy, p_xy, T_rot in units of T0, and collisions."""
+        nonlocal calls
+        calls += 1
+        if calls > MOST_CALLS:
+            raise TheoryError(
+                f"the equations of the sheared gas take more than {MOST_CALLS} steps: shear rate {g:g}, collision rate "
+                f"{nu0:g} at the start, time {when[-1]:g}"
+            )
         T, p_yy, p_xy, T_rot, _collisions = y
         T = max(T, 1e-12)
         nu = nu0 * math.sqrt(T)
@@ -216,6 +228,6 @@ def sheared(
         atol=1e-10,
     )
     if not solution.success:
-        raise RuntimeError(f"the equations of the sheared gas could not be integrated: {solution.message}")
+        raise TheoryError(f"the equations of the sheared gas could not be integrated: {solution.message}")
     T, _, _, T_rot, collisions = solution.y
     return T0 * T, T0 * T_rot, collisions
