@@ -139,7 +139,7 @@ def _kernel_cache() -> str:
 
 
 STALE = 60.0
-"""Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for some milliseconds."""
+"""Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for milliseconds."""
 
 
 def _remove_stale_lock(folder: Path) -> None:

@@ -189,7 +189,9 @@ def _parsed(text: str) -> dict[str, Any]:
     for bracket in re.findall(r"[][{}]", bare):
         depth += 1 if bracket in "[{" else -1
         if depth > DEEPEST:
-            raise InputError(f"lists or tables stand in each other more than {DEEPEST} deep, the most allowed")
+            raise InputError(
+                f"lists or tables stand in each other more than {DEEPEST} deep, the most allowed"
+            )
     if (found := _LONG_KEY.search(bare)) is not None:
         key = re.sub(r"\s", "", found[0])
         raise InputError(f"the key {key[:40]}... has more than {DEEPEST} parts, the most allowed")
@@ -249,7 +251,9 @@ def _spelled(key: Iterable[str | int]) -> str:
 
 def _shown(value: Any) -> str:
     # TOML spells nan and inf as Python does, and all else as JSON.
-    return _cut(repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str))
+    return _cut(
+        repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
+    )
 
 
 def _cut(text: str, longest: int = 60) -> str:

@@ -24,6 +24,7 @@ mean spin of a sheared gas, -g/2, is left out of T_rot: it is small where disks 
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -218,15 +219,17 @@ def sheared(
             nu,
         )
 
-    solution = solve_ivp(
-        slope,
-        (0.0, when[-1]),
-        (1.0, 1.0, 0.0, T_rot0 / T0, 0.0),
-        method="LSODA",
-        t_eval=when,
-        rtol=1e-8,
-        atol=1e-10,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # `success` and `message` say the same
+        solution = solve_ivp(
+            slope,
+            (0.0, when[-1]),
+            (1.0, 1.0, 0.0, T_rot0 / T0, 0.0),
+            method="LSODA",
+            t_eval=when,
+            rtol=1e-8,
+            atol=1e-10,
+        )
     if not solution.success:
         raise TheoryError(f"the equations of the sheared gas could not be integrated: {solution.message}")
     T, _, _, T_rot, collisions = solution.y

@@ -159,7 +159,7 @@ def _padded(content: dict[str, Any]) -> bytes:
     """The text of the file, of `RESERVED` bytes: a message that is too long for it is cut."""
     text = json.dumps(content, indent=1)
     while len(text) >= RESERVED and content["message"]:
-        content = {**content, "message": content["message"][: -100]}
+        content = {**content, "message": content["message"][:-100]}
         text = json.dumps(content, indent=1)
     return text.ljust(RESERVED - 1).encode() + b"\n"
 

@@ -28,8 +28,8 @@ class Stopped(Exception):
 class Stops:
     """Listens for reasons to stop, and for the next checkpoint; a context manager.
 
-    The first of `children.SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops at once
-    (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
+    The first of `children.SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
+    at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
     Parameters
     ----------

@@ -39,8 +39,8 @@ def read(path: Path, *, most: int, bom: bool = False) -> str:
             content = file.read(most + 1)
     except FileNotFoundError:
         folder = path.parent
-        names = [each.name for each in folder.glob(f"*{path.suffix}")] if folder.is_dir() else []
-        raise InputError(f"there is no such file{nearest(path.name, names)}") from None
+        near = sorted((*folder.glob("*.toml"), *folder.glob("*.csv"))) if folder.is_dir() else []
+        raise InputError(f"there is no such file{nearest(path.name, [each.name for each in near])}") from None
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}") from None
     if len(content) > most:

@@ -9,4 +9,6 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 # Taichi aborts the process without HOME, as batch systems and containers may leave it.
 if "HOME" not in os.environ:
     home = os.path.expanduser("~")
-    os.environ["HOME"] = home if os.path.isabs(home) else tempfile.gettempdir()  # "~": a user without an entry
+    os.environ["HOME"] = (
+        home if os.path.isabs(home) else tempfile.gettempdir()
+    )  # "~": a user without an entry

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -103,4 +105,33 @@ def test_arrays_of_a_taichi_that_ended_take_none_of_the_next_with_them() -> None
         others = [ti.ndarray(ti.i32, (7,)) for _ in range(200)]
         assert all(list(array.arr.shape) == [100] for array in new)
         assert len(others) == 200
+    backend.stop()
+
+
+@pytest.mark.parametrize("cache", [True, False])
+def test_taichi_runs_without_a_home(tmp_path: Path, cache: bool) -> None:
+    """Taichi itself aborts then; batch systems and containers may leave HOME out."""
+    code = "from ifrdem import backend; backend.start('cpu', threads=1); print('runs')"
+    environment = {key: value for key, value in os.environ.items() if key != "HOME"}
+    environment.pop("TI_OFFLINE_CACHE_FILE_PATH", None)
+    if cache:
+        environment["TI_OFFLINE_CACHE_FILE_PATH"] = str(tmp_path)
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "runs\n"), done.stderr
+
+
+def test_a_lock_of_a_killed_process_leaves_the_kernel_cache_at_a_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a lock there, Taichi neither reads nor writes its cache; one of a minute ago is nobody's any more."""
+    monkeypatch.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(tmp_path))
+    lock = tmp_path / "ticache.lock"
+    lock.touch()
+    backend.stop()
+    backend.start("cpu")
+    assert lock.exists()  # it may be that of a process that compiles now
+    os.utime(lock, (time.time() - 61.0,) * 2)
+    backend.stop()
+    backend.start("cpu")
+    assert not lock.exists()
     backend.stop()

@@ -1,4 +1,4 @@
-"""Any case file, however wrong, is either in order or refused: `check` ends with status 0 or 2, and without a traceback.
+"""Any case file, however wrong, is in order or refused: `check` ends with status 0 or 2, without a traceback.
 
 Shipped cases and templates are mutated by a seeded generator. By hand, with more mutants and another seed:
 
@@ -37,11 +37,15 @@ TEXTS = (
     "impact_scan", "growth", "missing.h5", "missing.csv", "/dev/zero", "\u0000.h5", ".", "1e300", "nan", "%s%n{}",
 )  # fmt: skip
 KEYS = ("²", "", "é", "x" * 300, "a.b", "__class__", "model_config", "text", "\u202e", "0", "self", "ctx")
-PATHS = ("run", "run.²", "run.seed", "species[0]", "species[99]", "species[0].number", "box.lengths[0]", "box", "",
-         "a" * 3000, ".".join("a" * 400), "run..seed", "species[-1].k", "species[" + "9" * 5000 + "]", "wall[0].motion",
-         "force[0].step", "[0]", "run.__class__", "species.number", "material[0].e_n", "start.positions")  # fmt: skip
-VALUES = ("", "1e300", "nan", "inf", "-1", "²", "[[[]]]", "[" * 3000, "{a=1}", "{" + "a." * 3000 + "a=1}", "1" * 5000,
-          "\udcff", "\x00", "'''", '"', "true", "0x", "2026-02-30", "1979-05-27T07:32:00Z", "x" * 10_000, "a = 1\nb")  # fmt: skip
+PATHS = (
+    "run", "run.²", "run.seed", "species[0]", "species[99]", "species[0].number", "box.lengths[0]", "box", "", "a" * 3000,
+    ".".join("a" * 400), "run..seed", "species[-1].k", "species[" + "9" * 5000 + "]", "wall[0].motion", "force[0].step",
+    "[0]", "run.__class__", "species.number", "material[0].e_n", "start.positions",
+)  # fmt: skip
+VALUES = (
+    "", "1e300", "nan", "inf", "-1", "²", "[[[]]]", "[" * 3000, "{a=1}", "{" + "a." * 3000 + "a=1}", "1" * 5000, "'''",
+    '"', "true", "0x", "2026-02-30", "1979-05-27T07:32:00Z", "x" * 10_000, "\udcff", "\x00", "a = 1\nb",
+)  # fmt: skip
 
 
 def sources() -> list[str]:
@@ -103,7 +107,7 @@ def mutant(dice: random.Random, texts: list[str]) -> tuple[str, list[str]]:
         begin = dice.randrange(len(text))
         changed = dice.choice(
             (text[:begin], text[begin:], text + text, text + text[begin:], text[:begin] + "\x00" + text[begin:],
-             text[:begin] + dice.choice(VALUES[:-5]).replace("\udcff", "") + text[begin:], text.replace("\n", "\r"))
+             text[:begin] + dice.choice(VALUES[:-3]) + text[begin:], text.replace("\n", "\r"))
         )  # fmt: skip
     settings = []
     for _ in range(dice.choice((0, 0, 0, 1, 2))):
