@@ -11,10 +11,12 @@ import copy
 import io
 import json
 import random
+import resource
 import signal
 import sys
 import tempfile
 import tomllib
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
@@ -26,7 +28,8 @@ import pytest
 from ifrdem import shipped, template
 from ifrdem.cli import main
 
-SECONDS = 20  # of one check; each takes some milliseconds
+SECONDS, BYTES = 20, 4 * 10**9
+"""That one check may take at most; most take some milliseconds."""
 
 NUMBERS = (
     0, -1, 1, 2, 7, 2**31, 2**63, -(2**63), 10**30, 0.0, -0.0, 0.5, 1.0, -1.0, 1e-300, 5e-324, 1e300, -1e300,
@@ -38,9 +41,9 @@ TEXTS = (
 )  # fmt: skip
 KEYS = ("²", "", "é", "x" * 300, "a.b", "__class__", "model_config", "text", "\u202e", "0", "self", "ctx")
 PATHS = (
-    "run", "run.²", "run.seed", "species[0]", "species[99]", "species[0].number", "box.lengths[0]", "box", "", "a" * 3000,
-    ".".join("a" * 400), "run..seed", "species[-1].k", "species[" + "9" * 5000 + "]", "wall[0].motion", "force[0].step",
-    "[0]", "run.__class__", "species.number", "material[0].e_n", "start.positions",
+    "run", "run.²", "run.seed", "species[0]", "species[99]", "species[0].number", "box.lengths[0]", "box", "",
+    "a" * 3000, ".".join("a" * 400), "run..seed", "species[-1].k", "species[" + "9" * 5000 + "]", "wall[0].motion",
+    "force[0].step", "[0]", "run.__class__", "species.number", "material[0].e_n", "start.positions",
 )  # fmt: skip
 VALUES = (
     "", "1e300", "nan", "inf", "-1", "²", "[[[]]]", "[" * 3000, "{a=1}", "{" + "a." * 3000 + "a=1}", "1" * 5000, "'''",
@@ -91,8 +94,10 @@ def mutant(dice: random.Random, texts: list[str]) -> tuple[str, list[str]]:
     raw = copy.deepcopy(tomllib.loads(text))
     for _ in range(dice.choice((0, 1, 1, 1, 2, 3))):
         holder, key = dice.choice(list(leaves(raw)))
-        what = dice.random()
-        if what < 0.65:
+        what, present = dice.random(), holder[key]
+        if isinstance(present, float) and what < 0.4:  # which by itself is in order
+            holder[key] = present * 10.0 ** dice.choice((-30, -12, -6, -2, 2, 6, 12, 30))
+        elif what < 0.65:
             holder[key] = odd(dice)
         elif what < 0.75:
             del holder[key]
@@ -117,18 +122,22 @@ def mutant(dice: random.Random, texts: list[str]) -> tuple[str, list[str]]:
 
 
 @contextmanager
-def limits(seconds: int) -> Iterator[None]:
-    """TimeoutError after so much time."""
+def limits(seconds: int, more_bytes: int) -> Iterator[None]:
+    """TimeoutError after so much time, MemoryError for so much more memory."""
 
     def late(_number: int, _frame: FrameType | None) -> None:
         raise TimeoutError(f"takes longer than {seconds} s")
 
     before = signal.signal(signal.SIGALRM, late)
+    space = resource.getrlimit(resource.RLIMIT_AS)
+    present = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (present + more_bytes, space[1]))
     signal.alarm(seconds)
     try:
         yield
     finally:
         signal.alarm(0)
+        resource.setrlimit(resource.RLIMIT_AS, space)
         signal.signal(signal.SIGALRM, before)
 
 
@@ -137,7 +146,7 @@ def fault(place: Path, text: str, settings: list[str]) -> str | None:
     place.write_bytes(text.encode("utf-8"))
     said, complained = io.StringIO(), io.StringIO()
     try:
-        with limits(SECONDS), redirect_stdout(said), redirect_stderr(complained):
+        with limits(SECONDS, BYTES), redirect_stdout(said), redirect_stderr(complained):
             status = main(["check", str(place), *settings])
     except (Exception, SystemExit) as error:
         return f"{type(error).__name__}: {error}"
@@ -169,6 +178,7 @@ def test_a_mutated_case_is_checked_or_refused_without_a_traceback(seed: int) -> 
 
 
 if __name__ == "__main__":
+    warnings.simplefilter("error")  # as in the tests
     for number, (found, text, settings) in enumerate(faults(int(sys.argv[1]), int(sys.argv[2]))):
         Path(f"fault-{sys.argv[2]}-{number}.toml").write_text(text, encoding="utf-8")
         print(found[:300], json.dumps(settings)[:200], flush=True)
