@@ -121,24 +121,28 @@ def mutant(dice: random.Random, texts: list[str]) -> tuple[str, list[str]]:
     return changed, settings
 
 
+class Late(Exception):
+    """A check that takes too long."""
+
+
 @contextmanager
 def limits(seconds: int, more_bytes: int) -> Iterator[None]:
-    """TimeoutError after so much time, MemoryError for so much more memory."""
+    """Late after so much time, MemoryError for so much more memory."""
 
     def late(_number: int, _frame: FrameType | None) -> None:
-        raise TimeoutError(f"takes longer than {seconds} s")
+        raise Late(f"takes more than {seconds} s of processor time")
 
-    before = signal.signal(signal.SIGALRM, late)
+    before = signal.signal(signal.SIGPROF, late)
     space = resource.getrlimit(resource.RLIMIT_AS)
     present = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (present + more_bytes, space[1]))
-    signal.alarm(seconds)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.alarm(0)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
         resource.setrlimit(resource.RLIMIT_AS, space)
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGPROF, before)
 
 
 def fault(place: Path, text: str, settings: list[str]) -> str | None:
