@@ -36,7 +36,7 @@ UNFINISHED = 3
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh), 130 (interrupted), 143 (terminated).
+    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh or SIGUSR1, SIGUSR2), 130 (interrupted), 143 (terminated).
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if sys.stdout is None:  # closed by the caller, as by `>&-`

@@ -84,7 +84,8 @@ def check(
         )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    magnitudes.check(disks, box, state, precision, hottest)
+    speed = magnitudes.fastest(disks, state.velocity, state.spin)
+    magnitudes.check(disks, box, speed, precision, hottest)
     for axis, pull in enumerate(gravity):
         if pull != 0.0 and box.is_open:
             raise InputError(

@@ -10,8 +10,10 @@ import io
 import os
 import shutil
 import tempfile
+import time
 import weakref
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import InputError, nearest
@@ -153,12 +155,25 @@ def _kernel_cache() -> str:
     folder = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
     try:
         os.makedirs(folder, exist_ok=True)
+        _remove_stale_lock(Path(folder))
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:
         passing = tempfile.mkdtemp(prefix="ifrdem-kernels-")
         atexit.register(shutil.rmtree, passing, ignore_errors=True)
         return passing
+
+
+STALE = 60.0
+"""Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for milliseconds."""
+
+
+def _remove_stale_lock(folder: Path) -> None:
+    """Remove a lock that a killed process left: with one there, Taichi neither reads nor writes its cache."""
+    lock = folder / "ticache.lock"
+    with contextlib.suppress(FileNotFoundError):  # there is none, or another process removed it
+        if time.time() - lock.stat().st_mtime > STALE:
+            lock.unlink()
 
 
 class User(Protocol):

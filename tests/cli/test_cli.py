@@ -143,6 +143,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["info", "no.h5"], "no such file"),
         (["info", "tiny.toml"], "not an HDF5 file"),
         (["check", "no.toml"], "there is no such file"),
+        (["run", "tiny.toml", "--set", "species[0].speed_rms=1e40"], "a velocity of .* cannot be stored"),
     ],
 )
 def test_command_that_cannot_be_understood_is_refused(
