@@ -14,8 +14,6 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from .collision_averages import Disk, checked_law, energy_changes
 from .collision_rates import collision_rate
@@ -133,6 +131,8 @@ def cooling(
     InputError
         As `cooling_rates`, or if the times decrease or are negative.
     """
+    from scipy.integrate import solve_ivp
+
     _check(law, mass, radius, k)
     when = checked_times(times)
     if not (math.isfinite(T0) and T0 > 0.0 and math.isfinite(T_rot0) and T_rot0 >= 0.0):
@@ -216,6 +216,8 @@ def cooling_ratio(law: IFRLaw, k: float) -> float | None:
     InputError
         As `cooling_rates`.
     """
+    from scipy.optimize import brentq
+
     checked_positive(k=k)
     checked_law(law)
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from . import driven_theory, engine_limits, shear_theory, theory
 from .case import Case
@@ -267,6 +266,8 @@ def _expected(
 
     One of the two is given, the other nan; `rate` is that of collisions of a disk at the start [1/time].
     """
+    from scipy.optimize import brentq
+
     unknown = t_end, collisions_per_disk
     law = gas.law()
     if len(gas.species) > 1 or not gas.species[0].equal or law.rho > 0.0:

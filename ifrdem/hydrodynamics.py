@@ -33,7 +33,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from .collision_averages import checked_law
 from .collision_rates import collision_rate
@@ -294,6 +293,8 @@ def shear_mode_time(
     InputError
         As `shear_length`; if a side of the box, the mass, T0 or the share is not positive.
     """
+    from scipy.optimize import brentq
+
     checked_positive(share=share)
     nu0 = collision_rate(packing_fraction, T0, mass, radius)
     growth, n = _growing(law, radius, packing_fraction, box, k, theta)

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 
 from .collision_averages import Disk, checked_law, energy_changes
 from .collision_rates import mixture_collision_rates
@@ -262,6 +261,8 @@ def mixture_cooling(
     InputError
         As `mixture_cooling_rates`, if nothing moves, or if the times decrease or are negative.
     """
+    from scipy.integrate import solve_ivp
+
     when = checked_times(times)
     T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
     s, x = mixture.species, mixture.fraction
@@ -307,6 +308,8 @@ def mixture_driven(
     InputError
         As `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
     """
+    from scipy.integrate import solve_ivp
+
     when = checked_times(times)
     T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
     s = mixture.species

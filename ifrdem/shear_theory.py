@@ -27,8 +27,6 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from .collision_rates import collision_rate
 from .contact_values import contact_value
@@ -140,6 +138,8 @@ def steady_state(
 def _steady_theta(law: IFRLaw, k: float) -> float | None:
     """T_rot / T at which collisions leave T_rot alone while T is held; None if there is none up to 1e6."""
 
+    from scipy.optimize import brentq
+
     def rotation(log_theta: float) -> float:
         return float(changes_per_collision(np.asarray(math.exp(log_theta)), law, k)[1])
 
@@ -179,6 +179,8 @@ def sheared(
     InputError
         As `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
     """
+    from scipy.integrate import solve_ivp
+
     _check(law, shear_rate)
     when = checked_times(times)
     if not (math.isfinite(T0) and T0 > 0.0 and math.isfinite(T_rot0) and T_rot0 >= 0.0):
