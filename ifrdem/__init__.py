@@ -27,6 +27,7 @@ _PUBLIC: dict[str, tuple[str, str | None]] = {
     "Regime": ("law", "Regime"),
     "Simulation": ("simulation", "Simulation"),
     "State": ("state", "State"),
+    "TheoryWarning": ("shear_theory", "TheoryWarning"),
     "Trajectory": ("trajectory", "Trajectory"),
     "TrajectoryWriter": ("trajectory_writer", "TrajectoryWriter"),
     "Motion": ("walls", "Motion"),
@@ -60,6 +61,7 @@ __all__ = [
     "Regime",
     "Simulation",
     "State",
+    "TheoryWarning",
     "Trajectory",
     "TrajectoryWriter",
     "Wall",
@@ -99,6 +101,7 @@ if TYPE_CHECKING:
     from .history import History
     from .law import EnergyWarning, IFRLaw, Regime, collide
     from .recorder import Ledger
+    from .shear_theory import TheoryWarning
     from .simulation import Simulation
     from .state import Disks, State
     from .trajectory import Trajectory
