@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import mixture_theory, shear_theory
+from .brief import Brief
 from .driven_theory import Drive
 from .errors import InputError
 from .law import IFRLaw
@@ -17,8 +18,8 @@ from .mixture_theory import Mixture, MixtureTemperatures
 from .state import Disks
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Brief):
     """Temperatures of a homogeneous gas over time.
 
     Attributes

@@ -319,7 +319,7 @@ def steady_state(
 
     def change(y: NDArray[np.float64]) -> tuple[float, ...]:
         if smooth:
-            return _Flow(*y, 0.0, 0.0).rates(law, k, packing_fraction, 1.0)[0][:3]
+            return _Flow._make((*y, 0.0, 0.0)).rates(law, k, packing_fraction, 1.0)[0][:3]
         state = _Flow(y[0], y[1], y[2], y[3], math.exp(y[4]))
         *rates, spinning = state.rates(law, k, packing_fraction, 1.0)[0]
         return (*rates, spinning / state.tau)
@@ -330,8 +330,8 @@ def steady_state(
         raise RuntimeError(f"no steady state of the sheared gas was found: {found.message}")
     unit = mass * (2.0 * radius * shear_rate) ** 2
     if smooth:
-        return float(unit * _Flow(*found.x, 0.0, 0.0).temperatures(k)[0]), math.nan
-    T, T_rot = _Flow(*found.x[:4], math.exp(found.x[4])).temperatures(k)
+        return float(unit * _Flow._make((*found.x, 0.0, 0.0)).temperatures(k)[0]), math.nan
+    T, T_rot = _Flow._make((*found.x[:4], math.exp(found.x[4]))).temperatures(k)
     return float(unit * T), float(unit * T_rot)
 
 
@@ -412,5 +412,5 @@ def sheared(
     )
     if not solution.success:
         raise RuntimeError(f"the equations of the sheared gas could not be integrated: {solution.message}")
-    T, T_rot = np.array([_Flow(*one).temperatures(k) for one in solution.y[:5].T]).T
+    T, T_rot = np.array([_Flow._make(one).temperatures(k) for one in solution.y[:5].T]).T
     return T0 * T, T0 * T_rot, solution.y[5]

@@ -12,11 +12,13 @@ from __future__ import annotations
 from .collision_rates import collision_rate, mean_free_path, mixture_collision_rates
 from .contact_values import VIRIAL, compressibility, contact_value, henderson, mixture_contact_values
 from .cooling_theory import (
+    CoolingRatio,
     changes_per_collision,
     checked_times,
     cooling,
     cooling_rates,
     cooling_ratio,
+    cooling_ratios,
     haff,
     haff_time,
     rough_rates,
@@ -48,6 +50,7 @@ from .sonine_theory import (
 
 __all__ = [
     "VIRIAL",
+    "CoolingRatio",
     "Mixture",
     "MixtureTemperatures",
     "Prediction",
@@ -63,6 +66,7 @@ __all__ = [
     "cooling_factor",
     "cooling_rates",
     "cooling_ratio",
+    "cooling_ratios",
     "cooling_sonine",
     "haff",
     "haff_time",
