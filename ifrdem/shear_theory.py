@@ -397,7 +397,7 @@ def sheared(
 
     def slope(_: float, y: NDArray[np.float64]) -> tuple[float, ...]:
         """Of the state and the collisions."""
-        state = _Flow(*(float(one) for one in y[:4]), max(float(y[4]), 0.0))
+        state = _Flow._make((*(float(one) for one in y[:4]), max(float(y[4]), 0.0)))
         rates, often = state.rates(law, k, packing_fraction, shear_rate / unit)
         return (*rates, often)
 

@@ -169,9 +169,8 @@ def test_a_box_below_the_shear_length_has_no_growing_modes() -> None:
 def test_waves_of_coins_grow_as_simulated_gases_say(name: str, simulated: float) -> None:
     """Shear lengths in diameters of gases at phi = 0.1, from simulations in which T_rot was near T.
 
-    6 % off: viscosity in its first Sonine approximation, 2 to 3 % too small or large at such e_n, waves of a few mean
-    free paths, and 3 % of noise. In the limit of late times theory has 135, 90 and 85, which no gas reaches: theta there
-    is 3979, 782 and 947.
+    Theory is some 6 % longer: its viscosity is a first Sonine approximation, and waves are only a few mean free paths
+    long. In the limit of late times it has 135, 90 and 85, which no gas reaches: theta there is 3979, 782 and 947.
     """
     law = coins[name].law
     assert shear_length(law, 0.5, 0.1, theta=1.0) == pytest.approx(simulated, rel=0.08)

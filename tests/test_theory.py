@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import pade
 from serial_reference import simulate
 
+from ifrdem import case_file
 from ifrdem.box import Box
 from ifrdem.errors import InputError
+from ifrdem.estimate import Estimate
+from ifrdem.gas import Gas
 from ifrdem.kernels.law import collide_pair
 from ifrdem.law import IFRLaw
 from ifrdem.observables import measure
@@ -30,6 +34,7 @@ from ifrdem.theory import (
     haff_time,
     henderson,
     mean_free_path,
+    prediction,
     rough_rates,
 )
 
@@ -356,3 +361,18 @@ def test_cooling_of_no_time_changes_nothing() -> None:
 def test_times_that_do_not_increase_are_refused(times: list) -> None:
     with pytest.raises(InputError, match="times: "):
         cooling(SMOOTH, 1.0, 0.5, 2.0, 0.1, 1.0, 1.0, times)
+
+
+def test_a_prediction_is_shown_by_shapes_and_ranges() -> None:
+    found = prediction(Disks(10, 1.0, 0.5), SMOOTH, 0.2, 1.0, 0.0, np.linspace(0.0, 50.0, 300))
+    assert "T (300,) from" in repr(found)
+    assert len(repr(found)) < 600
+
+
+def test_the_end_of_endless_cooling_is_not_looked_for() -> None:
+    """After 1e9 collisions per disk T is exp(-1e8) of what it was: no number holds the time of that."""
+    overrides = ["run.collisions_per_disk=1e9"]
+    file = case_file.read(Path(__file__).parents[1] / "cases" / "cooling.toml", overrides)
+    estimate = Estimate.of(Gas.from_case(file.case, file.folder), file.case)
+    assert math.isnan(estimate.end_time)
+    assert estimate.collisions == 0.5e9 * 50_000
