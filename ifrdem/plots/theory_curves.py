@@ -17,6 +17,7 @@ from ..theory import driven_gas, sheared_gas
 from ..theory.choose import prediction
 from ..theory.driven_gas import Drive
 from ..theory.mixtures import Mixture
+from ..theory.sheared_gas import TheoryWarning
 from ..trajectory.reader import Trajectory
 
 Curves = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
@@ -51,7 +52,8 @@ class _Gas:
     def curves(self, trajectory: Trajectory, elapsed: NDArray[np.float64], shear_rate: float = 0.0) -> Curves:
         """T and T_rot of all disks, `elapsed` after the first frame."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnergyWarning)  # the run has said it
+            for told in (EnergyWarning, TheoryWarning):  # by the run
+                warnings.simplefilter("ignore", told)
             found = prediction(
                 self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
                 shear_rate=shear_rate,
@@ -163,7 +165,9 @@ def sheared(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] 
     if gas.kinds > 1:
         return None, None, "several kinds of disks in a flow: no kinetic theory here"
     rate = trajectory.box.shear_rate
-    steady = sheared_gas.steady_state(*gas.one_kind, rate)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", TheoryWarning)  # the run has said it
+        steady = sheared_gas.steady_state(*gas.one_kind, rate)
     if not gas.T0.any() or times[-1] <= times[0]:
         return None, steady, "nothing moves at first: no curve of kinetic theory here"
     found = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), rate)

@@ -3,11 +3,8 @@ r"""Steady states: coins that kicks heat, disks that a flow heats, and a column 
 *Kicks.* Power per disk equals what collisions take: by `driven_theory` of a Gaussian gas, by DSMC of what distribution
 there is. Kicks feed waves too: see `gas_waves.driven_streams`.
 
-*Flow.* Lees and Edwards' sides; A. Santos, V. Garzo and J. W. Dufty, Phys. Rev. E 69, 061303 (2004),
-doi:10.1103/PhysRevE.69.061303, with crowding as in `shear_theory`. Grad's moments are of first order in the anisotropy
-pi, of which pi_xx = z / l and, by the steady state there, pi_xy^2 = (z / l)(1 - z / l); so |pi|^2 = pi_xx^2 + pi_xy^2
-is z / l. Second order: a Gaussian gas with such a pi loses, averaged over directions, <(1 + |pi| cos)^(3/2)> - 1 =
-(3/16) |pi|^2 more energy. That much is allowed for the losses, and as much again for the stress.
+*Flow.* Lees and Edwards' sides, against `shear_theory`: velocities that are Gaussian but not isotropic. That they are
+not quite Gaussian is worth up to 3 % of T at e_n = 0.8, phi = 0.1 and below, by Monte Carlo of Enskog's equation.
 
 *Gravity.* dP/dy = -m g rho with the local pressure P = rho T Z(phi), Z of Kolafa and Rottner (`gas_state`): the
 barometric law with its correction for finite density. Between an elastic floor and ceiling the energy is kept, not
@@ -42,12 +39,12 @@ from .sample import ELASTIC, Mean, compare, equal_disks, fluid, seeds_of, therma
 from .waves import driven_streams
 
 QUESTION = "Do driven, sheared and falling gases settle where kinetic theory and hydrostatics say?"
-REFERENCE = "driven_theory.py; Santos et al. (2004), doi:10.1103/PhysRevE.69.061303; hydrostatics"
+REFERENCE = "ifrdem/theory/driven_gas.py; sheared_gas.py; hydrostatics"
 
 SHEARED = (
-    "Santos, Garzo and Dufty (2004), doi:10.1103/PhysRevE.69.061303; crowding: Phys. Fluids 28, 3485 (1985)"
+    "sheared_gas.py: anisotropic Gaussians, as J. T. Jenkins, M. W. Richman, J. Fluid Mech. 192, 313 (1988)"
 )
-DRIVEN = "driven_theory.py: power = loss of a Gaussian gas; Granul. Matter 1, 57 (1998)"
+DRIVEN = "ifrdem/theory/driven_gas.py: power = loss of a Gaussian gas; Granul. Matter 1, 57 (1998)"
 COLUMN = "hydrostatics with Z of Kolafa and Rottner (2006), doi:10.1080/00268970600967963"
 Array = NDArray[np.float64]
 
@@ -152,7 +149,6 @@ def _sheared(result: Result, quick: bool, seed: int, axes: Any) -> None:
         seeds = seeds_of(seed, replicas, 5200 + 50 * i)
         law = IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
         T, _ = sheared_gas.steady_state(law, 1.0, 0.5, 2.0, phi, rate) or (math.nan, math.nan)
-        anisotropy = 0.5 * (1.0 - e_n**2) / sheared_gas.relaxation(0.0, law, 2.0)  # |pi|^2 = z / l
         found = []
         for one in seeds:
             disks = equal_disks(n)
@@ -163,16 +159,16 @@ def _sheared(result: Result, quick: bool, seed: int, axes: Any) -> None:
             gas = Simulation(disks, box, law, State(position, velocity, np.zeros(n)))
             gas.run(collisions_per_disk=25.0)
             found.append(_means(gas, 75.0, 75)[0])
-        part = 3.0 / 8.0 * anisotropy
+        part = 0.15 * (1.0 - e_n)
         compare(
             result, f"T of sheared smooth disks, e_n = {e_n}, phi = {phi}, shear rate {rate}", found, T, disks=n,
             seeds=seeds, systematic=part * T, widest=0.12, source=SHEARED,
-            why="(3/8) z / l: moments are of first order in the anisotropy; see validation/gas/driven.py",
+            why="0.15 (1 - e_n): velocities are not quite Gaussian, 3 % of T at e_n = 0.8",
         )  # fmt: skip
         mean = Mean.of(np.array(found) / T)
         axes.errorbar(e_n, mean.value, mean.error, fmt="o", mfc="none", color=style.BLUE)
         axes.fill_between([e_n - 0.01, e_n + 0.01], 1.0 - part, 1.0 + part, color=style.GREY, alpha=0.25, lw=0.0,
-                          label="second order in the anisotropy" if e_n == 0.9 else None)  # fmt: skip
+                          label="not Gaussian" if e_n == 0.9 else None)  # fmt: skip
     axes.axhline(1.0, color=style.BLACK)
     axes.set(xlabel=r"normal restitution $e_n$", ylabel=r"$T$, simulated / theory", ylim=(0.85, 1.15))
     if quick:
