@@ -58,7 +58,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -71,6 +72,7 @@ from .buffers import Buffers
 from .collision_law import CollisionLaw, compiled
 from .engine_limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
 from .errors import EngineError
+from .interrupts import Deferred
 from .law import IFRLaw
 from .open_space import CELLS_PER_DISK, OpenSpace, around
 from .state import Disks, State
@@ -199,9 +201,8 @@ class Engine:
         skin = skins.choose(skin, inner, box, disks, state)
         self._released = True  # until there is anything to release
         self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
-        self._told = (
-            False  # True while observers are told of frames within an epoch, of which nothing has settled
-        )
+        # While observers are told of frames within an epoch, of which nothing has settled.
+        self._told: Passing | None = None
         self.skin = skin
         self.time = float(state.time)
         self.collisions = int(state.collisions.sum()) // 2
@@ -295,9 +296,9 @@ class Engine:
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
-        self.check_whole()
-        self.epochs.settle(self.time)
-        self.arrays.switch_ledger(on)
+        with self.changing():
+            self.epochs.settle(self.time)
+            self.arrays.switch_ledger(on)
 
     # ------------------------------------------------------------------ running
 
@@ -324,43 +325,43 @@ class Engine:
             If no collision can ever happen but some are asked for, if collisions pile up without end (inelastic
             collapse), if a force makes a velocity that is not finite, or if a guarantee of the engine is violated.
         """
-        self.check_whole()
-        space = self._space
-        if space is not None and space.epochs_left < 1:
-            self._make_room(space)
-        self._whole = False
-        self.last_collisions = None
-        stop = min(t_end, self.splitting.next_time)
-        if space is not None and space.parted:
-            self._fly_apart(space, stop, rest_at)
-        elif self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
-            self.epochs.settle(self.time)
-            self._fly_freely(stop, t_end, rest_at)
-        else:
-            wanted = None if collisions is None else collisions - self.collisions
-            before = self.statistics.epochs
-            if self.order == "alone":
-                watched = self.keep_collisions or self.tracking is not None
-                most = 1 if watched else None if space is None else space.epochs_left
-                pause = None if pause_after is None else pause_after - self.collisions
-                outcome = self.epochs.run_alone(
-                    self.time, stop, wanted, most=most, pause_at=pause_at, pause_after=pause
-                )
-            else:
-                outcome = self.epochs.run(self.time, stop, wanted)
-            if space is not None:
-                space.epochs_left -= self.statistics.epochs - before
-            self.collisions += outcome.collisions
-            self.wall_hits += outcome.wall_hits
-            if outcome.still:
-                self.time = outcome.time
+        with self.changing() as deferred:
+            space = self._space
+            if space is not None and space.epochs_left < 1:
+                self._make_room(space)
+            self.last_collisions = None
+            stop = min(t_end, self.splitting.next_time)
+            if space is not None and space.parted:
+                self._fly_apart(space, stop, rest_at)
+            elif self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
+                self.epochs.settle(self.time)
                 self._fly_freely(stop, t_end, rest_at)
             else:
-                self._close_epoch(outcome, t_end, passing)
-        self._apply_forces()
-        self._whole = True
+                wanted = None if collisions is None else collisions - self.collisions
+                before = self.statistics.epochs
+                if self.order == "alone":
+                    watched = self.keep_collisions or self.tracking is not None
+                    most = 1 if watched else None if space is None else space.epochs_left
+                    pause = None if pause_after is None else pause_after - self.collisions
+                    outcome = self.epochs.run_alone(
+                        self.time, stop, wanted, most=most, pause_at=pause_at, pause_after=pause
+                    )
+                else:
+                    outcome = self.epochs.run(self.time, stop, wanted)
+                if space is not None:
+                    space.epochs_left -= self.statistics.epochs - before
+                self.collisions += outcome.collisions
+                self.wall_hits += outcome.wall_hits
+                if outcome.still:
+                    self.time = outcome.time
+                    self._fly_freely(stop, t_end, rest_at)
+                else:
+                    self._close_epoch(outcome, t_end, passing, deferred)
+            self._apply_forces()
 
-    def _close_epoch(self, outcome: Outcome, t_end: float, passing: Callable[[Passing], None] | None) -> None:
+    def _close_epoch(
+        self, outcome: Outcome, t_end: float, passing: Callable[[Passing], None] | None, deferred: Deferred
+    ) -> None:
         from .passing import Passing
 
         self._resting = 0
@@ -369,23 +370,34 @@ class Engine:
         if self.tracking is not None:
             self.tracking.gather(self.arrays, self.time, self._placed)
         self.time = outcome.time
-        try:
-            if passing is not None:
-                self._told = True
-                try:
-                    passing(Passing(self, outcome.began))
-                finally:
-                    self._told = False
-        except BaseException:
-            # Whatever went wrong there, the run can go on.
-            self.epochs.after_epoch(self.time)
-            self._apply_forces()
-            self._whole = True
-            raise
+        if passing is not None:
+            epoch = self._told = Passing(self, outcome.began)
+            try:
+                with deferred.lifted():
+                    passing(epoch)
+            except BaseException:
+                # Whatever went wrong there, the run can go on, from the frame that was being told.
+                if epoch.told is None:
+                    self.epochs.after_epoch(self.time)
+                    self._apply_forces()
+                else:
+                    self._end_epoch_at(*epoch.told, epoch.before)
+                self._whole = True
+                raise
+            finally:
+                self._told = None
         self.epochs.after_epoch(self.time)
         self._whole = True  # a run that has to stop here leaves a state
         self._watch(outcome, t_end)
         self._whole = False
+
+    def _end_epoch_at(self, time: float, moment: float, before: int) -> None:
+        """End the epoch that is over at a time in it, after so long [time]; there were `before` collisions before."""
+        self.epochs.end_after(moment)
+        self.time, self.collisions = time, before + self.epochs.standing()
+        self._collided_at = min(self._collided_at, time)
+        if self.tracking is not None:
+            self.tracking.drop_after(time)
 
     def release(self) -> None:
         """Give all device memory back; the engine cannot be used any more."""
@@ -404,7 +416,7 @@ class Engine:
                 "this simulation has ended: another one was started with another device, precision or number of "
                 "threads, of which a process has one at a time"
             )
-        if self._told:
+        if self._told is not None:
             raise EngineError(
                 "an observer is being told of a frame within an epoch, and the simulation is further by then: use the "
                 "state and the measure that the observer is given, or a sampler"
@@ -413,6 +425,20 @@ class Engine:
             raise EngineError(
                 "an epoch was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
             )
+
+    @contextmanager
+    def changing(self) -> Iterator[Deferred]:
+        """Refuse to begin unless the engine is whole, and delay Ctrl-C until it is whole again."""
+        self.check_whole()
+        with backend.sole_use(), Deferred() as deferred:
+            self._whole = False
+            yield deferred
+            self._whole = True
+
+    @property
+    def told_time(self) -> float:
+        """Time of the frame that observers are told of within an epoch [time]; infinite at any other moment."""
+        return math.inf if self._told is None or self._told.told is None else self._told.told[0]
 
     def _apply_forces(self) -> None:
         due = self.splitting.due(self.time)
@@ -435,13 +461,12 @@ class Engine:
 
     def _make_room(self, space: OpenSpace) -> None:
         """Before disks of an open gas can touch each other across the sides of the box that is computed in."""
-        state = self.state()
+        state = self._state()
         if space.too_small(state.position + self._offset):
             self._move_to(space, state)
 
     def _move_to(self, space: OpenSpace, state: State, *, parted: bool = False) -> None:
         """Go on from a state of an open gas in a box that suits it; `parted`: it is known that nobody meets anybody."""
-        self._whole = False
         inner, offset = around(state, self.disks)
         self.skin = skins.choose(self._skin_given, inner, self.box, self.disks, state)
         lost, regimes = self.arrays.dissipated()
@@ -449,7 +474,6 @@ class Engine:
         self._regimes_before += regimes
         self.lay(state, inner, offset)
         space.enter(inner, state, offset, self.arrays.furthest, parted=parted)
-        self._whole = True
 
     def lay(self, state: State, inner: Box, offset: NDArray[np.float64]) -> None:
         """New arrays, for another box that an open gas is computed in."""
@@ -467,8 +491,7 @@ class Engine:
                 "collisions are asked for"
             )
         stop = min(stop, rest_at)
-        self._whole = True
-        state = self.state()
+        state = self._state()
         state.position = state.position + state.velocity * (stop - self.time)
         if self.arrays.uses.turned:
             state.angle = state.angle + state.spin * (stop - self.time)
@@ -534,10 +557,11 @@ class Engine:
 
     def state(self) -> State:
         """The present state, in id order."""
-        self.check_whole()
-        self._whole = False
+        with self.changing():
+            return self._state()
+
+    def _state(self) -> State:
         self.epochs.settle(self.time)
-        self._whole = True
         if self.looks_back and self.n:
             from .passing import state_at
 
@@ -616,20 +640,16 @@ class Engine:
             return self.state(), self.totals()  # and who left the box is looked for
         from .passing import state_at
 
-        self.check_whole()
-        self._whole = False
-        self.epochs.settle(self.time)
-        self._whole = True
-        return state_at(self, 0.0, self.time, stored=stored)
+        with self.changing():
+            self.epochs.settle(self.time)
+            return state_at(self, 0.0, self.time, stored=stored)
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
         from .kernels.totals import EXCESS, FALL
 
-        self.check_whole()
-        self._whole = False
-        found = self.epochs.totals(self.time)
-        self._whole = True
+        with self.changing():
+            found = self.epochs.totals(self.time)
         if self.box.shear_rate:
             self._tally_flow(float(found[EXCESS]))
         if any(self.gravity):

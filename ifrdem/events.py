@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -88,6 +89,10 @@ class Events:
         """The arrays by name."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
+    def where(self, chosen: NDArray[np.bool_]) -> Events:
+        """The chosen rows."""
+        return Events(*(column[chosen] for column in self.columns().values()))
+
 
 def joined(parts: Sequence[Events]) -> Events:
     """The rows of all parts, one after another."""
@@ -151,10 +156,19 @@ class Tracking:
         self.rows[ids] = np.arange(1, len(ids) + 1)
         self._found: list[Events] = []
 
-    def take(self) -> Events:
-        """The events since the last call."""
-        found, self._found = self._found, []
-        return joined(found) if found else none()
+    def take(self, until: float = math.inf) -> Events:
+        """The events since the last call, up to a time [time]."""
+        found = joined(self._found) if self._found else none()
+        now = found.time <= until
+        if now.all():
+            self._found = []
+            return found
+        self._found = [found.where(~now)]
+        return found.where(now)
+
+    def drop_after(self, time: float) -> None:
+        """Forget what came after a time [time]: it is undone."""
+        self._found = [found.where(found.time <= time) for found in self._found]
 
     def gather(self, arrays: DeviceArrays, began: float, placed: Placed) -> None:
         """Copy the collisions of the epoch that has just ended, which began at this time, and is not settled yet.

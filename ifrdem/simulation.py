@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import warnings
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import checkpoint
+from . import backend, checkpoint
 from .box import Box
 from .cadence import Cadence, Span, earlier
 from .collapse import Collapse
@@ -31,6 +32,10 @@ from .walls import Wall, sides
 if TYPE_CHECKING:
     from .forces import Force
     from .passing import Passing
+
+
+class _Stopped(Exception):
+    """The end of a run that `Simulation.stop` has asked for."""
 
 
 class Simulation:
@@ -138,24 +143,26 @@ class Simulation:
         table = coefficient_table(self._laws)
         self._tracking = self._follow_disks(tracked, disks, box, walls)
         self.has_ledger = ledger
-        self._engine = Engine(
-            disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
-            walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
-            contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
-            law=kind, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
-        )  # fmt: skip
-        # The engine's state of a sheared gas knows its flow, whose energy does not count.
-        begin = self.state if box.shear_rate else state
-        self._first = measure(disks, begin).energy + self._fall_energy(begin)
-        self._judged = kind is IFRLaw  # whether it is known not to add energy
-        if not self._judged:
-            from .law_trial import try_on
+        self._stopping = False
+        with backend.sole_use():
+            self._engine = Engine(
+                disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
+                walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
+                contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
+                law=kind, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
+            )  # fmt: skip
+            # The engine's state of a sheared gas knows its flow, whose energy does not count.
+            begin = self.state if box.shear_rate else state
+            self._first = measure(disks, begin).energy + self._fall_energy(begin)
+            self._judged = kind is IFRLaw  # whether it is known not to add energy
+            if not self._judged:
+                from .law_trial import try_on
 
-            fastest = max(
-                float(np.abs(state.velocity).max(initial=0.0)),
-                float(np.abs(disks.radius * state.spin).max(initial=0.0)),
-            )
-            try_on(kind, table, disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
+                fastest = max(
+                    float(np.abs(state.velocity).max(initial=0.0)),
+                    float(np.abs(disks.radius * state.spin).max(initial=0.0)),
+                )
+                try_on(kind, table, disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
 
     def _follow_disks(
         self, tracked: Sequence[int] | NDArray[np.integer], disks: Disks, box: Box, walls: Sequence[Wall]
@@ -175,10 +182,13 @@ class Simulation:
         return np.empty(0, dtype=np.int32) if self._tracking is None else self._tracking.ids
 
     def take_events(self) -> Events:
-        """Every collision of tracked disks since the last call, or the start, and what forces did to them."""
+        """Every collision of tracked disks since the last call, or the start, and what forces did to them.
+
+        In an observer, those until its frame.
+        """
         if self._tracking is None:
             raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")
-        return self._tracking.take()
+        return self._tracking.take(self._engine.told_time)
 
     @property
     def disks(self) -> Disks:
@@ -368,12 +378,19 @@ class Simulation:
         progress : callable
             Called as `progress(time, collisions)` after every epoch.
 
+        Notes
+        -----
+        `stop` ends a run early. Whatever an observer raises ends it too, at the frame that the observer was given. So
+        does Ctrl-C (KeyboardInterrupt), at the end of the present epoch; a second one ends it at once, and the state is
+        lost unless an observer was just at work. In all other cases the gas can be run on.
+
         Raises
         ------
         InputError
             If not exactly one end is given, or it lies in the past.
         EngineError
-            If the end cannot be reached: nothing moves, or the gas collapsed inelastically.
+            If the end cannot be reached: nothing moves, or the gas collapsed inelastically; or if another thread runs a
+            simulation, or the process is a forked copy of one that has.
         """
         if not isinstance(frames, Cadence):
             if not hasattr(frames, "__index__") or frames < 1:
@@ -417,6 +434,32 @@ class Simulation:
         The course is kept up to date: after an exception it tells what is due next.
         """
         observers, samplers = list(observers), list(samplers)
+        self._stopping = False
+        with backend.sole_use(), contextlib.suppress(_Stopped):
+            self._follow(course, observers, samplers, progress, between, stored)
+        if not self._judged:
+            self._report_gain()
+
+    def stop(self) -> None:
+        """End the run at the frame that the calling observer is given; it returns as if that were its end.
+
+        Called by a sampler, `progress` or another thread, it ends the run at the end of the present epoch.
+        """
+        self._stopping = True
+
+    def _stop_if_asked(self) -> None:
+        if self._stopping:
+            raise _Stopped
+
+    def _follow(
+        self,
+        course: Course,
+        observers: list[Observer],
+        samplers: list[Sampler],
+        progress: Progress | None,
+        between: Callable[[], None] | None,
+        stored: Collection[str] | None,
+    ) -> None:
         frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
         sampling = course.series is not None and bool(samplers)
         exact = sampling and course.series is not None and course.series.exact
@@ -428,6 +471,7 @@ class Simulation:
                 course.next_frame = frames.following(course.next_frame)
                 if observers:
                     self._tell(observers, *epoch.at(due, stored=stored))
+                    self._stop_if_asked()
 
         if course.next_row == 0:
             course.next_row = 1
@@ -457,13 +501,11 @@ class Simulation:
                     self.time, self.collisions
                 ):
                     between()
+                self._stop_if_asked()
             course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
             self._observe(observers, stored)
             if between is not None and not end.reached(self.time, self.collisions):
                 between()
-        if not self._judged:
-            self._report_gain()
-
     def _report_gain(self) -> None:
         """Warn if a law that nobody has judged has added energy."""
         gained = -self.dissipated_energy
@@ -508,10 +550,11 @@ class Simulation:
         found: list[Collisions] = []
         self._engine.keep_collisions = True
         try:
-            while going():
-                self._engine.advance(**end)  # type: ignore[arg-type]
-                if self._engine.last_collisions is not None:
-                    found.append(self._engine.last_collisions)
+            with backend.sole_use():
+                while going():
+                    self._engine.advance(**end)  # type: ignore[arg-type]
+                    if self._engine.last_collisions is not None:
+                        found.append(self._engine.last_collisions)
         finally:
             self._engine.keep_collisions = False
         if not found:
@@ -521,6 +564,7 @@ class Simulation:
     def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
         if observers:
             self._tell(observers, *self._engine.observed(stored))
+            self._stop_if_asked()
 
     def _tell(self, observers: list[Observer], state: State, totals: NDArray[np.float64]) -> None:
         measured = from_totals(self.disks, totals, state.time, self.wall_hits, **self._put_in())
