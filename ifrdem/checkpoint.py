@@ -17,7 +17,7 @@ from . import h5md
 from .errors import InputError
 from .state import State
 
-FORMAT = 4
+FORMAT = 5
 _KIND = "ifrdem checkpoint"
 
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any, ClassVar
 
+from . import checked
 from .errors import InputError, nearest
 
 
@@ -39,6 +40,8 @@ class CollisionLaw:
     became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of materials.
     """
 
+    __slots__ = ("_row",)
+
     coefficients: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, **values: float) -> None:
@@ -53,10 +56,10 @@ class CollisionLaw:
         for key in self.coefficients:
             if key not in values:
                 raise InputError(f"{name}: {key} is missing; it has: {', '.join(self.coefficients)}")
-            value = values[key]
-            if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
+            value = checked.real(f"{name}: {key}", values[key], "a finite number is needed")
+            if not math.isfinite(value):
                 raise InputError(f"{name}: {key} = {value!r}: a finite number is needed")
-            row.append(float(value))
+            row.append(value)
         self._row = tuple(row)
 
     @staticmethod

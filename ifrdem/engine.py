@@ -66,7 +66,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from . import backend, engine_checks, seeds, skins
+from . import backend, checked, engine_checks, magnitudes, seeds, skins
 from .box import Box, below
 from .buffers import Buffers
 from .collision_law import CollisionLaw, compiled
@@ -179,8 +179,9 @@ class Engine:
         self.disks, self.box = disks, box
         n = self.n = disks.n
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
-        self.gravity = engine_checks.two_numbers("gravity", gravity)
+        self.gravity = checked.finite_pair("gravity", gravity)
         self.seed = seed = seeds.of_device(seed)
+        self.precision = precision
         engine_checks.check(
             disks, box, state, len(law_table), walls, self.gravity, precision, forces,
             velocity_cutoff=velocity_cutoff, contact_time=contact_time,
@@ -220,7 +221,7 @@ class Engine:
         from .epochs import Epochs
         from .splitting import Splitting
 
-        kind: Any = law  # mypy does not take a class for hashable
+        self._law_table, self._law = law_table, law
 
         def arrays_for(state: State, inner: Box, skin: float, offset: NDArray[np.float64]) -> DeviceArrays:
             moved = State(
@@ -228,8 +229,9 @@ class Engine:
                 collisions=state.collisions, image=state.image, wall_hits=state.wall_hits,
                 latest_collision=state.latest_collision, last_partner=state.last_partner, angle=state.angle,
             )  # fmt: skip
+            kind: Any = self._law  # mypy does not take a class for hashable
             return DeviceArrays(
-                disks, inner, moved, law_table,
+                disks, inner, moved, self._law_table,
                 skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
                 walls=np.array([wall.row(offset) for wall in self.walls]) if self.walls else None,
                 wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
@@ -299,6 +301,92 @@ class Engine:
         with self.changing():
             self.epochs.settle(self.time)
             self.arrays.switch_ledger(on)
+
+    # ------------------------------------------------------------------ changes between runs
+
+    def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
+        """Collide by another law from now on; arguments as for the engine."""
+        with self.changing():
+            self.epochs.settle(self.time)
+            self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
+            kind: Any = law  # mypy does not take a class for hashable
+            self.arrays.set_law(self._law_table, compiled(kind))
+            self._begin_anew()
+
+    def set_forces(self, forces: Sequence[Force]) -> None:
+        """Have other forces act from now on.
+
+        Raises
+        ------
+        InputError
+            If one is none, or cannot act here.
+        """
+        from .splitting import Splitting
+
+        self.check_whole()
+        splitting = Splitting(forces, self.arrays, self.disks, self.seed, self.time)
+        engine_checks.check_between_collisions(self.disks, self.box, self.gravity, splitting.forces)
+        with self.changing():
+            self.splitting = splitting
+            self._begin_anew()
+
+    def set_gravity(self, gravity: tuple[float, float]) -> None:
+        """Let disks fall otherwise from now on.
+
+        Raises
+        ------
+        InputError
+            If it is not two finite numbers, or acts along a periodic direction.
+        """
+        gravity = checked.finite_pair("gravity", gravity)
+        engine_checks.check_between_collisions(self.disks, self.box, gravity, self.splitting.forces)
+        with self.changing():
+            self.epochs.settle(self.time)
+            self.gravity = gravity
+            self.arrays.set_gravity(gravity)
+            self._begin_anew()
+
+    def set_velocities(self, state: State) -> None:
+        """Go on with the velocities and spins of another state, from the present places.
+
+        Raises
+        ------
+        InputError
+            If an immovable disk would move, or they are too large or small to compute with.
+        """
+        engine_checks.check_motion(self.disks, state)
+        hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
+        magnitudes.check(self.disks, self.box, state, self.precision, hottest)
+        with self.changing():
+            present = self._state()
+            followed = self.tracking
+            before = followed.snapshot(self.arrays, self._placed) if followed is not None else None
+            if self._space is not None:
+                present.velocity, present.spin = state.velocity, state.spin
+                self._move_to(self._space, present)
+            else:
+                from .kernels.totals import EXCESS
+
+                excess = float(self.epochs.totals(self.time)[EXCESS])
+                flow = (
+                    present.velocity - self.arrays.velocities()
+                    if self.box.shear_rate
+                    else np.zeros((self.n, 2))
+                )
+                self.arrays.set_velocities(flow, state.velocity, state.spin)
+                self._begin_anew()
+                # What was done to energies in the frames of rows was not done by the flow.
+                self._flow_excess += float(self.epochs.totals(self.time)[EXCESS]) - excess
+            if followed is not None and before is not None:
+                followed.kick(self.time, before, followed.snapshot(self.arrays, self._placed))
+
+    def _begin_anew(self) -> None:
+        """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
+        self.epochs.unsettle()
+        self._stalled = self._resting = 0
+        self._collided_at = self.time
+        if self._space is not None:
+            self._space.parted = self.n < 2
 
     # ------------------------------------------------------------------ running
 

@@ -151,7 +151,7 @@ class Tracking:
         laws: Sequence[Sequence[CollisionLaw]],
         walls: Sequence[Wall],
     ) -> None:
-        self.ids, self._disks, self._laws, self._walls = ids, disks, laws, walls
+        self.ids, self._disks, self.laws, self._walls = ids, disks, laws, walls
         self.rows = np.zeros(max(disks.n, 1), dtype=np.int32)
         self.rows[ids] = np.arange(1, len(ids) + 1)
         self._found: list[Events] = []
@@ -293,7 +293,7 @@ class Tracking:
         )
         regime = np.full(len(ids), UNKNOWN, dtype=np.int8)
         for a, b in {(int(a), int(b)) for a, b in zip(one, two, strict=True)}:
-            law = self._laws[a][b]
+            law = self.laws[a][b]
             if not isinstance(law, IFRLaw):
                 continue
             rows = np.flatnonzero((one == a) & (two == b))

@@ -14,6 +14,7 @@ import math
 from collections.abc import Sequence
 from typing import ClassVar
 
+from . import checked
 from .errors import InputError
 from .kernels.random import normals, uniforms
 from .kernels.table import advance, step_tolerance
@@ -66,14 +67,32 @@ class Force:
     65535: they depend on the seed, the disk, the step and the place of the force in the list, and on nothing else.
     """
 
+    __slots__ = ("_parameters", "_step")  # a misspelt attribute is refused; classes of one's own may have any
+
     totals: ClassVar[int] = 0
     keeps_rest: ClassVar[bool] = False
 
     def __init__(self, step: float, parameters: Sequence[float] = ()) -> None:
-        self.step = number("step", step, positive=True)
-        self.parameters = tuple(
-            number(f"parameters[{i}]", value, negative=True) for i, value in enumerate(parameters)
-        )
+        self._step = number("step", step, positive=True)
+        self._parameters: tuple[float, ...] = ()
+        self.parameters = tuple(parameters)
+
+    @property
+    def step(self) -> float:
+        """Time between two applications [time]."""
+        return self._step
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        """Numbers that `act` and `measure` get; as many others can be assigned between runs."""
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, values: Sequence[float]) -> None:
+        found = tuple(number(f"parameters[{i}]", value, negative=True) for i, value in enumerate(values))
+        if self._parameters and len(found) != len(self._parameters):
+            raise InputError(f"parameters = {values}: {len(self._parameters)} numbers are needed")
+        self._parameters = found
 
     def check(self, disks: Disks) -> None:
         """Raise InputError if the force cannot act on these disks."""
@@ -120,6 +139,7 @@ class RandomKicks(Force):
         Instead of it, D [length^2/time^3], the same for all masses (then right to a part in N for unequal masses).
     """
 
+    __slots__ = ()
     totals = 4
 
     def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
@@ -159,6 +179,8 @@ class SpinKicks(Force):
         Instead of it, D [rad^2/time^3], the same for all disks.
     """
 
+    __slots__ = ()
+
     def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
         super().__init__(step, _strength(power, diffusion))
 
@@ -189,6 +211,8 @@ class Langevin(Force):
     spin_rate : float
         Friction rate of spins [1/time]; 0, the default, leaves them alone.
     """
+
+    __slots__ = ()
 
     def __init__(
         self,
@@ -245,6 +269,7 @@ class Drag(Force):
         Of the spins' linear drag [1/time].
     """
 
+    __slots__ = ()
     keeps_rest = True
 
     def __init__(
@@ -291,11 +316,11 @@ class TableFriction(Force):
     over many by its square.
     """
 
+    __slots__ = ()
     keeps_rest = True
 
     def __init__(self, step: float, *, mu: float, gravity: float = 9.81) -> None:
-        self.mu, self.gravity = number("mu", mu, positive=True), number("gravity", gravity, positive=True)
-        super().__init__(step, [self.mu * self.gravity])
+        super().__init__(step, [number("mu", mu, positive=True) * number("gravity", gravity, positive=True)])
 
     @staticmethod
     def act(disk, step, parameters):
@@ -327,6 +352,7 @@ class Rescale(Force):
         multiplied too.
     """
 
+    __slots__ = ()
     totals = 3
     keeps_rest = True
 
@@ -367,11 +393,10 @@ def number(name: str, value: float | None, *, positive: bool = False, negative: 
     kind = (
         "a positive finite number" if positive else "a finite number" + ("" if negative else ", 0 or more,")
     )
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
-        raise InputError(f"{name} = {value!r}: {kind} is needed")
-    if (positive and value <= 0.0) or (not negative and value < 0.0):
+    found = checked.real(name, value, f"{kind} is needed")
+    if not math.isfinite(found) or (positive and found <= 0.0) or (not negative and found < 0.0):
         raise InputError(f"{name} = {value}: {kind} is needed")
-    return float(value)
+    return found
 
 
 def _strength(power: float | None, diffusion: float | None) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError
+from .sealed import Sealed
 
 if TYPE_CHECKING:
     from .trajectory import Trajectory
@@ -30,7 +31,7 @@ class AttributeMissing(NameMissing, AttributeError):
     """The same, asked for as an attribute."""
 
 
-class Frame:
+class Frame(Sealed):
     """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
 
     Every stored field is there by its name, as `frame["velocity"]` and as `frame.velocity`; "spin" is another name of
@@ -44,9 +45,11 @@ class Frame:
         Its time [time].
     """
 
+    index: int
+
     def __init__(self, trajectory: Trajectory, index: int) -> None:
         self._trajectory = trajectory
-        self.index = index
+        self._set(index=index)
 
     def __repr__(self) -> str:
         """Which frame of how many, and when."""

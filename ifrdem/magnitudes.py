@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .box import Box
 from .errors import InputError
 from .state import Disks, State
+
+MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
+"""Largest coefficient of a law: products of it with impulses and masses are formed."""
 
 
 def check(disks: Disks, box: Box, state: State, precision: str, hottest: float = 0.0) -> None:
@@ -22,6 +26,24 @@ def check(disks: Disks, box: Box, state: State, precision: str, hottest: float =
     """
     with np.errstate(over="ignore", under="ignore"):
         _check(disks, box, state, precision, hottest)
+
+
+def check_coefficients(law_table: NDArray[np.float64], precision: str) -> None:
+    """Refuse coefficients of a law that the precision cannot hold: an infinite one would not stay a number.
+
+    Raises
+    ------
+    InputError
+        Names the largest, and the limit.
+    """
+    most = (
+        MOST_COEFFICIENT[precision] if precision in MOST_COEFFICIENT else np.inf
+    )  # the engine refuses others
+    largest = float(np.abs(law_table).max(initial=0.0))
+    if not largest <= most:
+        raise InputError(
+            f"law: a coefficient of {largest:.3g} is beyond {most:g}, what {precision} can compute with"
+        )
 
 
 def _check(disks: Disks, box: Box, state: State, precision: str, hottest: float) -> None:

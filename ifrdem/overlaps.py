@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from . import checked
 from .box import Box
 from .errors import InputError
 from .room import Room
@@ -23,7 +24,7 @@ the engine found is left with a few of those.
 
 def checked_radii(radius: ArrayLike) -> NDArray[np.float64]:
     """The radii [length] as an array of shape (n,); InputError if one is not positive and finite."""
-    column = np.asarray(radius, dtype=np.float64)
+    column = checked.array("radius", radius)
     if column.ndim != 1:
         raise InputError(f"radius has shape {column.shape}: one radius per disk, shape (n,), is needed")
     wrong = ~(np.isfinite(column) & (column > 0.0))

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from .errors import nearest
 from .frame import NameMissing
+from .sealed import Sealed
 
 
-class Series(Mapping[str, NDArray]):
+class Series(Sealed, Mapping[str, NDArray]):
     """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
 
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`.
@@ -22,6 +23,8 @@ class Series(Mapping[str, NDArray]):
     time : array (rows,)
         Times of the rows [time].
     """
+
+    time: NDArray[np.float64]
 
     def __init__(
         self,
@@ -40,7 +43,7 @@ class Series(Mapping[str, NDArray]):
                 self._columns[name] = tuple(
                     one.decode() if isinstance(one, bytes) else str(one) for one in columns
                 )
-        self.time = time
+        self._set(time=time)
 
     def __getitem__(self, name: str) -> NDArray:
         whole, _, column = str(name).partition("/")

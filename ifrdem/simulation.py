@@ -7,14 +7,15 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from . import backend, checkpoint
+from . import backend, checked, checkpoint, magnitudes
 from .box import Box
-from .cadence import Cadence, Span, earlier
+from .cadence import MOST, Cadence, Span, earlier
 from .collapse import Collapse
 from .collision_law import CollisionLaw, checked_class
 from .course import Course, Observer, Progress, Sampler
@@ -25,20 +26,34 @@ from .law import EnergyWarning, IFRLaw
 from .law_table import check_energy, coefficient_table, law_table
 from .observables import Measure, from_totals, measure
 from .placement import check_no_overlap
+from .sealed import Sealed
 from .state import Disks, State
 from .statistics import Statistics
-from .walls import Wall, sides
+from .walls import Wall, check_types, sides
 
 if TYPE_CHECKING:
     from .forces import Force
     from .passing import Passing
 
 
+Called = TypeVar("Called")
+
+
+def _callables(name: str, given: Iterable[Called]) -> list[Called]:
+    if callable(given) or not isinstance(given, Iterable):
+        raise InputError(f"{name} = {given!r}: a list of functions is needed, [function] for one")
+    found = list(given)
+    for i, one in enumerate(found):
+        if not callable(one):
+            raise InputError(f"{name}[{i}] = {one!r}: a function is needed")
+    return found
+
+
 class _Stopped(Exception):
     """The end of a run that `Simulation.stop` has asked for."""
 
 
-class Simulation:
+class Simulation(Sealed):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
@@ -132,37 +147,38 @@ class Simulation:
         angles: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
     ) -> None:
+        for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
+            if not isinstance(value, kind):
+                raise InputError(f"{name} = {value!r}: a {kind.__name__} is needed")
+        check_types(walls)
+        state = replace(state)  # whoever made it may have changed it since: everything is looked at again
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
         remedy = Collapse(collapse, contact_time, velocity_cutoff)
         materials = max((wall.material for wall in walls), default=0)
         self._laws = law_table(law, disks, materials)
-        kind = checked_class(self._laws)
+        law_class = checked_class(self._laws)
         check_energy(self._laws, disks, (wall.material for wall in [*walls, *sides(box)]))
         check_no_overlap(box, disks.radius, state.position, time=state.time)
         table = coefficient_table(self._laws)
+        magnitudes.check_coefficients(table, precision)
         self._tracking = self._follow_disks(tracked, disks, box, walls)
-        self.has_ledger = ledger
+        self._has_ledger = ledger
         self._stopping = False
+        self._given = 0.0  # energy that changes between runs put in
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
                 walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
                 contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
-                law=kind, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
+                law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             begin = self.state if box.shear_rate else state
             self._first = measure(disks, begin).energy + self._fall_energy(begin)
-            self._judged = kind is IFRLaw  # whether it is known not to add energy
+            self._judged = law_class is IFRLaw  # whether it is known not to add energy
             if not self._judged:
-                from .law_trial import try_on
-
-                fastest = max(
-                    float(np.abs(state.velocity).max(initial=0.0)),
-                    float(np.abs(disks.radius * state.spin).max(initial=0.0)),
-                )
-                try_on(kind, table, disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
+                self._try_on(law_class, table, state)
 
     def _follow_disks(
         self, tracked: Sequence[int] | NDArray[np.integer], disks: Disks, box: Box, walls: Sequence[Wall]
@@ -175,6 +191,111 @@ class Simulation:
                 "tracked: not supported in a sheared box; with walls that move, shear can be tracked"
             )
         return Tracking(ids, disks, self._laws, [*walls, *sides(box)])
+
+    @property
+    def has_ledger(self) -> bool:
+        """Whether it adds up the energy that collisions take, by mechanism."""
+        return self._has_ledger
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """Acceleration of all disks [length/time^2]."""
+        return self._engine.gravity
+
+    @property
+    def forces(self) -> tuple[Force, ...]:
+        """Forces that act between collisions, in their order."""
+        return self._engine.splitting.forces
+
+    def set_law(self, law: CollisionLaw | Sequence[Sequence[CollisionLaw]]) -> None:
+        """Collide by another law from now on: one for all pairs, or a table, as for a new simulation.
+
+        Raises
+        ------
+        InputError
+            If the law could add energy for the disks present, or the table does not fit; the gas is as it was then.
+        """
+        disks, walls = self.disks, self._engine.walls
+        laws = law_table(law, disks, max((wall.material for wall in walls), default=0))
+        kind = checked_class(laws)
+        check_energy(laws, disks, (wall.material for wall in walls))
+        table = coefficient_table(laws)
+        magnitudes.check_coefficients(table, self._engine.precision)
+        with backend.sole_use():
+            if kind is not IFRLaw:
+                self._try_on(kind, table, self.state)
+            self._engine.set_law(table, kind)
+        self._laws = laws
+        self._judged = self._judged and kind is IFRLaw
+        if self._tracking is not None:
+            self._tracking.laws = laws
+
+    def set_forces(self, forces: Sequence[Force]) -> None:
+        """Have other forces act from now on, instead of the present ones; an empty list for none.
+
+        `energy_inputs` are then those of the new forces; `energy_input` still has what the old ones put in.
+
+        Raises
+        ------
+        InputError
+            If one is none, or cannot act on this gas; the gas is as it was then.
+        """
+        put_in = math.fsum(self._engine.splitting.energy_inputs)
+        self._engine.set_forces(forces)
+        self._given += put_in
+
+    def set_gravity(self, gravity: tuple[float, float]) -> None:
+        """Let disks fall by another acceleration [length/time^2] from now on.
+
+        The change of potential energy counts as `energy_input`.
+
+        Raises
+        ------
+        InputError
+            If it is not two finite numbers, or acts along a periodic direction; the gas is as it was then.
+        """
+        before = self.measure()
+        self._engine.set_gravity(gravity)
+        self._count_change(before)
+
+    def set_velocities(self, velocity: ArrayLike, spin: ArrayLike | None = None) -> None:
+        """Give the disks other velocities, and spins if given; the change of energy counts as `energy_input`.
+
+        Parameters
+        ----------
+        velocity : array_like (n, 2)
+            Velocities in the lab [length/time], in a sheared box too.
+        spin : array_like (n,), optional
+            Spins [rad/time]; the present ones by default.
+
+        Raises
+        ------
+        InputError
+            If a shape does not fit, a value is not finite, or an immovable disk would move; the gas is as it was then.
+        """
+        present = self.state
+        state = State(
+            present.position, velocity, present.spin if spin is None else spin, time=self.time  # type: ignore[arg-type]
+        )  # fmt: skip
+        if state.n != self.disks.n:
+            raise InputError(f"spin has {state.n} entries, there are {self.disks.n} disks: they must agree")
+        before = self.measure()
+        self._engine.set_velocities(state)
+        self._count_change(before)
+
+    def _count_change(self, before: Measure) -> None:
+        after = self.measure()
+        self._given += after.energy + after.potential_energy - before.energy - before.potential_energy
+
+    def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
+        """Try a law that nobody has judged."""
+        from .law_trial import try_on
+
+        fastest = max(
+            float(np.abs(state.velocity).max(initial=0.0)),
+            float(np.abs(self.disks.radius * state.spin).max(initial=0.0)),
+        )
+        try_on(kind, table, self.disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
 
     @property
     def tracked(self) -> NDArray[np.int32]:
@@ -242,7 +363,7 @@ class Simulation:
 
     @property
     def energy_inputs(self) -> NDArray[np.float64]:
-        """Energy that each force has put in since this simulation was made [energy], shape (forces,)."""
+        """Energy that each force has put in since it acts here [energy], shape (forces,)."""
         return self._engine.splitting.energy_inputs.copy()
 
     @property
@@ -257,9 +378,10 @@ class Simulation:
     def energy_input(self) -> float:
         """Energy that all forces, and the flow of a sheared box, have put in since this simulation was made [energy].
 
-        Less what they took out; of the flow, up to the latest `state`.
+        Less what they took out; of the flow, up to the latest `state`. `set_velocities`, `set_gravity` and forces that
+        act no more count too.
         """
-        return math.fsum((*self._engine.splitting.energy_inputs, self.shear_work))
+        return math.fsum((*self._engine.splitting.energy_inputs, self.shear_work, self._given))
 
     @property
     def dissipated_energy(self) -> float:
@@ -310,6 +432,7 @@ class Simulation:
         meta = {
             "fingerprint": snapshot.fingerprint(self._engine),
             "first": self._first,
+            "given": self._given,
             "extra": dict(extra or {}),
         }
         state = self.state
@@ -336,7 +459,7 @@ class Simulation:
                 "differ"
             )
         snapshot.put_back(self._engine, found)
-        self._first = float(meta["first"])
+        self._first, self._given = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
 
@@ -393,11 +516,9 @@ class Simulation:
             simulation, or the process is a forked copy of one that has.
         """
         if not isinstance(frames, Cadence):
-            if not hasattr(frames, "__index__") or frames < 1:
-                raise InputError(f"frames = {frames}: a whole number, 1 or more, is needed")
-            frames = Cadence(number=int(frames))
+            frames = Cadence(number=checked.whole("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Cadence):
-            series = Cadence(number=series)
+            series = Cadence(number=checked.whole("series", series, 1, MOST))
         span = Span.to(
             self.disks.n, self.time, self.collisions, t_end=t_end, collisions_per_disk=collisions_per_disk
         )
@@ -433,7 +554,10 @@ class Simulation:
         `StoredState` where the engine looks back, which is faster.
         The course is kept up to date: after an exception it tells what is due next.
         """
-        observers, samplers = list(observers), list(samplers)
+        observers, samplers = _callables("observers", observers), _callables("samplers", samplers)
+        for name, value in (("progress", progress), ("between", between)):
+            if value is not None and not callable(value):
+                raise InputError(f"{name} = {value!r}: a function is needed")
         self._stopping = False
         with backend.sole_use(), contextlib.suppress(_Stopped):
             self._follow(course, observers, samplers, progress, between, stored)
@@ -506,6 +630,7 @@ class Simulation:
             self._observe(observers, stored)
             if between is not None and not end.reached(self.time, self.collisions):
                 between()
+
     def _report_gain(self) -> None:
         """Warn if a law that nobody has judged has added energy."""
         gained = -self.dissipated_energy
@@ -541,8 +666,7 @@ class Simulation:
         InputError
             If `count` is not a whole number, 0 or more.
         """
-        if not hasattr(count, "__index__") or count < 0:
-            raise InputError(f"count = {count}: a whole number, 0 or more, is needed")
+        count = checked.whole("count", count, 0)
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 

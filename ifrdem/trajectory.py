@@ -23,6 +23,7 @@ from .errors import InputError, nearest
 from .frame import SPIN, Frame, FrameError, NameMissing
 from .history import History
 from .room import Room
+from .sealed import Sealed
 from .series import Series
 from .state import Disks
 from .trajectory_writer import TrajectoryError, TrajectoryWriter
@@ -92,7 +93,7 @@ class DiskPath:
         return f"<DiskPath of disk {self.disk}: {frames}{span}; {', '.join(self.fields)}>"
 
 
-class Trajectory(Sequence[Frame]):
+class Trajectory(Sealed, Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
     Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen
@@ -127,11 +128,17 @@ class Trajectory(Sequence[Frame]):
         If the file is not there, not HDF5, damaged, not H5MD, or not ours; the message says what is missing.
     """
 
+    path: Path
+    disks: Disks
+    box: Box
+    walls: tuple[walls.Wall, ...]
+    times: NDArray[np.float64]
+    parameters: dict[str, str | int | float]
     observables: Series
     series: Series
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self._set(path=Path(path))
         self._open()
         try:
             self._again(self._read_head)
@@ -178,17 +185,17 @@ class Trajectory(Sequence[Frame]):
             h5md.check_layout(file, path)
             self._fields = h5md.stored_fields(file)
             self._frames = len(file[f"{h5md.EDGES}/step"])
-            self.times: NDArray[np.float64] = damage.read(file[f"{h5md.EDGES}/time"], slice(0, self._frames))
-            self.times.flags.writeable = False
+            times = damage.read(file[f"{h5md.EDGES}/time"], slice(0, self._frames))
+            times.flags.writeable = False
             particles = file[h5md.PARTICLES]
             columns = {name: damage.read(particles[name]) for name in ("mass", "radius", "k", "material")}
-            self.disks = Disks(len(columns["mass"]), **columns)
+            disks = Disks(len(columns["mass"]), **columns)
             lengths = particles["box"].attrs["lengths"]
             sides = [str(one) for one in particles["box"].attrs["boundary"]]
             periodic = (sides[0] == "periodic", sides[1] == "periodic")
             shear_rate = float(particles["box"].attrs.get("shear_rate", 0.0))
-            self.box = Box((float(lengths[0]), float(lengths[1])), periodic, shear_rate)
-            self.parameters: dict[str, str | int | float] = {}
+            box = Box((float(lengths[0]), float(lengths[1])), periodic, shear_rate)
+            self._set(times=times, disks=disks, box=box, parameters={})
             file["parameters"].visititems(self._read_parameter)
             rows = file.get("timeseries")
             moments = np.zeros(0) if rows is None else damage.read(rows["time"], slice(0, len(rows["step"])))
@@ -196,9 +203,11 @@ class Trajectory(Sequence[Frame]):
             if isinstance(error, InputError):
                 raise
             raise DamageError(f"{path} is damaged: {error}; `ifrdem repair` keeps what is whole") from error
-        self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
-        self.observables = Series(file["observables"], self.times, "observable", self._read_at)
-        self.series = Series(rows, moments, "series", self._read_at)
+        self._set(
+            walls=walls.from_json(str(self.parameters.get("walls", "[]"))),
+            observables=Series(file["observables"], self.times, "observable", self._read_at),
+            series=Series(rows, moments, "series", self._read_at),
+        )
 
     def refresh(self) -> int:
         """Open the file again to see what a run has added; returns the number of new frames.

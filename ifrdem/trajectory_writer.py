@@ -23,6 +23,7 @@ from .errors import InputError, nearest
 from .frame_rows import FrameRows
 from .history_writer import HistoryWriter
 from .output_file import OutputFile, TrajectoryError
+from .sealed import Sealed
 from .series_writer import SeriesWriter
 from .state import Disks, State, StoredState
 from .walls import Wall, to_json
@@ -32,7 +33,7 @@ __all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
 
 
-class TrajectoryWriter:
+class TrajectoryWriter(Sealed):
     """Writes a run's frames into a new H5MD file, and beside them time series and histories.
 
     Each frame is committed in two phases: everything but its step is written and flushed, then the step. A
@@ -80,6 +81,8 @@ class TrajectoryWriter:
         If a choice or name is unknown, the path exists and `force` is not given, it is not a regular file, or
         the file cannot be created there. Nothing is left behind then.
     """
+
+    path: Path
 
     def __init__(
         self,
@@ -194,7 +197,7 @@ class TrajectoryWriter:
     ) -> None:
         """Take the file's datasets in hand; so much of each the run has written."""
         self._output = output
-        self.path = output.path
+        self._set(path=output.path)
         self._n = disks.n
         self._lengths = box.lengths
         file = output.file

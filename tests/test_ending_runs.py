@@ -57,7 +57,9 @@ def assert_same_motion(one: State, other: State) -> None:
 
 
 @pytest.mark.parametrize("end", [{"t_end": 2.0}, {"collisions_per_disk": 6.0}])
-@pytest.mark.parametrize(("way", "raised"), [("stop", None), ("raise", Halt), ("interrupt", KeyboardInterrupt)])
+@pytest.mark.parametrize(
+    ("way", "raised"), [("stop", None), ("raise", Halt), ("interrupt", KeyboardInterrupt)]
+)
 @pytest.mark.parametrize("options", [{}, {"contact_time": 1e-9, "collapse": "tc"}], ids=["looks back", "tc"])
 def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
     end: dict[str, float], way: str, raised: type[BaseException] | None, options: dict[str, Any]
@@ -104,7 +106,9 @@ def test_an_epoch_ends_where_it_is_cut_in_every_order_of_the_engine(order: str) 
     seen: list[State] = []
     for stops_at in (7, 6, 19):  # frames at 7/40, 13/40 and 32/40 of the way
         seen.clear()
-        part.run(t_end=1.0, frames=round(40 * (1.0 - part.time)), observers=[halting(part.stop, stops_at, seen)])
+        part.run(
+            t_end=1.0, frames=round(40 * (1.0 - part.time)), observers=[halting(part.stop, stops_at, seen)]
+        )
         at = round(40 * part.time)
         assert part.time == pytest.approx(at / 40)
         assert_same_motion(part.state, frames[at])
