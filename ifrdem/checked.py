@@ -54,7 +54,7 @@ def finite_pair(name: str, value: Any) -> tuple[float, float]:
 
 def array(name: str, value: Any, shape: tuple[int, ...] | None = None) -> NDArray[np.float64]:
     """A contiguous array of real numbers in double precision, of the given shape if one is given."""
-    found = np.ascontiguousarray(_numbers(name, value), dtype=np.float64)
+    found = np.asarray(_numbers(name, value), dtype=np.float64, order="C")
     if shape is not None and found.shape != shape:
         raise InputError(f"{name} has shape {found.shape}: {shape} is needed")
     return found

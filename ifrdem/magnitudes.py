@@ -36,9 +36,7 @@ def check_coefficients(law_table: NDArray[np.float64], precision: str) -> None:
     InputError
         Names the largest, and the limit.
     """
-    most = (
-        MOST_COEFFICIENT[precision] if precision in MOST_COEFFICIENT else np.inf
-    )  # the engine refuses others
+    most = MOST_COEFFICIENT.get(precision, np.inf)  # the engine refuses others
     largest = float(np.abs(law_table).max(initial=0.0))
     if not largest <= most:
         raise InputError(

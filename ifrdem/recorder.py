@@ -24,7 +24,7 @@ EVENTS_AT_ONCE = 200_000
 COLUMNS = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
 
 
-@dataclass
+@dataclass(slots=True)
 class Ledger:
     """What a trajectory tells of the whole gas beside its frames: `observables` makes it of the measure of each.
 

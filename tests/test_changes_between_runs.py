@@ -166,7 +166,7 @@ def test_histories_go_on_across_a_change_of_velocities() -> None:
 
 
 def test_a_law_of_ones_own_is_tried_when_it_is_set_and_serves_the_next_run() -> None:
-    """Smooth disks without restitution lose m_n g_n^2 / 2 in each collision, so the ledger's energy falls; spins stay."""
+    """Smooth disks keep their spins, and lose energy where e < 1."""
     box, state, _ = setting("periodic")
     gas = Simulation(gases.equal_disks(60), box, LAW, state)
     gas.run(t_end=0.5)
