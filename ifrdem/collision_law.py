@@ -63,7 +63,7 @@ class CollisionLaw:
         self._row = tuple(row)
 
     @staticmethod
-    def collide(pair, coefficients):
+    def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:
         """The impulses of one collision, in the language of Taichi's functions (decorated by `ti.func` or not).
 
         Parameters
@@ -112,13 +112,13 @@ class CollisionLaw:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """What kernels take of a class of laws, a `kernels.layout.Law`; one object for each class."""
-    from .kernels.layout import Law  # imports Taichi, which is slow
+    from .kernels.layout import Law, plain  # imports Taichi, which is slow
 
     import taichi as ti  # isort: skip  (after the kernels, which keep it from printing its banner)
 
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):
-        function = ti.func(function)
+        function = ti.func(plain(function))
     return Law(function, max(len(kind.coefficients), 1), kind.parts())
 
 

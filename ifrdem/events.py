@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ class Events:
         """Number of rows."""
         return len(self.time)
 
-    def columns(self) -> dict[str, NDArray]:
+    def columns(self) -> dict[str, NDArray[Any]]:
         """The arrays by name."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
@@ -151,8 +151,10 @@ class Tracking:
         laws: Sequence[Sequence[CollisionLaw]],
         walls: Sequence[Wall],
     ) -> None:
-        self.ids, self._disks, self.laws, self._walls = ids, disks, laws, walls
-        self.rows = np.zeros(max(disks.n, 1), dtype=np.int32)
+        self.ids: NDArray[np.int32] = ids
+        self.laws: Sequence[Sequence[CollisionLaw]] = laws
+        self._disks, self._walls = disks, walls
+        self.rows: NDArray[np.int32] = np.zeros(max(disks.n, 1), dtype=np.int32)
         self.rows[ids] = np.arange(1, len(ids) + 1)
         self._found: list[Events] = []
 

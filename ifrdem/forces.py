@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from . import checked
 from .errors import InputError
@@ -61,7 +61,7 @@ class Force:
     Notes
     -----
     `act` and `measure` are static methods in the language of Taichi's functions (decorated by `ti.func` or not), in a
-    file, without type annotations. A force changes velocities and spins only. It should do exactly, or to second
+    file. A force changes velocities and spins only. It should do exactly, or to second
     order in dt at least, what it would do to a disk during dt if nothing else happened. Random numbers must come from
     `normals(step.random, number)` or `uniforms(step.random, number)`, pairs of them, one pair for each number 0 to
     65535: they depend on the seed, the disk, the step and the place of the force in the list, and on nothing else.
@@ -98,7 +98,7 @@ class Force:
         """Raise InputError if the force cannot act on these disks."""
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         """The new (vx, vy, spin) of one disk after the force has acted on it for `step.dt`.
 
         Parameters
@@ -115,7 +115,7 @@ class Force:
         raise NotImplementedError
 
     @staticmethod
-    def measure(disk, step, parameters):
+    def measure(disk: Any, step: Any, parameters: Any) -> Any:
         """What one disk adds to the `totals`, a vector of so many entries; called before `act`, with its arguments."""
         # Abstract for forces with totals, of which `Splitting` refuses those without their own; others need none.
         raise NotImplementedError
@@ -150,12 +150,12 @@ class RandomKicks(Force):
             raise InputError(f"random kicks keep the total momentum: 2 disks at least, not {disks.n}")
 
     @staticmethod
-    def measure(disk, step, parameters):
+    def measure(disk: Any, step: Any, parameters: Any) -> Any:
         kick = _velocity_kick(disk, step, parameters)
         return ti.Vector([disk.mass * kick[0], disk.mass * kick[1], disk.mass, 1.0])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         kick = _velocity_kick(disk, step, parameters)
         n = step.totals[3]
         scale = ti.sqrt(n / (n - 1.0))
@@ -185,7 +185,7 @@ class SpinKicks(Force):
         super().__init__(step, _strength(power, diffusion))
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         # Energy I d omega^2 / 2: one degree of freedom, so that D = power / I.
         spread = ti.sqrt(2.0 * (parameters[0] / disk.inertia + parameters[1]) * step.dt)
         return disk.vx, disk.vy, disk.spin + spread * normals(step.random, 0)[0]
@@ -233,7 +233,7 @@ class Langevin(Force):
         super().__init__(step, [number(name, value) for name, value in given.items()])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         temperature, rate, spin_temperature, spin_rate = (
             parameters[0],
             parameters[1],
@@ -280,7 +280,7 @@ class Drag(Force):
         super().__init__(step, [number(name, value) for name, value in given.items()])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         rate, quadratic, spin_rate = parameters[0], parameters[1], parameters[2]
         left = ti.exp(-rate * step.dt)
         tau = step.dt
@@ -323,7 +323,7 @@ class TableFriction(Force):
         super().__init__(step, [number("mu", mu, positive=True) * number("gravity", gravity, positive=True)])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
         v, u, _x, _t, _eps = advance(
             speed, disk.radius * disk.spin, disk.k, parameters[0], step.dt, ti.static(step_tolerance())
@@ -364,12 +364,12 @@ class Rescale(Force):
         super().__init__(step, (wanted, 0.0 if energy is None else 1.0))
 
     @staticmethod
-    def measure(disk, step, parameters):
+    def measure(disk: Any, step: Any, parameters: Any) -> Any:
         v2 = disk.vx * disk.vx + disk.vy * disk.vy
         return 0.5 * ti.Vector([disk.mass * v2, disk.inertia * disk.spin * disk.spin, 2.0])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         wanted, with_spins = parameters[0], parameters[1]
         present = (step.totals[0] + with_spins * step.totals[1]) / step.totals[2]
         factor = wanted / wanted

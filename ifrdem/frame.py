@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,8 @@ class FrameError(InputError, IndexError):
 class NameMissing(InputError, KeyError):
     """A name that the file does not hold."""
 
-    __str__ = Exception.__str__  # KeyError would put its message into quotes
+    def __str__(self) -> str:  # KeyError would put its message into quotes
+        return Exception.__str__(self)
 
 
 class AttributeMissing(NameMissing, AttributeError):
@@ -59,11 +60,11 @@ class Frame(Sealed):
             f"t = {trajectory.with_unit(f'{self.time:.6g}', 'time')}>"
         )
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         """The same as `field`."""
         return self.field(name)
 
-    def __getattr__(self, name: str) -> NDArray:
+    def __getattr__(self, name: str) -> NDArray[Any]:
         if name.startswith("_"):
             raise AttributeError(name)
         if name not in self._trajectory.fields:
@@ -76,7 +77,7 @@ class Frame(Sealed):
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self._trajectory.fields})
 
-    def field(self, name: str) -> NDArray:
+    def field(self, name: str) -> NDArray[Any]:
         """A stored field by its name in the file, shape (n,) or (n, 2).
 
         Raises

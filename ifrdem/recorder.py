@@ -21,7 +21,7 @@ ROWS_AT_ONCE, ROWS_WAIT = 256, 2.0
 written that wait: each commit costs a run, however few its rows are."""
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
-COLUMNS = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
+COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
 
 
 @dataclass(slots=True)
@@ -146,7 +146,8 @@ class Recorder:
         pending: Events | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._writer, self.ledger, self._take = writer, ledger, take_events
+        self._writer, self._take = writer, take_events
+        self.ledger: Ledger = ledger
         self._clock, self._wrote = clock, -math.inf
         self._rows: list[tuple[float, dict[str, Any]]] = []
         self._pending = [] if pending is None or not len(pending) else [pending]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import h5py
 import numpy as np
@@ -13,7 +14,7 @@ from .frame import NameMissing
 from .sealed import Sealed
 
 
-class Series(Sealed, Mapping[str, NDArray]):
+class Series(Sealed, Mapping[str, NDArray[Any]]):
     """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
 
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`.
@@ -31,7 +32,7 @@ class Series(Sealed, Mapping[str, NDArray]):
         group: h5py.Group | None,
         time: NDArray[np.float64],
         kind: str,
-        read: Callable[[str, slice], NDArray],
+        read: Callable[[str, slice], NDArray[Any]],
     ) -> None:
         self._kind = kind
         self._path = "" if group is None else str(group.name)
@@ -45,7 +46,7 @@ class Series(Sealed, Mapping[str, NDArray]):
                 )
         self._set(time=time)
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         whole, _, column = str(name).partition("/")
         columns = self.columns(whole)
         value = self._read(f"{self._path}/{whole}/value", slice(0, len(self.time)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -128,7 +129,7 @@ class State(Brief, Sealed):
         If shapes do not fit or a value is not finite (the first such disk is named).
     """
 
-    assignable = frozenset(
+    assignable: ClassVar[frozenset[str]] = frozenset(
         {
             "angle", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
             "velocity", "wall_hits",

@@ -70,11 +70,11 @@ class DiskPath:
 
     disk: int
     time: NDArray[np.float64]
-    fields: dict[str, NDArray]
+    fields: dict[str, NDArray[Any]]
     position: NDArray[np.float64]
     unwrapped: bool
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         name = SPIN if name == "spin" else name
         if name not in self.fields:
             raise NameMissing(
@@ -163,7 +163,7 @@ class Trajectory(Sealed, Sequence[Frame]):
             self._open()
         raise AssertionError("the last attempt returns or raises")
 
-    def read(self, name: str, selection: Any = ()) -> NDArray:
+    def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
 
         Raises
@@ -173,7 +173,7 @@ class Trajectory(Sealed, Sequence[Frame]):
         """
         return self._again(lambda: damage.read(self.dataset(name), selection))
 
-    def _read_at(self, path: str, selection: Any) -> NDArray:
+    def _read_at(self, path: str, selection: Any) -> NDArray[Any]:
         if not self._file:
             raise InputError(f"{self.path} is closed: nothing can be read from it")
         return self._again(lambda: damage.read(self._file[path], selection))
@@ -306,7 +306,7 @@ class Trajectory(Sealed, Sequence[Frame]):
             If there is no such disk, the file holds no positions, or it is damaged.
         """
         disk = self._checked_disk(disk)
-        fields: dict[str, NDArray] = {}
+        fields: dict[str, NDArray[Any]] = {}
         self.dataset("position")  # says that it is missing
         for name in self.fields:
             value = self.read(name, (slice(0, self._frames), disk))

@@ -421,7 +421,7 @@ class TrajectoryWriter(Sealed):
         self._series.drop_uncommitted()
         self._histories.drop_uncommitted()
 
-    def _checked_fields(self, state: State) -> dict[str, NDArray]:
+    def _checked_fields(self, state: State) -> dict[str, NDArray[Any]]:
         if state.n != self._n:
             raise InputError(f"the state has {state.n} disks: {self._n} are needed")
         if not (np.isfinite(state.time) and state.time >= self._last_time):
@@ -460,14 +460,14 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
             raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
 
 
-def _as_count(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
+def _as_count(name: str, value: NDArray[Any], dtype: np.dtype) -> NDArray[Any]:
     limits = np.iinfo(dtype)
     if value.dtype != dtype and value.size and not limits.min <= value.min() <= value.max() <= limits.max:
         raise InputError(f"{name}: counts beyond {limits.max} cannot be stored")
     return value.astype(dtype, copy=False)
 
 
-def _as_float(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
+def _as_float(name: str, value: NDArray[Any], dtype: np.dtype) -> NDArray[Any]:
     with np.errstate(over="ignore"):
         rounded = value.astype(dtype, copy=False)
     wrong = ~np.isfinite(rounded)
@@ -476,7 +476,7 @@ def _as_float(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
     return rounded
 
 
-def _keep_inside(rounded: NDArray, position: NDArray, lengths: tuple[float, float]) -> None:
+def _keep_inside(rounded: NDArray[Any], position: NDArray[Any], lengths: tuple[float, float]) -> None:
     """Undo in place where rounding to fewer digits carried a disk out of the box through its upper side."""
     if position.dtype == rounded.dtype:
         return

@@ -53,6 +53,7 @@ written `a[i] = a[i] + b`.
 A kernel takes the arrays that it needs, and bundles them into `GasArrays` for the functions that it calls.
 """
 
+import types
 from typing import Any, NamedTuple
 
 import taichi as ti
@@ -175,6 +176,19 @@ def push(row, item, gas: ti.template()):
 
 # Arguments of kernels: arrays of one, two and three dimensions (a dimension of vectors' components not counted).
 Rows, Table, Cube = (ti.types.ndarray(ndim=dimensions) for dimensions in (1, 2, 3))
+
+
+def plain(function):
+    """A copy of a Python function without type annotations, of which `ti.func` takes none but its own."""
+    copy = types.FunctionType(
+        function.__code__,
+        function.__globals__,
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    return copy
 
 
 class Law(NamedTuple):
