@@ -6,11 +6,16 @@ The names below are imported when they are first used, so that `import ifrdem` i
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import types
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+# Taichi, imported later by whomever, prints a banner unless told not to, and in a notebook a line for each kernel.
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
 # Public name -> (module, attribute); without an attribute, the module itself.
 _PUBLIC: dict[str, tuple[str, str | None]] = {
