@@ -59,7 +59,7 @@ class Cadence:
                 f"cadence: exactly one of number, interval and collisions is needed; given: {given}"
             )
         if self.number is not None:
-            checked.whole("number", self.number, 1, MOST)
+            checked.whole("number", self.number, 1)
         for name in ("interval", "collisions"):
             value = getattr(self, name)
             if value is not None:
@@ -159,6 +159,16 @@ class Span:
         return cls(n, time, collisions, Due(collisions=end))
 
 
+def refuse_endless(cadence: Cadence, span: Span) -> None:
+    """Raise InputError for more than `MOST` points in a run whose length is known."""
+    ahead = (span.end.collisions or span.collisions) - span.collisions
+    many = cadence.count(
+        duration=span.end.time - span.time, collisions_per_disk=float(Fraction(2 * ahead, max(span.n, 1)))
+    )
+    if many > MOST:
+        raise InputError(f"{cadence}: {many:.4g} times in this run; at most {MOST} are possible")
+
+
 class Schedule:
     """The points of a run at which something is due: the k-th one, k = 1, 2, ...; the last is the run's end.
 
@@ -178,12 +188,6 @@ class Schedule:
     def __init__(self, cadence: Cadence, span: Span) -> None:
         self._cadence, self._span = cadence, span
         end = span.end.time
-        left = Fraction(2 * ((span.end.collisions or span.collisions) - span.collisions), max(span.n, 1))
-        if cadence.number is None:
-            duration = end - span.time if cadence.interval is not None else math.inf
-            many = cadence.count(duration=duration, collisions_per_disk=float(left))
-            if many > MOST:
-                raise InputError(f"{cadence}: {many:.4g} times in this run; at most {MOST} are possible")
         if cadence.interval is not None and math.isfinite(end) and end > span.time:
             resolved = math.ulp(max(abs(end), abs(span.time)))
             if cadence.interval < resolved:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import backend, checked, checkpoint, magnitudes
 from .box import Box
-from .cadence import MOST, Cadence, Span, earlier
+from .cadence import MOST, Cadence, Span, earlier, refuse_endless
 from .collapse import Collapse
 from .collision_law import CollisionLaw, checked_class
 from .course import Course, Observer, Progress, Sampler
@@ -522,6 +522,9 @@ class Simulation(Sealed):
         span = Span.to(
             self.disks.n, self.time, self.collisions, t_end=t_end, collisions_per_disk=collisions_per_disk
         )
+        for cadence in (frames, series):
+            if cadence is not None:
+                refuse_endless(cadence, span)
         self.follow(Course(span, frames, series), observers=observers, samplers=samplers, progress=progress)
 
     def switch_ledger(self, on: bool) -> None:

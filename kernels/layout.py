@@ -53,7 +53,6 @@ written `a[i] = a[i] + b`.
 A kernel takes the arrays that it needs, and bundles them into `GasArrays` for the functions that it calls.
 """
 
-import types
 from typing import Any, NamedTuple
 
 import taichi as ti
@@ -180,7 +179,7 @@ Rows, Table, Cube = (ti.types.ndarray(ndim=dimensions) for dimensions in (1, 2, 
 
 def plain(function):
     """A copy of a Python function without type annotations, of which `ti.func` takes none but its own."""
-    copy = types.FunctionType(
+    copy = type(function)(
         function.__code__,
         function.__globals__,
         function.__name__,
