@@ -13,6 +13,10 @@ class InputError(ValueError):
     """
 
 
+class AttributeRefused(InputError, AttributeError):
+    """An attribute that cannot be set: it is read-only, or there is none of that name."""
+
+
 class EngineError(RuntimeError):
     """The engine found itself in a state that its guarantees exclude, and stopped instead of going on."""
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..kernels.limits import MOST_WALLS
+from ..tools import checked
 from .box import Box
 
 Point = tuple[float, float]
@@ -25,16 +26,13 @@ MOTIONS = ("still", "steady", "sine", "sawtooth")
 
 
 def _point(name: str, value: Sequence[float]) -> Point:
-    numbers = tuple(float(number) for number in value)
-    if len(numbers) != 2 or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{name} = {value}: two finite numbers are needed")
-    return numbers
+    return checked.finite_pair(name, value)
 
 
 def _number(
     name: str, value: float, low: float = -math.inf, high: float = math.inf, *, open_: bool = False
 ) -> float:
-    number = float(value)
+    number = checked.real(name, value, "a finite number is needed")
     inside = low < number < high if open_ else low <= number <= high
     if not (math.isfinite(number) and inside):
         between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
@@ -197,6 +195,9 @@ class Wall:
             object.__setattr__(self, "towards", (self.towards[0] / length, self.towards[1] / length))
         _number(f"{self.shape} wall, radius", self.radius, 0.0, open_=self.shape == "container")
         _number(f"{self.shape} wall, surface speed", self.surface_speed)
+        checked.whole(f"{self.shape} wall, material", self.material, 0)
+        if not isinstance(self.motion, Motion):
+            raise InputError(f"{self.shape} wall, motion = {self.motion!r}: a Motion is needed")
         if self.temperature is not None:
             _number(f"{self.shape} wall, temperature", self.temperature, 0.0, open_=True)
 
@@ -292,6 +293,15 @@ def sides(box: Box, material: int = 0) -> list[Wall]:
         found += [Wall.line((0.0, 0.0), (0.0, 1.0), material=material)]
         found += [Wall.line((0.0, height), (0.0, -1.0), material=material)]
     return found
+
+
+def check_types(walls: Sequence[Wall]) -> None:
+    """Raise InputError unless these are walls."""
+    if isinstance(walls, Wall) or not isinstance(walls, Sequence):
+        raise InputError(f"walls = {walls!r}: a list of walls is needed, [wall] for one")
+    for w, one in enumerate(walls):
+        if not isinstance(one, Wall):
+            raise InputError(f"walls[{w}] = {one!r}: a Wall is needed, such as Wall.line(...)")
 
 
 def check_place(wall: Wall, box: Box) -> None:

@@ -162,9 +162,8 @@ def drive(
     """
     case, simulation = job.file.case, job.simulation
     recorder = Recorder(
-        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending,
-        now=lambda: simulation.time,
-    )  # fmt: skip
+        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending
+    )
     status = Status(
         job.outputs.trajectory,
         name=case.run.name,

@@ -17,7 +17,7 @@ from ..errors import InputError
 from ..model.state import State
 from ..tools.versions import package_versions
 
-FORMAT = 4
+FORMAT = 5
 _KIND = "ifrdem checkpoint"
 
 

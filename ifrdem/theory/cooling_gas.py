@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from .collision_averages import Disk, checked_law, energy_changes
 from .collisions import collision_rate
@@ -123,7 +123,7 @@ def cooled(
         atol=1e-12,
     )
     if not solution.success:
-        raise RuntimeError(f"the cooling equations could not be integrated: {solution.message}")
+        raise TheoryError(f"the cooling equations could not be integrated: {solution.message}")
     return np.asarray(solution.y)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from .collisions import collision_rate
 from .cooling_gas import checked_times, cooling_rates
@@ -233,6 +233,6 @@ def driven(
         atol=1e-12,
     )
     if not solution.success:
-        raise RuntimeError(f"the equations of the driven gas could not be integrated: {solution.message}")
+        raise TheoryError(f"the equations of the driven gas could not be integrated: {solution.message}")
     T, T_rot, collisions = solution.y
     return scale * T, scale * T_rot, collisions

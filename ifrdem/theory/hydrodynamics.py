@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from .collision_averages import checked_law
 from .collisions import collision_rate
@@ -253,7 +253,7 @@ class _Course(NamedTuple):
             rtol=1e-9, atol=1e-10,
         )  # fmt: skip
         if not found.success:
-            raise RuntimeError(f"the cooling equations could not be integrated: {found.message}")
+            raise TheoryError(f"the cooling equations could not be integrated: {found.message}")
         tau = np.linspace(0.0, float(found.t[-1]), _STEPS + 1)
         lost, _, spread, time = found.sol(tau)
         return cls(tau, lost, spread, time)

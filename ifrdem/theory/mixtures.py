@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
 from .collision_averages import Disk, checked_law, energy_changes
@@ -332,6 +332,6 @@ def mixture_driven(
         method="LSODA", t_eval=when, rtol=1e-9, atol=1e-12,
     )  # fmt: skip
     if not solution.success:
-        raise RuntimeError(f"the equations of the driven mixture could not be integrated: {solution.message}")
+        raise TheoryError(f"the equations of the driven mixture could not be integrated: {solution.message}")
     y = solution.y
     return MixtureTemperatures(scale * y[:s].T, scale * y[s : 2 * s].T, y[2 * s :].T)

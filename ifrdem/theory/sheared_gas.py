@@ -330,7 +330,7 @@ def steady_state(
     start = guess[:3] if smooth else (*guess[:4], math.log(guess.tau))
     found = root(change, start, tol=1e-12)
     if not found.success and np.abs(found.fun).max() > 1e-9:
-        raise RuntimeError(f"no steady state of the sheared gas was found: {found.message}")
+        raise TheoryError(f"no steady state of the sheared gas was found: {found.message}")
     unit = mass * (2.0 * radius * shear_rate) ** 2
     if smooth:
         return float(unit * _Flow._make((*found.x, 0.0, 0.0)).temperatures(k)[0]), math.nan

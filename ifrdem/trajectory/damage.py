@@ -16,7 +16,7 @@ class DamageError(InputError):
     """A part of a trajectory file that cannot be read."""
 
 
-def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray:
+def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
     """What `dataset[selection]` gives; selections are numbers and slices.
 
     HDF5 notices damage in compressed data (deflate has a checksum) and in its own bookkeeping; changed numbers in
@@ -45,7 +45,7 @@ def _message(dataset: h5py.Dataset, reason: str) -> str:
     )
 
 
-def _lacks(dataset: h5py.Dataset, selection: Any, value: NDArray) -> bool:
+def _lacks(dataset: h5py.Dataset, selection: Any, value: NDArray[Any]) -> bool:
     """Whether a chunk of the selected part is not in the file; only one that reads as zeros can be."""
     if dataset.chunks is None or dataset.is_virtual or dataset.size == 0:
         return False

@@ -65,7 +65,7 @@ def export(
 
 def write_history(history: History, place: Path) -> None:
     """A disk's events as CSV with a header, a line an event; every digit is kept."""
-    found: dict[str, NDArray] = {}
+    found: dict[str, NDArray[Any]] = {}
     for name, value in history.columns.items():
         ends = ("n", "t") if name == "impulse" else ()
         found.update(tables.columns(name, value, ends))
@@ -74,7 +74,7 @@ def write_history(history: History, place: Path) -> None:
     )
 
 
-def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray]) -> None:
+def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray[Any]]) -> None:
     with place.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
@@ -82,12 +82,12 @@ def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray]) -> None:
             writer.writerows(block.tolist())
 
 
-def _texts(column: NDArray) -> NDArray:
+def _texts(column: NDArray[Any]) -> NDArray[Any]:
     """Numbers as the shortest texts from which they come back."""
     return column.astype(str)
 
 
-def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray]:
+def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
     """The fields of a frame in the precision in which they are stored."""
     frame = trajectory[index]
     return {name: frame[name].astype(trajectory.dataset(name).dtype) for name in trajectory.fields}
@@ -97,7 +97,7 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     n = trajectory.disks.n
     names = [end for name, value in _empty(trajectory).items() for end, _ in tables.columns(name, value)]
 
-    def blocks() -> Iterable[NDArray]:
+    def blocks() -> Iterable[NDArray[Any]]:
         ids = np.arange(n).astype(str)
         for index in frames:
             flat = [
@@ -111,7 +111,7 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     _rows(place, ["frame", "time", "id", *names], blocks())
 
 
-def _empty(trajectory: Trajectory) -> dict[str, NDArray]:
+def _empty(trajectory: Trajectory) -> dict[str, NDArray[Any]]:
     """No disks, in the shapes of the fields."""
     return {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
 
@@ -138,7 +138,11 @@ def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
 
 def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     disks, box = trajectory.disks, trajectory.box
-    constant: dict[str, NDArray] = {"radius": disks.radius, "mass": disks.mass, "material": disks.material}
+    constant: dict[str, NDArray[Any]] = {
+        "radius": disks.radius,
+        "mass": disks.mass,
+        "material": disks.material,
+    }
     species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
     first, first_properties = [species], ["species:S:1"]
     if named := kinds(trajectory):
@@ -228,7 +232,7 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
     return snapshot
 
 
-def _about_z(real: NDArray, along_z: NDArray) -> NDArray:
+def _about_z(real: NDArray[Any], along_z: NDArray[Any]) -> NDArray[Any]:
     """Quaternions (real, 0, 0, z), shape (n, 4)."""
     zero = np.zeros_like(real)
     return np.stack((real, zero, zero, along_z), axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,7 +16,7 @@ from .frame import NameMissing
 
 GROUP = "histories"
 
-COLUMNS = {
+COLUMNS: dict[str, tuple[int, ...]] = {
     "time": (),
     "partner": (),
     "position": (2,),
@@ -87,12 +88,12 @@ class History:
     disk: int
     start: float
     end: float
-    columns: dict[str, NDArray] = field(repr=False)
+    columns: dict[str, NDArray[Any]] = field(repr=False)
     _box: Box = field(repr=False)
     _gravity: NDArray[np.float64] = field(repr=False)
     _path: _Path = field(repr=False)
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self.columns:
             raise NameMissing(
                 f"a history has no column {name!r}: there are {', '.join(self.columns)}"
@@ -100,7 +101,7 @@ class History:
             )
         return self.columns[name]
 
-    def __getattr__(self, name: str) -> NDArray:
+    def __getattr__(self, name: str) -> NDArray[Any]:
         columns = self.__dict__.get("columns", {})
         if name in columns:
             return columns[name]
@@ -265,10 +266,10 @@ def read(
     return History(disk, float(time[0]), end, columns, box, np.asarray(gravity, dtype=np.float64), flights)
 
 
-def _events(file: h5py.File, disk: int, count: int) -> dict[str, NDArray]:
+def _events(file: h5py.File, disk: int, count: int) -> dict[str, NDArray[Any]]:
     """The columns of a disk's events among the first `count` of all."""
     events = file[f"{GROUP}/events"]
-    found: dict[str, list[NDArray]] = {
+    found: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros((0, *tail), dtype=events[name].dtype)] for name, tail in COLUMNS.items()
     }
     for first in range(0, count, _BLOCK):

@@ -16,6 +16,7 @@ x(t) = x_e + v_after (t - t_e) + g (t - t_e)^2 / 2 with the parameter `gravity`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import h5py
 import numpy as np
@@ -85,7 +86,7 @@ START = {
 }
 
 
-def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict[str, NDArray]) -> None:
+def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict[str, NDArray[Any]]) -> None:
     """Write the group with no event yet."""
     with staged(file, HISTORIES) as group:
         group["tracked"] = tracked
@@ -109,7 +110,7 @@ def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict
             group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
 
 
-def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray:
+def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray[Any]:
     """Values in the type of a column.
 
     Raises

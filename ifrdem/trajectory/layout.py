@@ -223,7 +223,7 @@ def _create_field(
     group.create_virtual_dataset("value", view, fillvalue=0)
 
 
-def add_observable(file: h5py.File, name: str, sample: NDArray) -> h5py.Dataset:
+def add_observable(file: h5py.File, name: str, sample: NDArray[Any]) -> h5py.Dataset:
     """Add an empty series for values of the shape and type of `sample`; returns its dataset."""
     group = file.create_group(f"observables/{name}")
     _link_steps(file, group)
@@ -237,7 +237,7 @@ def add_observable(file: h5py.File, name: str, sample: NDArray) -> h5py.Dataset:
 
 
 def create_timeseries(
-    file: h5py.File, samples: Mapping[str, NDArray], columns: Mapping[str, Sequence[str]]
+    file: h5py.File, samples: Mapping[str, NDArray[Any]], columns: Mapping[str, Sequence[str]]
 ) -> None:
     """Write the group of the time series, without a row yet, for values of the shapes and types of `samples`."""
     with staged(file, TIMESERIES) as group:

@@ -21,6 +21,7 @@ from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
+from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
 from .damage import DamageError
 from .frame import SPIN, Frame, FrameError, NameMissing
@@ -70,11 +71,11 @@ class DiskPath:
 
     disk: int
     time: NDArray[np.float64]
-    fields: dict[str, NDArray]
+    fields: dict[str, NDArray[Any]]
     position: NDArray[np.float64]
     unwrapped: bool
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         name = SPIN if name == "spin" else name
         if name not in self.fields:
             raise NameMissing(
@@ -93,7 +94,7 @@ class DiskPath:
         return f"<DiskPath of disk {self.disk}: {frames}{span}; {', '.join(self.fields)}>"
 
 
-class Trajectory(Sequence[Frame]):
+class Trajectory(Sealed, Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
     Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen
@@ -128,11 +129,17 @@ class Trajectory(Sequence[Frame]):
         If the file is not there, not HDF5, damaged, not H5MD, or not ours; the message says what is missing.
     """
 
+    path: Path
+    disks: Disks
+    box: Box
+    walls: tuple[walls.Wall, ...]
+    times: NDArray[np.float64]
+    parameters: dict[str, str | int | float]
     observables: Series
     series: Series
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self._set(path=Path(path))
         self._open()
         try:
             self._again(self._read_head)
@@ -157,7 +164,7 @@ class Trajectory(Sequence[Frame]):
             self._open()
         raise AssertionError("the last attempt returns or raises")
 
-    def read(self, name: str, selection: Any = ()) -> NDArray:
+    def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
 
         Raises
@@ -167,7 +174,7 @@ class Trajectory(Sequence[Frame]):
         """
         return self._again(lambda: damage.read(self.dataset(name), selection))
 
-    def _read_at(self, path: str, selection: Any) -> NDArray:
+    def _read_at(self, path: str, selection: Any) -> NDArray[Any]:
         if not self._file:
             raise InputError(f"{self.path} is closed: nothing can be read from it")
         return self._again(lambda: damage.read(self._file[path], selection))
@@ -179,19 +186,17 @@ class Trajectory(Sequence[Frame]):
             layout.check_layout(file, path)
             self._fields = layout.stored_fields(file)
             self._frames = len(file[f"{layout.EDGES}/step"])
-            self.times: NDArray[np.float64] = damage.read(
-                file[f"{layout.EDGES}/time"], slice(0, self._frames)
-            )
-            self.times.flags.writeable = False
+            times = damage.read(file[f"{layout.EDGES}/time"], slice(0, self._frames))
+            times.flags.writeable = False
             particles = file[layout.PARTICLES]
             columns = {name: damage.read(particles[name]) for name in ("mass", "radius", "k", "material")}
-            self.disks = Disks(len(columns["mass"]), **columns)
+            disks = Disks(len(columns["mass"]), **columns)
             lengths = particles["box"].attrs["lengths"]
             sides = [str(one) for one in particles["box"].attrs["boundary"]]
             periodic = (sides[0] == "periodic", sides[1] == "periodic")
             shear_rate = float(particles["box"].attrs.get("shear_rate", 0.0))
-            self.box = Box((float(lengths[0]), float(lengths[1])), periodic, shear_rate)
-            self.parameters: dict[str, str | int | float] = {}
+            box = Box((float(lengths[0]), float(lengths[1])), periodic, shear_rate)
+            self._set(times=times, disks=disks, box=box, parameters={})
             file["parameters"].visititems(self._read_parameter)
             rows = file.get("timeseries")
             moments = np.zeros(0) if rows is None else damage.read(rows["time"], slice(0, len(rows["step"])))
@@ -199,9 +204,11 @@ class Trajectory(Sequence[Frame]):
             if isinstance(error, InputError):
                 raise
             raise DamageError(f"{path} is damaged: {error}; `ifrdem repair` keeps what is whole") from error
-        self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
-        self.observables = Series(file["observables"], self.times, "observable", self._read_at)
-        self.series = Series(rows, moments, "series", self._read_at)
+        self._set(
+            walls=walls.from_json(str(self.parameters.get("walls", "[]"))),
+            observables=Series(file["observables"], self.times, "observable", self._read_at),
+            series=Series(rows, moments, "series", self._read_at),
+        )
 
     def refresh(self) -> int:
         """Open the file again to see what a run has added; returns the number of new frames.
@@ -300,7 +307,7 @@ class Trajectory(Sequence[Frame]):
             If there is no such disk, the file holds no positions, or it is damaged.
         """
         disk = self._checked_disk(disk)
-        fields: dict[str, NDArray] = {}
+        fields: dict[str, NDArray[Any]] = {}
         self.dataset("position")  # says that it is missing
         for name in self.fields:
             value = self.read(name, (slice(0, self._frames), disk))
