@@ -28,7 +28,7 @@ class Series(Mapping[str, NDArray]):
         group: h5py.Group | None,
         time: NDArray[np.float64],
         kind: str,
-        read: Callable[[str, slice], NDArray],
+        read: Callable[[str, int, int], NDArray],
     ) -> None:
         self._kind = kind
         self._path = "" if group is None else str(group.name)
@@ -45,7 +45,7 @@ class Series(Mapping[str, NDArray]):
     def __getitem__(self, name: str) -> NDArray:
         whole, _, column = str(name).partition("/")
         columns = self.columns(whole)
-        value = self._read(f"{self._path}/{whole}/value", slice(0, len(self.time)))
+        value = self._read(f"{self._path}/{whole}/value", len(self.time), len(columns))
         if not column:
             return value
         if column not in columns:

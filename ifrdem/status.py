@@ -5,7 +5,6 @@ The file is renamed into place, so that a reader never sees half of it.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
@@ -16,7 +15,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from .errors import InputError
+from . import beside
+from .errors import InputError, printable
 from .progress import clock_face
 
 FORMAT = 1
@@ -38,6 +38,9 @@ VALUES = (
     "ledger_residual",
 )
 """What a run tells as it goes; null in the file while it is not known."""
+TEXTS = ("name", "state", "message", "updated", "started", "host", "trajectory", "device")
+MOST = 1 << 20  # bytes of a status file that are read
+MOST_VALUE = 1e300  # of a number, so that ratios of them are finite
 QUIET = 600.0
 """Seconds without news after which a run on another machine is taken for dead."""
 
@@ -127,15 +130,12 @@ class Status:
     def _write(self) -> None:
         self._written = self._clock()
         self._content["updated"] = _now()
-        beside = self.path.with_name(f".{self.path.name[:100]}.{os.getpid()}.part")
         try:
-            beside.write_text(json.dumps(self._content, indent=1) + "\n")
-            os.replace(beside, self.path)
+            with beside.replacing(self.path) as new:
+                new.write_text(json.dumps(self._content, indent=1) + "\n")
             self.trouble = None
         except OSError as error:
             self.trouble = f"{self.path} could not be written: {error.strerror}"
-            with contextlib.suppress(OSError):
-                beside.unlink(missing_ok=True)
 
 
 def find(path: str | os.PathLike[str]) -> Path:
@@ -170,13 +170,15 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     place = find(path)
     try:
-        content = json.loads(place.read_text())
+        with place.open("rb") as file:
+            content = json.loads(file.read(MOST + 1)[:MOST].decode())
     except OSError as error:
         raise InputError(f"{place} cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT or "state" not in content:
+    if not isinstance(content, dict) or content.get("format") != FORMAT or not content.get("state"):
         raise InputError(f"{place} is not a status file of ifrdem of format {FORMAT}")
+    _check(content, place)
     if content["state"] == RUNNING and not _lives(content):
         content["state"] = "dead"
         content["message"] = (
@@ -184,6 +186,29 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             f"{content.get('trajectory')} holds the {content.get('frames') or 'first'} frames it had committed"
         )
     return content
+
+
+def _check(content: dict[str, Any], place: Path) -> None:
+    """Refuse a status that no run of ours wrote, by the types of its values; escape control characters of its texts."""
+    for name in TEXTS:
+        if not isinstance(content.setdefault(name, ""), str):
+            raise InputError(f"{place} is damaged: {name} = {content[name]!r}: a text is needed")
+        content[name] = printable(content[name]).replace("\n", "\\n")
+    for name in (*VALUES, "t_end", "collisions_per_disk_end"):
+        value = content.setdefault(name, None)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (value is None or (number and abs(value) < MOST_VALUE)):
+            raise InputError(f"{place} is damaged: {name} = {value!r}: a finite number or null is needed")
+    if content["state"] != RUNNING:  # nobody asks then whether it lives
+        return
+    pid = content.get("pid")
+    if not isinstance(pid, int) or not 0 < pid < 2**31:
+        raise InputError(f"{place} is damaged: pid = {pid!r}: the number of a process is needed")
+    try:
+        if datetime.fromisoformat(content["updated"]).tzinfo is None:
+            raise ValueError("it has no time zone")
+    except ValueError as error:
+        raise InputError(f"{place} is damaged: updated = {content['updated']!r}: {error}") from None
 
 
 def line(content: dict[str, Any]) -> str:

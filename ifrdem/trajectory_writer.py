@@ -22,7 +22,7 @@ from .deflate import Deflate
 from .errors import InputError, nearest
 from .frame_rows import FrameRows
 from .history_writer import HistoryWriter
-from .output_file import OutputFile, TrajectoryError
+from .output_file import OutputFile, TrajectoryError, gone
 from .series_writer import SeriesWriter
 from .state import Disks, State, StoredState
 from .walls import Wall, to_json
@@ -225,6 +225,16 @@ class TrajectoryWriter:
     def present(self) -> Path:
         """Where the file is now: beside its place while it is to replace another and has no frame yet."""
         return self._output.present
+
+    @property
+    def identity(self) -> tuple[int, int] | None:
+        """As `OutputFile.identity`."""
+        return self._output.identity
+
+    @property
+    def gone(self) -> str | None:
+        """Reason why the file is not at its place any more; None if it is."""
+        return gone(self.present, self.identity)
 
     @property
     def series_rows(self) -> int:

@@ -21,10 +21,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from . import h5md
+from . import beside, h5md
 from .errors import InputError
 from .outputs import VIEWS, check_apart, check_files
-from .trajectory import Trajectory
+from .trajectory import Trajectory, check_file
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
 TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")
@@ -50,10 +50,10 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         If the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a view cannot
         be written: where a folder, a device or the trajectory itself is. Each view appears whole or not at all.
     """
+    check_file(Path(path))
     made = paths(path)
-    if os.path.exists(path):
-        for place in made:
-            check_apart(place, Path(path))
+    for place in made:
+        check_apart(place, Path(path))
     check_files(made, force=True, elsewhere="views stand beside the trajectory")
     with Trajectory(path) as trajectory:
         if len(trajectory) == 0 or trajectory.disks.n == 0 or "position" not in trajectory.fields:
@@ -67,16 +67,12 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
 
 
 def _write(place: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Trajectory], None]) -> None:
-    aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
     try:
         # netCDF-4 wants the order of creation to be kept.
-        with h5py.File(aside, "w", track_order=True) as file:
+        with beside.replacing(place) as new, h5py.File(new, "w", track_order=True) as file:
             fill(file, trajectory)
-        os.replace(aside, place)
     except (OSError, RuntimeError) as error:
         raise InputError(f"view {place} cannot be written: {error}") from error
-    finally:
-        aside.unlink(missing_ok=True)
 
 
 def _view(
