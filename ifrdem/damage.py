@@ -18,6 +18,7 @@ FAULTS = (
     OSError, RuntimeError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError,
 )  # fmt: skip
 """Exceptions of HDF5, NumPy, JSON and Python about content that is not what it should be."""
+HINT = "; `ifrdem repair` keeps what is whole"
 DEFLATE_MOST = 1032  # numbers of bytes that deflate makes of one, at most (zlib's technical details)
 
 
@@ -31,7 +32,7 @@ class DamageWarning(UserWarning):
 
 @contextlib.contextmanager
 def reading(
-    path: str | os.PathLike[str], part: str, hint: str = "; `ifrdem repair` keeps what is whole"
+    path: str | os.PathLike[str], part: str, hint: str = HINT
 ) -> Iterator[None]:
     """Turn every fault of a file's content inside into a DamageError that names the file and its part.
 
@@ -95,7 +96,7 @@ def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | floa
             return value.decode(errors=errors)
         if dataset.dtype.kind not in "biuf":
             raise TypeError(f"it holds {dataset.dtype}, and a text or a number is needed")
-        return value.item()  # type: ignore[no-any-return]
+        return value.item()
 
 
 def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "iuf") -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import beside, damage, h5md, history
-from .damage import DamageError, DamageWarning
+from .damage import DamageError
 from .errors import InputError
 from .outputs import check_apart, checkpoint_of, not_a_file
 from .trajectory import Trajectory, check_file
@@ -55,11 +54,12 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     if special := not_a_file(place):
         raise InputError(special)
     with _openable(path, say) as (source, whole):
-        with damage.reading(path, "its bookkeeping", f": nothing can be kept{_otherwise(path)}"):
-            file = h5py.File(source, "r")
-        with file:
-            with damage.reading(path, "its bookkeeping", f": nothing can be kept{_otherwise(path)}"):
-                copy = _Copy(file, path, whole, say)
+        with h5py.File(source, "r") as file:
+            try:
+                with damage.reading(path, "its bookkeeping"):
+                    copy = _Copy(file, path, whole, say)
+            except DamageError as error:
+                raise _in_vain(path, error) from error
             if not copy.wrong and whole is None:
                 try:
                     _read_through(path)
@@ -72,17 +72,23 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
                     try:
                         _read_through(new)
                     except InputError as error:
-                        reason = str(error).replace(str(new), "its copy")
-                        raise DamageError(f"{path}: nothing can be kept ({reason}){_otherwise(path)}") from error
+                        raise _in_vain(path, error, new) from error
             except OSError as error:
                 raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
     say(f"  {len(copy.frames)} of {copy.committed} frames are kept")
     return True
 
 
+def _in_vain(path: Path, error: InputError, copy: Path | None = None) -> DamageError:
+    reason = str(error).removesuffix(damage.HINT)
+    if copy is not None:
+        reason = reason.replace(str(copy), "its copy")
+    return DamageError(f"{path}: nothing can be kept ({reason}){_otherwise(path)}")
+
+
 def _read_through(path: Path) -> None:
     """Open a trajectory and read all that is in it; InputError says what cannot be read."""
-    with warnings.catch_warnings(), Trajectory(path) as trajectory:
+    with Trajectory(path) as trajectory:
         for frame in trajectory:
             for name in trajectory.fields:
                 frame[name]

@@ -486,7 +486,7 @@ def _laws(given: Any, materials: int) -> list[list[dict[str, Any] | None]]:
             set(one) != _LAW or not all(math.isfinite(one[key]) for key in _LAW - {"sticking"})
         ):
             raise ValueError(f"{one}: {', '.join(sorted(_LAW))} are needed, all numbers finite")
-    return given  # type: ignore[no-any-return]
+    return given
 
 
 def _box(attributes: Mapping[str, Any]) -> Box:
