@@ -136,21 +136,28 @@ def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = No
     """
     allowed = views or {}
 
-    def look(name: bytes, info: Any) -> None:
-        wrong = _elsewhere(file, name, info, allowed)
-        if wrong is not None:
-            text = name.decode(errors="backslashreplace")
-            raise InputError(f"{path} is refused: {text} {wrong}; a file of ifrdem holds its own data")
-
+    links: list[tuple[bytes, int]] = []  # looked at later: h5py loses exceptions in here
     with reading(path, "its list of contents"):
-        file.id.links.visit(look, info=True)
+        file.id.links.visit(lambda name, info: links.append((name, info.type)), info=True)
+    for name, kind in links:
+        try:
+            wrong = _elsewhere(file, name, kind, allowed)
+        except FAULTS:  # what cannot be opened leads nowhere; who reads it is told
+            continue
+        if wrong is not None:
+            raise InputError(f"{path} is refused: {text_of(name)} {wrong}; a file of ifrdem holds its own data")
 
 
-def _elsewhere(file: h5py.File, name: bytes, info: Any, views: Mapping[str, str]) -> str | None:
+def text_of(name: bytes | str) -> str:
+    """A name in a file; h5py gives bytes where it is no UTF-8."""
+    return name if isinstance(name, str) else name.decode(errors="backslashreplace")
+
+
+def _elsewhere(file: h5py.File, name: bytes, kind: int, views: Mapping[str, str]) -> str | None:
     """Description of a link to other files, or of a dataset whose numbers lie elsewhere."""
-    if info.type == h5py.h5l.TYPE_SOFT:  # within the file, where everything is looked at
+    if kind == h5py.h5l.TYPE_SOFT:  # within the file, where everything is looked at
         return None
-    if info.type != h5py.h5l.TYPE_HARD:
+    if kind != h5py.h5l.TYPE_HARD:
         return "is a link to another file"
     if h5py.h5o.get_info(file.id, name).type != h5py.h5o.TYPE_DATASET:
         return None

@@ -237,7 +237,7 @@ class _Copy:
 
     def _check(self, item: h5py.Dataset) -> None:
         """Raise DamageError if the kept rows of a dataset, or all of one that does not grow, cannot be read."""
-        name = item.name.lstrip("/")
+        name = str(item.name).lstrip("/")
         if item.is_virtual or name in self._looked_at:
             return
         if name.startswith("parameters/") or item.dtype.kind not in "biuf":
@@ -255,7 +255,7 @@ class _Copy:
         """Rows of a dataset that are kept; None if it has none that grow, or is a view."""
         if item.is_virtual or not item.maxshape or item.maxshape[0] is not None:
             return None
-        name = item.name.lstrip("/")
+        name = str(item.name).lstrip("/")
         return next((rows for begin, rows in self._rows.items() if name.startswith(f"{begin}/")), None)
 
     def _copy(self, old: h5py.Group | h5py.Dataset, new: h5py.Group | h5py.Dataset | None) -> None:
@@ -268,7 +268,7 @@ class _Copy:
                 with self._or_lost(name):
                     "".join(one for one in np.ravel(old.attrs[key]) if isinstance(one, str)).encode()
         for key in old if isinstance(old, h5py.Group) else ():
-            name = f"{old.name}/{key}".lstrip("/")
+            name = f"{old.name}/{damage.text_of(key)}".lstrip("/")
             part = "/".join(name.split("/")[:2]) if name.startswith("observables/") else name
             if part not in self._lost:
                 if new is None:

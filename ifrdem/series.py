@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from .damage import text_of
 from .errors import nearest
 from .frame import NameMissing
 
@@ -37,7 +38,7 @@ class Series(Mapping[str, NDArray]):
         for name, item in () if group is None else group.items():
             if isinstance(item, h5py.Group):
                 columns = item.attrs.get("columns", ())
-                self._columns[name] = tuple(
+                self._columns[text_of(name)] = tuple(
                     one.decode() if isinstance(one, bytes) else str(one) for one in columns
                 )
         self.time = time

@@ -206,7 +206,10 @@ class Trajectory(Sequence[Frame]):
             self.box = _box(particles["box"].attrs)
         self.parameters: dict[str, str | int | float] = {}
         self._unreadable: dict[str, DamageError] = {}
-        file["parameters"].visititems(self._read_parameter)
+        names: list[bytes | str] = []
+        file["parameters"].visit(names.append)
+        for name in names:
+            self._read_parameter(file["parameters"], name)
         with damage.reading(self.path, "parameter walls"):
             self.walls = walls.from_json(self._text("walls", "[]"))
         rows = file.get(h5md.TIMESERIES)
@@ -235,13 +238,16 @@ class Trajectory(Sequence[Frame]):
         self._again(self._read_head)
         return self._frames - before
 
-    def _read_parameter(self, name: str, item: h5py.Dataset | h5py.Group) -> None:
-        if isinstance(item, h5py.Dataset):
-            try:
-                self.parameters[name] = damage.parameter(item)
-            except DamageError as error:  # frames can be read without it; `record` raises it where it is needed
-                self._unreadable[name] = error
-                warnings.warn(f"{error}; the parameter is left out", DamageWarning, stacklevel=2)
+    def _read_parameter(self, group: h5py.Group, name: bytes | str) -> None:
+        text = damage.text_of(name)
+        try:
+            with damage.reading(self.path, f"parameter {text}"):
+                item = group[name]
+                if isinstance(item, h5py.Dataset):
+                    self.parameters[text] = damage.parameter(item)
+        except DamageError as error:  # frames can be read without it; `record` raises it where it is needed
+            self._unreadable[text] = error
+            warnings.warn(f"{error}; the parameter is left out", DamageWarning, stacklevel=2)
 
     def record(self, name: str, use: Callable[[Any], Result], default: str | None = None) -> Result:
         """Return `use` of a parameter that holds JSON (`default` where the run stored none).
