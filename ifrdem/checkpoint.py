@@ -127,7 +127,9 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[st
         text = damage.parameter(file["record"])
         arrays = {str(name): damage.read(item) for name, item in file["arrays"].items()}
         if not np.array_equal(file.attrs["digest"], _digest(arrays, str(text))):
-            raise DamageError(f"{path} is damaged: what it holds has changed since it was written{BEGIN_ANEW}")
+            raise DamageError(
+                f"{path} is damaged: what it holds has changed since it was written{BEGIN_ANEW}"
+            )
         record: dict[str, Any] = json.loads(str(text))
     return arrays, record
 

@@ -31,9 +31,7 @@ class DamageWarning(UserWarning):
 
 
 @contextlib.contextmanager
-def reading(
-    path: str | os.PathLike[str], part: str, hint: str = HINT
-) -> Iterator[None]:
+def reading(path: str | os.PathLike[str], part: str, hint: str = HINT) -> Iterator[None]:
     """Turn every fault of a file's content inside into a DamageError that names the file and its part.
 
     Only for what reads and checks; faults of a computation are not the file's.
@@ -115,7 +113,9 @@ def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "i
         if not fits or dataset.dtype.kind not in kinds:
             needed = ", ".join("any" if one is None else str(one) for one in shape)
             kind = " or ".join({"f": "floats", "i": "integers", "u": "counts"}[one] for one in kinds)
-            raise TypeError(f"it holds {dataset.dtype} of shape {found}, and {kind} of shape ({needed}) are needed")
+            raise TypeError(
+                f"it holds {dataset.dtype} of shape {found}, and {kind} of shape ({needed}) are needed"
+            )
 
 
 def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = None) -> None:
@@ -145,7 +145,9 @@ def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = No
         except FAULTS:  # what cannot be opened leads nowhere; who reads it is told
             continue
         if wrong is not None:
-            raise InputError(f"{path} is refused: {text_of(name)} {wrong}; a file of ifrdem holds its own data")
+            raise InputError(
+                f"{path} is refused: {text_of(name)} {wrong}; a file of ifrdem holds its own data"
+            )
 
 
 def text_of(name: bytes | str) -> str:
@@ -172,7 +174,9 @@ def _elsewhere(file: h5py.File, name: bytes, kind: int, views: Mapping[str, str]
         (settings.get_virtual_filename(i), settings.get_virtual_dsetname(i))
         for i in range(settings.get_virtual_count())
     }
-    return None if source is not None and shown <= {(".", source)} else "is a virtual dataset of another place"
+    return (
+        None if source is not None and shown <= {(".", source)} else "is a virtual dataset of another place"
+    )
 
 
 def _chosen(dataset: h5py.Dataset, selection: Any) -> list[range]:

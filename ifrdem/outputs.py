@@ -133,7 +133,9 @@ def only(found: Sequence[Path], *, several: str, none: str) -> Path:
     if not found:
         raise InputError(none)
     if len(found) > 1:
-        names = ", ".join(sorted(each.name.removesuffix(CHECKPOINT).removesuffix(".h5") + ".h5" for each in found))
+        names = ", ".join(
+            sorted(each.name.removesuffix(CHECKPOINT).removesuffix(".h5") + ".h5" for each in found)
+        )
         raise InputError(f"{several}: name one of {names}")
     return found[0]
 

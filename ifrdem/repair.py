@@ -53,28 +53,27 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
         check_apart(place, path)
     if special := not_a_file(place):
         raise InputError(special)
-    with _openable(path, say) as (source, whole):
-        with h5py.File(source, "r") as file:
+    with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
+        try:
+            with damage.reading(path, "its bookkeeping"):
+                copy = _Copy(file, path, whole, say)
+        except DamageError as error:
+            raise _in_vain(path, error) from error
+        if not copy.wrong and whole is None:
             try:
-                with damage.reading(path, "its bookkeeping"):
-                    copy = _Copy(file, path, whole, say)
-            except DamageError as error:
-                raise _in_vain(path, error) from error
-            if not copy.wrong and whole is None:
+                _read_through(path)
+                return False
+            except InputError as error:
+                say(f"  {error}")
+        try:
+            with beside.replacing(place) as new:
+                copy.write(new)
                 try:
-                    _read_through(path)
-                    return False
+                    _read_through(new)
                 except InputError as error:
-                    say(f"  {error}")
-            try:
-                with beside.replacing(place) as new:
-                    copy.write(new)
-                    try:
-                        _read_through(new)
-                    except InputError as error:
-                        raise _in_vain(path, error, new) from error
-            except OSError as error:
-                raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
+                    raise _in_vain(path, error, new) from error
+        except OSError as error:
+            raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
     say(f"  {len(copy.frames)} of {copy.committed} frames are kept")
     return True
 
@@ -116,7 +115,9 @@ class _Copy:
         damage.check_links(file, str(path), h5md.VIEWS)
         self.wrong = False
         self._file, self._path, self._whole, self._say = file, path, whole, say
-        self._rows: dict[str, NDArray[np.intp]] = {}  # that are kept, of what grows; by the beginning of the name
+        self._rows: dict[
+            str, NDArray[np.intp]
+        ] = {}  # that are kept, of what grows; by the beginning of the name
         self._lost: set[str] = set()
         edges = [f"{h5md.EDGES}/{name}" for name in ("step", "time", "value")]
         static = [f"{h5md.PARTICLES}/{name}" for name in h5md.STATIC]
@@ -170,7 +171,9 @@ class _Copy:
             self._note(f"{name}: cannot be read; the copy lacks it")
             self._lost.add(name)
 
-    def _good(self, dataset: h5py.Dataset, rows: int, step: int = 0, *, finite: bool = False) -> NDArray[np.bool_]:
+    def _good(
+        self, dataset: h5py.Dataset, rows: int, step: int = 0, *, finite: bool = False
+    ) -> NDArray[np.bool_]:
         """The first rows that can be read, looked at in steps of whole chunks."""
         good = np.zeros(rows, dtype=bool)
         step = step or (dataset.chunks[0] if dataset.chunks else max(rows, 1))

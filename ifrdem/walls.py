@@ -198,9 +198,7 @@ class Wall:
         if self.shape == "line":
             length = math.hypot(*self.towards)
             set_(self, "towards", (self.towards[0] / length, self.towards[1] / length))
-        set_(
-            self, "radius", _number(f"{name}, radius", self.radius, 0.0, open_=self.shape == "container")
-        )
+        set_(self, "radius", _number(f"{name}, radius", self.radius, 0.0, open_=self.shape == "container"))
         set_(self, "material", operator.index(self.material))
         set_(self, "surface_speed", _number(f"{name}, surface speed", self.surface_speed))
         if self.temperature is not None:

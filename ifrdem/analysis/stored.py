@@ -108,4 +108,6 @@ def collisions(trajectory: Trajectory) -> Collisions:
     rows, *span = trajectory.tracked_events
     found = {name: trajectory.read_events(name, rows) for name in COLUMNS}
     pair = found["partner"] >= 0
-    return Collisions(**{name: column[pair] for name, column in found.items()}, tracked=tracked, span=(span[0], span[1]))
+    return Collisions(
+        **{name: column[pair] for name, column in found.items()}, tracked=tracked, span=(span[0], span[1])
+    )
