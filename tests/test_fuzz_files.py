@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
 import os
@@ -33,7 +34,8 @@ PARAMETERS = {
     "forces": "[]",
     "gravity": "[0.0, -1.0]",
 }
-SEEDS = 12  # of each kind of damage at random
+TURN = itertools.count()
+SEEDS = 8  # of each kind of damage at random
 
 
 @contextlib.contextmanager
@@ -90,17 +92,17 @@ def read(path: Path) -> None:
 
 
 def commands(path: Path) -> list[list[str]]:
+    """Info, one of the other readers in turn, and repair."""
     f, folder = str(path), str(path.parent)
-    return [
-        ["info", f],
+    others = [
         ["history", f, "--id", "2"],
-        ["export", f, "--to", "csv", "-o", f"{folder}/o.csv", "--force"],
-        ["export", f, "--to", "extxyz", "-o", f"{folder}/o.xyz", "--force"],
-        ["export", f, "--to", "gsd", "-o", f"{folder}/o.gsd", "--force"],
+        ["export", f, "--to", "csv", "-o", f"{folder}/o.csv"],
+        ["export", f, "--to", "extxyz", "-o", f"{folder}/o.xyz"],
+        ["export", f, "--to", "gsd", "-o", f"{folder}/o.gsd"],
         ["views", f],
-        ["analyse", f, "velocity", "impact", "pressure", "-o", f"{folder}/analysis", "--force"],
-        ["repair", f, "-o", f"{folder}/repaired.h5", "--force"],
+        ["analyse", f, "velocity", "impact", "pressure", "-o", f"{folder}/analysis"],
     ]
+    return [["info", f], others[next(TURN) % len(others)], ["repair", f, "-o", f"{folder}/repaired.h5"]]
 
 
 def ends_well(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,8 +113,8 @@ def ends_well(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         try:
             read(path)
         except InputError as error:
-            assert str(path) in str(error)
-            whole = False
+            whole, named = False, str(path) in str(error)
+            assert named
         for words in commands(path):
             found = cli.main(words)
             shown = capsys.readouterr()
@@ -392,7 +394,8 @@ def test_a_flipped_bit_of_a_checkpoint_is_told_or_changes_nothing(tmp_path, caps
         try:
             again, same = checkpoint.read(path)
         except InputError as error:
-            assert str(path) in str(error)
+            named = str(path) in str(error)
+            assert named
         else:  # it was a byte that nothing depends on
             assert same == record
             assert all(np.array_equal(again[name], arrays[name]) for name in arrays)
