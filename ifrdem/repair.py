@@ -151,7 +151,8 @@ class _Copy:
         self._made = {}
         with h5py.File(place, "w") as new:
             self._copy(self._file, new)
-            new.require_group("observables")
+            if "observables" not in new:
+                new.create_group("observables")
 
     def _note(self, text: str) -> None:
         self.wrong = True
