@@ -53,10 +53,11 @@ def write(
     try:
         with beside.replacing(place) as new:
             with h5py.File(new, "w") as file:
-                file.attrs["kind"] = _KIND
+                # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
+                file.attrs["kind"] = np.bytes_(_KIND)
                 file.attrs["format"] = FORMAT
-                file.attrs["digest"] = _digest(arrays, text)
-                file["record"] = text
+                file.attrs["digest"] = np.bytes_(_digest(arrays, text))
+                file["record"] = np.frombuffer(text.encode(), dtype=np.uint8)
                 file.create_group("arrays")
                 for name, array in arrays.items():
                     file[f"arrays/{name}"] = array
@@ -118,19 +119,19 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[st
         raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: it is not an HDF5 file")
     with reading(path), h5py.File(path, "r") as file:
         damage.check_links(file, os.fspath(path))
-        if not np.array_equal(file.attrs.get("kind"), _KIND):
+        if not np.array_equal(file.attrs.get("kind"), np.bytes_(_KIND)):
             raise InputError(f"{path} is no checkpoint of ifrdem")
         if int(file.attrs["format"]) != FORMAT:
             raise InputError(
                 f"{path} is a checkpoint of format {file.attrs['format']}; this ifrdem reads {FORMAT}"
             )
-        text = damage.parameter(file["record"])
+        text = damage.read(file["record"]).tobytes().decode()
         arrays = {str(name): damage.read(item) for name, item in file["arrays"].items()}
-        if not np.array_equal(file.attrs["digest"], _digest(arrays, str(text))):
+        if not np.array_equal(file.attrs["digest"], np.bytes_(_digest(arrays, text))):
             raise DamageError(
                 f"{path} is damaged: what it holds has changed since it was written{BEGIN_ANEW}"
             )
-        record: dict[str, Any] = json.loads(str(text))
+        record: dict[str, Any] = json.loads(text)
     return arrays, record
 
 
