@@ -25,6 +25,14 @@ class TheoryError(RuntimeError):
     """Equations of kinetic theory that cannot be integrated numerically for these coefficients."""
 
 
+def printable(text: str) -> str:
+    """A text of a file with its control characters escaped, so that it can do nothing to a terminal."""
+    return "".join(
+        one if one.isprintable() or one in "\n\t" else one.encode("unicode_escape").decode("ascii")
+        for one in text
+    )
+
+
 def nearest(word: str, allowed: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string."""
     found = difflib.get_close_matches(word, list(allowed), n=1, cutoff=0.6)

@@ -87,11 +87,12 @@ class Motion:
         if length == 0.0:
             raise InputError("motion direction = (0, 0): it has no direction")
         object.__setattr__(self, "direction", (x / length, y / length))
-        _number("motion speed", self.speed)
-        _number("motion amplitude", self.amplitude, 0.0)
-        _number("motion frequency", self.frequency, 0.0)
-        _number("motion phase", self.phase)
-        _number("motion rise", self.rise, 0.0, 1.0, open_=True)
+        set_ = object.__setattr__
+        set_(self, "speed", _number("motion speed", self.speed))
+        set_(self, "amplitude", _number("motion amplitude", self.amplitude, 0.0))
+        set_(self, "frequency", _number("motion frequency", self.frequency, 0.0))
+        set_(self, "phase", _number("motion phase", self.phase))
+        set_(self, "rise", _number("motion rise", self.rise, 0.0, 1.0, open_=True))
         if self.kind in ("sine", "sawtooth") and self.frequency == 0.0:
             raise InputError(f"motion kind = '{self.kind}': a frequency above 0 is needed")
 
@@ -183,23 +184,24 @@ class Wall:
             raise InputError(
                 f"wall shape = '{self.shape}': allowed are {', '.join(SHAPES)}{nearest(self.shape, SHAPES)}"
             )
-        object.__setattr__(self, "place", _point(f"{self.shape} wall, place", self.place))
-        object.__setattr__(self, "towards", _point(f"{self.shape} wall, direction", self.towards))
+        set_, name = object.__setattr__, f"{self.shape} wall"
+        set_(self, "place", _point(f"{name}, place", self.place))
+        set_(self, "towards", _point(f"{name}, direction", self.towards))
         if self.shape in ("line", "segment") and math.hypot(*self.towards) == 0.0:
             what = (
                 "normal = (0, 0): it has no direction" if self.shape == "line" else "both ends are the same"
             )
-            raise InputError(f"{self.shape} wall: {what}")
+            raise InputError(f"{name}: {what}")
         if self.shape == "line":
             length = math.hypot(*self.towards)
-            object.__setattr__(self, "towards", (self.towards[0] / length, self.towards[1] / length))
-        _number(f"{self.shape} wall, radius", self.radius, 0.0, open_=self.shape == "container")
-        _number(f"{self.shape} wall, surface speed", self.surface_speed)
-        checked.whole(f"{self.shape} wall, material", self.material, 0)
+            set_(self, "towards", (self.towards[0] / length, self.towards[1] / length))
+        set_(self, "radius", _number(f"{name}, radius", self.radius, 0.0, open_=self.shape == "container"))
+        set_(self, "material", checked.whole(f"{name}, material", self.material, 0))
+        set_(self, "surface_speed", _number(f"{name}, surface speed", self.surface_speed))
         if not isinstance(self.motion, Motion):
-            raise InputError(f"{self.shape} wall, motion = {self.motion!r}: a Motion is needed")
+            raise InputError(f"{name}, motion = {self.motion!r}: a Motion is needed")
         if self.temperature is not None:
-            _number(f"{self.shape} wall, temperature", self.temperature, 0.0, open_=True)
+            set_(self, "temperature", _number(f"{name}, temperature", self.temperature, 0.0, open_=True))
 
     @classmethod
     def line(cls, point: Point, normal: Point, **options: Unpack[Options]) -> Wall:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from dataclasses import dataclass
 from typing import Any
@@ -88,7 +87,9 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
     phi = trajectory.box.packing_fraction(disks.radius)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnergyWarning)
-        rows = json.loads(str(trajectory.parameters["laws"]))
+        rows = [[one for one in line if one is not None] for line in trajectory.laws]
+        if any(len(line) < len(rows) for line in rows):
+            return "materials that never meet: no kinetic theory here"
         if any(row["rho"] > 0.0 for line in rows for row in line):
             return "rolling friction: no kinetic theory here"
         try:
@@ -96,7 +97,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
             _, which = Mixture.of(disks, laws, phi)
         except InputError as error:
             return f"no kinetic theory here: {error}"
-    forces = json.loads(str(trajectory.parameters.get("forces", "[]")))
+    forces = trajectory.record("forces", _forces, "[]")
     if kinds == 1:
         start = [
             np.array([trajectory.observables[name][0]]) for name in ("temperature", "rotational_temperature")
@@ -107,6 +108,12 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
         spinning = disks.inertia * frame.spin**2
         start = [np.array([each[those].mean() for those in members]) for each in (moving, spinning)]
     return _Gas(disks, laws, phi, start[0], start[1], forces, kinds)
+
+
+def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The forces of a case, after a look at what theory takes of them."""
+    Drive.of(given, 1.0, 1.0)
+    return given
 
 
 def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, printable
 from ..run.outputs import check_apart, write_aside
 from . import tables
+from .damage import FAULTS
 from .frame import SPIN
 from .history import History
 from .reader import Trajectory
@@ -123,15 +124,15 @@ def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
         species = json.loads(str(trajectory.parameters["species"]))
         names, counts = [str(one["name"]) for one in species], [int(one["number"]) for one in species]
         if min(counts) >= 0 and sum(counts) == len(material):
-            return names, np.repeat(np.arange(len(names)), counts)
-    except (KeyError, TypeError, ValueError):  # parameters may be anybody's
+            return [*map(printable, names)], np.repeat(np.arange(len(names)), counts)
+    except FAULTS:  # parameters may be anybody's
         pass
     try:
         names = json.loads(str(trajectory.parameters["materials"]))
         known = isinstance(names, list) and all(isinstance(name, str) for name in names)
         if known and len(names) > material.max(initial=-1):
-            return names, material.astype(np.intp)
-    except (KeyError, TypeError, ValueError):
+            return [*map(printable, names)], material.astype(np.intp)
+    except FAULTS:
         pass
     return None
 

@@ -209,13 +209,23 @@ def tracked(file: h5py.File) -> NDArray[np.int32]:
     return damage.read(file[f"{GROUP}/tracked"])
 
 
-def committed(file: h5py.File) -> tuple[int, float]:
-    """How many events of all disks are committed, and up to when histories are complete [time]."""
+def committed(file: h5py.File, path: str) -> tuple[int, float, float]:
+    """Number of committed events of all disks, and the times between which histories are complete [time].
+
+    Raises
+    ------
+    InputError
+        If the file has no histories, or a part of them cannot be read.
+    """
+    if GROUP not in file:
+        raise InputError(
+            f"{path} holds no histories: `histories` under [output] of the case (output.histories) names the disks "
+            "to track, and the run must be made again"
+        )
     group = file[f"{GROUP}/committed"]
-    rows = len(group["events"])  # grows last; the first row is that of the start
-    if rows == 0:
-        raise damage.DamageError(f"{file.filename} is damaged: its histories have no commit")
-    return int(damage.read(group["events"], rows - 1)), float(damage.read(group["time"], rows - 1))
+    last = len(group["events"]) - 1  # grows last; the first row is that of the start
+    count, end = int(damage.read(group["events"], last)), float(damage.read(group["time"], last))
+    return count, float(damage.read(file[f"{GROUP}/start/time"])), end
 
 
 def read(
@@ -230,11 +240,7 @@ def read(
     """
     if not 0 <= disk < len(radius):
         raise InputError(f"disk {disk} of {path}: there are {len(radius)} disks, 0 to {len(radius) - 1}")
-    if GROUP not in file:
-        raise InputError(
-            f"{path} holds no histories: `histories` under [output] of the case (output.histories) names the disks "
-            "to track, and the run must be made again"
-        )
+    count, _, end = committed(file, path)
     ids = tracked(file)
     place = int(np.searchsorted(ids, disk))
     if place == len(ids) or ids[place] != disk:
@@ -244,7 +250,6 @@ def read(
             f"disk {disk} of {path} is not tracked: {len(ids)} of {len(radius)} disks are ({some})"
             + ("" if near is None else f"; the nearest is {near}")
         )
-    count, end = committed(file)
     columns = _events(file, disk, count)
     start = {
         name: damage.read(file[f"{GROUP}/start/{name}"], place if name != "time" else ())

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import nearest
 from ..tools.sealed import Sealed
+from .damage import text_of
 from .frame import NameMissing
 
 
@@ -32,7 +33,7 @@ class Series(Sealed, Mapping[str, NDArray[Any]]):
         group: h5py.Group | None,
         time: NDArray[np.float64],
         kind: str,
-        read: Callable[[str, slice], NDArray[Any]],
+        read: Callable[[str, int, int], NDArray[Any]],
     ) -> None:
         self._kind = kind
         self._path = "" if group is None else str(group.name)
@@ -41,7 +42,7 @@ class Series(Sealed, Mapping[str, NDArray[Any]]):
         for name, item in () if group is None else group.items():
             if isinstance(item, h5py.Group):
                 columns = item.attrs.get("columns", ())
-                self._columns[name] = tuple(
+                self._columns[text_of(name)] = tuple(
                     one.decode() if isinstance(one, bytes) else str(one) for one in columns
                 )
         self._set(time=time)
@@ -49,7 +50,7 @@ class Series(Sealed, Mapping[str, NDArray[Any]]):
     def __getitem__(self, name: str) -> NDArray[Any]:
         whole, _, column = str(name).partition("/")
         columns = self.columns(whole)
-        value = self._read(f"{self._path}/{whole}/value", slice(0, len(self.time)))
+        value = self._read(f"{self._path}/{whole}/value", len(self.time), len(columns))
         if not column:
             return value
         if column not in columns:

@@ -23,7 +23,7 @@ from ..tools.buffers import compact
 from ..tools.sealed import Sealed
 from . import layout, quantities, resumable
 from .deflate import Deflate
-from .file import OutputFile, TrajectoryError
+from .file import OutputFile, TrajectoryError, gone
 from .frame_rows import FrameRows
 from .history_writer import HistoryWriter
 from .series_writer import SeriesWriter
@@ -228,6 +228,16 @@ class TrajectoryWriter(Sealed):
     def present(self) -> Path:
         """Where the file is now: beside its place while it is to replace another and has no frame yet."""
         return self._output.present
+
+    @property
+    def identity(self) -> tuple[int, int] | None:
+        """As `OutputFile.identity`."""
+        return self._output.identity
+
+    @property
+    def gone(self) -> str | None:
+        """Reason why the file is not at its place any more; None if it is."""
+        return gone(self.present, self.identity)
 
     @property
     def series_rows(self) -> int:
