@@ -103,6 +103,8 @@ class Row:
         ten times the tolerance.
     sampling : Sampling or None
         Of what is random.
+    least : bool
+        `expected` is a lower bound: whatever is not below it passes, and there is no tolerance.
     """
 
     quantity: str
@@ -113,6 +115,7 @@ class Row:
     source: str
     printed: float | None = None
     sampling: Sampling | None = None
+    least: bool = False
 
     @property
     def blunt(self) -> bool:
@@ -122,6 +125,8 @@ class Row:
     @property
     def passed(self) -> bool:
         """Whether the measured value is within the tolerance, and that not too wide; never so for a NaN."""
+        if self.least:
+            return self.measured >= self.expected
         if self.blunt or not abs(self.measured - self.expected) <= self.tolerance:
             return False
         return self.printed is None or abs(self.measured - self.printed) > 10.0 * self.tolerance
@@ -168,6 +173,10 @@ class Result:
         """Add a row of one number against one number."""
         row = Row(quantity, float(measured), float(expected), tolerance, reason, source)
         self.rows.append(row if printed is None else _with_printed(row, float(printed)))
+
+    def at_least(self, quantity: str, measured: Any, bound: float, reason: str, source: str) -> None:
+        """Add a row of one number that must not be below a bound."""
+        self.rows.append(Row(quantity, float(measured), bound, 0.0, reason, source, least=True))
 
     def all_near(
         self,
