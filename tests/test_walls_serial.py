@@ -37,7 +37,9 @@ DRUM = [
     Wall.container(
         (10.0, 10.0), 9.3, surface_speed=0.8, motion=Motion("sine", (1.0, 0.5), amplitude=0.3, frequency=0.7)
     ),
-    Wall.post((11.0, 9.0), 1.2, motion=Motion("sawtooth", (1.0, 0.0), amplitude=0.5, frequency=0.5, rise=0.4)),
+    Wall.post(
+        (11.0, 9.0), 1.2, motion=Motion("sawtooth", (1.0, 0.0), amplitude=0.5, frequency=0.5, rise=0.4)
+    ),
     Wall.post((5.0, 12.0), 0.1, surface_speed=0.2),
 ]
 SCENES = {"still": (STILL, COIN, 0.0), "shaken": (SHAKEN, ROLLING, -0.5), "drum": (DRUM, ROLLING, -0.3)}
@@ -75,7 +77,9 @@ def test_collisions_with_disks_and_walls_are_those_of_the_serial_code(
     gas.run(t_end=expected[-1][0] + 1e-6)
     events = gas.take_events()
     once = (events.partner < 0) | (events.id < events.partner)
-    found = sorted(zip(events.time[once], events.id[once], events.partner[once], strict=True))[: len(expected)]
+    found = sorted(zip(events.time[once], events.id[once], events.partner[once], strict=True))[
+        : len(expected)
+    ]
     assert [one[1:] for one in found] == [one[1:] for one in expected]
     # Errors of 1e-15 times some 10 per collision and disk; the busiest have twice the mean.
     np.testing.assert_allclose([one[0] for one in found], [one[0] for one in expected], rtol=0.0, atol=1e-7)

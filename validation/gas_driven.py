@@ -62,7 +62,8 @@ def run(quick: bool, seed: int) -> Result:
     for axes, text in ((left, "a"), (middle, "b"), (right, "c")):
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
     caption = (
-        "Steady states. (a) Temperatures of coins (1 pta) and of smooth disks that random kicks heat, over theory of Gaussian velocities; waves, which DSMC does "
+        "Steady states. (a) Temperatures of coins (1 pta) and of smooth disks that random kicks heat, over theory: "
+        "of coins that of Gaussian velocities; waves, which DSMC does "
         "not have, hold 2 % of T at packing fraction 0.1. (b) Temperature of sheared smooth "
         "disks over theory. (c) Density of a column of elastic disks under gravity, and hydrostatics "
         "with and without the correction for finite density (barometric law)."

@@ -69,7 +69,8 @@ def run(quick: bool, seed: int) -> Result:
     caption = (
         f"(a) Temperature of smooth disks, e_n = {E_N}, over Haff's law, both as after {TAU[NORMAL]:g} collisions per "
         "disk; lines: with shear modes, with what is uncertain of them. (b) Cumulant a_2 of the cooling state, "
-        "first-order theory, polynomials up to the sixth, DSMC of the settled gas, and the simulated one while it settles."
+        "first-order theory, polynomials up to the sixth, DSMC of the settled gas, and the simulated one while it "
+        "settles."
     )
     for axes, text in ((left, "a"), (right, "b")):
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
@@ -146,7 +147,9 @@ def _haff_time(result: Result, runs: list[list[Measure]], z: float, a_2: float, 
 def _cumulants(result: Result, quick: bool, seed: int, axes: Any) -> None:
     n = 20_000
     fine = np.linspace(0.5, 1.0, 100)
-    axes.plot(fine, [theory.cooling_sonine(e) for e in fine], color=style.BLACK, label="van Noije and Ernst, $S_2$")
+    axes.plot(
+        fine, [theory.cooling_sonine(e) for e in fine], color=style.BLACK, label="van Noije and Ernst, $S_2$"
+    )
     why = "what S_5 or S_6 change"
     for i, e_n in enumerate(CUMULANTS):
         if quick and e_n != E_N:
