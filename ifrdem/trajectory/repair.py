@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..run.outputs import check_apart, checkpoint_of, not_a_file
 from ..tools import beside
-from . import damage, history
+from . import damage, history, layout
 from .damage import DamageError
 from .reader import Trajectory, check_file
 from .views import paths as view_paths

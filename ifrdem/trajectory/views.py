@@ -24,6 +24,7 @@ import numpy as np
 from ..errors import InputError
 from ..run.outputs import VIEWS, check_apart, check_files
 from ..tools import beside
+from . import layout
 from .reader import Trajectory, check_file
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from support.layout_files import BOX, add_histories, add_series, some_disks, some_state
 
-from ifrdem import cli
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.run import outputs, status
 from ifrdem.simulation import checkpoint

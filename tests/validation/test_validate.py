@@ -384,3 +384,10 @@ def test_readme_lists_every_case():
     section = text.split("## Validation")[1].split("\n## ")[0]
     assert re.findall(r"^\| `(\w+)` \|", section, flags=re.MULTILINE) == list(registry.CASES)
     assert ".venv/bin/ifrdem validate -o validation-report\n" in section
+
+
+def test_a_lower_bound_lets_pass_what_is_not_below_it() -> None:
+    result = Result()
+    for value in (20.0, 57.0, 19.9, float("nan")):
+        result.at_least("growth", value, 20.0, "no theory says how much", "by hand")
+    assert [row.passed for row in result.rows] == [True, True, False, False]
