@@ -29,7 +29,10 @@ PAPER = ("angles", "velocities", "restitution", "stopping", "rolling", "reductio
 BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bullet_ifr", "bullet_defaults")
 """Cases that hold them against code that nobody here wrote; they need PyBullet."""
 
-GAS = ("gas_state", "gas_elastic", "gas_haff", "gas_cooling", "gas_driven", "gas_collapse", "gas_clusters")
+GAS = (
+    "gas_state", "gas_equilibrium", "gas_elastic", "gas_haff", "gas_rough", "gas_cooling", "gas_driven",
+    "gas_collapse", "gas_clusters",
+)  # fmt: skip
 """Cases that hold many disks against the literature and kinetic theory; they take minutes, and a seed."""
 
 CASES = PAPER + BULLET + GAS
