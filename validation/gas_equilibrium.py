@@ -85,11 +85,12 @@ def run(quick: bool, seed: int) -> Result:
     figure, axes = style.panels(2, 2)
     _speeds(result, quick, seed, axes[0])
     _paths(result, quick, seed, axes[1])
-    _diffusion(result, quick, seed, axes[2])
-    if not quick:
-        _walls(result, seed, axes[3])
+    if quick:
+        for one in axes[2:]:
+            one.set_axis_off()
     else:
-        axes[3].set_axis_off()
+        _diffusion(result, seed, axes[2])
+        _walls(result, seed, axes[3])
     for one, text in zip(axes, "abcd", strict=True):
         one.set_title(text, loc="left", weight="bold", fontsize=9)
     caption = (
@@ -252,9 +253,9 @@ def _displaced(phi: float, seed: int, spans: int) -> tuple[float, Array, Array]:
     return fit.D, found.lag / mean_time, found.value
 
 
-def _diffusion(result: Result, quick: bool, seed: int, axes: Any) -> None:
-    replicas, spans = (18, 3) if quick else (24, 6)
-    for i, phi in enumerate(DIFFUSION[-1:] if quick else DIFFUSION):
+def _diffusion(result: Result, seed: int, axes: Any) -> None:
+    replicas, spans = 24, 6
+    for i, phi in enumerate(DIFFUSION):
         seeds = seeds_of(seed, replicas, 4200 + 40 * i)
         found = [_displaced(phi, one, spans) for one in seeds]
         tail = phi / math.pi * math.log(0.5 * sum(FIT))  # if it began with the first collision

@@ -44,7 +44,7 @@ GROUPS = {"paper": PAPER, "bullet": BULLET, "gas": GAS}
 
 SECONDS = {
     "gas_state": (320.0, 13.0), "gas_elastic": (80.0, 26.0), "gas_haff": (120.0, 28.0), "gas_cooling": (220.0, 22.0),
-    "gas_equilibrium": (200.0, 25.0), "gas_rough": (130.0, 10.0),
+    "gas_equilibrium": (200.0, 30.0), "gas_rough": (200.0, 30.0),
     "gas_driven": (200.0, 36.0), "gas_collapse": (3.0, 5.0), "gas_clusters": (200.0, 23.0),
 }  # fmt: skip
 """What cases take, in full and quick, on one thread of the machine that README names [s]; of others a second or so."""
