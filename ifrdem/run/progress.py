@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import time
@@ -181,6 +182,11 @@ def _columns(stream: TextIO) -> int:
         return os.get_terminal_size(stream.fileno()).columns
     except (OSError, ValueError):  # no file, or not that of a terminal
         return 0
+
+
+def quiet() -> bool:
+    """Whether the logger `ifrdem` is set to warnings and errors only, as by `--quiet`."""
+    return logging.getLogger("ifrdem").level > logging.INFO
 
 
 def clock_face(seconds: float) -> str:
