@@ -44,7 +44,9 @@ def bench(
     set: Set = None,
     output: Annotated[
         str | None,
-        option("C", "time what output costs a run, with its frames uncompressed (C = none) or compressed (gzip)"),
+        option(
+            "C", "time what output costs a run, with its frames uncompressed (C = none) or compressed (gzip)"
+        ),
     ] = None,
     table: Annotated[bool, flag("time a grid of gases; prints Markdown")] = False,
     most: Annotated[str | None, option("N", "leave out gases of the table with more disks")] = None,
@@ -59,7 +61,14 @@ def bench(
     """
     from ..simulation import device
     from ..validation.speed.options import (
-        DENSEST, MOST_DISKS, RUNS, SECONDS, THINNEST, TURNS, BenchOptions, Timing,
+        DENSEST,
+        MOST_DISKS,
+        RUNS,
+        SECONDS,
+        THINNEST,
+        TURNS,
+        BenchOptions,
+        Timing,
     )  # fmt: skip
 
     given = {
@@ -89,7 +98,9 @@ def bench(
         wrong.append(f"--{error}")
     wrong.end()
     timing = Timing(turns, least, extra, profile, not no_compile)
-    changes = overrides(set, arch=arch, seed=seed, threads=threads, precision=precision) if case is not None else []
+    changes = (
+        overrides(set, arch=arch, seed=seed, threads=threads, precision=precision) if case is not None else []
+    )
     chosen = BenchOptions(
         timing, disks, fraction, arch_used, used, precision_used, first, case, tuple(changes), before, table, largest,
         clustered, output, json,
@@ -117,11 +128,14 @@ def _measured(chosen: BenchOptions) -> Benchmark | OutputCost:
         from ..case import shipped
 
         file = case_file.read(shipped.find(chosen.case), chosen.overrides)
-        return bench.measure(
-            file.case, file.folder, timing=chosen.timing, after=chosen.after, note=progress
-        )
+        return bench.measure(file.case, file.folder, timing=chosen.timing, after=chosen.after, note=progress)
     gas = equilibrium.elastic_gas(
-        chosen.n, chosen.phi, arch=chosen.arch, threads=chosen.threads, precision=chosen.precision, seed=chosen.seed
+        chosen.n,
+        chosen.phi,
+        arch=chosen.arch,
+        threads=chosen.threads,
+        precision=chosen.precision,
+        seed=chosen.seed,
     )
     try:
         return bench.measure(gas, timing=chosen.timing, note=progress)

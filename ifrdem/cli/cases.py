@@ -43,7 +43,14 @@ def new(
     /,
     *,
     output: Annotated[
-        str | None, option("FILE", "file to write (default: KIND.toml; - prints it)", "--output", "-o")
+        str | None,
+        option(
+            "FILE",
+            "file to write (default: KIND.toml; - prints it)",
+            "--output",
+            "-o",
+            allow_leading_hyphen=True,
+        ),
     ] = None,
     force: Force = False,
 ) -> None:

@@ -8,11 +8,19 @@ import sys
 import textwrap
 import time
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Annotated
 
-from cyclopts import App, CycloptsError, Group, Parameter
-from cyclopts import MissingArgumentError, UnknownCommandError, UnknownOptionError, UnusedCliTokensError
+from cyclopts import (
+    App,
+    CycloptsError,
+    Group,
+    MissingArgumentError,
+    Parameter,
+    UnknownCommandError,
+    UnknownOptionError,
+    UnusedCliTokensError,
+)
 
 from ..errors import EngineError, InputError, nearest
 from ..tools.versions import __version__
@@ -32,7 +40,9 @@ app = App(
     version=f"ifrdem {__version__}",
     help_format="plaintext",
     help_formatter=console.Help(),
-    default_parameter=Parameter(negative=(), show_default=False, allow_repeating=True),
+    default_parameter=Parameter(
+        negative_bool=(), negative_iterable=(), negative_none=(), show_default=False, allow_repeating=True
+    ),
     result_action="return_value",
     suppress_keyboard_interrupt=False,
     group_commands=EVERY,
@@ -45,7 +55,10 @@ GENERAL = ("--quiet", "--verbose", "--help")
 
 
 def docs(
-    topic: Annotated[str | None, Parameter(name="TOPIC", help="page to print (default: the list of pages)")] = None, /
+    topic: Annotated[
+        str | None, Parameter(name="TOPIC", help="page to print (default: the list of pages)")
+    ] = None,
+    /,
 ) -> None:
     """Read the manual."""
     from .docs import show
@@ -65,7 +78,10 @@ COMMANDS = {
     ),
     LAW: (fit.fit, validate.validate, bench.bench, cases.backends, docs),
 }  # fmt: skip
-MORE = {fit.fit: fit.FORMAT, analyse.plot: f"WHAT is drawn into a PNG file:\n\n{_lines(analyse.PICTURE_LIST)}"}
+MORE = {
+    fit.fit: fit.FORMAT,
+    analyse.plot: f"WHAT is drawn into a PNG file:\n\n{_lines(analyse.PICTURE_LIST)}",
+}
 """Text that `--help` of a command shows behind its docstring."""
 for group, functions in COMMANDS.items():
     for place, function in enumerate(functions):
@@ -74,11 +90,18 @@ for group, functions in COMMANDS.items():
 app.register_install_completion_command()
 
 
+app.meta.suppress_keyboard_interrupt = False
+
+
 @app.meta.default
 def _any(
     *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
-    quiet: Annotated[bool, flag("show results, warnings and errors only", "--quiet", "-q", group=EVERY)] = False,
-    verbose: Annotated[bool, flag("show details too: device, kernel cache, times", "--verbose", "-v", group=EVERY)] = False,
+    quiet: Annotated[
+        bool, flag("show results, warnings and errors only", "--quiet", "-q", group=EVERY)
+    ] = False,
+    verbose: Annotated[
+        bool, flag("show details too: device, kernel cache, times", "--verbose", "-v", group=EVERY)
+    ] = False,
 ) -> object:
     if quiet and verbose:
         raise InputError("--quiet: not beside --verbose")

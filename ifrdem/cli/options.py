@@ -63,7 +63,9 @@ Frames = Annotated[
         "(default: all that suit)",
     ),
 ]
-Output = Annotated[str | None, option("OUT", "file to write (default: FILE with another ending)", "--output", "-o")]
+Output = Annotated[
+    str | None, option("OUT", "file to write (default: FILE with another ending)", "--output", "-o")
+]
 Force = Annotated[bool, flag("replace files that exist")]
 
 

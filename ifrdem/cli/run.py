@@ -10,7 +10,20 @@ from cyclopts import Parameter
 from ..errors import InputError
 from .console import FAILED, complain, note, say, warn
 from .options import (
-    Arch, Case, Force, MaxHours, NoPicture, Precision, Seed, Set, Threads, flag, max_hours, number, option, overrides,
+    Arch,
+    Case,
+    Force,
+    MaxHours,
+    NoPicture,
+    Precision,
+    Seed,
+    Set,
+    Threads,
+    flag,
+    max_hours,
+    number,
+    option,
+    overrides,
 )  # fmt: skip
 
 
@@ -85,7 +98,7 @@ def resume(
     resuming.find(place)  # before anything takes a second
     return _ended(
         lambda: resuming.resume(
-            place, ignore_case_changes=ignore_case_changes, threads=threads and int(threads), max_hours=hours,
+            place, ignore_case_changes=ignore_case_changes, threads=int(threads) if threads else None, max_hours=hours,
             picture=not no_picture, say=note, warn=warn,
         )
     )  # fmt: skip
@@ -107,7 +120,9 @@ def _ended(work: Callable[[], None]) -> int:
 def tail(
     path: Annotated[
         str,
-        Parameter(name="PATH", help="the trajectory (NAME.h5), NAME.status.json, or a folder: its newest run"),
+        Parameter(
+            name="PATH", help="the trajectory (NAME.h5), NAME.status.json, or a folder: its newest run"
+        ),
     ],
     /,
     *,
@@ -123,4 +138,6 @@ def tail(
     seconds = number("--interval", interval, need, lambda value: 0.01 <= value <= 3600.0)
     from ..run import status
 
-    return 0 if status.tail(path, say, follow=not once, interval=seconds) in (status.RUNNING, "done") else FAILED
+    return (
+        0 if status.tail(path, say, follow=not once, interval=seconds) in (status.RUNNING, "done") else FAILED
+    )

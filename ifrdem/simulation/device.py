@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import gc
 import io
+import logging
 import os
 import shutil
 import tempfile
@@ -17,6 +18,7 @@ from ..errors import InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
+LOG = logging.getLogger("ifrdem")
 
 
 @dataclass(frozen=True)
@@ -213,6 +215,7 @@ def start(
     if _running is not None and _running in good_enough and ti.lang.impl.get_runtime().prog is not None:
         return _running
     _release_all()
+    cache = _kernel_cache()
     with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
         ti.init(
             arch=getattr(ti, arch),
@@ -221,13 +224,15 @@ def start(
             fast_math=False,  # with it, contact times lose bits and collisions are missed
             cpu_max_num_threads=wanted.threads,
             offline_cache=True,
-            offline_cache_file_path=_kernel_cache(),
+            offline_cache_file_path=cache,
             log_level=ti.WARN,
             enable_fallback=False,
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
             kernel_profiler=profile,
         )
     _running = wanted
+    LOG.debug("device %s, %d threads, %s", arch, wanted.threads, precision)
+    LOG.debug("kernel cache %s", cache)
     return wanted
 
 

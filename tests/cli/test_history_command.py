@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from support.layout_files import add_histories, some_state, write
 
-from ifrdem.cli.history_options import regime, summary
 from ifrdem.cli.main import main
+from ifrdem.cli.trajectory import regime, summary
 from ifrdem.model.ifr import Regime
 from ifrdem.trajectory.reader import Trajectory
 
@@ -70,7 +70,7 @@ def test_units_of_the_columns_stand_under_their_names_and_reduced_files_have_non
 
 
 def test_history_says_that_it_shows_the_latest_of_more(run, monkeypatch, capsys):
-    monkeypatch.setattr("ifrdem.cli.history_options.SHOWN", 3)
+    monkeypatch.setattr("ifrdem.cli.trajectory.SHOWN", 3)
     assert main(["history", str(run), "--id", "7"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[2] == "  the latest 3 (-o writes all; psi in rad):"
