@@ -9,6 +9,12 @@ From a shell: `ifrdem --help`; the manual: `ifrdem docs`.
 Names are imported when they are first used (`__init__.pyi` lists them), so that `import ifrdem` is quick.
 """
 
+import os
+
 import lazy_loader
+
+# Taichi, imported later by whomever, prints a banner unless told not to, and in a notebook a line for each kernel.
+os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

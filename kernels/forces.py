@@ -1,7 +1,6 @@
 """The kernels that apply a force to every disk: one pair of them for each class of forces."""
 
-import taichi as ti
-
+from .language import ti
 from .layout import (
     BLOCK,
     CELLS_X,
@@ -31,6 +30,7 @@ from .layout import (
     X,
     Y,
     n_blocks,
+    plain,
 )
 from .random import DRAWS
 from .shear import flow_at, lab_x
@@ -101,7 +101,7 @@ def kernels_of(force, n_parameters):
     blocks of slots, and block by block: their rounding does not depend on threads.
     """
     act, measure = (
-        function if hasattr(function, "_is_taichi_function") else ti.func(function)
+        function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
         for function in (force.act, force.measure)
     )
     n_totals = force.totals

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..simulation.schedule import SHORTEST, Cadence
+from ..simulation.schedule import MOST as MOST_FRAMES
+from ..simulation.schedule import Cadence
 from .section import Section
 
 FieldName = Literal[
@@ -16,8 +17,6 @@ FieldName = Literal[
 ]
 Interval = Annotated[float, Field(gt=0.0)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say
-MOST_FRAMES = 10_000_000
-"""And rows of series, in a run."""
 _TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")
 
 
@@ -136,10 +135,6 @@ class OutputSection(Section):
             given = [key for key in ways if key in data]
             if len(given) > 1:
                 wrong.append(f"at most one is needed of: {', '.join(ways)}; given: {', '.join(given)}")
-            for key in set(given) - {what}:
-                value, least = data[key], ROWS_PER_FRAME * SHORTEST
-                if isinstance(value, int | float) and 0.0 < value < least:
-                    wrong.append(f"{key} = {value:g}: {least:g} or more is needed")
             if data.get(f"{what}_spacing", "even") == "log" and set(given) - {what}:
                 wrong.append(f'{what}_spacing = "log": only with a number, {what}')
         if data.get("series_spacing", "even") == "log" and "series" not in data:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError, nearest
 from .console import note, say
-from .options import File, Force, Frames, chosen, flag, opened, option
+from .options import FILE, File, Force, Frames, chosen, flag, opened, option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -250,7 +250,7 @@ def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Pat
 
 
 def plot(
-    file: Annotated[str | None, Parameter(name="FILE", help="a trajectory (.h5)")] = None,
+    file: Annotated[str | None, FILE] = None,
     what: Annotated[str | None, Parameter(name="WHAT", help="a name from `ifrdem plot --list`")] = None,
     /,
     *,
@@ -348,7 +348,7 @@ def _temperatures(figure: Figure, trajectory: Trajectory) -> None:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
     if trajectory.box.shear_rate:
         temperatures.sheared(upper, lower, trajectory)
-    elif json.loads(str(trajectory.parameters.get("forces", "[]"))):
+    elif trajectory.record("forces", bool, "[]"):
         temperatures.driven(upper, lower, trajectory)
     else:
         temperatures.cooling(upper, lower, trajectory)

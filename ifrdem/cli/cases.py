@@ -90,4 +90,7 @@ def backends() -> None:
 
     for each in device.available():
         say(f"{each.arch:<8} {each.description}")
+    absence = device.cuda_absence()
+    if absence is not None:
+        say(f"cuda     not usable: {absence}")
     say(f"pybullet {bullet.describe()}")

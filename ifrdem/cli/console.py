@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from ..errors import printable
+
 if TYPE_CHECKING:
     from cyclopts.help import HelpPanel
 
@@ -63,8 +65,8 @@ class _Streams(logging.Handler):
             return
         sys.stdout.flush()
         warning = "warning: " if record.levelno == logging.WARNING else ""
-        for line in f"{warning}{message}".splitlines():
-            print(f"ifrdem: {line}", file=sys.stderr)
+        for line in f"{warning}{message}".splitlines():  # messages quote files, which may hold anything
+            print(f"ifrdem: {printable(line)}", file=sys.stderr)
 
 
 @contextmanager

@@ -114,7 +114,7 @@ def _any(
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh), 130 (interrupted), 143 (terminated).
+    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh or SIGUSR1, SIGUSR2), 130 (interrupted), 143 (terminated).
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if sys.stdout is None:  # closed by the caller, as by `>&-`
@@ -155,6 +155,8 @@ def _commands() -> list[str]:
 
 def _told(error: CycloptsError) -> str:
     """The message on a command line that cannot be understood."""
+    if isinstance(error.__cause__, InputError):  # of a converter
+        return str(error.__cause__)
     if isinstance(error, UnknownCommandError):
         word, known = (error.unused_tokens or [""])[0], _commands()
         if not word.startswith("-"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -16,6 +17,8 @@ from ..errors import InputError, nearest
 from . import console
 
 if TYPE_CHECKING:
+    from cyclopts import Token
+
     from ..trajectory.reader import Trajectory
 
 T = TypeVar("T")
@@ -31,9 +34,19 @@ def flag(text: str, *names: str, **more: Any) -> Parameter:
     return Parameter(name=names or None, help=text, **more)
 
 
+def _trajectory(kind: object, tokens: Sequence[Token]) -> str:
+    """A trajectory as the command line names it: itself, or the only one of a folder."""
+    from ..run.outputs import trajectory_in
+
+    return os.fspath(trajectory_in(Path(tokens[0].value)))
+
+
 CASE = "a case file (TOML), or a shipped case (`ifrdem cases`); `ifrdem new cooling` writes one"
+FILE = Parameter(
+    name="FILE", help="a trajectory (.h5), or the folder that it is in", converter=_trajectory, n_tokens=1
+)
 Case = Annotated[str, Parameter(name="CASE", help=CASE)]
-File = Annotated[str, Parameter(name="FILE", help="a trajectory (.h5)")]
+File = Annotated[str, FILE]
 Set = Annotated[
     list[str] | None,
     option(

@@ -22,9 +22,6 @@ from ..case.file import CaseFile
 from ..case.gas import Gas
 from ..errors import EngineError, InputError
 from ..model.observables import MECHANISMS, Measure
-from ..plots import impact_scan as scan_picture
-from ..plots import run as plot
-from ..plots import table_friction
 from ..simulation import device as backend
 from ..simulation.course import Course
 from ..simulation.schedule import Span
@@ -149,7 +146,7 @@ def how(case: Case) -> str:
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = next(each for each in backend.available() if each.arch == case.run.arch)
+    device = backend.device(case.run.arch)
     return f"{device.arch}: {device.description}"
 
 
@@ -165,9 +162,8 @@ def drive(
     """
     case, simulation = job.file.case, job.simulation
     recorder = Recorder(
-        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending,
-        now=lambda: simulation.time,
-    )  # fmt: skip
+        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending
+    )
     status = Status(
         job.outputs.trajectory,
         name=case.run.name,
@@ -298,8 +294,11 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
 
 def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
     """What draws the picture of a case."""
+    from ..plots import impact_scan, table_friction
+    from ..plots import run as plot  # Matplotlib takes a second, which no run need wait for at its beginning
+
     if case.start.file is None and case.start.positions == IMPACT_SCAN:
-        return scan_picture.impact_scan
+        return impact_scan.impact_scan
     if any(each.kind == "table_friction" for each in case.force):
         return table_friction.table
     if case.walled:
@@ -318,6 +317,8 @@ def _remains(job: Job, reason: str) -> str:
     ledger, trajectory = job.ledger, job.outputs.trajectory
     if len(job.writer) == 0 or ledger.latest is None:
         return f"{reason} before the first frame: nothing was written"
+    if why := job.writer.gone:
+        return f"{reason}: {trajectory} is lost: {why}"
     text = (
         f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
         f"to t = {ledger.latest.time:.6g} and {ledger.latest.collisions} collisions"

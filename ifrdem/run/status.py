@@ -1,11 +1,11 @@
 """The live state of a run, in a small file beside its trajectory: NAME.status.json for NAME.h5.
 
-The file is renamed into place, so that a reader never sees half of it.
+The file is renamed into place, so that a reader never sees half of it. It always has the size `RESERVED`, blanks at its
+end: where a full disk leaves no room for another one, the file that is there is written over, which needs no more.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
@@ -16,7 +16,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, printable
+from ..tools import beside
 from .progress import clock_face
 
 FORMAT = 1
@@ -38,6 +39,11 @@ VALUES = (
     "ledger_residual",
 )
 """What a run tells as it goes; null in the file while it is not known."""
+RESERVED = 4096
+"""Bytes of the file: a block of common file systems."""
+TEXTS = ("name", "state", "message", "updated", "started", "host", "trajectory", "device")
+MOST = 1 << 20  # bytes of a status file that are read
+MOST_VALUE = 1e300  # of a number, so that ratios of them are finite
 QUIET = 600.0
 """Seconds without news after which a run on another machine is taken for dead."""
 
@@ -51,8 +57,8 @@ def path_of(trajectory: str | os.PathLike[str]) -> Path:
 class Status:
     """Writes the status file of a run.
 
-    A disk that is full, or a folder that is gone, does not end the run: the status is not written then, and
-    `trouble` says why.
+    On a full disk, the file that is there is written over in place. A folder that is gone, or a disk that was full from
+    the beginning, does not end the run: the status is not written then, and `trouble` says why.
 
     Parameters
     ----------
@@ -127,15 +133,35 @@ class Status:
     def _write(self) -> None:
         self._written = self._clock()
         self._content["updated"] = _now()
-        beside = self.path.with_name(f".{self.path.name[:100]}.{os.getpid()}.part")
+        content = _padded(self._content)
         try:
-            beside.write_text(json.dumps(self._content, indent=1) + "\n")
-            os.replace(beside, self.path)
+            with beside.replacing(self.path) as new:
+                new.write_bytes(content)
             self.trouble = None
         except OSError as error:
-            self.trouble = f"{self.path} could not be written: {error.strerror}"
-            with contextlib.suppress(OSError):
-                beside.unlink(missing_ok=True)
+            self._overwrite(content, error)
+
+    def _overwrite(self, content: bytes, reason: OSError) -> None:
+        """Write the file in place, in the room that it has, because of what keeps another one from being written."""
+        try:
+            descriptor = os.open(self.path, os.O_WRONLY | getattr(os, "O_BINARY", 0))
+            try:
+                os.write(descriptor, content)
+                os.fsync(descriptor)  # here, where a disk that is full after all is told of
+            finally:
+                os.close(descriptor)
+            self.trouble = None
+        except OSError:
+            self.trouble = f"{self.path} could not be written: {reason.strerror}"
+
+
+def _padded(content: dict[str, Any]) -> bytes:
+    """The text of the file, of `RESERVED` bytes: a message that is too long for it is cut."""
+    text = json.dumps(content, indent=1)
+    while len(text) >= RESERVED and content["message"]:
+        content = {**content, "message": content["message"][:-100]}
+        text = json.dumps(content, indent=1)
+    return text.ljust(RESERVED - 1).encode() + b"\n"
 
 
 def find(path: str | os.PathLike[str]) -> Path:
@@ -170,13 +196,15 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     place = find(path)
     try:
-        content = json.loads(place.read_text())
+        with place.open("rb") as file:
+            content = json.loads(file.read(MOST + 1)[:MOST].decode())
     except OSError as error:
         raise InputError(f"{place} cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT or "state" not in content:
+    if not isinstance(content, dict) or content.get("format") != FORMAT or not content.get("state"):
         raise InputError(f"{place} is not a status file of ifrdem of format {FORMAT}")
+    _check(content, place)
     if content["state"] == RUNNING and not _lives(content):
         content["state"] = "dead"
         content["message"] = (
@@ -184,6 +212,29 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             f"{content.get('trajectory')} holds the {content.get('frames') or 'first'} frames it had committed"
         )
     return content
+
+
+def _check(content: dict[str, Any], place: Path) -> None:
+    """Refuse a status that no run of ours wrote, by the types of its values; escape control characters of its texts."""
+    for name in TEXTS:
+        if not isinstance(content.setdefault(name, ""), str):
+            raise InputError(f"{place} is damaged: {name} = {content[name]!r}: a text is needed")
+        content[name] = printable(content[name]).replace("\n", "\\n")
+    for name in (*VALUES, "t_end", "collisions_per_disk_end"):
+        value = content.setdefault(name, None)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (value is None or (number and abs(value) < MOST_VALUE)):
+            raise InputError(f"{place} is damaged: {name} = {value!r}: a finite number or null is needed")
+    if content["state"] != RUNNING:  # nobody asks then whether it lives
+        return
+    pid = content.get("pid")
+    if not isinstance(pid, int) or not 0 < pid < 2**31:
+        raise InputError(f"{place} is damaged: pid = {pid!r}: the number of a process is needed")
+    try:
+        if datetime.fromisoformat(content["updated"]).tzinfo is None:
+            raise ValueError("it has no time zone")
+    except ValueError as error:
+        raise InputError(f"{place} is damaged: updated = {content['updated']!r}: {error}") from None
 
 
 def line(content: dict[str, Any]) -> str:

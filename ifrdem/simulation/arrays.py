@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
 from ..errors import EngineError
+from ..kernels.language import ti
 from ..kernels.layout import (
     ASIDE,
     BLOCK,
@@ -192,7 +192,7 @@ class DeviceArrays:
         self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls, 0, 0, 0, 0], dtype=np.int32)
         words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
         self.grid[SEED_LOW : SEED_LOW + 2] = words.view(np.int32)
-        self.scale = np.zeros(21, dtype=self.real)
+        self.scale = np.zeros(22, dtype=self.real)
         self.clock = np.zeros(7)
         self.total = np.zeros(6, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
@@ -411,6 +411,11 @@ class DeviceArrays:
         """Collisions that the log has room for."""
         return int(self.grid[LOG_CAPACITY])
 
+    @property
+    def most_records(self) -> int:
+        """Collisions that 32-bit indices allow the log to have room for."""
+        return ADDRESSABLE // LOG_REAL
+
     def make_log(self, records: int) -> None:
         """Make room for so many collisions an epoch; the epoch at hand loses its log. Half the disks at least."""
         for old in (self.log_real, self.log_int, self.log_loss):
@@ -491,6 +496,36 @@ class DeviceArrays:
     def zeros(self, columns: int, *, real: bool) -> NDArray[Any]:
         """A host array with a row for each disk, one at least, for kernels to write into."""
         return np.zeros((max(self.n, 1), columns), dtype=self.real if real else np.int32)
+
+    def set_law(self, law_table: NDArray[np.float64], collision_law: Any) -> None:
+        """Collide by another law from here on."""
+        if law_table.shape != tuple(self.law.shape):
+            device.free_array(self.law)
+            self.law = ti.ndarray(self._type, law_table.shape)
+        self.law.from_numpy(law_table.astype(self.real))
+        self.uses = self.uses._replace(collision_law=collision_law)
+
+    def set_gravity(self, gravity: tuple[float, float]) -> None:
+        """Let disks fall otherwise from here on; all must have settled."""
+        self.scale[GX : GX + 2] = gravity
+
+    def set_velocities(
+        self, flow: NDArray[np.float64], velocity: NDArray[np.float64], spin: NDArray[np.float64]
+    ) -> None:
+        """Give disks other velocities, relative to the `flow` of their rows [length/time], and spins; all have settled.
+
+        Arrays (n, 2), (n, 2) and (n,), by id.
+        """
+        flight, ids = self.flight.to_numpy(), self.ids()[: self.n]
+        flight[: self.n, VX : VY + 1] = (velocity - flow)[ids]
+        flight[: self.n, SPIN] = spin[ids]
+        self.flight.from_numpy(flight)
+
+    def velocities(self) -> NDArray[np.float64]:
+        """Velocities in the frames of rows of tiles [length/time], shape (n, 2), by id; all must have settled."""
+        found = np.empty((self.n, 2))
+        found[self.ids()[: self.n]] = self.flight.to_numpy()[: self.n, VX : VY + 1]
+        return found
 
     def switch_off_rollback(self) -> None:
         """Let collisions that came too early stand."""

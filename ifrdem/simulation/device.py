@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import ctypes
 import gc
 import io
 import logging
 import os
 import shutil
 import tempfile
+import threading
+import time
 import weakref
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol
 
-from ..errors import InputError, nearest
+from ..errors import EngineError, InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
@@ -40,6 +45,8 @@ class Running:
 
 
 _running: Running | None = None
+_process: int | None = None  # the one that started Taichi
+_in_use = threading.RLock()
 _most_threads: int | None = None
 
 
@@ -60,6 +67,38 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def check_process() -> None:
+    """Raise EngineError in a process that was forked after Taichi started: its threads are not in the copy."""
+    if _process not in (None, os.getpid()):
+        raise EngineError(
+            "this process is a copy (fork) of one in which a simulation has started already, and Taichi's threads are "
+            'not copied: a simulation here would wait for them for ever. Start processes by "spawn" instead: '
+            'multiprocessing.get_context("spawn"), or ProcessPoolExecutor(mp_context=get_context("spawn"))'
+        )
+
+
+@contextlib.contextmanager
+def sole_use() -> Iterator[None]:
+    """Keep Taichi to the present thread; a decorator too.
+
+    Raises
+    ------
+    EngineError
+        If another thread uses it, or the process is a forked copy (`check_process`).
+    """
+    check_process()
+    if not _in_use.acquire(blocking=False):
+        raise EngineError(
+            "another thread of this process is running a simulation: one thread at a time can, because Taichi is one "
+            "per process. Wait until it is done, or run each simulation in a process of its own: "
+            'multiprocessing.get_context("spawn")'
+        )
+    try:
+        yield
+    finally:
+        _in_use.release()
 
 
 def limit_threads(most: int) -> None:
@@ -87,18 +126,43 @@ def memory_available() -> int | None:
     return min(found, default=None)
 
 
-def available() -> list[Device]:
-    """The devices that a simulation can run on. Starts nothing."""
+def cuda_absence() -> str | None:
+    """Why no GPU can be used through CUDA, and what to do about it; None if one can. Asks the driver itself."""
+    try:
+        driver = ctypes.CDLL("libcuda.so")  # under this name Taichi opens it
+    except OSError:
+        try:
+            ctypes.CDLL("libcuda.so.1")
+        except OSError:
+            return "no NVIDIA driver (libcuda.so)"
+        return (
+            "the NVIDIA driver is here as libcuda.so.1 only, and Taichi opens libcuda.so: put a link of that name to "
+            "it into a folder, and the folder into LD_LIBRARY_PATH"
+        )
+    failed = driver.cuInit(0)
+    if failed:
+        return f"the NVIDIA driver finds no device that works (cuInit gives error {failed})"
+    count = ctypes.c_int(0)
+    failed = driver.cuDeviceGetCount(ctypes.byref(count))
+    if failed or count.value < 1:
+        return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {os.environ.get('CUDA_VISIBLE_DEVICES')})"
     from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
 
     import taichi as ti  # isort: skip
 
-    # Looking for a GPU driver where there is none is not worth a warning.
-    ti.set_logging_level(ti.ERROR)
-    devices = [Device("cpu", f"{cpu_name()}, {cores()} threads")]
-    if ti._lib.core.with_cuda():
-        devices.append(Device("cuda", "NVIDIA GPU (CUDA)"))
-    return devices
+    if not ti._lib.core.with_cuda():
+        return "Taichi cannot use this NVIDIA driver: it needs one for CUDA 10 or later"
+    return None
+
+
+def device(arch: str) -> Device:
+    """What a device is, whether it is there or not."""
+    return Device(arch, f"{cpu_name()}, {cores()} threads" if arch == "cpu" else "NVIDIA GPU (CUDA)")
+
+
+def available() -> list[Device]:
+    """The devices that a simulation can run on."""
+    return [device(arch) for arch in ARCHITECTURES if arch == "cpu" or cuda_absence() is None]
 
 
 def check(arch: str, threads: int | None = None, precision: str = "f64") -> None:
@@ -109,10 +173,10 @@ def check(arch: str, threads: int | None = None, precision: str = "f64") -> None
     if arch not in ARCHITECTURES:
         allowed = ", ".join(ARCHITECTURES)
         raise InputError(f"arch = '{arch}': allowed are {allowed}{nearest(arch, ARCHITECTURES)}")
-    present = [device.arch for device in available()]
-    if arch not in present:
+    absence = cuda_absence() if arch == "cuda" else None  # a run on the CPU asks no driver
+    if absence is not None:
         raise InputError(
-            f"arch = '{arch}': no such device on this machine; present: {', '.join(present)} (see `ifrdem backends`)"
+            f"arch = '{arch}': no such device on this machine; present: cpu (see `ifrdem backends`): {absence}"
         )
     # More threads than cores wait for each other at the end of every parallel loop.
     if threads is not None and not (hasattr(threads, "__index__") and 1 <= threads <= cores()):
@@ -129,12 +193,25 @@ def _kernel_cache() -> str:
     folder = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
     try:
         os.makedirs(folder, exist_ok=True)
+        _remove_stale_lock(Path(folder))
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:
         passing = tempfile.mkdtemp(prefix="ifrdem-kernels-")
         atexit.register(shutil.rmtree, passing, ignore_errors=True)
         return passing
+
+
+STALE = 60.0
+"""Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for milliseconds."""
+
+
+def _remove_stale_lock(folder: Path) -> None:
+    """Remove a lock that a killed process left: with one there, Taichi neither reads nor writes its cache."""
+    lock = folder / "ticache.lock"
+    with contextlib.suppress(FileNotFoundError):  # there is none, or another process removed it
+        if time.time() - lock.stat().st_mtime > STALE:
+            lock.unlink()
 
 
 class User(Protocol):
@@ -204,11 +281,16 @@ def start(
     ------
     InputError
         If architecture or precision are unknown, the device is not there, or there are not so many cores.
+    EngineError
+        If the process is a forked copy of one that has started Taichi.
     """
-    global _running
+    global _running, _process
+    check_process()
     check(arch, threads, precision)
     wanted = Running(arch, threads or min(cores(), _most_threads or cores()), precision, profile)
-    import taichi as ti
+    from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
+
+    import taichi as ti  # isort: skip
 
     os.environ.pop("TI_ARCH", None)  # Taichi would follow it instead of what was asked for
     good_enough = (wanted, replace(wanted, profile=True))
@@ -230,7 +312,7 @@ def start(
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
             kernel_profiler=profile,
         )
-    _running = wanted
+    _running, _process = wanted, os.getpid()
     LOG.debug("device %s, %d threads, %s", arch, wanted.threads, precision)
     LOG.debug("kernel cache %s", cache)
     return wanted
@@ -238,10 +320,11 @@ def start(
 
 def stop() -> None:
     """End Taichi, and with it every simulation of this process."""
-    global _running
+    global _running, _process
     if _running is not None:
+        check_process()
         import taichi as ti
 
         _release_all()
         ti.reset()
-        _running = None
+        _running = _process = None

@@ -234,6 +234,12 @@ def test_an_output_that_is_a_file_is_refused(tmp_path, capsys):
     assert "a folder cannot be made there" in capsys.readouterr().err
 
 
+def test_an_output_in_a_folder_that_is_not_there_is_refused(tmp_path, capsys):
+    assert cli.main(["validate", "angles", "-o", str(tmp_path / "no" / "report")]) == 2
+    assert f"output folder {tmp_path / 'no'}: does not exist" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
+
+
 def test_list_names_every_case_with_its_question(capsys):
     assert cli.main(["validate", "--list"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -378,3 +384,10 @@ def test_readme_lists_every_case():
     section = text.split("## Validation")[1].split("\n## ")[0]
     assert re.findall(r"^\| `(\w+)` \|", section, flags=re.MULTILINE) == list(registry.CASES)
     assert ".venv/bin/ifrdem validate -o validation-report\n" in section
+
+
+def test_a_lower_bound_lets_pass_what_is_not_below_it() -> None:
+    result = Result()
+    for value in (20.0, 57.0, 19.9, float("nan")):
+        result.at_least("growth", value, 20.0, "no theory says how much", "by hand")
+    assert [row.passed for row in result.rows] == [True, True, False, False]
