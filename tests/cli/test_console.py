@@ -91,7 +91,7 @@ def test_help_is_plain_text_of_at_most_a_hundred_columns_that_names_every_option
     assert lines[0].startswith(f"Usage: ifrdem {command}")
     assert max(map(len, lines)) <= 100
     assert not set("│╭╰─\x1b") & set(shown.out)
-    for argument in app[command].assemble_argument_collection():
+    for argument in app[command].assemble_argument_collection(default_parameter=app.default_parameter):
         assert argument.parameter.help
         for name in argument.names:
             assert f"{name}" in shown.out
