@@ -37,7 +37,7 @@ def files_on_disk() -> dict[str, Path]:
         for path in sorted((ROOT / folder).rglob("*")):
             name = path.relative_to(ROOT / folder)
             linked = any((ROOT / folder / parent).is_symlink() for parent in (name, *name.parents))
-            wanted = path.suffix in (".py", ".pyi", ".toml") or path.name == "py.typed"
+            wanted = path.suffix in (".py", ".pyi", ".toml", ".csv") or path.name == "py.typed"
             if wanted and path.is_file() and not linked:
                 found[f"{inside}/{name.as_posix()}"] = path
     return found

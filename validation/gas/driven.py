@@ -128,7 +128,7 @@ def _kicked_smooth(result: Result, quick: bool, seed: int, drive: Drive, axes: A
     """Smooth disks in a dilute gas, in which waves hold little."""
     n, phi, e_n, replicas = 1600, 0.005, 0.9, 16 if quick else 40
     law = IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
-    gaussian, _ = driven_theory.steady_state(law, 1.0, 0.5, 2.0, phi, drive) or (math.nan, math.nan)
+    gaussian, _ = driven_gas.steady_state(law, 1.0, 0.5, 2.0, phi, drive) or (math.nan, math.nan)
     a_2 = theory.heated_sonine(e_n)
     right = gaussian * float(theory.cooling_factor(a_2)) ** (-2.0 / 3.0)
     share, off = driven_streams(law, phi, n, 0.0)
