@@ -11,7 +11,7 @@ import pytest
 from support.layout_files import add_histories, some_state, write
 
 from ifrdem.cli.main import main
-from ifrdem.cli.trajectory import regime, summary
+from ifrdem.cli.trajectory import regime
 from ifrdem.model.ifr import Regime
 from ifrdem.trajectory.reader import Trajectory
 
