@@ -85,7 +85,7 @@ def analyse(
     """
     for name in what:
         _known("analysis", name, NAMES)
-    from ..run.outputs import check_apart, check_files
+    from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
         numbers = None if frames is None else list(chosen(frames, len(trajectory)))
@@ -140,7 +140,7 @@ def _check_folder(folder: Path, summary: Path, trajectory: Path) -> None:
         raise InputError(f"output folder {folder}: {folder.parent} does not exist")
     if folder.exists() and not folder.is_dir():
         raise InputError(f"output {folder}: is no folder")
-    from ..run.outputs import check_apart, check_files
+    from ..tools.files import check_apart, check_files
 
     if folder.exists():
         check_apart(summary, trajectory)
@@ -230,7 +230,7 @@ def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Pat
     """Write the tables, then the summary that names them, each whole or not at all; returns the summary."""
     import csv
 
-    from ..run.outputs import write_aside
+    from ..tools.files import write_aside
 
     def write_table(path: Path, table: Columns) -> None:
         with path.open("w", newline="", encoding="utf-8") as file:
@@ -271,7 +271,7 @@ def plot(
             "a trajectory and what to draw of it are needed: `ifrdem plot --list` says what there is"
         )
     _known("picture", what, tuple(PICTURES))
-    from ..run.outputs import check_apart, check_files
+    from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
         numbers = None if frames is None else [*chosen(frames, len(trajectory))]

@@ -205,7 +205,7 @@ def _progress(fits: int) -> AbstractContextManager[Any]:
 
 def _check_files(paths: Sequence[Path], data: Path, force: bool, wrong: Wrong) -> None:
     """Take note of what keeps files from being written."""
-    from ..run.outputs import check_files
+    from ..tools.files import check_files
 
     wrong += [f"output {path}: is the data file" for path in paths if path == data]
     wrong += [f"output {path}: is asked for twice" for path in dict.fromkeys(paths) if paths.count(path) > 1]

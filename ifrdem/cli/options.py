@@ -153,7 +153,7 @@ def opened(file: str) -> Trajectory:
 
 def place(file: str, output: str | None, ending: str, *, force: bool) -> Path:
     """The file to write, checked; without a name for it, one beside the trajectory."""
-    from ..run.outputs import check_apart, check_files
+    from ..tools.files import check_apart, check_files
 
     given = Path(file)
     if output is not None and not output.strip():
