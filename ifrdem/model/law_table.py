@@ -1,8 +1,6 @@
 """The laws of all pairs of materials: as a table, and whether any of them could add energy.
 
-A law of one's own, tried on random pairs: does it keep disks apart, does it add energy?
-
-Imports the kernels, and Taichi with them: import this module only after `backend.start`.
+`try_on` tries a law of one's own on random pairs: it keeps disks apart, or not; it adds energy, or not.
 """
 
 from __future__ import annotations
@@ -16,13 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.contact import try_law
 from .ifr import EnergyWarning
 from .law import CollisionLaw, checked_class, compiled
 from .state import Disks
-
-from taichi.lang.exception import TaichiCompilationError  # isort: skip  (after the kernels, which silence its banner)
-
 
 PAIRS = 4096
 _ROUND_OFF = (
@@ -58,6 +52,10 @@ def try_on(
     EnergyWarning
         Always: how many of these collisions added energy, and how much; others are not checked.
     """
+    from taichi.lang.exception import TaichiCompilationError
+
+    from ..kernels.contact import try_law
+
     movable = np.flatnonzero(disks.movable)
     if not len(movable):
         return

@@ -112,12 +112,13 @@ def cooled(
     """
     from scipy.integrate import solve_ivp
 
+    when = np.log1p(x)
     solution = solve_ivp(
         lambda s, y: math.exp(s) * slope(y),
-        (0.0, math.log1p(float(x[-1]))),
+        (0.0, float(when[-1])),
         start,
         method="LSODA",
-        t_eval=np.log1p(x),
+        t_eval=when,
         rtol=1e-10,
         atol=1e-12,
     )

@@ -297,7 +297,7 @@ def test_the_expansion_of_rough_disks_has_the_smooth_and_the_perfectly_rough_one
     # The ratio of Gaussians, which another module has in closed form.
     for alpha, beta in rough.PAIRS:
         law = rough.law_of(alpha, beta)
-        found = theory.cooling_ratio(law, 2.0)
+        found = theory.cooling_ratio(law, 2.0, 1.0)
         J = rough.changes(alpha, beta, found)
         assert J[0, 0] == pytest.approx(2.0 * J[1, 0], rel=1e-6)
         assert rough.sonine(alpha, beta).theta == pytest.approx(found, rel=0.1)
