@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from . import bullet_package
 from .bullet_bodies import Array, Bodies, Disk, Wall, add_disk, add_wall, place
 from .bullet_package import absence, describe, load
-from .errors import EngineError
+from .errors import InelasticCollapse
 from .model.ifr import IFRLaw, collide
 
 __all__ = [
@@ -71,8 +71,8 @@ def step(client: int, bodies: Bodies | Sequence[Disk | Wall | int], law: Laws) -
     ------
     InputError
         If a body is not what `Bodies.read` takes, the law can add energy for a pair, or PyBullet is absent.
-    EngineError
-        If a body collides again and again in one step: an inelastic collapse.
+    InelasticCollapse
+        If a body collides again and again in one step.
 
     Notes
     -----
@@ -123,7 +123,7 @@ class _Step:
             hit = [i for i in first[1:] if i < self.n]
             count[hit] += 1
             if count.max() > MOST_HITS:
-                raise EngineError(
+                raise InelasticCollapse(
                     f"body {self.ids[int(count.argmax())]} collided {MOST_HITS} times in one step of {self.dt:g}: "
                     "an inelastic collapse"
                 )

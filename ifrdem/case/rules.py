@@ -95,13 +95,13 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> Findings:
     else:
         wrong_walls = [*_wrong_walls(case, walls, box, radius)]
         found += wrong_walls
-        found += _wrong_output(case, len(radius), box)
         if start:
             standing = () if wrong_walls else walls
             found += _wrong_room(case, species, radius, None if patch is None else Room(patch, standing))
             found += _wrong_open(case, patch)
             found += _wrong_scan(case)
             given = _given(case, radius, Room(box, standing), folder, found)
+    found += _wrong_output(case, len(radius), box)
     return Findings(case, found, species, materials, verdicts, walls, box, patch, given, start)
 
 
