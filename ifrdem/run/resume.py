@@ -20,7 +20,7 @@ from ..case.gas import Gas
 from ..case.rules import judge
 from ..errors import InputError
 from ..simulation import checkpoint, device
-from ..simulation.course import Course
+from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file
 from ..trajectory import writer_process
