@@ -5,7 +5,9 @@ from . import initial as initial
 from . import plots as plots
 from . import theory as theory
 from .errors import EngineError as EngineError
+from .errors import InelasticCollapse as InelasticCollapse
 from .errors import InputError as InputError
+from .errors import NoMoreCollisions as NoMoreCollisions
 from .model import forces as forces
 from .model import observables as observables
 from .model.box import Box as Box

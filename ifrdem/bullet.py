@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import EngineError, InputError
+from .errors import InelasticCollapse, InputError
 from .model.ifr import IFRLaw, collide
 
 LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11
@@ -320,8 +320,8 @@ def step(client: int, bodies: Bodies | Sequence[Disk | Wall | int], law: Laws) -
     ------
     InputError
         If a body is not what `Bodies.read` takes, the law can add energy for a pair, or PyBullet is absent.
-    EngineError
-        If a body collides again and again in one step: an inelastic collapse.
+    InelasticCollapse
+        If a body collides again and again in one step.
 
     Notes
     -----
@@ -372,7 +372,7 @@ class _Step:
             hit = [i for i in first[1:] if i < self.n]
             count[hit] += 1
             if count.max() > MOST_HITS:
-                raise EngineError(
+                raise InelasticCollapse(
                     f"body {self.ids[int(count.argmax())]} collided {MOST_HITS} times in one step of {self.dt:g}: "
                     "an inelastic collapse"
                 )

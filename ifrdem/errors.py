@@ -18,7 +18,15 @@ class AttributeRefused(InputError, AttributeError):
 
 
 class EngineError(RuntimeError):
-    """The engine found itself in a state that its guarantees exclude, and stopped instead of going on."""
+    """The run cannot go on: the gas does not allow it (the classes below), or the engine's state is lost or refuted."""
+
+
+class InelasticCollapse(EngineError):
+    """Collisions without end gain no time, or a disk has come to rest on a wall; `collapse` of a simulation helps."""
+
+
+class NoMoreCollisions(EngineError):
+    """Collisions are asked for, and no disk will ever meet another one: nothing moves, or all fly apart."""
 
 
 class TheoryError(RuntimeError):

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import EngineError, IFRLaw, InputError, bullet, collide
+from ifrdem import IFRLaw, InelasticCollapse, InputError, bullet, collide
 from ifrdem import bullet as bullet_package
 
 ABSENT = bullet.absence()
@@ -167,7 +167,7 @@ def test_a_collapse_within_a_step_is_an_error_and_not_an_endless_loop(client: in
     heavy = bullet.add_disk(client, 1e30, 1.0)
     wall = bullet.add_wall(client, (-1.001, 0.0), (1.0, 0.0))
     bullet.place(client, heavy.body, (2.5, 0.0), (-1.0, 0.0), 0.0)
-    with pytest.raises(EngineError, match="an inelastic collapse"):
+    with pytest.raises(InelasticCollapse, match="an inelastic collapse"):
         bullet.step(client, [disk, heavy, wall], IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0))
 
 

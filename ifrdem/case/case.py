@@ -1,7 +1,7 @@
 """A case: what one case file may hold, as pydantic models with the unit in every description.
 
-The models check types, ranges, keys and alternatives, and nothing that needs two sections at once: that
-is the task of `ifrdem.case.gas`. `ifrdem.case.file` reads a file and reports all errors of both kinds together.
+The models check types, ranges, keys and alternatives of one section, all at once; what needs several of them is
+judged by `ifrdem.case.rules`.
 """
 
 from __future__ import annotations
@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..errors import nearest
+from ..errors import InputError, nearest
 from ..initial import radii
 from ..kernels.limits import MOST_DISKS
+from ..model.coin_table import coins
 from .forces_section import ForceSection
 from .output_section import OutputSection
 from .run_section import BoxSection, Name, RunSection
@@ -39,7 +40,8 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
 IMPACT_SCAN = "impact_scan"
-WAYS_TO_PLACE = ("random", "growth", "hexagonal", IMPACT_SCAN)
+PLACED = ("random", "growth", "hexagonal")
+WAYS_TO_PLACE = (*PLACED, IMPACT_SCAN)
 
 # The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
 NormalRestitution = Annotated[
@@ -69,13 +71,23 @@ RollingFriction = Annotated[
 ]
 
 
+def _known_coin(name: str) -> str:
+    if name in coins:
+        return name
+    text = f"no such coin{nearest(name, coins)}; there are {', '.join(coins)}"
+    raise PydanticCustomError("unknown_name", "{text}", {"text": text})
+
+
+CoinName = Annotated[Name, AfterValidator(_known_coin)]
+
+
 class MaterialSection(Section):
     """How two disks of one material collide: coefficients of the IFR law, or the name of one of its coins."""
 
     choices = (Choice(("e_n", "e_t", "mu")), Choice(("coin",)))
 
     name: Name = Field(description="name that species and pairs use [text]", examples=["aluminium"])
-    coin: Name | None = Field(
+    coin: CoinName | None = Field(
         default=None,
         description="take e_n, e_t, mu of this coin of the paper's Table II [text], for instance",
         examples=["1 pta"],
@@ -146,6 +158,14 @@ class RadiiSection(Section):
         known = [key for key in data if key in cls.model_fields and key != "distribution"]
         return radii.wrong_parameters(name, dict.fromkeys(known))
 
+    @model_validator(mode="after")
+    def _describes_radii(self) -> RadiiSection:
+        try:
+            radii.check(self.distribution, **self.parameters)
+        except InputError as error:
+            raise PydanticCustomError("choice", "{text}", {"text": str(error)}) from None
+        return self
+
     @property
     def parameters(self) -> dict[str, float]:
         """The numbers that are given, by name."""
@@ -176,7 +196,7 @@ class SpeciesSection(Section):
         description="name of the material [text]; not needed with a coin, which brings its own",
         examples=["aluminium"],
     )
-    coin: Name | None = Field(
+    coin: CoinName | None = Field(
         default=None,
         description="mass and diameter of this coin of the paper's Sec. III [text; SI units only]",
         examples=["1 pta"],
@@ -226,7 +246,7 @@ def _known_positions(positions: str) -> str:
     if positions in WAYS_TO_PLACE or is_trajectory(positions):
         return positions
     text = f"must be {', '.join(repr(way) for way in WAYS_TO_PLACE)} or the name of a trajectory that ends in .h5"
-    raise PydanticCustomError("positions", "{text}", {"text": text + nearest(positions, WAYS_TO_PLACE)})
+    raise PydanticCustomError("unknown_name", "{text}", {"text": text + nearest(positions, WAYS_TO_PLACE)})
 
 
 class StartSection(Section):
@@ -291,6 +311,16 @@ class StartSection(Section):
         return super().wrong_choice(data)
 
     @property
+    def placed(self) -> bool:
+        """Whether disks are placed in the box, neither read from a file nor paired for a scan."""
+        return self.file is None and self.positions in PLACED
+
+    @property
+    def trajectory(self) -> str | None:
+        """The trajectory that a frame is taken from, if one is."""
+        return self.positions if is_trajectory(self.positions) else None
+
+    @property
     def psi_range(self) -> tuple[float, float]:
         """First and last angle of an impact scan [degrees]."""
         return (0.0, 89.0) if self.psi is None else (self.psi[0], self.psi[1])
@@ -318,6 +348,22 @@ class Case(Section):
     def homogeneous(self) -> bool:
         """Whether kinetic theory of a homogeneous gas may hold: without walls, gravity and elastic exceptions."""
         return not self.walled and not any(self.box.gravity) and self.run.collapse == "none"
+
+    @property
+    def sets_in_motion(self) -> bool:
+        """Whether a flow, a force, a wall or gravity moves disks that are at rest, or may."""
+        kicked = (
+            each.kind in ("kicks", "langevin") and each.temperature != 0.0 and each.rate != 0.0
+            for each in self.force
+        )
+        moving = any(each.motion is not None for each in self.wall)
+        return self.box.shear_rate != 0.0 or any(kicked) or moving or any(self.box.gravity)
+
+    @property
+    def materials_of_walls(self) -> tuple[str, ...]:
+        """The materials of walls, that of the sides of the box first."""
+        named = (self.box.material, *(each.material for each in self.wall))
+        return tuple(dict.fromkeys(each for each in named if each is not None))
 
     def unit(self, quantity: str) -> str:
         """What to print after a number: " m" for "length" in SI, nothing in reduced units."""

@@ -6,7 +6,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import UnionType
 from typing import Any, Union, get_args, get_origin
@@ -16,9 +16,8 @@ from pydantic import BaseModel, ValidationError
 from ..errors import InputError, listed, nearest
 from ..tools import text_file
 from .case import Case
-from .draft import Draft, Problem
-from .rules import problems
-from .section import Section
+from .rules import Findings, judge
+from .section import Problem, Section
 
 KeyPath = tuple[str | int, ...]
 
@@ -49,14 +48,19 @@ class CaseFile:
         Its text.
     overrides : tuple of str
         The "key=value" overrides, in order.
-    case : Case
-        What the two say together.
+    findings : Findings
+        The case that the two say together, and what the rules read and derived to judge it.
     """
 
     path: Path
     text: str
     overrides: tuple[str, ...]
-    case: Case
+    findings: Findings = field(repr=False)
+
+    @property
+    def case(self) -> Case:
+        """The case."""
+        return self.findings.case
 
     @property
     def folder(self) -> Path:
@@ -88,8 +92,8 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
         raise InputError(f"{path}: {error}") from None
     for assignment in overrides:
         override(raw, assignment)
-    found = mistakes(raw, path.parent)
-    if found:
+    found, findings = _judged(raw, path.parent)
+    if found or findings is None:
         set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
         raise InputError(
             listed(
@@ -99,31 +103,44 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
                 ]
             )
         )
-    return CaseFile(path, text, tuple(overrides), Case.model_validate(raw))
+    return CaseFile(path, text, tuple(overrides), findings)
 
 
 def mistakes(raw: Mapping[str, Any], folder: Path) -> list[Problem]:
-    """Everything that is wrong with a parsed case: keys, types and ranges first, then the physics.
+    """Everything that is wrong with a parsed case: keys, types and ranges first; if these are in order, the rules.
 
-    The physics is checked as far as the sections that it needs are in order by themselves.
+    Unknown keys alone do not hide what the rules forbid.
     """
-    found: list[Problem] = []
-    unknown: list[KeyPath] = []
+    return _judged(raw, folder)[0]
+
+
+def _judged(raw: Mapping[str, Any], folder: Path) -> tuple[list[Problem], Findings | None]:
+    """What is wrong with a parsed case, and the findings of the rules if they could be applied."""
+    case, found = _validated(raw)
+    if case is None:
+        return found, None
+    findings = judge(case, folder)
+    return found + findings.problems, findings
+
+
+def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
+    """The case without its unknown keys, None if more is wrong; and everything wrong with keys, types and ranges."""
     try:
-        Case.model_validate(raw)
+        return Case.model_validate(raw), []
     except ValidationError as error:
-        for each in error.errors(include_url=False):
-            key = tuple(each["loc"])
-            if each["type"] == "extra_forbidden":
-                unknown.append(key)
-            found.append(_translated(each, key))
+        errors = error.errors(include_url=False)
+    found = [_translated(each, tuple(each["loc"])) for each in errors]
+    if any(each["type"] != "extra_forbidden" for each in errors):
+        return None, found
     known: Any = nested_copy(raw)
-    for *above, last in unknown:  # an unknown key alone does not hide what is wrong with the rest
+    for each in errors:
+        *above, last = each["loc"]
         place: Any = known
         for step in above:
             place = place[step]
         del place[last]
-    return found + problems(Draft.from_sections(known), folder)
+    case, more = _validated(known)
+    return case, found + more
 
 
 def override(raw: dict[str, Any], assignment: str) -> None:
@@ -236,7 +253,7 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
             text += nearest(error["input"], re.findall(r"'([^']+)'", context["expected"]))
         elif kind == "string_pattern_mismatch":
             text = "characters that are not allowed"
-        if kind not in ("literal_error", "positions") and (about := _about(key)):
+        if kind not in ("literal_error", "unknown_name") and (about := _about(key)):
             text += f" ({about})"
     valueless = kind in {"missing", "choice"} or (
         isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")

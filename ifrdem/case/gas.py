@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, listed
-from ..initial import from_csv, from_trajectory, impact_scan, packing, placement
+from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import Given
 from ..model.box import Box
 from ..model.free_area import Room
@@ -22,13 +22,15 @@ from ..model.walls import Wall
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..tools import seeds
-from .case import IMPACT_SCAN, Case, is_trajectory
-from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
-from .pair_rules import PairVerdict, verdicts, wall_verdicts
-from .rules import problems
+from .case import IMPACT_SCAN, Case
+from .pair_rules import PairVerdict
+from .rules import Findings, judge
+from .section import Problem
+from .species import Species
 
 if TYPE_CHECKING:
     from ..model.forces import Force
+    from .file import CaseFile
 
 
 @dataclass(frozen=True)
@@ -76,41 +78,34 @@ class Gas:
         InputError
             With a line for each thing that is wrong.
         """
-        draft = Draft.from_case(case)
-        found = problems(draft, Path(folder), start=start)
-        if found:
-            raise InputError(listed([str(problem) for problem in found]))
-        species = tuple(draft.known_species())
-        names = [each.material for each in species]
-        if case.box.material is not None:
-            names.insert(0, case.box.material)  # the engine makes the sides of the first one
-        materials = tuple(dict.fromkeys([*names, *draft.materials_of_walls()]))
-        judged = (*verdicts(draft, list(species)), *wall_verdicts(draft, list(species)))
-        laws = [[_law_between(judged, a, b) for b in materials] for a in materials]
-        disks = _disks(species, materials)
-        box = box_around(case.box, disks.radius)
-        walls = tuple(walls_of(case.wall, materials))
-        given = None
-        if not start:
-            pass  # it has begun already
-        elif case.start.file is not None:
-            given = from_csv.read(Path(folder) / case.start.file, disks.n, box)
-        elif is_trajectory(case.start.positions):
-            path = Path(folder) / case.start.positions
-            given = from_trajectory.read(
-                path, case.start.frame, disks.radius, box, motion=case.start.motion, walls=walls
-            )
-            if given.velocity is not None:  # there was no flow
-                given = replace(given, velocity=given.velocity + box.flow(given.position))
-        elif case.start.positions == IMPACT_SCAN:
-            given = impact_scan.start(
-                disks, case.start.psi_range, case.start.speed or 0.0, seed=case.run.seed
-            )
-        if given is not None:
-            species = _as_moving(species, given, box)
-        patch = patch_of(case.box, disks.radius)
-        gas = cls(species, materials, laws, judged, disks, box, given, walls, patch)
-        if start:
+        return cls._of(judge(case, Path(folder), start=start))
+
+    @classmethod
+    def from_file(cls, file: CaseFile) -> Gas:
+        """The gas of a case file, which was judged when it was read.
+
+        Raises
+        ------
+        InputError
+            If something is too large or too small for the engine or the trajectory.
+        """
+        return cls._of(file.findings)
+
+    @classmethod
+    def _of(cls, found: Findings) -> Gas:
+        if found.problems:
+            raise InputError(listed([str(problem) for problem in found.problems]))
+        case, box, given = found.case, found.box, found.given
+        laws = [[_law_between(found.verdicts, a, b) for b in found.materials] for a in found.materials]
+        disks = _disks(found.species, found.materials)
+        if given is not None and given.velocity is not None and case.start.trajectory is not None:
+            given = replace(given, velocity=given.velocity + box.flow(given.position))  # there was no flow
+        elif found.start and case.start.positions == IMPACT_SCAN:
+            speed = case.start.speed or 0.0
+            given = impact_scan.start(disks, case.start.psi_range, speed, seed=case.run.seed)
+        species = found.species if given is None else _as_moving(found.species, given, box)
+        gas = cls(species, found.materials, laws, found.verdicts, disks, box, given, found.walls, found.patch)
+        if found.start:
             gas._check_magnitudes(case)
         return gas
 
@@ -226,7 +221,7 @@ class Gas:
         return found
 
     def _placed(self, way: str, seed: int, progress: Callable[[float], None]) -> NDArray[np.float64]:
-        assert self.patch is not None  # `problems` has seen to it
+        assert self.patch is not None  # the rules have seen to it
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.

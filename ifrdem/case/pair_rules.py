@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from ..errors import InputError, nearest
 from ..model.coin_table import coins
 from ..model.ifr import EnergyWarning, IFRLaw
-from .draft import Draft, Problem, Species
+from .case import Case
+from .section import Problem
+from .species import Species
 
 
 class PairVerdict(NamedTuple):
@@ -37,15 +39,13 @@ class Coefficients(NamedTuple):
     rho: float
 
 
-def _coefficients(draft: Draft, a: str, b: str) -> Coefficients | Problem | None:
+def _coefficients(case: Case, a: str, b: str) -> Coefficients | Problem | None:
     """The coefficients of a pair of materials; a problem if there are none; None if that cannot be told."""
     if a != b:
-        for i, pair in enumerate(draft.pair):
-            if pair is not None and set(pair.materials) == {a, b}:
+        for i, pair in enumerate(case.pair):
+            if set(pair.materials) == {a, b}:
                 return Coefficients(f"pair[{i}]", pair.e_n, pair.e_t, pair.mu, pair.sticking, pair.rho)
-        if None in draft.pair:
-            return None
-        coin_a, coin_b = _coin_of(draft, a), _coin_of(draft, b)
+        coin_a, coin_b = _coin_of(case, a), _coin_of(case, b)
         if coin_a is not None and coin_b is not None:
             try:
                 law = coins.pair(coin_a, coin_b)
@@ -60,8 +60,8 @@ def _coefficients(draft: Draft, a: str, b: str) -> Coefficients | Problem | None
             None,
             f"missing for the materials '{a}' and '{b}': their e_n, e_t and mu are needed in a [[pair]]",
         )
-    for i, material in enumerate(draft.material):
-        if material is None or material.name != a:
+    for i, material in enumerate(case.material):
+        if material.name != a:
             continue
         key = f"material[{i}]"
         if material.coin is None:
@@ -69,48 +69,46 @@ def _coefficients(draft: Draft, a: str, b: str) -> Coefficients | Problem | None
             assert material.e_t is not None
             assert material.mu is not None
             return Coefficients(key, material.e_n, material.e_t, material.mu, material.sticking, material.rho)
-        if material.coin not in coins:
-            return None
         law = coins[material.coin].law
         return Coefficients(key, law.e_n, law.e_t, law.mu, material.sticking, material.rho)
-    if a in coins and _coin_of(draft, a) == a:
+    if a in coins and _coin_of(case, a) == a:
         law = coins[a].law
         return Coefficients(f"coin '{a}'", law.e_n, law.e_t, law.mu, law.sticking, law.rho)
     return None
 
 
-def _coin_of(draft: Draft, material: str) -> str | None:
+def _coin_of(case: Case, material: str) -> str | None:
     """The coin whose coefficients a material has, if it has a coin's."""
-    for each in draft.material:
-        if each is not None and each.name == material:
+    for each in case.material:
+        if each.name == material:
             plain = each.sticking == "percussion_center" and each.rho == 0.0
             return each.coin if plain else None
-    used = (each.coin for each in draft.species if each is not None and each.material is None)
-    return next((coin for coin in used if coin == material), None)
+    used = (each.coin for each in case.species if each.material is None)
+    return material if material in used else None
 
 
-def verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
+def verdicts(case: Case, species: Sequence[Species]) -> Iterator[PairVerdict]:
     """Whether collisions can add energy, for every pair of species whose coefficients are known."""
     order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
         # In one order, so that a pair that is missing is named once.
-        made_of = _coefficients(draft, *sorted((one.material, other.material), key=order.index))
+        made_of = _coefficients(case, *sorted((one.material, other.material), key=order.index))
         if isinstance(made_of, Problem):
             yield PairVerdict(one.name, other.name, made_of.key, False, False, made_of.text, None)
         elif made_of is not None:
             yield _judged(made_of, one, other)._replace(materials=frozenset((one.material, other.material)))
 
 
-def wall_verdicts(draft: Draft, species: list[Species]) -> Iterator[PairVerdict]:
+def wall_verdicts(case: Case, species: Sequence[Species]) -> Iterator[PairVerdict]:
     """The same for every species and every material of walls."""
-    for material in draft.materials_of_walls():
+    for material in case.materials_of_walls:
         wall = f"wall ({material})"
         for each in species:
-            made_of = _coefficients(draft, each.material, material)
+            made_of = _coefficients(case, each.material, material)
             if isinstance(made_of, Problem):
                 known = (
-                    *draft.material_names,
-                    *(name for one in draft.pair if one for name in one.materials),
+                    *(each.name for each in case.material),
+                    *(name for pair in case.pair for name in pair.materials),
                 )
                 text = made_of.text + ("" if material in known else nearest(material, known))
                 yield PairVerdict(each.name, wall, made_of.key, False, False, text, None)

@@ -1,133 +1,146 @@
-"""What physics forbids in a case, beyond types and ranges: everything that is wrong, at once."""
+"""The rules on a valid case that need several of its sections, or what it names: everything that is wrong, at once."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
-from ..initial import from_csv, from_trajectory, placement, radii
-from ..kernels.limits import CROWD
+from ..initial import from_csv, from_trajectory, placement
+from ..initial.from_csv import Given
+from ..kernels.limits import CROWD, MOST_WALLS
 from ..model.box import Box
-from ..model.coin_table import coins
 from ..model.free_area import Room
+from ..model.walls import Wall, check_place
 from ..model.walls import check as check_walls
 from . import pair_rules
-from .case import IMPACT_SCAN, is_trajectory
-from .draft import Draft, Problem, Species, box_around, patch_of, walls_of
-from .problems_output import problems_of_output
-from .problems_walls import problems_of_walls
+from .case import IMPACT_SCAN, Case
+from .pair_rules import PairVerdict
+from .section import Problem
+from .species import Species, species_of
 
-LARGEST_DISK = (
-    1.0 / 3.0
-)  # of the shorter side: the engine's limit, which keeps a disk from meeting its own image
+LARGEST_DISK = 1.0 / 3.0
+"""Of the shorter side, at most: the engine's limit, which keeps a disk from meeting its own image."""
 
 WIDEST_RATIO = math.sqrt(CROWD) - 1.25
 """Of the largest to the smallest radius, at most: more of the smallest disks than CROWD could stand around the largest,
 with a quarter of their diameter to spare, which is the least that the engine lists beyond contact."""
 
 
-def problems(draft: Draft, folder: Path, *, start: bool = True) -> list[Problem]:
-    """What is wrong with a case beyond types and ranges, as far as its valid sections tell.
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """A case that was judged, and what had to be sampled, built and read for that: a gas is made of it.
 
-    A start file's path begins at `folder`. Without `start`, it is looked at no more.
+    Attributes
+    ----------
+    case : Case
+        The case.
+    problems : list of Problem
+        Everything that is wrong; the rest holds as far as there is nothing.
+    species : tuple of Species
+        In the order of the disks' ids.
+    materials : tuple of str
+        Names of the materials that occur; that of the sides of the box is the first.
+    verdicts : tuple of PairVerdict
+        Admissibility of each pair of species, and of each species and material of walls.
+    walls : tuple of Wall
+        Beside those at the sides of the box.
+    box : Box
+        The box.
+    patch : Box or None
+        The rectangle in which disks are placed at the start: the box, or what an open one says of it.
+    given : Given or None
+        The start as it stands in the file or trajectory that the case names, if it does and `start` is true.
+    start : bool
+        Whether the start was looked at: not in a run that has begun.
     """
-    found = [*_wrong_names(draft), *_wrong_radii(draft)]
-    species = draft.known_species()
-    judged = (*pair_rules.verdicts(draft, species), *pair_rules.wall_verdicts(draft, species))
-    found += [Problem(each.key, None, each.message) for each in _once(judged) if not each.admissible]
-    if len(species) == len(draft.species) and species:  # all of them are needed to know the disks
-        radius = np.concatenate([each.radius for each in species])
-        found += _wrong_motion(draft, species)
-        found += _wrong_forces(draft, species)
-        box = patch = None
-        if draft.box is not None:
-            try:
-                box, patch = box_around(draft.box, radius), patch_of(draft.box, radius)
-            except InputError as error:
-                found.append(Problem("box", None, str(error)))
-        if box is not None:
-            wrong_walls = [*problems_of_walls(draft, box, radius)]
-            found += wrong_walls
-            walls = () if wrong_walls else tuple(walls_of(draft.wall))
-            room = Room(box, walls)
-            if start:
-                found += _wrong_room(draft, species, radius, None if patch is None else Room(patch, walls))
-            found += _wrong_open(draft, box, patch)
-        found += problems_of_output(draft, len(radius), box)
-        if not start:
-            return found
-        found += _wrong_scan(draft, species, box)
-        found += _wrong_start(draft, species, radius, None if box is None else room, folder)
-    return found
+
+    case: Case
+    problems: list[Problem]
+    species: tuple[Species, ...]
+    materials: tuple[str, ...]
+    verdicts: tuple[PairVerdict, ...]
+    walls: tuple[Wall, ...]
+    box: Box
+    patch: Box | None
+    given: Given | None
+    start: bool
 
 
-def _wrong_names(draft: Draft) -> Iterator[Problem]:
-    names = list(draft.material_names)
-    # A section without a readable name may be the one that is meant.
-    all_known = len(names) == len(draft.material)
-    for kind, sections in (("material", draft.material), ("species", draft.species)):
-        seen: dict[str, int] = {}
-        for i, each in enumerate(sections):
-            if each is not None and seen.setdefault(each.name, i) != i:
-                text = f"the name of {kind}[{seen[each.name]}] too; each needs its own"
-                yield Problem(f"{kind}[{i}].name", f'"{each.name}"', text)
-            coin = getattr(each, "coin", None)
-            if coin is not None and coin not in coins:
-                text = f"no such coin{nearest(coin, coins)}; there are {', '.join(coins)}"
-                yield Problem(f"{kind}[{i}].coin", f'"{coin}"', text)
-    for i, section in enumerate(draft.species):
-        if section is None:
-            continue
+def judge(case: Case, folder: Path, *, start: bool = True) -> Findings:
+    """Apply every rule to a case. A start file's path begins at `folder`; without `start`, it is looked at no more."""
+    species = species_of(case)
+    radius = np.concatenate([each.radius for each in species])
+    verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
+    # The engine makes the sides of the first one.
+    sides = () if case.box.material is None else (case.box.material,)
+    materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
+    walls = tuple(
+        each.wall(0 if each.material is None else materials.index(each.material)) for each in case.wall
+    )
+    found = [*_wrong_names(case)]
+    found += [Problem(each.key, None, each.message) for each in _once(verdicts) if not each.admissible]
+    found += [*_wrong_motion(case), *_wrong_forces(case)]
+    box, patch, given = Box.open(), None, None
+    try:
+        box, patch = case.box.around(radius), case.box.patch(radius)
+    except InputError as error:
+        found.append(Problem("box", None, str(error)))
+    else:
+        wrong_walls = [*_wrong_walls(case, walls, box, radius)]
+        found += wrong_walls
+        if start:
+            standing = () if wrong_walls else walls
+            found += _wrong_room(case, species, radius, None if patch is None else Room(patch, standing))
+            found += _wrong_open(case, patch)
+            found += _wrong_scan(case)
+            given = _given(case, radius, Room(box, standing), folder, found)
+    found += _wrong_output(case, len(radius), box)
+    return Findings(case, found, species, materials, verdicts, walls, box, patch, given, start)
+
+
+def _wrong_names(case: Case) -> Iterator[Problem]:
+    names = [each.name for each in case.material]
+    for kind, own in (("material", names), ("species", [each.name for each in case.species])):
+        for i, name in enumerate(own):
+            if (first := own.index(name)) != i:
+                text = f"the name of {kind}[{first}] too; each needs its own"
+                yield Problem(f"{kind}[{i}].name", f'"{name}"', text)
+    for i, section in enumerate(case.species):
         key = f"species[{i}].material"
-        if section.coin is not None and draft.run is not None and draft.run.units != "SI":
-            yield Problem(
-                f"species[{i}].coin",
-                f'"{section.coin}"',
-                'its mass and diameter are in SI: run.units = "SI" is needed',
-            )
+        if section.coin is not None and case.run.units != "SI":
+            text = 'its mass and diameter are in SI: run.units = "SI" is needed'
+            yield Problem(f"species[{i}].coin", f'"{section.coin}"', text)
         if section.material is None and section.coin is None:
             yield Problem(key, None, f"missing: the name of a material is needed; there are {_listed(names)}")
         elif section.material is None and section.coin in names:
             text = f"missing: a [[material]] is called '{section.coin}' like the coin, so say which is meant"
             yield Problem(key, None, text)
-        elif section.material is not None and section.material not in names and all_known:
+        elif section.material is not None and section.material not in names:
             text = f"no such material{nearest(section.material, names)}; there are {_listed(names)}"
             yield Problem(key, f'"{section.material}"', text)
-    walls_known = draft.box is not None and None not in draft.wall
+    used = [each.coin for each in case.species if each.coin is not None]
+    known = list(dict.fromkeys((*names, *used, *case.materials_of_walls)))
     pairs: dict[frozenset[str], int] = {}
-    for i, pair in enumerate(draft.pair):
-        if pair is None:
-            continue
+    for i, pair in enumerate(case.pair):
         a, b = pair.materials
-        value = f'["{a}", "{b}"]'
-        known = names + [each.coin for each in draft.species if each is not None and each.coin is not None]
-        known = list(dict.fromkeys([*known, *draft.materials_of_walls()]))
-        for name in pair.materials:
-            if name not in known and all_known and walls_known:
-                text = f"no material is called '{name}'{nearest(name, known)}; there are {_listed(known)}"
-                yield Problem(f"pair[{i}].materials", value, text)
+        wrong = [
+            f"no material is called '{name}'{nearest(name, known)}; there are {_listed(known)}"
+            for name in pair.materials
+            if name not in known
+        ]
         if a == b:
-            yield Problem(
-                f"pair[{i}].materials", value, "two different names are needed; [[material]] is for one"
-            )
-        if pairs.setdefault(frozenset((a, b)), i) != i:
-            yield Problem(
-                f"pair[{i}].materials", value, f"the materials of pair[{pairs[frozenset((a, b))]}] too"
-            )
-
-
-def _wrong_radii(draft: Draft) -> Iterator[Problem]:
-    for i, section in enumerate(draft.species):
-        if section is not None and section.radii is not None:
-            try:
-                radii.check(section.radii.distribution, **section.radii.parameters)
-            except InputError as error:
-                yield Problem(f"species[{i}].radii", None, str(error))
+            wrong.append("two different names are needed; [[material]] is for one")
+        if (first := pairs.setdefault(frozenset((a, b)), i)) != i:
+            wrong.append(f"the materials of pair[{first}] too")
+        for text in wrong:
+            yield Problem(f"pair[{i}].materials", f'["{a}", "{b}"]', text)
 
 
 def _listed(names: list[str]) -> str:
@@ -139,53 +152,122 @@ def _once(verdicts: Iterable[pair_rules.PairVerdict]) -> list[pair_rules.PairVer
     return list({(each.key, each.message): each for each in verdicts}.values())
 
 
-def _wrong_motion(draft: Draft, species: list[Species]) -> Iterator[Problem]:
-    if draft.run is None or draft.run.collisions_per_disk is None:
+def _wrong_motion(case: Case) -> Iterator[Problem]:
+    if case.run.collisions_per_disk is None:
         return
-    value = f"{draft.run.collisions_per_disk:g}"
-    if sum(each.number for each in species) < 2:
+    value = f"{case.run.collisions_per_disk:g}"
+    if _disks(case) < 2:
         yield Problem("run.collisions_per_disk", value, "one disk alone never collides; give t_end instead")
-    elif (
-        not any(each.speed_rms > 0.0 for each in species)
-        and not draft.sets_in_motion
-        and draft.start is not None
-        and draft.start.file is None
-        and not is_trajectory(draft.start.positions)
-        and draft.start.positions != IMPACT_SCAN
-    ):
+    elif case.start.placed and not case.sets_in_motion and not any(each.speed_rms for each in case.species):
         text = "nothing moves at the start, so nothing ever collides: a species' speed_rms above 0 is needed"
         yield Problem("run.collisions_per_disk", value, text)
 
 
-def _wrong_forces(draft: Draft, species: list[Species]) -> Iterator[Problem]:
-    for i, force in enumerate(draft.force):
-        if force is None:
-            continue
-        if force.kind == "kicks" and sum(each.number for each in species) < 2:
+def _disks(case: Case) -> int:
+    return sum(each.number for each in case.species)
+
+
+def _wrong_forces(case: Case) -> Iterator[Problem]:
+    t_end = case.run.t_end
+    for i, force in enumerate(case.force):
+        key = f"force[{i}]"
+        if force.kind == "kicks" and _disks(case) < 2:
             text = "random kicks keep the total momentum, so 2 disks at least are needed"
-            yield Problem(f"force[{i}].kind", '"kicks"', text)
-        if force.kind == "table_friction" and draft.box is not None and any(draft.box.gravity):
+            yield Problem(f"{key}.kind", '"kicks"', text)
+        if force.kind == "table_friction" and any(case.box.gravity):
             text = "along a table, table friction is not supported: leave out box.gravity"
-            yield Problem(f"force[{i}].kind", '"table_friction"', text)
-        reduced = draft.run is not None and draft.run.units != "SI"
-        if force.kind == "table_friction" and force.gravity is None and reduced:
-            yield Problem(f"force[{i}].gravity", None, "missing: 9.81 m/s^2 is meant in SI units only")
-        t_end = draft.run.t_end if draft.run is not None else None
+            yield Problem(f"{key}.kind", '"table_friction"', text)
+        if force.kind == "table_friction" and force.gravity is None and case.run.units != "SI":
+            yield Problem(f"{key}.gravity", None, "missing: 9.81 m/s^2 is meant in SI units only")
         if t_end is not None and 0.5 * force.step > t_end:
             text = (
                 f"the force acts at the middle of each step, which never comes before run.t_end = {t_end:g}"
             )
-            yield Problem(f"force[{i}].step", f"{force.step:g}", text)
+            yield Problem(f"{key}.step", f"{force.step:g}", text)
+
+
+def _wrong_walls(
+    case: Case, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
+) -> Iterator[Problem]:
+    if box.is_open:
+        if walls:
+            text = "walls in an open box are not supported: leave out box.open and give lengths"
+            yield Problem("wall", None, text)
+        return
+    if case.box.lengths is None and walls:
+        text = "walls stand at places in the box: box.lengths is needed instead, and `ifrdem check` says the fraction"
+        yield Problem("box.packing_fraction", f"{case.box.packing_fraction:g}", text)
+        return
+    placed = []
+    for i, wall in enumerate(walls):
+        key = f"wall[{i}]"
+        try:
+            check_place(wall, box)
+        except InputError as error:
+            yield Problem(key, None, f"{wall.shape}: {error}")
+            continue
+        if _outside(wall, box):
+            reaches = f"which reaches from [0, 0] to [{box.lengths[0]:.6g}, {box.lengths[1]:.6g}]"
+            yield Problem(key, None, f"the {wall.shape} lies outside of the box, {reaches}")
+            continue
+        placed.append(wall)
+    room, largest = Room(box, tuple(placed)), float(radius.max())
+    if len(room.all_walls) > MOST_WALLS:
+        text = (
+            f"{len(room.all_walls)} walls: {MOST_WALLS} at most are supported, the sides of the box included"
+        )
+        yield Problem("wall", None, text)
+    elif len(placed) == len(walls) and room.all_walls and room.area(largest) <= 0.0:
+        text = f"the walls leave no room for a disk of diameter {2.0 * largest:.6g}"
+        yield Problem("wall" if walls else "box.lengths", None, text)
+
+
+def _outside(wall: Wall, box: Box) -> bool:
+    """Whether a post or segment is out of reach of the box; a line or container so placed leaves no room."""
+    if wall.shape not in ("post", "segment") or wall.motion.kind == "steady":
+        return False
+    reach = wall.radius + wall.motion.extent
+    ends = np.array((wall.place, np.add(wall.place, wall.towards)))
+    beyond = (ends.max(axis=0) + reach <= 0.0) | (ends.min(axis=0) - reach >= box.lengths)
+    return bool(np.any(beyond))
+
+
+def _wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
+    output, region = case.output, case.output.histories_region
+    twice = [name for i, name in enumerate(output.fields) if name in output.fields[:i]]
+    if twice:
+        yield Problem("output.fields", f'"{twice[0]}"', "it is there already; each may be given once")
+    if output.histories is not None:
+        beyond = [each for each in output.histories if each >= n]
+        if beyond:
+            yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
+        repeated = [each for each, times in Counter(output.histories).items() if times > 1]
+        if repeated:
+            yield Problem("output.histories", str(repeated[0]), "it is there already")
+    if output.histories_sample is not None and output.histories_sample > n:
+        yield Problem("output.histories_sample", str(output.histories_sample), f"there are {n} disks")
+    if region is not None:
+        x_low, y_low, x_high, y_high = region
+        if not (x_low < x_high and y_low < y_high):
+            text = "[x_low, y_low, x_high, y_high] is needed, each low one below the high one"
+            yield Problem("output.histories_region", str(region), text)
+        elif not box.is_open:
+            length_x, length_y = box.lengths
+            if x_low >= length_x or y_low >= length_y or x_high <= 0.0 or y_high <= 0.0:
+                text = f"lies outside of the box, {length_x:.5g} x {length_y:.5g}"
+                yield Problem("output.histories_region", str(region), text)
+    if output.tracks and box.shear_rate:
+        text = "not supported in a sheared box: leave histories out, or shear between walls that move"
+        yield Problem("output.histories", None, text)
 
 
 def _wrong_room(
-    draft: Draft, species: list[Species], radius: NDArray[np.float64], room: Room | None
+    case: Case, species: Sequence[Species], radius: NDArray[np.float64], room: Room | None
 ) -> Iterator[Problem]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
-    assert draft.box is not None
     sides = room.box.lengths if room is not None else (math.inf, math.inf)
     fits = True
-    for each in species if not draft.box.open else ():
+    for each in species if not case.box.open else ():
         largest = 2.0 * float(each.radius.max())
         if largest > LARGEST_DISK * min(sides):
             fits = False
@@ -203,20 +285,19 @@ def _wrong_room(
             f"the largest disk is {ratio:.4g} times as wide as the smallest: less than {WIDEST_RATIO:.0f} times is "
             "needed, or a distribution that is cut off (low, high)",
         )
-    if draft.start is None or not fits or room is None:
+    if not fits or room is None:
         return
-    box, covered = room.box, room.packing_fraction(radius)
-    dense = "box.packing_fraction" if draft.box.lengths is None else "box.lengths"
+    covered, dense = room.packing_fraction(radius), _size_key(case)
     if covered >= 1.0:
         place = "room between walls" if room.all_walls else "box"
         text = f"the disks cover more than the {place} has" + _attainable(species, radius, room)
         yield Problem(dense, f"{covered:.4g} of the area", text)
-    elif draft.start.file is None and draft.start.positions == "hexagonal":
+    elif case.start.placed and case.start.positions == "hexagonal":
         try:
-            placement.hexagonal_positions(box, radius, walls=room.walls)
+            placement.hexagonal_positions(room.box, radius, walls=room.walls)
         except InputError as error:
             yield Problem("start.positions", '"hexagonal"', str(error))
-    elif draft.start.file is None and draft.start.positions == "random":
+    elif case.start.placed and case.start.positions == "random":
         # Few disks can be denser: the limit holds for many (see placement.random_positions).
         limit = placement.SATURATION + 0.5 / np.sqrt(len(radius))
         if np.ptp(radius) == 0.0 and covered > limit:
@@ -228,7 +309,7 @@ def _wrong_room(
             )
 
 
-def _attainable(species: list[Species], radius: NDArray[np.float64], room: Room) -> str:
+def _attainable(species: Sequence[Species], radius: NDArray[np.float64], room: Room) -> str:
     """How many of one kind of disks would find room, by area."""
     if len(species) > 1 or np.ptp(radius) > 0.0:
         return ""
@@ -236,96 +317,86 @@ def _attainable(species: list[Species], radius: NDArray[np.float64], room: Room)
     return f": some {most} of them find room at random"
 
 
-def _wrong_open(draft: Draft, box: Box, patch: Box | None) -> Iterator[Problem]:
-    start = draft.start
-    if not box.is_open or start is None:
+def _size_key(case: Case) -> str:
+    return "box.packing_fraction" if case.box.lengths is None else "box.lengths"
+
+
+def _wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
+    if not case.box.open:
         return
-    placed = start.file is None and not is_trajectory(start.positions) and start.positions != IMPACT_SCAN
-    if placed and patch is None:
+    if case.start.placed and patch is None:
         text = (
-            f'disks that start at "{start.positions}" places need a rectangle to start in: packing_fraction or lengths '
-            "beside it"
+            f'disks that start at "{case.start.positions}" places need a rectangle to start in: packing_fraction or '
+            "lengths beside it"
         )
         yield Problem("box.open", "true", text)
-    if not placed and patch is not None:
-        key = (
-            "box.lengths"
-            if draft.box is not None and draft.box.lengths is not None
-            else "box.packing_fraction"
-        )
-        yield Problem(
-            key, None, "cannot stand beside box.open = true where the start says where the disks are"
-        )
+    if not case.start.placed and patch is not None:
+        text = "cannot stand beside box.open = true where the start says where the disks are"
+        yield Problem(_size_key(case), None, text)
 
 
-def _wrong_scan(draft: Draft, species: list[Species], box: Box | None) -> Iterator[Problem]:
-    start = draft.start
-    if start is None or start.file is not None or start.positions != IMPACT_SCAN:
+def _wrong_scan(case: Case) -> Iterator[Problem]:
+    if case.start.positions != IMPACT_SCAN:
         return
     key, value = "start.positions", f'"{IMPACT_SCAN}"'
-    if box is not None and not box.is_open:
+    if not case.box.open:
         yield Problem(key, value, "pairs that fly apart need box.open = true")
-    if len(species) != 2 or species[0].number != species[1].number:
-        found = ", ".join(f"{each.number} of '{each.name}'" for each in species)
+    numbers = [each.number for each in case.species]
+    if len(numbers) != 2 or numbers[0] != numbers[1]:
+        found = ", ".join(f"{each.number} of '{each.name}'" for each in case.species)
         text = f"two species with equal numbers are needed, those that hit and those that are hit; there are {found}"
         yield Problem(key, value, text)
-    if draft.force:
-        yield Problem(
-            key, value, "no [[force]] can act in a scan: impacts are told from velocities before and after"
-        )
-    for i, each in enumerate(draft.species):
+    if case.force:
+        text = "no [[force]] can act in a scan: impacts are told from velocities before and after"
+        yield Problem(key, value, text)
+    yield from _wrong_speeds(case, f"{key} = {value}: start.speed is the speed of those that hit")
+
+
+def _wrong_speeds(case: Case, beside: str) -> Iterator[Problem]:
+    """Speeds of species that are given beside a start that says how the disks move."""
+    for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
-            if each is not None and speed in each.model_fields_set:
-                text = f"cannot stand beside {key} = {value}: start.speed is the speed of those that hit"
-                yield Problem(f"species[{i}].{speed}", f"{getattr(each, speed):g}", text)
+            if speed in each.model_fields_set:
+                value = f"{getattr(each, speed):g}"
+                yield Problem(f"species[{i}].{speed}", value, f"cannot stand beside {beside}")
 
 
-def _wrong_start(
-    draft: Draft, species: list[Species], radius: NDArray[np.float64], room: Room | None, folder: Path
-) -> Iterator[Problem]:
-    start = draft.start
-    if start is None:
-        return
-    box, walls = (None, ()) if room is None else (room.box, room.walls)
-    frame = start.file is None and is_trajectory(start.positions)
-    if start.file is None and not frame:
-        return
-    name = start.positions if frame else start.file
-    key = "start.positions" if frame else "start.file"
+def _given(
+    case: Case, radius: NDArray[np.float64], room: Room, folder: Path, found: list[Problem]
+) -> Given | None:
+    """The start that a file or a trajectory gives; what is wrong with it is added to `found`."""
+    start, box = case.start, room.box
+    key, name = (
+        ("start.file", start.file) if start.trajectory is None else ("start.positions", start.trajectory)
+    )
+    if name is None:
+        return None
     value = f'"{name}"'
-    assert name is not None
     try:
-        if frame:
+        if start.trajectory is not None:
             given = from_trajectory.read(
-                folder / name, start.frame, radius, box, motion=start.motion, walls=walls
+                folder / name, start.frame, radius, box, motion=start.motion, walls=room.walls
             )
         else:
             given = from_csv.read(folder / name, len(radius), box)
-            if room is not None:
-                placement.check_no_overlap(room.box, radius, given.position)
-                check_walls(room.all_walls, room.box, given.position, radius)
+            placement.check_no_overlap(box, radius, given.position)
+            check_walls(room.all_walls, box, given.position, radius)
     except InputError as error:
-        yield from (Problem(key, value, line) for line in str(error).splitlines())
-        return
-    by_collisions = draft.run is not None and draft.run.collisions_per_disk is not None
-    if draft.run is not None and by_collisions and len(radius) > 1 and not draft.sets_in_motion:
-        rest = None
-        if given.velocity is None and not any(each.speed_rms > 0.0 for each in species):
-            more = "start.motion = true" if frame else "the columns vx, vy, spin"
+        found += [Problem(key, value, line) for line in str(error).splitlines()]
+        return None
+    moving = (
+        any(each.speed_rms for each in case.species) if given.velocity is None else np.any(given.velocity)
+    )
+    wanted = case.run.collisions_per_disk
+    if wanted is not None and len(radius) > 1 and not moving and not case.sets_in_motion:
+        if given.velocity is None:
+            more = "the columns vx, vy, spin" if start.trajectory is None else "start.motion = true"
             rest = f"has no velocities: {more} or a species' speed_rms above 0 are needed"
-        elif given.velocity is not None and not np.any(given.velocity):
+        else:
             rest = "has only velocities vx = vy = 0: others are needed"
-        if rest is not None:
-            text = f"nothing moves at the start, so nothing ever collides; {key} = {value} {rest}"
-            yield Problem("run.collisions_per_disk", f"{draft.run.collisions_per_disk:g}", text)
-    if given.velocity is None:
-        return
-    for i, each in enumerate(draft.species):
-        for speed in ("speed_rms", "spin_rms"):
-            if each is not None and speed in each.model_fields_set:
-                where = (
-                    f"start.motion = true ({value})" if frame else f"velocities in the start file '{name}'"
-                )
-                yield Problem(
-                    f"species[{i}].{speed}", f"{getattr(each, speed):g}", f"cannot stand beside {where}"
-                )
+        text = f"nothing moves at the start, so nothing ever collides; {key} = {value} {rest}"
+        found.append(Problem("run.collisions_per_disk", f"{wanted:g}", text))
+    if given.velocity is not None:
+        file = f"velocities in the start file '{name}'"
+        found += _wrong_speeds(case, file if start.trajectory is None else f"start.motion = true ({value})")
+    return given

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
+from ..model.box import Box
 from .section import Choice, Section
 from .walls_section import Pair
 
@@ -181,3 +184,30 @@ class BoxSection(Section):
                 if along and isinstance(pull, int | float) and pull != 0.0
             ]
         return "; ".join(wrong) or None
+
+    def around(self, radius: NDArray[np.float64]) -> Box:
+        """The box for disks of these radii [length], shape (n,).
+
+        Raises
+        ------
+        InputError
+            If they can never cover that fraction of it.
+        """
+        patch = None if self.open else self.patch(radius)
+        return Box.open() if patch is None else patch
+
+    def patch(self, radius: NDArray[np.float64]) -> Box | None:
+        """The rectangle that is given a size: the box, or where disks of an open one start; None if it has none.
+
+        Raises
+        ------
+        InputError
+            As `around`.
+        """
+        periodic = (self.periodic[0], self.periodic[1])
+        if self.lengths is not None:
+            return Box((self.lengths[0], self.lengths[1]), periodic, self.shear_rate)
+        if self.packing_fraction is None:
+            return None
+        found = Box.from_packing_fraction(radius, self.packing_fraction, self.aspect)
+        return Box(found.lengths, periodic, self.shear_rate)

@@ -14,6 +14,19 @@ LEAST, MOST = 1e-50, 1e50
 
 
 @dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong: where, what stands there (as text; None where nothing does), why."""
+
+    key: str
+    value: str | None
+    text: str
+
+    def __str__(self) -> str:
+        place = self.key if self.value is None else f"{self.key} = {self.value}"
+        return f"{place}: {self.text}"
+
+
+@dataclass(frozen=True)
 class Choice:
     """Keys that belong together: all of `needed`, and any of `also` beside them."""
 

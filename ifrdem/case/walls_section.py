@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from ..model.walls import Motion, Wall
 from .section import Section
 
 SHAPES: Mapping[str, tuple[str, ...]] = {
@@ -168,3 +169,25 @@ class WallSection(Section):
         if found is None and shape == "segment" and data.get("start") == data.get("end"):
             found = 'start = end: a segment has two ends; a point is a "post" of radius 0'
         return found
+
+    def wall(self, material: int = 0) -> Wall:
+        """The wall that stands here, of the material in this row of the law's table."""
+        options: dict[str, Any] = {"material": material, "surface_speed": self.surface_speed}
+        if self.motion is not None:
+            options["motion"] = Motion(**self.motion.model_dump(exclude_none=True))
+        if self.temperature is not None:
+            options["temperature"] = self.temperature
+
+        def point(value: list[float] | None) -> tuple[float, float]:
+            assert value is not None  # `wrong_choice` sees to it
+            return value[0], value[1]
+
+        match self.shape:
+            case "line":
+                return Wall.line(point(self.point), point(self.normal), **options)
+            case "segment":
+                return Wall.segment(point(self.start), point(self.end), **options)
+            case "container":
+                return Wall.container(point(self.center), self.radius or 0.0, **options)
+            case "post":
+                return Wall.post(point(self.center), self.radius or 0.0, **options)

@@ -17,7 +17,7 @@ class Collapse:
     Parameters
     ----------
     kind : {"none", "tc", "velocity_cutoff"}
-        none: nothing; a collapse without end stops the run with an EngineError.
+        none: nothing; a collapse without end stops the run with InelasticCollapse.
         tc: a collision is elastic if the latest collision of either partner, with a disk or a wall, was less than the
         contact time ago. Luding and McNamara (1998), doi:10.1007/s100350050017.
         velocity_cutoff: a collision is elastic if its normal speed of approach is below the cut-off.

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import EngineError, InputError
+from ..errors import EngineError, InputError, NoMoreCollisions
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, checked_class, compiled
 from ..model.law_table import check_energy, coefficient_table, law_table
@@ -386,7 +386,7 @@ class DSMC(Sealed):
         ------
         InputError
             If not exactly one end is given, or it lies in the past, or samples are not in order.
-        EngineError
+        NoMoreCollisions
             If nothing moves.
         """
         by_time = t_end is not None
@@ -453,7 +453,7 @@ class DSMC(Sealed):
         )
         cap = MARGIN * math.sqrt(float(self._fastest[0]))
         if cap == 0.0:
-            raise EngineError(f"t = {self.time:.9g}: nothing moves; there will be no more collisions")
+            raise NoMoreCollisions(f"t = {self.time:.9g}: nothing moves; there will be no more collisions")
         if not math.isfinite(cap):
             raise EngineError(f"t = {self.time:.9g}: a velocity is not finite")
         self._crowding[self._kernels.MAJORANT] = self._section * 2.0 * cap

@@ -66,7 +66,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError
+from ..errors import EngineError, InelasticCollapse, NoMoreCollisions
 from ..kernels.limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
 from ..model.box import Box, below
 from ..model.ifr import IFRLaw
@@ -415,9 +415,12 @@ class Engine:
 
         Raises
         ------
+        NoMoreCollisions
+            If no collision can ever happen but some are asked for.
+        InelasticCollapse
+            If collisions pile up without end, or a disk comes to rest on a wall.
         EngineError
-            If no collision can ever happen but some are asked for, if collisions pile up without end (inelastic
-            collapse), if a force makes a velocity that is not finite, or if a guarantee of the engine is violated.
+            If a force makes a velocity that is not finite, or a guarantee of the engine is violated.
         """
         with self.changing() as deferred:
             space = self._space
@@ -580,7 +583,7 @@ class Engine:
     def _fly_apart(self, space: OpenSpace, stop: float, rest_at: float) -> None:
         """To `stop` or `rest_at` [time] in one flight: no disk can meet another one before a force acts."""
         if not math.isfinite(stop):
-            raise EngineError(
+            raise NoMoreCollisions(
                 f"t = {self.time:.6g}: the disks have flown apart, and none can meet another one any more, but "
                 "collisions are asked for"
             )
@@ -605,7 +608,7 @@ class Engine:
             stop = t_end
         self._resting += 1
         if not math.isfinite(stop) or (not math.isfinite(t_end) and self._resting > PATIENCE):
-            raise EngineError(
+            raise NoMoreCollisions(
                 f"t = {self.time:.6g}: no disk can meet another one, but collisions are asked for"
             )
         stop = min(stop, rest_at)
@@ -629,14 +632,14 @@ class Engine:
             # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
             patience = max(PATIENCE, self.n * PATIENCE // 10)
             if self.time - self._collided_at > patience * self._free_time(outcome.fastest):
-                raise EngineError(
+                raise NoMoreCollisions(
                     f"t = {self.time:.6g}: no collision since t = {self._collided_at:.6g}, {patience} times what is "
                     "usual at this density: these disks seem never to meet"
                 )
         # In an inelastic collapse, collisions without end gain no time.
         self._stalled = self._stalled + 1 if outcome.stalled else 0
         if self._stalled >= STALLED_EPOCHS:
-            raise EngineError(
+            raise InelasticCollapse(
                 f"t = {self.time:.9g}: {STALLED_EPOCHS} epochs in a row gained no time: collisions pile up without "
                 'end (inelastic collapse). Use collapse = "tc" with a contact_time or "velocity_cutoff" with a '
                 "velocity_cutoff, a larger e_n, or a lower packing fraction, or end the run earlier"

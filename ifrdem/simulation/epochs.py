@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError
+from ..errors import EngineError, InelasticCollapse
 from ..kernels.epochs import epochs_by_one_thread
 from ..kernels.joining import join_tiles
 from ..kernels.layout import (
@@ -315,7 +315,7 @@ class Epochs:
 
     def _check_rest(self, now: float) -> None:
         if self.arrays.counter[RESTING]:
-            raise EngineError(
+            raise InelasticCollapse(
                 f"t = {now:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic collapse); "
                 'there is no next collision. With collapse = "tc" and a contact_time, or collapse = "velocity_cutoff" '
                 "and a velocity_cutoff, such collisions are elastic, and the run goes on"

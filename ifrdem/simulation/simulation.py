@@ -122,7 +122,7 @@ class Simulation(Sealed):
     -----
     Limits: disks of similar size for speed (the largest sets the grid). Inelastic collapse (smooth disks, e_n well
     below 0.7) takes very many collisions without a remedy; touching disks that approach more slowly than 1e-14 of their
-    velocities count as at rest, which ends it, and a run that gains no time at all ends with an EngineError.
+    velocities count as at rest, which ends it, and a run that gains no time at all ends with InelasticCollapse.
     """
 
     def __init__(
@@ -512,9 +512,13 @@ class Simulation(Sealed):
         ------
         InputError
             If not exactly one end is given, or it lies in the past.
+        NoMoreCollisions
+            If collisions are asked for and no disk can meet another one any more.
+        InelasticCollapse
+            If collisions pile up without end, or a disk comes to rest on a wall: `collapse` says what helps.
         EngineError
-            If the end cannot be reached: nothing moves, or the gas collapsed inelastically; or if another thread runs a
-            simulation, or the process is a forked copy of one that has.
+            If another thread runs a simulation, or the process is a forked copy of one that has; or if a guarantee of
+            the engine is violated.
         """
         if not isinstance(frames, Cadence):
             frames = Cadence(number=checked.whole("frames", frames, 1, MOST))

@@ -15,12 +15,14 @@ from pydantic import ValidationError
 
 from ifrdem import theory
 from ifrdem.case import file as case_file
-from ifrdem.case import template
+from ifrdem.case import pair_rules, template
 from ifrdem.case.case import Case, MaterialSection, RunSection, SpeciesSection
 from ifrdem.case.estimate import Estimate, collision_rates
 from ifrdem.case.gas import Gas, Species
 from ifrdem.case.section import Section
+from ifrdem.cli.main import main
 from ifrdem.errors import InputError
+from ifrdem.initial import from_csv, radii
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.coin_table import coins
 
@@ -228,16 +230,43 @@ def test_one_disk_alone_cannot_be_run_to_a_number_of_collisions() -> None:
 def test_every_mistake_is_reported_at_once(tmp_path: Path) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(SMALL, encoding="utf-8")
-    wrong = ["run.sede=3", "box.packing_fraction=0.95", "material[0].e_n=1.2", "species[0].material=steel"]
-    with pytest.raises(InputError) as error:
-        case_file.read(path, wrong)
-    lines = str(error.value).splitlines()
-    # types and ranges, then physics: the wrong name is found although its material has a mistake too
-    for line, key in zip(
-        lines, ("run.sede", "box.packing_fraction", "material[0].e_n", "species[0].material"), strict=True
-    ):
-        assert line.startswith(f"{path}: {key} = ")
-        assert line.endswith("[set on the command line]")
+    types = {
+        "run.sede": "3",
+        "box.packing_fraction": "0.95",
+        "material[0].e_n": "1.2",
+        "output.frames": "0",
+    }
+    rules = {"species[0].material": "steel", "species[0].number": "2", "output.histories": "[100]"}
+    # keys, types and ranges first; then what needs several sections
+    for wrong, keys in ((rules | types, set(types)), (rules, {*rules, "box"} - {"species[0].number"})):
+        with pytest.raises(InputError) as error:
+            case_file.read(path, [f"{key}={value}" for key, value in wrong.items()])
+        lines = str(error.value).splitlines()
+        assert {line.split(" = ")[0] for line in lines} == {f"{path}: {key}" for key in keys}
+        assert all(line.endswith("[set on the command line]") for line in lines if "box = " not in line)
+
+
+def test_a_run_judges_its_case_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From reading it to the first frame: a start file is read, radii are sampled and pairs are judged once."""
+    done: list[str] = []
+
+    def counted(module: Any, name: str) -> None:
+        original = getattr(module, name)
+        monkeypatch.setattr(module, name, lambda *a, **k: done.append(name) or original(*a, **k))
+
+    monkeypatch.chdir(tmp_path)
+    rows = "x,y,vx,vy,spin\n1,1,1,0,0\n3,1,-1,0,0\n"
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL, encoding="utf-8")
+    spread = '{distribution="uniform",low=0.4,high=0.5}'
+    wanted = [*start_case(tmp_path, rows), "species[0].speed_rms=", "species[0].radius="]
+    wanted += [f"species[0].radii={spread}", "run.collisions_per_disk=1.0"]
+    for module, name in ((from_csv, "read"), (radii, "sample"), (pair_rules, "verdicts")):
+        counted(module, name)
+    assert (
+        main(["run", str(path), "--no-picture", *(word for each in wanted for word in ("--set", each))]) == 0
+    )
+    assert sorted(done) == ["read", "sample", "verdicts"]
 
 
 def test_mistakes_of_one_section_are_all_found_beside_a_wrong_combination_of_keys() -> None:

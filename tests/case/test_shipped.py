@@ -12,9 +12,7 @@ import pytest
 from ifrdem import Trajectory
 from ifrdem.case import file as case_file
 from ifrdem.case import shipped, template
-from ifrdem.case.draft import Draft
 from ifrdem.case.gas import Gas
-from ifrdem.case.rules import problems
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
@@ -37,7 +35,7 @@ def test_every_case_of_the_folder_is_listed_with_what_it_shows(capsys: pytest.Ca
 @pytest.mark.parametrize("name", sorted(path.stem for path in CASES.glob("*.toml")))
 def test_every_shipped_case_is_in_order_and_named_like_its_file(name: str) -> None:
     file = case_file.read(shipped.find(name))
-    assert problems(Draft.from_case(file.case), file.folder) == []
+    assert file.findings.problems == []
     assert file.case.run.name == name
     assert f"ifrdem run cases/{name}.toml" in file.text
 

@@ -11,7 +11,7 @@ import pytest
 from support.gases import COIN, ELASTIC, equal_disks, equilibrated
 from support.serial_reference import simulate
 
-from ifrdem.errors import EngineError, InputError
+from ifrdem.errors import InelasticCollapse, InputError
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import State
@@ -210,7 +210,7 @@ def test_a_gas_that_collapses_ends_or_says_so(collapse: str, law: IFRLaw) -> Non
     message = ""
     try:
         gas.run(collisions_per_disk=200.0)
-    except EngineError as stopped:
+    except InelasticCollapse as stopped:
         message = str(stopped)
     if collapse == "none" and message:
         assert 'collapse = "tc"' in message

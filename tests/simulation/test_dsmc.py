@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from ifrdem.errors import EngineError, InputError
+from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.model.ifr import EnergyWarning, IFRLaw
 from ifrdem.model.law import CollisionLaw
@@ -248,7 +248,7 @@ def test_impossible_gases_are_refused() -> None:
     with pytest.raises(InputError, match="disks do not meet"):
         DSMC(two, COIN, 0.0, still)
     at_rest = DSMC(two, COIN, 0.2, still)
-    with pytest.raises(EngineError, match="nothing moves"):
+    with pytest.raises(NoMoreCollisions, match="nothing moves"):
         at_rest.run(t_end=1.0)
     for end in ({}, {"t_end": 1.0, "collisions_per_disk": 1.0}):
         with pytest.raises(InputError, match="exactly one"):

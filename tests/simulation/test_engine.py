@@ -10,7 +10,7 @@ from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mix
 
 import ifrdem.simulation.engine
 import ifrdem.simulation.epochs
-from ifrdem.errors import EngineError, InputError
+from ifrdem.errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from ifrdem.model.box import Box
@@ -207,7 +207,7 @@ def test_gas_at_rest_stays_at_rest_and_cannot_give_collisions() -> None:
     np.testing.assert_allclose(
         simulation.state.position, box.wrap(state.position), atol=1e-14 * max(box.lengths)
     )
-    with pytest.raises(EngineError, match="no disk can meet another"):
+    with pytest.raises(NoMoreCollisions, match="no disk can meet another"):
         simulation.run(collisions_per_disk=1.0)
 
 
@@ -218,7 +218,7 @@ def test_too_few_disks_to_collide_fly_freely(n: int) -> None:
     simulation = Simulation(disks, Box((5.0, 5.0)), SMOOTH, state)
     simulation.run(t_end=4.0)
     np.testing.assert_allclose(simulation.state.position, np.full((n, 2), 3.0))
-    with pytest.raises(EngineError, match="no disk can meet another"):
+    with pytest.raises(NoMoreCollisions, match="no disk can meet another"):
         simulation.run(collisions_per_disk=1.0) if n else simulation.collide(1)
 
 
@@ -229,7 +229,7 @@ def test_disks_that_never_meet_end_a_run_by_collisions_with_a_message(
     disks = equal_disks(2)
     state = State(np.array([[1.0, 1.0], [1.0, 3.0]]), np.array([[1.0, 0.0], [1.0, 0.0]]), np.zeros(2))
     simulation = Simulation(disks, Box((4.0, 4.0)), SMOOTH, state)
-    with pytest.raises(EngineError, match="never to meet"):
+    with pytest.raises(NoMoreCollisions, match="never to meet"):
         simulation.run(collisions_per_disk=1.0)
 
 
@@ -272,7 +272,7 @@ def test_a_collapse_without_end_stops_with_a_message(monkeypatch: pytest.MonkeyP
         while engine.time < 1.0:
             engine.advance(t_end=1.0)
 
-    with pytest.raises(EngineError, match="inelastic collapse"):
+    with pytest.raises(InelasticCollapse, match="inelastic collapse"):
         run()
 
 

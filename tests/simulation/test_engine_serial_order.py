@@ -18,7 +18,7 @@ from support.serial_reference import simulate
 import ifrdem.simulation.arrays
 import ifrdem.simulation.engine
 import ifrdem.simulation.epochs
-from ifrdem.errors import EngineError
+from ifrdem.errors import InelasticCollapse
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
@@ -266,7 +266,7 @@ def test_a_collapse_in_a_tile_ends_like_one_in_rounds(monkeypatch: pytest.Monkey
         while engine.time < 30.0:
             engine.advance(t_end=30.0)
 
-    with pytest.raises(EngineError, match="inelastic collapse"):
+    with pytest.raises(InelasticCollapse, match="inelastic collapse"):
         run_on()
 
 

@@ -11,7 +11,7 @@ from support.force_examples import SMOOTH, Noise, Push, Summing, one_disk, still
 from support.gases import COIN, equal_disks, mixture, start
 
 import ifrdem.simulation.engine
-from ifrdem.errors import EngineError, InputError
+from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.model.forces import Drag, Force, Langevin, RandomKicks, Rescale, SpinKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import measure
@@ -216,5 +216,5 @@ def test_a_gas_at_rest_waits_for_a_force_but_not_for_ever(monkeypatch: pytest.Mo
     kicked.run(collisions_per_disk=0.1)
     assert kicked.collisions == 3
     braked = Simulation(disks, box, SMOOTH, state, forces=[Drag(1.0, rate=1.0)])
-    with pytest.raises(EngineError, match="no disk can meet another"):
+    with pytest.raises(NoMoreCollisions, match="no disk can meet another"):
         braked.run(collisions_per_disk=0.1)

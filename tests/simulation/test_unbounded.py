@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.gases import COIN, mixture, start
 
-from ifrdem.errors import EngineError, InputError
+from ifrdem.errors import InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.forces import TableFriction
@@ -84,7 +84,7 @@ def test_a_gas_that_flies_apart_costs_the_logarithm_of_the_time() -> None:
     # f64 round-off of places in a box some 1e13 wide.
     np.testing.assert_allclose(later.position, end.position + 2e12 * end.velocity, atol=0.1)
     np.testing.assert_array_equal(later.velocity, end.velocity)
-    with pytest.raises(EngineError, match="flown apart, and none can meet another one any more"):
+    with pytest.raises(NoMoreCollisions, match="flown apart, and none can meet another one any more"):
         engine.advance(collisions=engine.collisions + 1)
 
 

@@ -11,7 +11,7 @@ from support.gases import COIN, ELASTIC
 from support.serial_reference import simulate
 
 from ifrdem import forces
-from ifrdem.errors import EngineError, InputError
+from ifrdem.errors import InelasticCollapse, InputError
 from ifrdem.kernels.law import collide_pair
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
@@ -256,7 +256,7 @@ def test_a_ball_that_comes_to_rest_on_a_wall_stops_the_run_with_a_reason() -> No
     start = State(np.array([[5.0, 3.0]]), np.zeros((1, 2)), np.zeros(1))
     law = np.array([[(0.5, *ELASTIC[1:])]])
     engine = Engine(disks, Box((10.0, 10.0), (True, False)), start, law, gravity=(0.0, -1.0))
-    with pytest.raises(EngineError, match="came to rest on a wall"):
+    with pytest.raises(InelasticCollapse, match="came to rest on a wall"):
         run_to(engine, 100.0)
 
 
