@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ..trajectory import history_columns, layout
+from ..trajectory import layout
 
 GROUP_BYTES = 1510
 """Of each dataset with a group of its own, links and header."""
@@ -74,9 +74,9 @@ def trajectory_bytes(
     if rows:
         stored += [_dataset(rows, max(1, layout.CHUNK_ROWS // width), width, 8) for width in series.values()]
     if tracked:
-        most, few = history_columns.CHUNK_EVENTS, history_columns.FEW_EVENTS
-        chunk = most if tracked >= history_columns.MANY else min(most, few)
-        for column in history_columns.COLUMNS.values():
+        most, few = layout.CHUNK_EVENTS, layout.FEW_EVENTS
+        chunk = most if tracked >= layout.MANY else min(most, few)
+        for column in layout.EVENT_COLUMNS.values():
             size = _dataset(events, chunk, column.components, np.dtype(column.dtype).itemsize)
             stored.append(size - GROUP_BYTES + SHARED_BYTES)
         # Where they begin: position, velocity, spin, image, and which they are.
