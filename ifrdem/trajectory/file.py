@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 
 from ..errors import InputError
-from ..tools import beside
+from ..tools import files
 
 try:
     import fcntl
@@ -420,6 +420,6 @@ def _check_output(path: Path, given: str | os.PathLike[str], *, force: bool) -> 
 def _create_empty(path: Path, given: str | os.PathLike[str]) -> Path:
     """Create an empty file beside `path` and return its path."""
     try:
-        return beside.create(path)
+        return files.create(path)
     except OSError as error:
         raise InputError(f"output {os.fspath(given)} cannot be created: {error.strerror}") from error

@@ -123,6 +123,7 @@ def test_new_space_is_on_the_disk_before_space_in_use_changes(tmp_path):
         file.write(data)
     file.flush()
     assert order == [(3, b"aa"), (5, b"bb"), (9, b"cc"), (0, b"new")]
+    file.close()
 
 
 def test_the_superblock_goes_first_and_indexes_go_before_numbers_of_rows(tmp_path):
@@ -146,6 +147,7 @@ def test_the_superblock_goes_first_and_indexes_go_before_numbers_of_rows(tmp_pat
         file.write(data)
     file.flush()
     assert order == [600, 500, 200, 300, 100, 400, 50, 0]
+    file.close()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no locks of this kind there")
