@@ -22,7 +22,7 @@ from ..kernels import limits
 from ..model.observables import MECHANISMS, REGIMES
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Drive
-from ..trajectory import history_columns, layout
+from ..trajectory import layout
 from .case import Case
 from .gas import Gas, Species
 from .output_section import OutputSection
@@ -370,9 +370,9 @@ def trajectory_bytes(
     if rows:
         stored += [_dataset(rows, max(1, layout.CHUNK_ROWS // width), width, 8) for width in series.values()]
     if tracked:
-        most, few = history_columns.CHUNK_EVENTS, history_columns.FEW_EVENTS
-        chunk = most if tracked >= history_columns.MANY else min(most, few)
-        for column in history_columns.COLUMNS.values():
+        most, few = layout.CHUNK_EVENTS, layout.FEW_EVENTS
+        chunk = most if tracked >= layout.MANY else min(most, few)
+        for column in layout.EVENT_COLUMNS.values():
             size = _dataset(events, chunk, column.components, np.dtype(column.dtype).itemsize)
             stored.append(size - GROUP_BYTES + SHARED_BYTES)
         # Where they begin: position, velocity, spin, image, and which they are.

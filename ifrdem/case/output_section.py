@@ -6,10 +6,13 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, field_validator
+from pydantic_core import PydanticCustomError
 
+from ..errors import InputError
 from ..simulation.schedule import MOST as MOST_FRAMES
 from ..simulation.schedule import Cadence
+from ..trajectory.layout import need_zstd
 from .section import Section
 
 FieldName = Literal[
@@ -99,9 +102,10 @@ class OutputSection(Section):
     histories_all: bool = Field(
         default=False, description="instead: all disks [true or false]", examples=[True]
     )
-    compression: Literal["none", "gzip"] = Field(
+    compression: Literal["none", "gzip", "zstd"] = Field(
         default="none",
-        description='"none" (fast) or "gzip" (about three quarters of the size, slower to write and to read)',
+        description='"none" (fast), "gzip" (about three quarters of the size, slower to write and to read) or "zstd" '
+        "(faster than gzip; the package hdf5plugin is needed here and by whatever reads the file)",
         examples=["none"],
     )
     precision: Literal["f4", "f8"] = Field(
@@ -125,6 +129,16 @@ class OutputSection(Section):
     picture: bool = Field(
         default=True, description="draw NAME.png at the end [true or false]", examples=[True]
     )
+
+    @field_validator("compression")
+    @classmethod
+    def _available(cls, compression: str) -> str:
+        if compression == "zstd":
+            try:
+                need_zstd("this compression")
+            except InputError as error:
+                raise PydanticCustomError("package", "{text}", {"text": str(error)}) from error
+        return compression
 
     @classmethod
     def wrong_choice(cls, data: dict[str, Any]) -> str | None:

@@ -190,6 +190,8 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
         what += f", histories of {estimate.tracked} disks"
     if case.output.compression != "none":
         what += f", at most: {case.output.compression} makes it smaller"
+    if case.output.compression == "zstd":
+        what += "; what reads it needs the package hdf5plugin (ParaView, VMD and others: a plugin of HDF5)"
     lines += [
         _row("run", f"to {_end(case)}: {_collisions(estimate)}{_end_time(case, estimate, time)}"),
         _row("file", f"{case.run.name}.h5, {size(estimate.file_bytes)}: {what}"),

@@ -89,7 +89,7 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
     for name in trajectory.fields:
         with damage.reading(trajectory.path, name):
             dataset = trajectory.dataset(name)
-            filters = f", {dataset.compression}" if dataset.compression else ""
+            filters = f", {damage.compression(dataset)}" if damage.compression(dataset) else ""
             stored = _bytes(dataset.id.get_storage_size())
         frame = int(np.prod(dataset.shape[1:])) * dataset.dtype.itemsize
         lines.append(

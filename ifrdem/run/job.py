@@ -26,10 +26,9 @@ from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
-from ..trajectory import writer_process
 from ..trajectory.background import QueuedWriter
 from ..trajectory.views import write_views
-from ..trajectory.writer import TrajectoryError
+from ..trajectory.writer import TrajectoryError, TrajectoryWriter
 from .outputs import Outputs
 from .progress import Progress
 from .recorder import Ledger, Recorder
@@ -111,7 +110,7 @@ def run(
         raise KeyboardInterrupt("interrupted before the first frame: nothing was written") from None
     if force:  # the checkpoint of the trajectory that is replaced is of no use
         outputs.checkpoint.unlink(missing_ok=True)
-    writer = writer_process.begin(
+    writer = TrajectoryWriter(
         outputs.trajectory,
         gas.disks,
         gas.box,
@@ -288,8 +287,6 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         say(f"  {job.simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
     for path, size in job.outputs.sizes().items():
         say(f"  {path} ({check.size(size)})")
-    if job.writer.compressor:
-        say(f"  compressed by {job.writer.compressor}")
 
 
 def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:

@@ -23,9 +23,9 @@ from ..simulation import checkpoint, device
 from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file
-from ..trajectory import writer_process
 from ..trajectory.background import QueuedWriter
 from ..trajectory.layout import CHECKPOINT, checkpoint_of
+from ..trajectory.writer import TrajectoryWriter
 from .job import Job, device_of, drive, finish, how
 from .outputs import Outputs, checkpoint_in
 from .recorder import Ledger
@@ -121,7 +121,7 @@ def resume(
         case.run.name, str(trajectory), picture=picture and case.output.picture,
         views=case.output.views and "position" in case.output.fields,
     )  # fmt: skip
-    writer = writer_process.go_on(
+    writer = TrajectoryWriter.resume(
         trajectory,
         gas.disks,
         gas.box,

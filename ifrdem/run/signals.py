@@ -10,7 +10,10 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
 
-from ..tools.processes import SIGNALS, WARNINGS
+WARNINGS = [getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)]
+"""Signals by which batch systems tell that a job is about to run out of time (Windows has none)."""
+SIGNALS = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
+"""All that a run ends in good order for. Terminals and batch systems send them to every process of a job."""
 
 INTERRUPTED = 130  # what shells use for SIGINT
 TERMINATED = 143
@@ -28,7 +31,7 @@ class Stopped(Exception):
 class Stops:
     """Listens for reasons to stop, and for the next checkpoint; a context manager.
 
-    The first of `children.SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
+    The first of `SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
     Parameters

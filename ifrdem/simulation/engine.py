@@ -75,7 +75,6 @@ from ..model.state import Disks, State
 from ..model.walls import Wall, sides
 from ..model.walls import check as check_walls
 from ..tools import checked, seeds
-from ..tools.buffers import Buffers
 from . import checks, device
 from . import checks as engine_checks
 from . import checks as magnitudes
@@ -216,7 +215,6 @@ class Engine:
         self.statistics = Statistics()
         self.last_collisions: Collisions | None = None
         self.keep_collisions = False
-        self.buffers = Buffers()
         self._stalled = 0
         self._collided_at = self.time
         self._space = OpenSpace(disks) if box.is_open else None

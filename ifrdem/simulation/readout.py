@@ -28,7 +28,6 @@ from ..kernels.passing import (
 )
 from ..kernels.totals import TOTALS
 from ..model.state import State, StoredState
-from ..tools.buffers import compact
 from .schedule import Due
 
 if TYPE_CHECKING:
@@ -84,16 +83,16 @@ def state_at(
     engine: Engine, moment: float, time: float, *, stored: Collection[str] | None = None
 ) -> tuple[State, NDArray[np.float64]]:
     """The state at a moment of the epoch that is over, which is this time, and its sums; 0 if all has settled."""
-    n, take, arrays = engine.n, engine.buffers.take, engine.arrays
+    n, arrays = engine.n, engine.arrays
     wide = stored is None
     real, whole = (np.float64, np.int64) if wide else (np.float32, np.int32)
     imaged = stored is None or "image" in stored
-    rows = take((n, ROW_WORDS), whole)
+    rows = np.empty((n, ROW_WORDS), whole)
     past = {name: _read_only(value) for name, value in arrays.before.items()}
     if arrays.uses.partnered:
-        past["last_partner"] = take((n,), np.int32)
+        past["last_partner"] = np.empty(n, np.int32)
     if arrays.uses.turned:
-        past["angle"] = take((n,))
+        past["angle"] = np.empty(n)
     sums = np.zeros((n // BLOCK + 1, TOTALS))
     arrays.launch(
         look_back, wide, moment, *engine.origin, *engine.highest(np.dtype(real)), int(imaged), rows_out=rows,
@@ -103,7 +102,7 @@ def state_at(
     place, velocity = reals[:, ROW_X : ROW_Y + 1], reals[:, ROW_VX : ROW_VY + 1]
     spin = reals[:, ROW_SPIN]
     if wide:
-        place, velocity, spin = compact(place), compact(velocity), compact(spin)
+        place, velocity, spin = (np.ascontiguousarray(each) for each in (place, velocity, spin))
     events = rows[:, ROW_EVENTS].astype(np.int32, copy=False)
     image = rows[:, ROW_IMAGE_X : ROW_IMAGE_Y + 1].astype(np.int32, copy=False) if imaged else None
     kind = State if wide else StoredState

@@ -1,1 +1,1 @@
-"""Helpers that know no physics: seeds, CSV rows, short reprs, versions, processes."""
+"""Helpers that know no physics: seeds, CSV rows, short reprs, versions."""

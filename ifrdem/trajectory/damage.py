@@ -19,7 +19,9 @@ FAULTS = (
 )  # fmt: skip
 """Exceptions of HDF5, NumPy, JSON and Python about content that is not what it should be."""
 HINT = "; `ifrdem repair` keeps what is whole"
-DEFLATE_MOST = 1032  # numbers of bytes that deflate makes of one, at most (zlib's technical details)
+ZSTD = 32015  # number of the filter, https://github.com/HDFGroup/hdf5_plugins
+# Numbers of bytes made of one, at most: zlib's technical details; a block of Zstandard, RFC 8878: 128 KiB of 4 bytes.
+EXPANSION = {None: 1, "gzip": 1032, "zstd": 2**15}
 
 
 class DamageError(InputError):
@@ -69,13 +71,33 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
         size = dataset.dtype.itemsize
         for one in chosen:
             size *= len(one)
-        most = dataset.file.id.get_filesize() * (DEFLATE_MOST if dataset.compression else 1)
+        most = dataset.file.id.get_filesize() * EXPANSION[compression(dataset)]
         if size > most:
             raise ValueError(f"{size} bytes of it are asked for, and the file can hold no more than {most}")
         value = dataset[selection]
         if _lacks(dataset, chosen, value):
             raise ValueError("a chunk is missing")
     return value
+
+
+def compression(dataset: h5py.Dataset) -> str | None:
+    """The compression of a dataset: "gzip", "zstd", None.
+
+    Raises
+    ------
+    DamageError
+        If it is another one, which no writer of ours uses.
+    """
+    filters = dataset.id.get_create_plist()
+    known = {h5py.h5z.FILTER_DEFLATE: "gzip", ZSTD: "zstd"}
+    harmless = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
+    numbers = [filters.get_filter(i)[0] for i in range(filters.get_nfilters())]
+    for number in numbers:
+        if number not in known and number not in harmless:
+            raise DamageError(
+                f"{dataset.name} is compressed by filter {number} of HDF5, and gzip and zstd are known"
+            )
+    return next((known[number] for number in numbers if number in known), None)
 
 
 def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | float:

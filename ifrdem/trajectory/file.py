@@ -1,37 +1,194 @@
-"""An HDF5 file that is being written: at its place, with room on the disk, and whole whatever happens."""
+"""An HDF5 file that is being written: locked, at its place, and good after every write that reaches the disk."""
 
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
-import shutil
-import time
 import weakref
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import h5py
-from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..tools import files
-from .ordered_file import OrderedFile
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
 
 LOST = "its frames are not at their place any more"
-LOCK_WAIT = 2.0  # seconds for which a lock may yet be given back
+_SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
 
 
 class TrajectoryError(RuntimeError):
     """A trajectory cannot be written further (a full disk, a closed file). Its committed frames are kept."""
 
 
+class OrderedFile:
+    """File below HDF5 that orders what reaches the disk, so that every beginning of it is a good file.
+
+    HDF5 flushes its metadata by address. When the index of a dataset's chunks splits, the node that points to new ones
+    is then written before them: a process killed in between leaves a file whose committed frames cannot be found. Here,
+    new space is written at once, and changes of space in use wait for the flush: first the superblock, which says how
+    far the file reaches, then the indexes, parents before children, then the numbers of rows. A parent that names a new
+    child early is harmless, because the old one still holds what has moved. Only a new name in a group that exists
+    changes two pieces that must fit, its heap's head and body: groups are added before the first frame where possible.
+
+    Parameters
+    ----------
+    path : str or path
+        A file that exists. It is locked until `close`.
+
+    Attributes
+    ----------
+    error : OSError or None
+        The first failure. It is not raised, because HDF5 cannot be told of it in the middle of its work: nothing is
+        written any more, and whoever writes looks here after each flush.
+
+    Raises
+    ------
+    BlockingIOError
+        If another process has locked the file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.error: OSError | None = None
+        self._raw = open(path, "r+b", buffering=0)  # noqa: SIM115 closed by `close`
+        try:
+            if fcntl is not None:
+                fcntl.flock(self._raw, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._raw.close()
+            raise
+        self._at = 0
+        self._size = self._in_use = os.fstat(self.fileno()).st_size
+        self._waiting: dict[int, bytes] = {}  # changes of space in use, by place; they do not overlap
+
+    def fileno(self) -> int:
+        """The descriptor."""
+        return self._raw.fileno()
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Move; from the start or from the end."""
+        self._at = offset + (self._size if whence == os.SEEK_END else 0)
+        return self._at
+
+    def tell(self) -> int:
+        """Where reading and writing go on."""
+        return self._at
+
+    def readinto(self, buffer: bytearray) -> int:
+        """Fill a buffer from the present place; zeros beyond the end."""
+        view = memoryview(buffer).cast("B")
+        done = 0
+        with self._noting():
+            self._raw.seek(self._at)
+            while more := self._raw.readinto(view[done:]):
+                done += more
+        view[done:] = bytes(len(view) - done)
+        for start, held in self._waiting.items():
+            low, high = max(start, self._at), min(start + len(held), self._at + len(view))
+            if low < high:
+                view[low - self._at : high - self._at] = held[low - start : high - start]
+        self._at += len(view)
+        return len(view)
+
+    def read(self, size: int) -> bytes:
+        """The next bytes; h5py takes for a file what can do this."""
+        data = bytearray(size)
+        self.readinto(data)
+        return bytes(data)
+
+    def write(self, buffer: bytes) -> int:
+        """Write at the present place: to new space now, to space in use at the next flush."""
+        view = memoryview(buffer).cast("B")
+        old = max(0, min(len(view), self._in_use - self._at))
+        if old:
+            self._wait(self._at, bytes(view[:old]))
+        if old < len(view):
+            self._write(view[old:], self._at + old)
+        self._at += len(view)
+        self._size = max(self._size, self._at)
+        return len(view)
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the size; a file that is to be shorter is cut when it is closed."""
+        self._size = self._at if size is None else size
+        if os.fstat(self.fileno()).st_size < self._size:
+            self._cut()
+        return self._size
+
+    def flush(self) -> None:
+        """Write what waits, in an order that leaves a good file whenever it ends."""
+        for start, data in sorted(self._waiting.items(), key=lambda item: _order(item[1])):
+            self._write(memoryview(data), start)
+        self._waiting.clear()
+        self._in_use = max(self._in_use, self._size)
+
+    def close(self) -> None:
+        """Write what waits, and let go of the file."""
+        if self._raw.closed:
+            return
+        self.flush()
+        self._cut()
+        self._raw.close()
+
+    def _wait(self, start: int, data: bytes) -> None:
+        """Keep a change of space in use; one piece of all that overlap, the new one above."""
+        end = start + len(data)
+        for place, held in list(self._waiting.items()):
+            if place < end and start < place + len(held):
+                low, high = min(place, start), max(place + len(held), end)
+                whole = bytearray(high - low)
+                whole[place - low : place - low + len(held)] = held
+                whole[start - low : start - low + len(data)] = data
+                del self._waiting[place]
+                start, data, end = low, bytes(whole), high
+        self._waiting[start] = data
+
+    def _write(self, view: memoryview, place: int) -> None:
+        with self._noting():
+            if self.error is None:
+                self._raw.seek(place)
+                while len(view):
+                    view = view[self._raw.write(view) :]
+
+    def _cut(self) -> None:
+        with self._noting():
+            if self.error is None:
+                self._raw.truncate(self._size)
+
+    @contextlib.contextmanager
+    def _noting(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            # Without its traceback: the frames there hold memory of HDF5 that has to be let go of.
+            self.error = self.error or error.with_traceback(None)
+
+
+def _order(data: bytes) -> tuple[int, int]:
+    """When a piece is written: see the numbers. Pieces of one number keep HDF5's order: data, then their headers."""
+    if data.startswith(_SUPERBLOCK):
+        return 0, 0
+    if data.startswith(b"HEAP"):  # of names
+        return 1, 0
+    if data.startswith(
+        b"TREE\x01"
+    ):  # of chunks, from the root down; the sixth byte is the level, 0 for leaves
+        return 2, -data[5]
+    if data.startswith(b"TREE"):  # of the names in a group
+        return 4, -data[5]
+    # Without a mark: names, numbers, and headers of datasets, which say how many rows there are.
+    return (5, 0) if data.startswith(b"SNOD") else (3, 0)
+
+
 class OutputFile:
     """An HDF5 file open for writing.
 
     A new one grows up beside its place, so that its place never holds half a file; `publish` puts it there.
-    HDF5 cannot undo half a write: room on the disk is reserved before HDF5 begins (`reserve`).
 
     Attributes
     ----------
@@ -44,14 +201,7 @@ class OutputFile:
     """
 
     def __init__(
-        self,
-        file: h5py.File,
-        raw: OrderedFile | None,
-        path: Path,
-        present: Path,
-        *,
-        replaces: bool,
-        new: bool,
+        self, file: h5py.File, raw: OrderedFile, path: Path, present: Path, *, replaces: bool, new: bool
     ) -> None:
         self.file = file
         self._raw = raw
@@ -79,9 +229,9 @@ class OutputFile:
         present = _create_empty(path, given)
         file, raw = None, None
         try:
-            raw = _ordered(present)
+            raw = OrderedFile(present)
             # The default libver: files written with "latest" do not open after a kill.
-            file = h5py.File(raw or present, "w")
+            file = h5py.File(raw, "w")
             fill(file)
             output = cls(file, raw, path, present, replaces=replaces, new=True)
             output.flush()
@@ -107,8 +257,8 @@ class OutputFile:
             raise InputError(f"{os.fspath(given)}: there is no such file to go on with")
         raw = None
         try:
-            raw = _ordered_soon(path)
-            file = h5py.File(raw or path, "r+")
+            raw = OrderedFile(path)
+            file = h5py.File(raw, "r+")
         except BlockingIOError as error:
             raise InputError(
                 f"{os.fspath(given)} is open elsewhere: a run is writing it, or a program holds it"
@@ -124,17 +274,16 @@ class OutputFile:
         return bool(self.file)
 
     @property
-    def present(self) -> Path:
-        """Where the file is until it is published, and then."""
-        return self._present
-
-    @property
-    def identity(self) -> tuple[int, int] | None:
-        """Device and number of the open file on its file system; None where the system does not tell."""
-        if self._raw is None or not self.file:
+    def gone(self) -> str | None:
+        """Reason why the open file is not at its place any more; None if it is."""
+        if not self.file:
             return None
-        own = os.fstat(self._raw.fileno())
-        return own.st_dev, own.st_ino
+        try:
+            there = os.stat(self._present)
+        except FileNotFoundError:
+            return "somebody has deleted or moved it meanwhile"
+        same = os.path.samestat(there, os.fstat(self._raw.fileno()))
+        return None if same else "somebody has replaced it meanwhile"
 
     def publish(self) -> None:
         """Put the file at its place."""
@@ -153,36 +302,6 @@ class OutputFile:
                 self._present.unlink()
         self._present = self.path
 
-    def lend(self, arrays: Iterable[NDArray[Any]]) -> None:
-        """Arrays that are going to be written, and stay as they are until the next flush: it copies them then."""
-        if self._raw is not None:
-            self._raw.lend(arrays)
-
-    def reserve(self, room: int) -> None:
-        """Reserve so many bytes on the disk, and see that the file is still there.
-
-        Raises
-        ------
-        OSError
-            If the disk is full, or somebody has deleted or replaced the file.
-        """
-        if self._raw is not None:
-            own = os.fstat(self._raw.fileno())
-            if reason := gone(self._present, self.identity):
-                raise FileNotFoundError(reason)
-        size = self.file.id.get_filesize()
-        if self._raw is None or not hasattr(os, "posix_fallocate"):
-            if shutil.disk_usage(self._present.parent).free < room:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return
-        if own.st_size >= size + room:  # reserved before
-            return
-        try:
-            os.posix_fallocate(self._raw.fileno(), size, room)
-        except OSError as error:
-            if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # some file systems cannot reserve
-                raise
-
     @contextlib.contextmanager
     def committing(self, what: str, kept: Callable[[], str]) -> Iterator[None]:
         """Turn what fails inside into a TrajectoryError; nothing is written after it.
@@ -197,6 +316,8 @@ class OutputFile:
         if self.failed or not self.file:
             raise TrajectoryError(f"{self.path} is closed: {what} cannot be added")
         try:
+            if reason := self.gone:
+                raise FileNotFoundError(reason)
             yield
         except TrajectoryError as error:
             self.failed = True
@@ -206,7 +327,7 @@ class OutputFile:
             reason = (
                 os.strerror(caught.errno) if isinstance(caught, OSError) and caught.errno else str(caught)
             )
-            left = LOST if gone(self._present, self.identity) else kept()
+            left = LOST if self.gone else kept()
             raise TrajectoryError(f"{self.path}: {what} could not be written ({reason}); {left}") from caught
 
     def flush(self) -> None:
@@ -218,7 +339,7 @@ class OutputFile:
             If something could not be written. Nothing reaches the file any more then.
         """
         self.file.flush()
-        if self._raw is not None and self._raw.error is not None:
+        if self._raw.error is not None:
             raise self._raw.error
 
     def close(self, drop: Callable[[], None], *, keep: bool) -> None:
@@ -244,10 +365,9 @@ class OutputFile:
                 drop()
                 self.flush()
             self.file.close()
-            if self._raw is not None:
-                self._raw.close()
-                if self._raw.error is not None and not self.failed:
-                    raise self._raw.error
+            self._raw.close()
+            if self._raw.error is not None and not self.failed:
+                raise self._raw.error
             if keep:
                 self.publish()
         except (OSError, RuntimeError) as error:
@@ -260,32 +380,19 @@ class OutputFile:
                 self._present.unlink(missing_ok=True)
 
 
-def gone(path: Path, identity: tuple[int, int] | None) -> str | None:
-    """Reason why a file that was written is not at its place any more; None if it is, or that is not known."""
-    if identity is None:
-        return None
-    try:
-        there = os.stat(path)
-    except FileNotFoundError:
-        return "somebody has deleted or moved it meanwhile"
-    return None if (there.st_dev, there.st_ino) == identity else "somebody has replaced it meanwhile"
+@contextlib.contextmanager
+def staged(file: h5py.File, name: str) -> Iterator[h5py.Group]:
+    """A new group to fill; it gets its name at the end, when all that is in it has been written."""
+    drop_staged(file, name)
+    yield file.create_group(f"{name}_uncommitted")
+    file.flush()
+    file.move(f"{name}_uncommitted", name)
 
 
-def _ordered(path: Path) -> OrderedFile | None:
-    """The file below HDF5; None where the system has no writing at a place (Windows), and HDF5 opens it itself."""
-    return OrderedFile(path) if hasattr(os, "pwrite") else None
-
-
-def _ordered_soon(path: Path) -> OrderedFile | None:
-    """The same for a file that may be locked for a moment yet: by the writing process of a run that was killed."""
-    until = time.monotonic() + LOCK_WAIT
-    while True:
-        try:
-            return _ordered(path)
-        except BlockingIOError:
-            if time.monotonic() > until:
-                raise
-        time.sleep(0.02)
+def drop_staged(file: h5py.File, name: str) -> None:
+    """Remove a group that a kill or an error left unfinished."""
+    if f"{name}_uncommitted" in file:
+        del file[f"{name}_uncommitted"]
 
 
 def _close(file: h5py.File | None, raw: OrderedFile | None) -> None:

@@ -115,6 +115,7 @@ class _Copy:
 
     def __init__(self, file: h5py.File, path: Path, whole: int | None, say: Callable[[str], object]) -> None:
         damage.check_links(file, str(path), layout.VIEWS)
+        layout.load_compression(file, str(path))
         self.wrong = False
         self._file, self._path, self._whole, self._say = file, path, whole, say
         self._rows: dict[

@@ -19,14 +19,10 @@ from ..errors import InputError, nearest
 from ..model.box import Box, below
 from ..model.state import Disks, State, StoredState
 from ..model.walls import Wall, to_json
-from ..tools.buffers import compact
 from ..tools.sealed import Sealed
-from . import layout, quantities, resumable
-from .deflate import Deflate
-from .file import OutputFile, TrajectoryError, gone
-from .frame_rows import FrameRows
-from .history_writer import HistoryWriter
-from .series_writer import SeriesWriter
+from . import damage, layout
+from .file import OutputFile, TrajectoryError
+from .rows import HistoryWriter, Rows, SeriesWriter, check_name, checked
 
 __all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
 
@@ -38,9 +34,9 @@ class TrajectoryWriter(Sealed):
 
     Each frame is committed in two phases: everything but its step is written and flushed, then the step. A
     process killed at any moment leaves a file in which each frame that has a step is whole; likewise the rows
-    of series and the events of histories. Room on the disk is reserved before a frame touches the file, so
-    that a full disk leaves the same. Committed frames survive the death of the process; after a power failure
-    they are as safe as the file system makes them.
+    of series and the events of histories. Every write to the disk leaves such a file (`OrderedFile`), so that a
+    full disk does, too. Committed frames survive the death of the process; after a power failure they are as
+    safe as the file system makes them.
 
     Use it as a context manager. A writer that is closed before its first frame leaves no file, and with
     `force` the old file stays in place until the first frame of the new one is committed. `resume` goes on
@@ -68,8 +64,9 @@ class TrajectoryWriter(Sealed):
         analysis and not for a restart. Times, observables, series and histories are always f8, counts are
         integers.
     compression : str
-        "none" (default) or "gzip" (shuffle and deflate, level 1) of the per-disk fields. The package `isal`
-        (extra `fast`) compresses ten times faster; `compressor` says who does.
+        "none" (default), "gzip" (shuffle and deflate, level 1) or "zstd" (shuffle and Zstandard) of the per-disk
+        fields. gzip is read by every HDF5 program; zstd is faster, and needs the package `hdf5plugin` (extra
+        `zstd`) here and in every program that reads the file: others say that a filter is missing.
     force : bool
         Replace a file that exists.
     walls : sequence of Wall
@@ -78,8 +75,8 @@ class TrajectoryWriter(Sealed):
     Raises
     ------
     InputError
-        If a choice or name is unknown, the path exists and `force` is not given, it is not a regular file, or
-        the file cannot be created there. Nothing is left behind then.
+        If a choice or name is unknown, `hdf5plugin` is missing for zstd, the path exists and `force` is not given,
+        it is not a regular file, or the file cannot be created there. Nothing is left behind then.
     """
 
     path: Path
@@ -108,6 +105,8 @@ class TrajectoryWriter(Sealed):
             raise InputError(f"fields = {fields}: each may be given once")
         _check_choices("precision", [precision], list(layout.PRECISIONS))
         _check_choices("compression", [compression], list(layout.COMPRESSIONS))
+        if compression == "zstd":
+            layout.need_zstd('compression "zstd"')
         _check_record(parameters, units)
 
         def fill(file: h5py.File) -> None:
@@ -165,7 +164,7 @@ class TrajectoryWriter(Sealed):
         output = OutputFile.reopen(path)
         try:
             layout.check_layout(output.file, os.fspath(path))
-            resumable.check(
+            _check_resumable(
                 output.file,
                 os.fspath(path),
                 disks=disks,
@@ -208,9 +207,8 @@ class TrajectoryWriter(Sealed):
                 f"{self.path} holds {committed} frames, the checkpoint had seen {frames}: it is another file's"
             )
         fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
-        compressed = any(dataset.compression for dataset in fields.values())
-        self._deflate = Deflate() if compressed else None
-        self._rows = FrameRows(step, {"time": time, "edges": edges}, fields, self._deflate, committed, frames)
+        self._fields = fields
+        self._rows = Rows("frame", step, {"time": time, "edges": edges, **fields}, committed, frames)
         self._empty_views = layout.plain_views(file)
         self._observables: dict[str, h5py.Dataset] = {}
         if committed:
@@ -225,19 +223,9 @@ class TrajectoryWriter(Sealed):
         return self._rows.committed
 
     @property
-    def present(self) -> Path:
-        """Where the file is now: beside its place while it is to replace another and has no frame yet."""
-        return self._output.present
-
-    @property
-    def identity(self) -> tuple[int, int] | None:
-        """As `OutputFile.identity`."""
-        return self._output.identity
-
-    @property
     def gone(self) -> str | None:
         """Reason why the file is not at its place any more; None if it is."""
-        return gone(self.present, self.identity)
+        return self._output.gone
 
     @property
     def series_rows(self) -> int:
@@ -253,11 +241,6 @@ class TrajectoryWriter(Sealed):
     def seen(self) -> dict[str, int]:
         """What a checkpoint has to keep for `resume`: frames, series_rows and events that the run has written."""
         return {"frames": self._rows.at, "series_rows": self._series.at, "events": self._histories.at}
-
-    @property
-    def compressor(self) -> str | None:
-        """Who compresses, for people; None if nothing is compressed."""
-        return None if self._deflate is None else self._deflate.description
 
     def __enter__(self) -> TrajectoryWriter:
         return self
@@ -290,9 +273,7 @@ class TrajectoryWriter(Sealed):
         with self._output.committing("a frame", self._kept):
             rows = self._rows
             first = None if rows.committed == 0 else self._observables
-            values = quantities.checked(
-                "observable", "frame", {} if observables is None else observables, first
-            )
+            values = checked("observable", "frame", {} if observables is None else observables, first)
             fields = self._checked_fields(state)
             for name in values:
                 if name not in self._observables:  # it is there if an interrupt ended the first attempt
@@ -305,9 +286,6 @@ class TrajectoryWriter(Sealed):
                 **_prefixed(values),
             }
             new = rows.known(1) == 0
-            self._output.reserve(rows.room(1))
-            if new:
-                self._output.lend(fields.values())
             rows.add({name: np.asarray(value)[None] for name, value in frame.items()})
             if new:
                 for view in self._empty_views:
@@ -386,7 +364,7 @@ class TrajectoryWriter(Sealed):
         Parameters
         ----------
         events : mapping
-            Every column of `history_columns.COLUMNS` -> array with a row an event, in the order of time and
+            Every column of `layout.EVENT_COLUMNS` -> array with a row an event, in the order of time and
             id. Arrays of no rows say that nothing happened.
         time : float
             Up to here the histories are complete [time].
@@ -410,8 +388,6 @@ class TrajectoryWriter(Sealed):
         TrajectoryError
             If closing fails, e.g. because the disk has gone. Committed frames are kept.
         """
-        if self._deflate is not None:
-            self._deflate.close()
         self._output.close(self._drop_uncommitted, keep=len(self) > 0)
 
     def _kept(self) -> str:
@@ -436,20 +412,20 @@ class TrajectoryWriter(Sealed):
             raise InputError(f"the state has {state.n} disks: {self._n} are needed")
         if not (np.isfinite(state.time) and state.time >= self._last_time):
             raise InputError(f"time = {state.time}: a finite time not before {self._last_time} is needed")
-        checked = {}
-        for name, dataset in self._rows.fields.items():
-            value = compact(np.asarray(getattr(state, layout.FIELDS[name].attribute)))
+        found = {}
+        for name, dataset in self._fields.items():
+            value = np.ascontiguousarray(getattr(state, layout.FIELDS[name].attribute))
             if value.shape != dataset.shape[1:]:
                 raise InputError(f"{name} has shape {value.shape}: {dataset.shape[1:]} is needed")
             if layout.FIELDS[name].count:
-                checked[name] = _as_count(name, value, dataset.dtype)
+                found[name] = _as_count(name, value, dataset.dtype)
             elif isinstance(state, StoredState) and value.dtype == dataset.dtype:
-                checked[name] = value  # the engine has seen that all is finite
+                found[name] = value  # the engine has seen that all is finite
             else:
-                checked[name] = _as_float(name, value, dataset.dtype)
-        if "position" in checked:
-            _keep_inside(checked["position"], state.position, self._lengths)
-        return checked
+                found[name] = _as_float(name, value, dataset.dtype)
+        if "position" in found:
+            _keep_inside(found["position"], state.position, self._lengths)
+        return found
 
 
 def _prefixed(observables: Mapping[str, object]) -> dict[str, Any]:
@@ -459,11 +435,11 @@ def _prefixed(observables: Mapping[str, object]) -> dict[str, Any]:
 
 def _check_record(parameters: Mapping[str, object], units: Mapping[str, object]) -> None:
     for name, value in parameters.items():
-        quantities.check_name("parameter", name)
+        check_name("parameter", name)
         if not isinstance(value, (str, int, float)):
             raise InputError(f"parameter {name} = {value!r}: a text or a number is needed")
     for quantity, unit in units.items():
-        quantities.check_name("unit", quantity)
+        check_name("unit", quantity)
         if not isinstance(unit, str):
             raise InputError(f"unit of {quantity} = {unit!r}: a text is needed")
         if (unit == layout.REDUCED) != (layout.REDUCED in units.values()):
@@ -501,3 +477,66 @@ def _check_choices(what: str, names: Sequence[str], allowed: Sequence[str]) -> N
             raise InputError(
                 f"{what} = {name!r}: allowed are {', '.join(allowed)}{nearest(str(name), allowed)}"
             )
+
+
+def _check_resumable(
+    file: h5py.File,
+    path: str,
+    *,
+    disks: Disks,
+    box: Box,
+    fields: Sequence[str],
+    precision: str,
+    compression: str,
+    walls: str | None,
+) -> None:
+    """Raise InputError that says in what the file differs from what the run has; `walls` as JSON."""
+    version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
+    if version != layout.LAYOUT_VERSION:
+        raise InputError(
+            f"{path} has layout {version[0]}.{version[1]}: a run can go on only with files of layout "
+            f"{layout.LAYOUT_VERSION[0]}.{layout.LAYOUT_VERSION[1]}; begin a new file"
+        )
+    _check_disks(file, path, disks)
+    stored_box = file[f"{layout.PARTICLES}/box"].attrs
+    expected = layout.box_attributes(box)
+    for name in dict.fromkeys((*expected, *stored_box)):
+        given, stored = expected.get(name), stored_box.get(name)
+        if given is None or stored is None or not np.array_equal(given, stored):
+            raise InputError(f"{path} has another box: its {name} is {stored}, the run's is {given}")
+    held = file["parameters/walls"].asstr()[()] if "parameters/walls" in file else None
+    if held != walls:
+        raise InputError(f"{path} has other walls: {held or 'none'}, the run has {walls or 'none'}")
+    _check_fields(file, path, fields, precision, compression)
+
+
+def _check_disks(file: h5py.File, path: str, disks: Disks) -> None:
+    n = len(file[f"{layout.PARTICLES}/radius"])
+    if n != disks.n:
+        raise InputError(f"{path} has {n} disks, the run has {disks.n}")
+    for name in layout.STATIC:
+        given, stored = getattr(disks, name), file[f"{layout.PARTICLES}/{name}"][()]
+        different = given != stored
+        if different.any():
+            i = int(np.argmax(different))
+            raise InputError(
+                f"{path} has other disks: {name} of disk {i} is {stored[i]}, the run's is {given[i]}"
+            )
+
+
+def _check_fields(
+    file: h5py.File, path: str, fields: Sequence[str], precision: str, compression: str
+) -> None:
+    stored = layout.stored_fields(file)
+    if set(stored) != set(fields):
+        raise InputError(f"{path} holds the fields {', '.join(stored)}, the run has {', '.join(fields)}")
+    for name in stored:
+        dataset = layout.field_dataset(file, name)
+        if not layout.FIELDS[name].count and dataset.dtype != layout.PRECISIONS[precision]:
+            raise InputError(
+                f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: "
+                f"{np.dtype(layout.PRECISIONS[precision])}"
+            )
+        held = damage.compression(dataset) or "none"
+        if held != compression:
+            raise InputError(f"{path} has compression {held!r}, the run has {compression!r}")

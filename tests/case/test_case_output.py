@@ -21,7 +21,7 @@ from ifrdem.run import job
 from ifrdem.run.recorder import COLUMNS, Ledger
 from ifrdem.simulation.schedule import Cadence
 from ifrdem.tools import seeds
-from ifrdem.trajectory import history_columns
+from ifrdem.trajectory import layout
 from ifrdem.trajectory.writer import TrajectoryWriter
 
 CASE = """
@@ -278,7 +278,7 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
             writer.begin_histories(np.arange(expected.tracked), start)
             columns = {
                 name: np.zeros((events, *column.tail), dtype=column.dtype)
-                for name, column in history_columns.COLUMNS.items()
+                for name, column in layout.EVENT_COLUMNS.items()
             }
             writer.write_histories(columns, 1.0)
         for number in range(expected.frames):

@@ -21,7 +21,7 @@ from ifrdem.cli import analyse
 from ifrdem.cli import main as cli
 from ifrdem.cli.analyse import NAMES
 from ifrdem.errors import InputError
-from ifrdem.trajectory.history_columns import COLUMNS, START
+from ifrdem.trajectory.layout import EVENT_COLUMNS, START_COLUMNS
 
 N, FRAMES, SPAN = 300, 12, 4.0
 BOX = Box((40.0, 30.0))
@@ -88,9 +88,9 @@ def add_histories(path: Path, count: int = 4000) -> np.ndarray:
         group = file.create_group("histories")
         group["tracked"] = np.array([3, 7, 20], dtype=np.int32)
         group["start/time"] = 0.0
-        for name, column in START.items():  # which analyses do not read
+        for name, column in START_COLUMNS.items():  # which analyses do not read
             group[f"start/{name}"] = np.zeros((3, *column.tail), dtype=column.dtype)
-        for name, column in COLUMNS.items():
+        for name, column in EVENT_COLUMNS.items():
             if name not in columns:
                 group[f"events/{name}"] = np.zeros((count + 1, *column.tail), dtype=column.dtype)
         group["committed/events"] = np.array([count // 2, count])

@@ -27,7 +27,6 @@ from ifrdem.run.signals import Stopped, Stops
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.versions import package_versions
-from ifrdem.trajectory import writer_process
 from ifrdem.trajectory.background import QueuedWriter
 
 pytestmark = pytest.mark.unoptimised
@@ -138,13 +137,8 @@ def save_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run, "save", first_only)
 
 
-@pytest.mark.parametrize(("threads", "apart"), [("1", False), ("2", True)])
-def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(
-    whole, tmp_path, stopping, monkeypatch, threads, apart, capsys
-):
-    """Also where another process writes."""
-    if apart:
-        monkeypatch.setattr(writer_process, "LEAST_DISKS", 0)
+@pytest.mark.parametrize("threads", ["1", "2"])
+def test_a_run_stopped_again_and_again_is_the_same_to_the_bit(whole, tmp_path, stopping, threads, capsys):
     case = whole.parent / "gas.toml"
     stopping += [0, 5, 13, 40]  # in the very beginning, and later
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/", "--set", f"run.threads={threads}"]) == 130
@@ -335,21 +329,11 @@ def test_checkpoints_of_others_are_refused_before_anything_is_done(tmp_path, mon
     assert os.listdir(tmp_path) == ["a.checkpoint.h5"]
 
 
-APART = """
-import sys
-from ifrdem.cli import main as cli
-from ifrdem.trajectory import writer_process
-writer_process.LEAST_DISKS = 0
-sys.exit(cli.main(sys.argv[1:]))
-"""
-
-
-def launched(case: Path, *, apart: bool) -> subprocess.Popen[str]:
-    """A run in a process group of its own, whose trajectory it writes itself or another process writes."""
+def launched(case: Path) -> subprocess.Popen[str]:
+    """A run in a process group of its own."""
     environment = {**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"}
-    program = ["-c", APART] if apart else ["-m", "ifrdem"]
     return subprocess.Popen(
-        [sys.executable, *program, "run", str(case), "-o", f"{case.parent}/"],
+        [sys.executable, "-m", "ifrdem", "run", str(case), "-o", f"{case.parent}/"],
         env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, start_new_session=True,
     )  # fmt: skip
 
@@ -369,19 +353,18 @@ LONG = CASE.replace("t_end = 2.0", "t_end = 400.0").replace("frames = 12", "fram
 
 
 @pytest.mark.parametrize(
-    ("number", "status", "word", "apart"),
+    ("number", "status", "word"),
     [
-        (signal.SIGINT, 130, "interrupted", False),
-        (signal.SIGTERM, 143, "terminated (SIGTERM)", False),
-        (signal.SIGINT, 130, "interrupted", True),
-        (signal.SIGUSR1, 3, "warned (SIGUSR1)", False),  # as batch systems do some time before a job's limit
-        (signal.SIGUSR2, 3, "warned (SIGUSR2)", True),
+        (signal.SIGINT, 130, "interrupted"),
+        (signal.SIGTERM, 143, "terminated (SIGTERM)"),
+        (signal.SIGUSR1, 3, "warned (SIGUSR1)"),  # as batch systems do some time before a job's limit
+        (signal.SIGUSR2, 3, "warned (SIGUSR2)"),
     ],
 )
-def test_signals_end_a_run_with_a_checkpoint(tmp_path, number, status, word, apart):
+def test_signals_end_a_run_with_a_checkpoint(tmp_path, number, status, word):
     """All processes of the run get them, as from a terminal."""
     (tmp_path / "gas.toml").write_text(LONG)
-    process = launched(tmp_path / "gas.toml", apart=apart)
+    process = launched(tmp_path / "gas.toml")
     wait_for_frames(tmp_path, 3, process)
     os.killpg(process.pid, number)
     _, told = process.communicate(timeout=60)
@@ -393,13 +376,12 @@ def test_signals_end_a_run_with_a_checkpoint(tmp_path, number, status, word, apa
     assert content["state"] == "interrupted"
 
 
-@pytest.mark.parametrize("apart", [False, True])
-def test_a_killed_run_goes_on_to_the_same_file(whole, tmp_path, apart):
+def test_a_killed_run_goes_on_to_the_same_file(whole, tmp_path):
     """SIGKILL at moments of its life drawn at random; the checkpoint is the one of the beginning."""
     rng = random.Random(5)
     case = tmp_path / "gas.toml"
     case.write_text(CASE)
-    process = launched(case, apart=apart)
+    process = launched(case)
     while not (tmp_path / "gas.checkpoint.h5").exists():
         assert process.poll() is None, process.communicate()[1]
         time.sleep(0.005)

@@ -19,7 +19,6 @@ from ifrdem.model.state import State, StoredState
 from ifrdem.simulation.engine import Engine
 from ifrdem.simulation.schedule import Cadence, Course, Span
 from ifrdem.simulation.simulation import Simulation
-from ifrdem.tools.buffers import Buffers, compact
 from ifrdem.trajectory import layout
 
 pytestmark = pytest.mark.unoptimised
@@ -294,18 +293,6 @@ def test_frames_that_are_kept_are_not_written_over(stored: tuple[str, ...] | Non
             assert np.array_equal(getattr(state, name), value), name
 
 
-def test_memory_of_frames_that_nobody_holds_is_used_again() -> None:
-    buffers = Buffers()
-    first = buffers.take((3, 2))
-    place = first.__array_interface__["data"][0]
-    column = first[:, 0]
-    del first
-    assert buffers.take((3, 2)).__array_interface__["data"][0] != place  # a view of it is still there
-    del column
-    assert buffers.take((3, 2)).__array_interface__["data"][0] == place
-    assert buffers.take((3, 2), np.float32).dtype == np.float32
-
-
 def test_frames_at_intervals_of_time_end_with_the_collisions_of_the_run(order: str) -> None:
     simulation = gas()
     found = frames_of(simulation, collisions_per_disk=1.0, frames=Cadence(interval=0.02))
@@ -346,30 +333,3 @@ def test_frames_do_not_depend_on_the_speed_of_the_machine(monkeypatch: pytest.Mo
         found.append(frames_of(simulation, t_end=70.0, frames=Cadence(interval=3.9975)))
     for (one, _), (other, _) in zip(*found, strict=True):
         assert np.array_equal(one.position, other.position), one.time
-
-
-@pytest.mark.parametrize("kind", ["f4", "i4", "f8", "i8"])
-def test_columns_become_arrays_of_their_own_bit_by_bit(kind: str) -> None:
-    """Numbers that are none, too; a column of two words is copied as one item, which must not show."""
-    rows = np.random.default_rng(3).integers(
-        -(2**31), 2**31, (1000, 4 * np.dtype(kind).itemsize), dtype=np.int32
-    )
-    numbers = rows.view(kind)
-    for column in (numbers[:, 0:2], numbers[:, 3:5], numbers[:, 1:4], numbers[:, 2], numbers[:, ::2]):
-        found = compact(column)
-        assert found.flags.c_contiguous
-        assert found.dtype == column.dtype
-        assert found.tobytes() == column.tobytes()
-    for turned in (
-        np.asfortranarray(numbers[:, 0:2]),
-        numbers[:, 1::-1],
-        np.broadcast_to(numbers[0, :2], (9, 2)),
-    ):
-        assert compact(turned).tobytes() == turned.tobytes()
-    assert compact(numbers) is numbers
-
-
-def test_memory_of_frames_begins_with_a_line_of_memory() -> None:
-    buffers = Buffers()
-    held = [buffers.take((n, 8), kind) for n in (1, 3, 1000, 200_000) for kind in (np.int32, np.int64)]
-    assert all(array.ctypes.data % 64 == 0 for array in held)

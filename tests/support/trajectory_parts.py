@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from test_reader import some_state
 
 from ifrdem.model.state import State
-from ifrdem.trajectory.history_columns import COLUMNS
+from ifrdem.trajectory.layout import EVENT_COLUMNS
 
 TRACKED = (2, 5, 11)
 SERIES_COLUMNS = {"dissipated_by_mechanism": ("normal", "sliding")}
@@ -30,7 +30,7 @@ def batch(number: int, count: int = EVENTS_A_BATCH) -> tuple[dict[str, NDArray],
     """Events between the times number and number + 1, and the time up to which they are complete."""
     rng = np.random.default_rng((99, number))
     events: dict[str, NDArray] = {}
-    for name, column in COLUMNS.items():
+    for name, column in EVENT_COLUMNS.items():
         shape = (count, *column.tail)
         if np.dtype(column.dtype).kind == "f":
             events[name] = rng.normal(size=shape)

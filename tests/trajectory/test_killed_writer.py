@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import functools
 import json
 import os
@@ -24,10 +23,9 @@ from test_reader import BOX, some_disks
 from test_reader import some_state as new_state
 
 from ifrdem.trajectory.background import QueuedWriter
-from ifrdem.trajectory.history_columns import COLUMNS
-from ifrdem.trajectory.ordered_file import OrderedFile
+from ifrdem.trajectory.file import OrderedFile
+from ifrdem.trajectory.layout import EVENT_COLUMNS
 from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
-from ifrdem.trajectory.writer_process import RemoteWriter
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 
@@ -45,8 +43,7 @@ import json, os, sys
 sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests", sys.argv[1] + "/tests/trajectory"]
 import test_killed_writer
 from ifrdem.tools.versions import package_versions
-from ifrdem.trajectory import deflate
-deflate._isal(), package_versions()  # so that no child has to look for them
+package_versions()  # so that no child has to look for them
 assert "taichi" not in sys.modules
 for line in sys.stdin:
     pid = os.fork()
@@ -62,7 +59,7 @@ for line in sys.stdin:
 
 
 def write(path: str, told: str, compression: str, how: str, n: int, limit: int) -> None:
-    """Write until something ends it; how: plain, queued, or queued and apart, in a process of its own."""
+    """Write until something ends it; how: plain, or queued to a thread."""
     if limit:
         import resource
 
@@ -71,11 +68,7 @@ def write(path: str, told: str, compression: str, how: str, n: int, limit: int) 
         )  # a write beyond the limit is an error then, not a death
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
     voice = os.open(told, os.O_CREAT | os.O_WRONLY | os.O_APPEND)
-    plain = (
-        RemoteWriter("begin", path, some_disks(n), BOX, compression=compression)
-        if how == "apart"
-        else TrajectoryWriter(path, some_disks(n), BOX, compression=compression)
-    )
+    plain = TrajectoryWriter(path, some_disks(n), BOX, compression=compression)
     writer = plain if how == "plain" else QueuedWriter(plain)
     said = {"f": 0, "s": 0, "e": 0}
     try:
@@ -126,19 +119,6 @@ def gone(forks: subprocess.Popen[str]) -> None:
     assert forks.stdout.readline() == "gone\n"
 
 
-def wait_for_lock(path: Path) -> None:
-    """Until a process of its own, which a killed run takes with it, has gone, too: HDF5 itself does not wait."""
-    with path.open() as file:
-        for _ in range(1000):
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                time.sleep(0.002)
-            else:
-                return
-    raise AssertionError("the process that writes has outlived its run")
-
-
 def assert_whole(path: Path, n: int, told: str) -> tuple[int, int, int]:
     """All that has a commit is as its number says, and all that was reported is there; returns how much."""
     with Trajectory(path):
@@ -169,7 +149,7 @@ def assert_whole(path: Path, n: int, told: str) -> tuple[int, int, int]:
             batches = len(commits) - 1
             assert np.array_equal(commits, 50 * np.arange(len(commits)))
             events = [batch(i)[0] for i in range(batches)]
-            for name in COLUMNS if batches else ():
+            for name in EVENT_COLUMNS if batches else ():
                 given = np.concatenate([each[name] for each in events])
                 assert np.array_equal(file[f"histories/events/{name}"][: len(given)], given)
         assert batches >= told.count("e")
@@ -203,7 +183,7 @@ def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, 
     committed = []
     for moment in range(MOMENTS):
         path, told = tmp_path / f"{moment}.h5", tmp_path / f"{moment}.told"
-        compression, how = ("none", "gzip")[moment % 2], ("plain", "queued", "apart")[moment % 3]
+        compression, how = ("none", "gzip", "zstd")[moment % 3], ("plain", "queued")[moment % 2]
         n = (40, N)[moment % 5 != 0]
         pid = started(forks, path, told, compression=compression, how=how, n=n)
         # So many letters on, and a little more: a slow machine is killed no earlier than a fast one.
@@ -215,8 +195,6 @@ def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, 
         os.kill(pid, signal.SIGKILL)
         gone(forks)
         text = told.read_text() if told.exists() else ""
-        if how == "apart":
-            wait_for_lock(path)
         seen = assert_whole(path, n, text)
         with h5py.File(path, "r+") as file:
             assert len(file["particles/all/position/step"]) == seen[0]
@@ -227,7 +205,7 @@ def test_writers_killed_at_sixty_moments_leave_all_they_had_committed(tmp_path, 
     assert len(set(committed)) > 4
 
 
-@pytest.mark.parametrize("how", ["plain", "queued", "apart"])
+@pytest.mark.parametrize("how", ["plain", "queued"])
 def test_a_limit_on_the_file_leaves_all_that_was_committed(tmp_path, forks, how):
     """A limit on the size of files fails writes as a full disk does."""
     path, told = tmp_path / "run.h5", tmp_path / "told"
@@ -259,7 +237,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(folder)], check=True)
 
 
-@pytest.mark.parametrize("how", ["plain", "queued", "apart"])
+@pytest.mark.parametrize("how", ["plain", "queued"])
 @pytest.mark.parametrize("compression", ["none", "gzip"])
 def test_a_full_disk_leaves_all_that_was_committed(tmp_path, small_disk, forks, how, compression):
     path, told = small_disk / "run.h5", tmp_path / "told"
@@ -329,14 +307,18 @@ def test_a_disk_that_refuses_pieces_leaves_a_file_that_can_be_closed(tmp_path, m
     path = tmp_path / "run.h5"
     with TrajectoryWriter(path, some_disks(3000), BOX) as writer:
         writer.write(some_state(3000, 0), {"energy": 0.0})
-        pwrite = os.pwrite
+        raw = writer._output._raw._raw
 
-        def refused(descriptor: int, data: memoryview, place: int) -> int:
-            if len(data) > 20_000:
-                raise OSError(errno.EIO, os.strerror(errno.EIO))
-            return pwrite(descriptor, data, place)
+        class Refusing:
+            def __getattr__(self, name: str) -> object:
+                return getattr(raw, name)
 
-        monkeypatch.setattr(os, "pwrite", refused)
+            def write(self, data: memoryview) -> int:
+                if len(data) > 10_000:
+                    raise OSError(errno.EIO, os.strerror(errno.EIO))
+                return raw.write(data)
+
+        monkeypatch.setattr(writer._output._raw, "_raw", Refusing())
         with pytest.raises(TrajectoryError, match=r"\(Input/output error\); the 1 frames before"):
             writer.write(some_state(3000, 1), {"energy": 0.5})
         writer.close()

@@ -20,7 +20,6 @@ from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.run.info import describe
-from ifrdem.trajectory.frame_rows import FrameRows
 from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
 from ifrdem.trajectory.rows import Rows
 
@@ -658,7 +657,7 @@ def test_a_frame_without_its_step_does_not_count(tmp_path):
 @pytest.mark.parametrize("interrupted", ["time", "angular_velocity/value", "energy/value", "step"])
 def test_an_interrupted_write_leaves_no_trace(tmp_path, monkeypatch, interrupted):
     path = tmp_path / "run.h5"
-    append, store = Rows._append, FrameRows._store
+    append = Rows._append
 
     def interrupt(rows, dataset):
         if rows.committed == 2 and dataset.name.endswith(interrupted):
@@ -668,13 +667,8 @@ def test_an_interrupted_write_leaves_no_trace(tmp_path, monkeypatch, interrupted
         append(self, dataset, values)
         interrupt(self, dataset)
 
-    def store_and_interrupt(self, dataset, place, chunk):
-        store(self, dataset, place, chunk)
-        interrupt(self, dataset)
-
     with TrajectoryWriter(path, some_disks(3), BOX) as writer:
         monkeypatch.setattr(Rows, "_append", append_and_interrupt)
-        monkeypatch.setattr(FrameRows, "_store", store_and_interrupt)
         for frame in range(2):
             writer.write(some_state(3, frame), {"energy": 0.5 * frame})
         with pytest.raises(KeyboardInterrupt):

@@ -71,6 +71,23 @@ def test_an_uncommitted_end_is_cut_off(tmp_path):
     assert not repair(place, tmp_path / "again.h5", say=lines.append)  # nothing is wrong any more
 
 
+def test_a_file_compressed_by_zstd_stays_so(tmp_path):
+    """A chunk that has lost its head is none of Zstandard."""
+    path = tmp_path / "run.h5"
+    write(path, n=N, frames=5, compression="zstd")
+    with h5py.File(path) as file:
+        start = file["particles/all/velocity/value_2d"].id.get_chunk_info(3).byte_offset
+    data = bytearray(path.read_bytes())
+    data[start : start + 8] = bytes(8)
+    path.write_bytes(data)
+    place, lines = repaired(path)
+    assert lines[0] == "  particles/all/velocity/value_2d: frame 3 cannot be read"
+    assert_frames(place, [0, 1, 2, 4])
+    with h5py.File(place) as file:
+        filters = file["particles/all/velocity/value_2d"].id.get_create_plist()
+        assert [filters.get_filter(i)[0] for i in range(filters.get_nfilters())] == [2, 32015]
+
+
 @pytest.mark.parametrize("name", ["position/value_2d", "angular_velocity/value", "image/value_2d"])
 def test_damaged_frames_in_the_middle_are_left_out(tmp_path, name):
     path = tmp_path / "run.h5"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import zlib
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -14,9 +15,8 @@ from test_reader import BOX, FIELDS, some_disks, some_state
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.trajectory import deflate
-from ifrdem.trajectory.deflate import Deflate, shuffled
-from ifrdem.trajectory.history_columns import COLUMNS
+from ifrdem.run.info import describe
+from ifrdem.trajectory.layout import EVENT_COLUMNS
 from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
 
 N = 40
@@ -116,7 +116,7 @@ def test_histories_come_back_with_start_and_commits(tmp_path):
             assert np.array_equal(group[f"start/{name}"], getattr(state, name)[list(TRACKED)])
         assert np.array_equal(group["committed/events"], [0, 50, 100, 150, 150])
         assert np.array_equal(group["committed/time"], [state.time, 2.0, 3.0, 4.0, 4.5])
-        for name, column in COLUMNS.items():
+        for name, column in EVENT_COLUMNS.items():
             given = np.concatenate([batch(number)[0][name] for number in range(1, 4)])
             stored = group[f"events/{name}"]
             assert stored.dtype == column.dtype
@@ -206,7 +206,7 @@ def test_the_latest_partner_is_a_field_of_counts(tmp_path):
             assert np.array_equal(stored, partnered(N, frame).last_partner)
 
 
-@pytest.mark.parametrize("compression", ["none", "gzip"])
+@pytest.mark.parametrize("compression", ["none", "gzip", "zstd"])
 @pytest.mark.parametrize("n", [16384, 20001])
 def test_frames_of_several_chunks_come_back(tmp_path, n, compression):
     """20001 disks are two chunks of 10001, the second filled up."""
@@ -222,63 +222,61 @@ def test_frames_of_several_chunks_come_back(tmp_path, n, compression):
             assert np.array_equal(frame.image, state.image)
 
 
-def test_shuffle_orders_bytes_as_hdf5_does():
-    # All first bytes, then all second bytes, ...: the numbers 0x0102 and 0x0304 in little-endian order.
-    assert shuffled(np.array([0x0102, 0x0304], dtype="<u2")).tobytes() == bytes([2, 4, 1, 3])
-
-
-def test_compressed_chunks_are_those_of_hdf5_filters(tmp_path):
-    """Both filters are applied to each chunk: zlib undoes the one, and by hand the other is undone."""
-    path = tmp_path / "run.h5"
-    with TrajectoryWriter(path, some_disks(100), BOX, compression="gzip") as writer:
-        writer.write(some_state(100, 1))
-        assert writer.compressor is not None
-        assert writer.compressor.startswith("isal 1.")
-    with h5py.File(path) as file:
-        dataset = file["particles/all/angular_velocity/value"]
-        mask, stored = dataset.id.read_direct_chunk((0, 0))
-    assert mask == 0
-    raw = np.frombuffer(zlib.decompress(stored), np.uint8).reshape(4, 100).T.copy().view(np.float32).ravel()
-    assert np.array_equal(raw, some_state(100, 1).spin.astype(np.float32))
-
-
-def test_without_isal_hdf5_compresses_and_it_is_said(tmp_path, monkeypatch):
-    monkeypatch.setattr(deflate, "_isal", lambda: None)
-    path = tmp_path / "run.h5"
-    with TrajectoryWriter(path, some_disks(100), BOX, compression="gzip") as writer:
-        writer.write(some_state(100, 1))
-        assert writer.compressor is not None
-        assert 'pip install "ifrdem[fast]"' in writer.compressor
-    with TrajectoryWriter(tmp_path / "plain.h5", some_disks(3), BOX) as writer:
-        assert writer.compressor is None
-    with h5py.File(path) as file:
-        dataset = file["particles/all/angular_velocity/value"]
-        assert (dataset.compression, dataset.compression_opts, dataset.shuffle) == ("gzip", 1, True)
-        assert np.array_equal(dataset[0], some_state(100, 1).spin.astype(np.float32))
-
-
-def test_compression_by_several_threads_gives_the_bytes_of_one():
-    rng = np.random.default_rng(0)
-    chunks = [rng.normal(size=1000).astype(np.float32) for _ in range(20)]
-    results = []
-    for threads in (1, 4):
-        packer = Deflate(threads)
-        results.append(list(packer.compress(chunks)))
-        packer.close()
-    assert results[0] == results[1]
-
-
-def test_a_gas_at_rest_compresses_to_little(tmp_path):
+@pytest.mark.parametrize("compression", ["gzip", "zstd"])
+def test_a_gas_at_rest_compresses_to_little(tmp_path, compression):
     """Velocities, spins and counts of zeros are a few bytes a chunk: only the positions take room."""
     n = 20_000
     state = State(some_state(n, 0).position, np.zeros((n, 2)), np.zeros(n))
     with TrajectoryWriter(
-        tmp_path / "run.h5", Disks(n, mass=1.0, radius=0.01), BOX, compression="gzip"
+        tmp_path / "run.h5", Disks(n, mass=1.0, radius=0.01), BOX, compression=compression
     ) as writer:
         writer.write(state)
     with h5py.File(tmp_path / "run.h5") as file:
         for name in ("velocity/value_2d", "angular_velocity/value", "collisions/value"):
             assert file[f"particles/all/{name}"].id.get_storage_size() < 0.02 * 4 * n
+
+
+def test_zstd_is_a_filter_that_only_the_plugin_undoes(tmp_path, monkeypatch):
+    """Filter 32015 of HDF5's register, behind the shuffle: without hdf5plugin nothing is written and nothing read."""
+    path = tmp_path / "run.h5"
+    with TrajectoryWriter(path, some_disks(100), BOX, compression="zstd") as writer:
+        writer.write(some_state(100, 1))
+    with h5py.File(path) as file:
+        filters = file["particles/all/angular_velocity/value"].id.get_create_plist()
+        assert [filters.get_filter(i)[0] for i in range(filters.get_nfilters())] == [2, 32015]
+    assert "zstd" in describe(path)
+    with TrajectoryWriter.resume(path, some_disks(100), BOX, compression="zstd", frames=1) as writer:
+        writer.write(some_state(100, 2))
+    with pytest.raises(InputError, match="has compression 'zstd', the run has 'gzip'"):
+        TrajectoryWriter.resume(path, some_disks(100), BOX, compression="gzip", frames=1)
+    monkeypatch.setitem(sys.modules, "hdf5plugin", None)
+    with pytest.raises(InputError, match=r'compression "zstd" needs the package hdf5plugin'):
+        TrajectoryWriter(tmp_path / "other.h5", some_disks(100), BOX, compression="zstd")
+    with pytest.raises(
+        InputError, match=r"run\.h5 is compressed by zstd: reading it needs the package hdf5plugin"
+    ):
+        Trajectory(path)
+    assert [each.name for each in tmp_path.iterdir()] == ["run.h5"]
+
+
+def in_fortran_order(state: State) -> State:
+    for name in ("position", "velocity", "image"):
+        setattr(state, name, np.asfortranarray(getattr(state, name)))
+    return state
+
+
+@pytest.mark.parametrize(
+    "turned", [in_fortran_order, lambda state: replace(state, image=state.image[:, ::-1])]
+)
+def test_arrays_that_lie_otherwise_in_memory_are_written_as_they_are(tmp_path, turned):
+    observable = np.asfortranarray(np.random.default_rng(1).normal(size=(9000, 2)))
+    state = turned(some_state(N, 1))
+    with TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX, fields=list(FIELDS)) as writer:
+        writer.write(state, {"map": observable})
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert np.array_equal(file["particles/all/image/value_2d"][0], state.image)
+        assert np.array_equal(file["particles/all/velocity/value_2d"][0], state.velocity.astype(np.float32))
+        assert np.array_equal(file["observables/map/value"][0], observable)
 
 
 # --- what is damaged is said

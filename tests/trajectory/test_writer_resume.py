@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -119,7 +120,9 @@ def test_a_difference_says_frame_field_disk_and_both_values(tmp_path):
     before = content(path)
     states = [some_state(N, 3) for _ in range(4)]
     states[0].velocity[7, 1] = 0.25
-    states[1].collisions[11] = 4321
+    counts = states[1].collisions.copy()
+    counts[11] = 4321
+    states[1] = replace(states[1], collisions=counts)
     states[2].time = 0.31
     held = some_state(N, 3)
     for state, energy, reason in (
@@ -265,7 +268,7 @@ def test_one_writer_locks_out_another(tmp_path):
     path = tmp_path / "run.h5"
     begun(path, 2)
     child = (
-        "import sys; sys.path[:0] = [sys.argv[1], sys.argv[1] + '/tests']\n"
+        "import sys; sys.path[:0] = [sys.argv[1] + each for each in ('', '/tests', '/tests/trajectory')]\n"
         "from test_writer_resume import resume\n"
         "from ifrdem.errors import InputError\n"
         "try:\n    resume(sys.argv[2], 2)\n"

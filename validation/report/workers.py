@@ -11,13 +11,13 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
 from typing import Any
 
+from ...run.signals import SIGNALS
 from ...simulation import device
-from ...tools import processes
 
 PATIENCE = 20.0  # seconds in which a worker that is told to end, or has closed its line, does so
 
@@ -91,7 +91,7 @@ class _Worker:
         self.name = ""
         self._process = context.Process(target=_serve, args=(theirs, work, threads), daemon=True)
         resource_tracker.ensure_running()  # which starting a process does otherwise, and lets signals in again
-        with processes.deaf():
+        with block_signals():
             self._process.start()
         theirs.close()  # so that the line breaks when the worker ends
 
@@ -108,7 +108,7 @@ class _Worker:
             self._process.join(PATIENCE)
             status = self._process.exitcode
             self.end()
-        return Died(f"its process {processes.how_it_ended(status)}")
+        return Died(f"its process {how_it_ended(status)}")
 
     def dismiss(self) -> None:
         """Let it end by itself, which keeps the kernels that it compiled."""
@@ -143,3 +143,29 @@ def _end_with_parent() -> None:
     assert parent is not None
     parent.join()
     os._exit(1)
+
+
+@contextlib.contextmanager
+def block_signals() -> Iterator[None]:
+    """Keep `SIGNALS` from processes that are started here.
+
+    They begin with all of them blocked; here, they come a little later.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # not on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def how_it_ended(status: int | None) -> str:
+    """What became of a process that broke its line off; its exit status is None if it had to be killed for it."""
+    if status is None:
+        return "closed its line and had to be killed"
+    if status < 0:
+        hint = ": the system does that when memory runs out" if status == -signal.SIGKILL else ""
+        return f"was killed by {signal.Signals(-status).name}{hint}"
+    return f"ended with status {status} and without a result"

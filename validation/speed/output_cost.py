@@ -20,9 +20,8 @@ from ...case.gas import Gas
 from ...case.output_section import ROWS_PER_FRAME
 from ...run.recorder import Ledger, Recorder
 from ...simulation.schedule import Cadence, Course, Span
-from ...trajectory import writer_process
 from ...trajectory.background import QueuedWriter
-from ...trajectory.writer import DEFAULT_FIELDS
+from ...trajectory.writer import DEFAULT_FIELDS, TrajectoryWriter
 from . import bench, equilibrium
 
 FRAMES = 4
@@ -49,7 +48,7 @@ class OutputCost:
     phi : float
         Packing fraction.
     compression : str
-        Of the frames; `compressor` says by whom.
+        Of the frames.
     bare, tallied, writing : list of float
         Seconds of each piece for one collision per disk.
     plainly : list of float
@@ -65,7 +64,6 @@ class OutputCost:
     n: int
     phi: float
     compression: str
-    compressor: str | None
     bare: list[float]
     tallied: list[float]
     writing: list[float]
@@ -92,7 +90,7 @@ class OutputCost:
     def figures(self) -> dict[str, Any]:
         """All figures, as JSON knows them."""
         return {
-            "n": self.n, "phi": self.phi, "compression": self.compression, "compressor": self.compressor,
+            "n": self.n, "phi": self.phi, "compression": self.compression,
             "seconds_bare": self.bare, "seconds_with_ledger": self.tallied, "seconds_writing": self.writing,
             "seconds_plain_write": self.plainly, "frames": self.frames,
             "share": self.share, "ledger_share": self.ledger_share,
@@ -102,7 +100,6 @@ class OutputCost:
 
     def report(self) -> str:
         """For people."""
-        by = f" by {self.compressor}" if self.compressor else ""
         return "\n".join(
             [
                 f"elastic gas: {self.n} disks, packing fraction {self.phi:g}; a frame for each collision that a disk "
@@ -110,7 +107,7 @@ class OutputCost:
                 f"{len(self.bare)} turns of pieces of {self.frames} frames, without output and with; times are for a "
                 "collision per disk, which is a frame's share",
                 f"  a frame                {self.frame_bytes / 1e6:.3g} MB in the file, with its share of index and "
-                f"series; compression {self.compression}{by}",
+                f"series; compression {self.compression}",
                 f"  without output         {_spread(self.bare)}",
                 f"  with the ledger        {_spread(self.tallied)}",
                 f"  and frames and series  {_spread(self.writing)}; {self.rows} rows of series",
@@ -187,7 +184,7 @@ def measure(
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bench.h5"
         with (
-            QueuedWriter(writer_process.begin(path, gas.disks, gas.box, compression=compression)) as writer,
+            QueuedWriter(TrajectoryWriter(path, gas.disks, gas.box, compression=compression)) as writer,
             (Path(folder) / "plain").open("wb", buffering=0) as beside,
         ):
             recorder = Recorder(writer, Ledger())
@@ -236,9 +233,9 @@ def measure(
                     f"turn {i + 1} of {runs}: {seconds[BARE][-1]:.3g} s without output, {seconds[TALLIED][-1]:.3g} s "
                     f"with the ledger, {seconds[WRITING][-1]:.3g} s with all"
                 )
-            written, rows, compressor = len(writer), writer.series_rows, writer.compressor
+            written, rows = len(writer), writer.series_rows
         size = path.stat().st_size
     return OutputCost(
-        n, phi, compression, compressor, seconds[BARE], seconds[TALLIED], seconds[WRITING], plainly, frames,
+        n, phi, compression, seconds[BARE], seconds[TALLIED], seconds[WRITING], plainly, frames,
         rows, (size - 28 * n) / written,
     )  # fmt: skip

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import threading
 import time
 from pathlib import Path
@@ -24,13 +22,15 @@ from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWrit
 class Gate(TrajectoryWriter):
     """A writer that waits before each frame until it is let through."""
 
+    assignable = ("gate", "fail_at")
+
     def __init__(self, *given, **options) -> None:
         super().__init__(*given, **options)
-        self.open = threading.Semaphore(0)
+        self.gate = threading.Semaphore(0)
         self.fail_at: int | None = None
 
     def write(self, state, observables=None) -> None:
-        assert self.open.acquire(timeout=30.0)
+        assert self.gate.acquire(timeout=30.0)
         if self.fail_at == len(self):
             raise TrajectoryError("the disk is full")
         super().write(state, observables)
@@ -51,7 +51,7 @@ def test_at_most_two_frames_wait(tmp_path):
     """One is being written and two wait; the fourth call waits until the first is done."""
     inner = Gate(tmp_path / "run.h5", some_disks(3), BOX)
     writer = QueuedWriter(inner)
-    for frame in range(1 + WAITING["frame"]):
+    for frame in range(1 + WAITING):
         writer.write(some_state(3, frame))
     returned = threading.Event()
 
@@ -62,10 +62,10 @@ def test_at_most_two_frames_wait(tmp_path):
     thread = threading.Thread(target=fourth)
     thread.start()
     assert not returned.wait(0.2)
-    inner.open.release()
+    inner.gate.release()
     assert returned.wait(30.0)
     for _ in range(3):
-        inner.open.release()
+        inner.gate.release()
     thread.join()
     writer.close()
     with Trajectory(tmp_path / "run.h5") as trajectory:
@@ -75,7 +75,7 @@ def test_at_most_two_frames_wait(tmp_path):
 def test_closing_writes_what_waits(tmp_path):
     inner = Gate(tmp_path / "run.h5", some_disks(3), BOX)
     for _ in range(3):
-        inner.open.release()
+        inner.gate.release()
     with QueuedWriter(inner) as writer:
         for frame in range(3):
             writer.write(some_state(3, frame))
@@ -92,11 +92,12 @@ def test_an_error_surfaces_at_the_next_call_and_the_file_keeps_what_is_committed
     inner.fail_at = 2
     writer = QueuedWriter(inner)
     for frame in range(3):
-        inner.open.release()
+        inner.gate.release()
         writer.write(some_state(3, frame))
-    while inner.open._value or len(writer) < 2:  # the third is taken up
+    while inner.gate._value or len(writer) < 2:  # the third is taken up
         time.sleep(0.001)
-    writer._thread.join(30.0)
+    while writer._error is None:
+        time.sleep(0.001)
     with pytest.raises(TrajectoryError, match="the disk is full"):
         {"write": lambda: writer.write(some_state(3, 3)), "flush": writer.flush, "close": writer.close}[
             next_call
@@ -158,23 +159,6 @@ def test_a_file_can_be_read_while_the_queue_writes_it(tmp_path):
     assert seen[-1] > seen[0]
     with h5py.File(path) as file:
         assert len(file["timeseries/step"]) == 60
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="threads have a priority of their own on Linux only")
-def test_the_writing_thread_leaves_the_processors_to_the_run(tmp_path):
-    class Telling(TrajectoryWriter):
-        priority = None
-
-        def write(self, state, observables=None) -> None:
-            self.priority = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
-            super().write(state, observables)
-
-    before = os.getpriority(os.PRIO_PROCESS, 0)
-    inner = Telling(tmp_path / "run.h5", some_disks(3), BOX)
-    with QueuedWriter(inner) as writer:
-        writer.write(some_state(3, 0))
-    assert inner.priority == 19
-    assert os.getpriority(os.PRIO_PROCESS, 0) == before
 
 
 def test_what_went_wrong_first_is_told_and_not_what_closing_adds(tmp_path):
