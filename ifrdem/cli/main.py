@@ -305,33 +305,16 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="extra distance, in diameters of the largest disk, within which neighbours are listed",
     )
-    parser.add_argument(
-        "--runs", metavar="R", help="timed runs (default: 5); turns with --output (default: 24)"
-    )
+    parser.add_argument("--runs", metavar="R", help="timed runs (default: 5)")
     parser.add_argument("--seconds", metavar="S", help="least length of a timed run (default: 0.5)")
     parser.add_argument("--seed", metavar="N", help="seed of the random numbers")
     parser.add_argument("--json", action="store_true", help="print one JSON object with every figure")
     parser.add_argument("--profile", action="store_true", help="measure the share of each kernel too")
-    parser.add_argument(
-        "--no-compile", action="store_true", help="leave out the times of a start, cold and warm"
-    )
     parser.add_argument("--case", metavar="FILE", help="time the gas of a case file instead")
     parser.add_argument(
         "--after", metavar="C", help="collisions per disk that the case has before it is timed (default: 0)"
     )
     _add_set(parser)
-    parser.add_argument(
-        "--output",
-        metavar="C",
-        help="time what output costs a run, with its frames uncompressed (C = none) or compressed (gzip)",
-    )
-    parser.add_argument("--table", action="store_true", help="time a grid of gases; prints Markdown")
-    parser.add_argument("--most", metavar="N", help="leave out gases of the table with more disks")
-    parser.add_argument(
-        "--clustered",
-        action="store_true",
-        help="in the table, a cooling gas in clusters too, which takes minutes",
-    )
 
 
 def _overrides(options: argparse.Namespace) -> list[str]:
@@ -418,46 +401,14 @@ def _check(options: argparse.Namespace) -> int:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from ..validation.speed.options import BenchOptions
+    from ..validation.speed import options as bench_options
 
-    overrides = _overrides(options) if options.case is not None else []
-    chosen = BenchOptions.parse(options, overrides)
-    from ..case import file as case_file
-    from ..case import shipped
-    from ..validation.speed import bench, equilibrium
-    from ..validation.speed import table as bench_table
+    overrides = _overrides(options) if options.case is not None else list(options.overrides)
+    chosen = bench_options.parse(options, overrides)
+    from ..validation.speed.bench import bench
 
-    if chosen.table:
-        bench_table.measure(chosen, say=_say, note=_complain)
-        return 0
-    if chosen.output is not None:
-        from ..validation.speed import output_cost
-
-        cost = output_cost.measure(
-            chosen.n, chosen.phi, arch=chosen.arch, threads=chosen.threads, seed=chosen.seed,
-            runs=chosen.timing.runs, compression=chosen.output, note=_complain,
-        )  # fmt: skip
-        _say(json.dumps(cost.figures(), indent=2) if chosen.json else cost.report())
-        return 0
-    if chosen.case is not None:
-        file = case_file.read(shipped.find(chosen.case), overrides)
-        found = bench.measure(
-            file.case, file.folder, timing=chosen.timing, after=chosen.after, note=_complain
-        )
-    else:
-        case = equilibrium.elastic_gas(
-            chosen.n,
-            chosen.phi,
-            arch=chosen.arch,
-            threads=chosen.threads,
-            precision=chosen.precision,
-            seed=chosen.seed,
-        )
-        try:
-            found = bench.measure(case, timing=chosen.timing, note=_complain)
-        except InputError as error:  # it speaks of a case that the user does not see
-            raise InputError(f"--n {chosen.n} --phi {chosen.phi:g}: {error}") from None
-    _say(json.dumps(found.figures(), indent=2) if chosen.json else found.report())
+    found = bench(**chosen, note=_complain)
+    _say(json.dumps(found.figures(), indent=2) if options.json else found.report())
     return 0
 
 
