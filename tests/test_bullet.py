@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem import EngineError, IFRLaw, InputError, bullet, bullet_package, collide
+from ifrdem import EngineError, IFRLaw, InputError, bullet, collide
+from ifrdem import bullet as bullet_package
 
 ABSENT = bullet.absence()
 needs_pybullet = pytest.mark.skipif(ABSENT is not None, reason=f"PyBullet is {ABSENT}")

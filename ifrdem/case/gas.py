@@ -19,8 +19,7 @@ from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks, State
 from ..model.walls import Wall
-from ..run.stage import Stage
-from ..simulation import magnitudes
+from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..tools import seeds
 from .case import IMPACT_SCAN, Case, is_trajectory
@@ -133,8 +132,8 @@ class Gas:
         texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
         return list(texts)
 
-    def start(self, case: Case) -> State:
-        """The state at time 0, without overlaps.
+    def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
+        """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
         Raises
         ------
@@ -142,7 +141,7 @@ class Gas:
             If the disks do not fit into the box in the way the case wants: a line with the key.
         """
         if self.given is None:
-            position = self._placed(case.start.positions, case.run.seed)
+            position = self._placed(case.start.positions, case.run.seed, progress)
         else:
             position = self.given.position
             if self.given.velocity is not None and self.given.spin is not None:
@@ -166,15 +165,15 @@ class Gas:
         else:
             velocity, spin = self._drawn_motion(case.run.seed)
             flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
-        speed = magnitudes.fastest(self.disks, velocity, spin) + flow
+        speed = checks.fastest(self.disks, velocity, spin) + flow
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
-        magnitudes.check(self.disks, self.box, speed, case.run.precision, hottest)
+        checks.check_magnitudes(self.disks, self.box, speed, case.run.precision, hottest)
         largest = {
             "a velocity": float(np.abs(velocity).max(initial=0.0)) + flow,
             "a spin": float(np.abs(spin).max(initial=0.0)),
             "a side of the box": 0.0 if self.box.is_open else max(self.box.lengths),
         }
-        magnitudes.check_stored(largest, case.output.precision)
+        checks.check_stored(largest, case.output.precision)
 
     def simulation(
         self,
@@ -226,7 +225,7 @@ class Gas:
             raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
         return found
 
-    def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
+    def _placed(self, way: str, seed: int, progress: Callable[[float], None]) -> NDArray[np.float64]:
         assert self.patch is not None  # `problems` has seen to it
         try:
             if way == "hexagonal":
@@ -237,7 +236,7 @@ class Gas:
                 )
             if way == "growth":
                 return packing.grow(
-                    self.patch, self.disks.radius, seed=seed, walls=self.walls, progress=Stage("growth")
+                    self.patch, self.disks.radius, seed=seed, walls=self.walls, progress=progress
                 )
             return placement.random_positions(self.patch, self.disks.radius, seed=seed, walls=self.walls)
         except InputError as error:

@@ -23,8 +23,7 @@ from ..case.gas import Gas
 from ..errors import EngineError, InputError
 from ..model.observables import MECHANISMS, Measure
 from ..simulation import device as backend
-from ..simulation.course import Course
-from ..simulation.schedule import Span
+from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..trajectory import writer_process
@@ -35,6 +34,7 @@ from .outputs import Outputs
 from .progress import Progress
 from .recorder import Ledger, Recorder
 from .signals import Stopped, Stops
+from .stage import Stage
 from .status import Status
 
 
@@ -104,7 +104,7 @@ def run(
     for text in gas.warnings:
         warn(text)
     try:
-        state = gas.start(case)
+        state = gas.start(case, Stage("growth"))
         tracked = gas.tracked(case, state)
         simulation = gas.simulation(case, state, tracked=tracked)
     except KeyboardInterrupt:

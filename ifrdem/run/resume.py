@@ -19,13 +19,14 @@ from ..case.file import CaseFile
 from ..case.gas import Gas
 from ..errors import InputError
 from ..simulation import checkpoint, device
-from ..simulation.course import Course
+from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file
 from ..trajectory import writer_process
 from ..trajectory.background import QueuedWriter
+from ..trajectory.layout import CHECKPOINT, checkpoint_of
 from .job import Job, device_of, drive, finish, how
-from .outputs import CHECKPOINT, Outputs, checkpoint_in, checkpoint_of
+from .outputs import Outputs, checkpoint_in
 from .recorder import Ledger
 
 

@@ -14,23 +14,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..initial.placement import check_no_overlap
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw, checked_class
 from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, measure
+from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
 from ..model.walls import Wall, check_types, sides
 from ..tools import checked
 from ..tools.sealed import Sealed
-from . import checkpoint, magnitudes
+from . import checkpoint, checks
 from . import device as backend
-from .course import Course, Observer, Progress, Sampler
 from .engine import Collisions, Engine
-from .schedule import MOST, Cadence, Span, earlier, refuse_endless
-from .statistics import Statistics
+from .epochs import Statistics
+from .schedule import MOST, Cadence, Course, Observer, Progress, Sampler, Span, earlier, refuse_endless
 from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
@@ -163,7 +162,7 @@ class Simulation(Sealed):
         check_energy(self._laws, disks, (wall.material for wall in [*walls, *sides(box)]))
         check_no_overlap(box, disks.radius, state.position, time=state.time)
         table = coefficient_table(self._laws)
-        magnitudes.check_coefficients(table, precision)
+        checks.check_coefficients(table, precision)
         self._tracking = self._follow_disks(tracked, disks, box, walls)
         self._has_ledger = ledger
         self._stopping = False
@@ -222,7 +221,7 @@ class Simulation(Sealed):
         kind = checked_class(laws)
         check_energy(laws, disks, (wall.material for wall in walls))
         table = coefficient_table(laws)
-        magnitudes.check_coefficients(table, self._engine.precision)
+        checks.check_coefficients(table, self._engine.precision)
         with backend.sole_use():
             if kind is not IFRLaw:
                 self._try_on(kind, table, self.state)
@@ -291,7 +290,7 @@ class Simulation(Sealed):
 
     def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
-        from ..model.law_trial import try_on
+        from ..model.law_table import try_on
 
         fastest = max(
             float(np.abs(state.velocity).max(initial=0.0)),
@@ -428,7 +427,7 @@ class Simulation(Sealed):
         InputError
             If it cannot be written, the path is none, or `extra` holds what JSON does not know.
         """
-        from . import snapshot
+        from . import checkpoint as snapshot
 
         checkpoint.check_extra(path, extra, arrays)
         meta = {
@@ -452,7 +451,7 @@ class Simulation(Sealed):
         InputError
             If the file is none, or belongs to another gas.
         """
-        from . import snapshot
+        from . import checkpoint as snapshot
 
         found, meta = checkpoint.read(path)
         if meta["fingerprint"] != snapshot.fingerprint(self._engine):

@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
-from .collision_averages import Disk, checked_law, energy_changes
-from .collisions import collision_rate
+from .collisions import Disk, checked_law, collision_rate, energy_changes
 from .contact import checked_positive
 
 
@@ -113,12 +112,13 @@ def cooled(
     """
     from scipy.integrate import solve_ivp
 
+    s = np.log1p(x)  # once: that of `math` differs by rounding, which ends the range before the last of them
     solution = solve_ivp(
         lambda s, y: math.exp(s) * slope(y),
-        (0.0, math.log1p(float(x[-1]))),
+        (0.0, s[-1]),
         start,
         method="LSODA",
-        t_eval=np.log1p(x),
+        t_eval=s,
         rtol=1e-10,
         atol=1e-12,
     )
