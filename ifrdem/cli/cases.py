@@ -25,7 +25,7 @@ def check(case: Case, /, *, set: Set = None) -> None:
     from ..case.gas import Gas
 
     file = case_file.read(shipped.find(case), set or [])
-    gas = Gas.from_case(file.case, file.folder)
+    gas = Gas.from_file(file)
     estimate = Estimate.of(gas, file.case)
     summary.refuse_cadences(file.case, gas, estimate)
     say(summary.report(file.case, gas, estimate))

@@ -30,10 +30,9 @@ from ..trajectory.background import QueuedWriter
 from ..trajectory.views import write_views
 from ..trajectory.writer import TrajectoryError, TrajectoryWriter
 from .outputs import Outputs
-from .progress import Progress
+from .progress import Progress, Stage
 from .recorder import Ledger, Recorder
 from .signals import Stopped, Stops
-from .stage import Stage
 from .status import Status
 
 

@@ -1,13 +1,14 @@
-"""How far a run is: a bar on a terminal, plain lines elsewhere."""
+"""Progress of a run and of its preparation: a bar on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
 import logging
+import math
 import os
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, TextIO
+from typing import Any, NamedTuple, TextIO
 
 WITH_BAR, BARE = "{percentage:5.1f} %|{bar:10}| {desc}", "{percentage:5.1f} % {desc}"
 FRAME = {WITH_BAR: 20, BARE: 8}
@@ -15,6 +16,14 @@ FRAME = {WITH_BAR: 20, BARE: 8}
 
 NARROWEST = 36
 """Columns of a terminal below which there is no room for the shortest bar line: plain lines are shown."""
+
+
+class Mark(NamedTuple):
+    """Seconds of real time, simulated time and collisions at a call of `Progress`."""
+
+    clock: float
+    time: float
+    collisions: int
 
 
 class Progress:
@@ -69,12 +78,20 @@ class Progress:
         self._stream = sys.stderr if stream is None else stream
         self._interval = interval
         self._clock = clock
-        self._first: tuple[float, float, int] | None = None
-        self._latest: tuple[float, float, int] | None = None
-        self._printed: tuple[float, float, int] | None = None
+        self._first: Mark | None = None
+        self._latest = self._printed = Mark(0.0, 0.0, 0)
         self._quiet = quiet()
         self._columns = _columns(self._stream) if self._stream.isatty() and not self._quiet else 0
-        self._bar: Any = self._open_bar() if self._columns >= NARROWEST else None
+        self._bar: Any = None
+        if self._columns >= NARROWEST:
+            from tqdm import tqdm
+
+            # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a
+            # terminal that reports no rows.
+            self._bar = tqdm(
+                total=100.0, file=self._stream, bar_format=WITH_BAR, ncols=self._columns - 1, nrows=24
+            )
+            self._bar.set_description_str("compiling")
 
     def __enter__(self) -> Progress:
         return self
@@ -84,36 +101,33 @@ class Progress:
 
     def __call__(self, time: float, collisions: int) -> None:
         """Take note of the simulated time [time] and the number of collisions so far."""
-        now = (self._clock(), time, collisions)
-        self._latest = now
+        self._latest = Mark(self._clock(), time, collisions)
         if self._first is None:
-            self._first = self._printed = now
-            return
-        if self._bar is not None:
-            self._bar.bar_format, text = self._fitting(time)
+            self._first = self._printed = self._latest
+        elif self._bar is not None:
+            self._bar.bar_format, text = self._fitting()
             self._bar.set_description_str(text, refresh=False)
             self._bar.update(100.0 * self.fraction - self._bar.n)
-        elif self._printed is not None and now[0] - self._printed[0] >= self._interval:
+        elif self._latest.clock - self._printed.clock >= self._interval:
             self._line()
 
     @property
     def fraction(self) -> float:
-        """How much of the run is done, 0 to 1, by what ends it."""
-        return self._done(self._latest) if self._latest is not None else 0.0
+        """Part of the run that is done, 0 to 1, by its end."""
+        return self._done(self._latest)
 
     @property
     def seconds_left(self) -> float:
         """Estimated seconds of real time until the end; infinite before there is anything to go by."""
-        if self._first is None or self._latest is None:
-            return float("inf")
-        done = self.fraction - self._done(self._first)
-        seconds = self._latest[0] - self._first[0]
-        return seconds * (1.0 - self.fraction) / done if done > 0.0 else float("inf")
+        done = self.fraction - self._done(self._first) if self._first is not None else 0.0
+        if self._first is None or done <= 0.0:
+            return math.inf
+        return (self._latest.clock - self._first.clock) * (1.0 - self.fraction) / done
 
     @property
     def collisions_per_second(self) -> float:
         """Collisions a second of real time since the first call."""
-        return self._rate_since(self._first)
+        return self._rate_since(self._first) if self._first is not None else 0.0
 
     def close(self) -> None:
         """Show the last state and let go of the terminal."""
@@ -121,59 +135,70 @@ class Progress:
             self._bar.refresh()
             self._bar.close()
             self._bar = None
-        elif self._latest is not None and self._latest is not self._printed:
+        elif self._latest is not self._printed and self._first is not None:
             self._line()
 
-    @property
-    def _per_disk(self) -> float:
-        return 2.0 * self._latest[2] / self._n if self._latest is not None and self._n else 0.0
+    def _texts(self, rate: float) -> tuple[str, str, str, str]:
+        """Time left, rate, collisions per disk and simulated time."""
+        per_disk = 2.0 * self._latest.collisions / self._n if self._n else 0.0
+        time = f"t = {self._latest.time:.4g} {self._unit}".rstrip()
+        return f"ETA {clock_face(self.seconds_left)}", f"{rate:.3g}", f"{per_disk:.2f}", time
 
-    def _fitting(self, time: float) -> tuple[str, str]:
+    def _fitting(self) -> tuple[str, str]:
         """Format of the bar line and its text: as much as the terminal has room for."""
-        left, rate = f"ETA {clock_face(self.seconds_left)}", f"{self.collisions_per_second:.3g}"
-        main, per_disk = f"{left}, {rate} collisions/s", f"{self._per_disk:.2f} per disk"
-        whole = f"{main}, {per_disk}, t = {time:.4g} {self._unit}".rstrip()
-        choices = [(WITH_BAR, whole), (WITH_BAR, f"{main}, {per_disk}"), (WITH_BAR, main), (BARE, main)]
-        for form, text in choices:
-            # The last column stays free: writing there moves some terminals to the next line.
-            if FRAME[form] + len(text) < self._columns:
-                return form, text
-        return BARE, f"{left}, {rate}/s"
+        left, rate, per_disk, time = self._texts(self.collisions_per_second)
+        main = f"{left}, {rate} collisions/s"
+        longer = f"{main}, {per_disk} per disk"
+        choices = [(WITH_BAR, f"{longer}, {time}"), (WITH_BAR, longer), (WITH_BAR, main), (BARE, main)]
+        # The last column stays free: writing there moves some terminals to the next line.
+        fitting = [(form, text) for form, text in choices if FRAME[form] + len(text) < self._columns]
+        return fitting[0] if fitting else (BARE, f"{left}, {rate}/s")
 
     def _line(self) -> None:
-        assert self._latest is not None
         if self._quiet:
             return
         # Between two lines the recent rate says more than the mean; the ETA goes by the mean.
-        time = f"t = {self._latest[1]:.4g} {self._unit}".rstrip()
-        rate = f"{self._rate_since(self._printed):.3g} collisions/s"
-        print(
-            f"{100.0 * self.fraction:5.1f} %  {time}, {self._per_disk:.2f} collisions per disk, {rate}, "
-            f"ETA {clock_face(self.seconds_left)}",
-            file=self._stream,
-            flush=True,
-        )
+        left, rate, per_disk, time = self._texts(self._rate_since(self._printed))
+        text = f"{time}, {per_disk} collisions per disk, {rate} collisions/s, {left}"
+        print(f"{100.0 * self.fraction:5.1f} %  {text}", file=self._stream, flush=True)
         self._printed = self._latest
 
-    def _rate_since(self, since: tuple[float, float, int] | None) -> float:
-        if since is None or self._latest is None or self._latest[0] <= since[0]:
-            return 0.0
-        return (self._latest[2] - since[2]) / (self._latest[0] - since[0])
+    def _rate_since(self, since: Mark) -> float:
+        seconds = self._latest.clock - since.clock
+        return (self._latest.collisions - since.collisions) / seconds if seconds > 0.0 else 0.0
 
-    def _done(self, at: tuple[float, float, int] | None) -> float:
-        if at is None:
-            return 0.0
-        end, reached = (self._t_end, at[1]) if self._t_end is not None else (self._collisions_end, at[2])
+    def _done(self, at: Mark) -> float:
+        end, reached = (
+            (self._t_end, at.time) if self._t_end is not None else (self._collisions_end, at.collisions)
+        )
         return min(1.0, reached / end) if end else 1.0
 
-    def _open_bar(self) -> Any:
-        from tqdm import tqdm
 
-        # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a
-        # terminal that reports no rows, so it is told of some.
-        bar = tqdm(total=100.0, file=self._stream, bar_format=WITH_BAR, ncols=self._columns - 1, nrows=24)
-        bar.set_description_str("compiling")
-        return bar
+class Stage:
+    """Prints the part of a long step of the preparation that is done, every `interval` seconds at most.
+
+    Parameters
+    ----------
+    name : str
+        The step.
+    interval : float
+        Seconds between lines on the standard error stream.
+    clock : callable
+        Seconds of real time; another one in tests.
+    """
+
+    def __init__(
+        self, name: str, *, interval: float = 5.0, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self._name, self._interval, self._clock = name, interval, clock
+        self._printed = clock()
+
+    def __call__(self, part: float) -> None:
+        """Take note that this part is done, 0 to 1."""
+        now = self._clock()
+        if part < 1.0 and now - self._printed >= self._interval:
+            self._printed = now
+            print(f"{self._name}: {100.0 * part:.0f} % done", file=sys.stderr, flush=True)
 
 
 def _columns(stream: TextIO) -> int:
@@ -194,7 +219,7 @@ def quiet() -> bool:
 
 def clock_face(seconds: float) -> str:
     """1:02:03, 2:03, or a dash if unknown."""
-    if seconds == float("inf"):
+    if math.isinf(seconds):
         return "-"
     whole = round(seconds)
     hours, rest = divmod(whole, 3600)

@@ -38,7 +38,7 @@ VALUES = (
     "dissipated_energy",
     "ledger_residual",
 )
-"""What a run tells as it goes; null in the file while it is not known."""
+"""Values that a run reports as it goes; null in the file while unknown."""
 RESERVED = 4096
 """Bytes of the file: a block of common file systems."""
 TEXTS = ("name", "state", "message", "updated", "started", "host", "trajectory", "device")
@@ -126,7 +126,7 @@ class Status:
             self._write()
 
     def finish(self, state: str, message: str = "") -> None:
-        """Write how the run ended: "done", "interrupted", "failed", "full disk", ..., and why."""
+        """Write the end of the run: "done", "interrupted", "failed", "full disk", ..., and the reason."""
         self._content.update(state=state, message=message, eta_seconds=None)
         self._write()
 
@@ -185,7 +185,7 @@ def find(path: str | os.PathLike[str]) -> Path:
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What the status file says of a run; `path` as for `find`.
+    """Content of the status file of a run; `path` as for `find`.
 
     The state of a run that says it is running, and whose process is gone, is "dead" here.
 
@@ -238,32 +238,22 @@ def _check(content: dict[str, Any], place: Path) -> None:
 
 
 def line(content: dict[str, Any]) -> str:
-    """One line for people: how far the run is."""
-    parts = []
-    if content.get("fraction") is not None:
-        parts.append(f"{100.0 * content['fraction']:5.1f} %")
-    for text, name in (
-        ("t = {:.5g}", "time"),
-        ("{:.2f} collisions per disk", "collisions_per_disk"),
-        ("T = {:.4g}", "temperature"),
-    ):
-        if content.get(name) is not None:
-            parts.append(text.format(content[name]))
-    T, T_rot = content.get("temperature"), content.get("rotational_temperature")
-    if T and T_rot is not None:
-        parts.append(f"T_rot/T = {T_rot / T:.4f}")
-    for text, name in (
-        ("residual {:.1e}", "ledger_residual"),
-        ("{:.3g} collisions/s", "collisions_per_second"),
-    ):
-        if content.get(name) is not None:
-            parts.append(text.format(content[name]))
-    if content["state"] == RUNNING:
-        eta = content.get("eta_seconds")
-        parts.append(f"ETA {clock_face(math.inf if eta is None else eta)}")
-        return ", ".join(parts)
-    ending = f"{content['state']}: {content['message']}" if content.get("message") else content["state"]
-    return ", ".join([*parts, ending])
+    """Progress of a run in one line: what is known of it, and time left or its end."""
+    part, T, T_rot = (content.get(name) for name in ("fraction", "temperature", "rotational_temperature"))
+    values = (
+        ("{:5.1f} %", None if part is None else 100.0 * part),
+        ("t = {:.5g}", content.get("time")),
+        ("{:.2f} collisions per disk", content.get("collisions_per_disk")),
+        ("T = {:.4g}", T),
+        ("T_rot/T = {:.4f}", T_rot / T if T and T_rot is not None else None),
+        ("residual {:.1e}", content.get("ledger_residual")),
+        ("{:.3g} collisions/s", content.get("collisions_per_second")),
+    )
+    eta = content.get("eta_seconds")
+    ending = f"ETA {clock_face(math.inf if eta is None else eta)}"
+    if content["state"] != RUNNING:
+        ending = f"{content['state']}: {content['message']}" if content.get("message") else content["state"]
+    return ", ".join([*(text.format(value) for text, value in values if value is not None), ending])
 
 
 def tail(
@@ -314,7 +304,7 @@ def tail(
 
 
 def _lives(content: dict[str, Any]) -> bool:
-    """Whether the process of a run is there; of a run on another machine, whether it has told anything lately."""
+    """True if the process of a run is there; of a run on another machine, if its last news is recent."""
     if os.name != "posix" or content.get("host", "") != _host():
         age = datetime.now(UTC) - datetime.fromisoformat(content["updated"])
         return age.total_seconds() < QUIET

@@ -274,7 +274,7 @@ def start(
     precision : {"f64", "f32"}
         Type of literals and of real numbers whose type is not said.
     profile : bool
-        Let Taichi time every kernel, for `ifrdem.validation.speed.profiler`. Without it, a Taichi that runs so already
+        Let Taichi time every kernel, for `ifrdem.validation.speed.bench`. Without it, a Taichi that runs so already
         is kept, so that simulations can be made under the profiler; `stop` ends that.
 
     Raises

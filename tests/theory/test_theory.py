@@ -376,3 +376,12 @@ def test_the_end_of_endless_cooling_is_not_looked_for() -> None:
     estimate = Estimate.of(Gas.from_case(file.case, file.folder), file.case)
     assert math.isnan(estimate.end_time)
     assert estimate.collisions == 0.5e9 * 50_000
+
+
+@pytest.mark.parametrize("x", [365.8435291805171, 691.2954021364715, 813.8978250995115, 1.0])
+def test_cooling_is_integrated_to_its_end_however_logarithms_round(x: float) -> None:
+    """dy/dx = exp(-y) from 0 has y = ln(1 + x). Of the first three, log1p by `math` and by NumPy differ."""
+    from ifrdem.theory.cooling_gas import cooled
+
+    (y,) = cooled(lambda y: np.exp(-y), np.array([0.0]), np.array([x]))[0]
+    assert y == pytest.approx(math.log(1.0 + x), rel=1e-8)

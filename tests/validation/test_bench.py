@@ -23,13 +23,11 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import EngineError, InputError
 from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
-from ifrdem.validation.speed import bench, compile_time, equilibrium, profiler, table
+from ifrdem.validation.speed import bench, start, table
 from ifrdem.validation.speed.bench import Benchmark, Run
-from ifrdem.validation.speed.options import Timing
 from ifrdem.validation.speed.table import CLUSTERED, GRID, Entry
 
-SMALL = ["--n", "200", "--phi", "0.2", "--threads", "1", "--runs", "2", "--seconds", "0.01", "--no-compile"]
-QUICK = Timing(runs=2, seconds=0.01, compiling=False)
+SMALL = ["--n", "200", "--phi", "0.2", "--threads", "1", "--runs", "2", "--seconds", "0.01"]
 
 CASE = """
 [run]
@@ -108,7 +106,6 @@ def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]
     assert own["python"] == ".".join(str(part) for part in sys.version_info[:3])
     assert own["processor"] == device.cpu_name()
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT.*", own["date"])
-    assert own["compile"] is None
     assert own["profile"] is None
 
 
@@ -123,8 +120,10 @@ def test_report_names_what_was_measured(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_every_option_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[str]) -> None:
     readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    listed = set(re.findall(r"--[a-z][a-z-]*", readme.split("### Benchmark")[1].split("\n##")[0]))
-    assert len(listed) > 10
+    section = readme.split("### Benchmark")[1].split("\n##")[0]
+    rows = "\n".join(line for line in section.splitlines() if line.startswith("| `--"))
+    listed = set(re.findall(r"--[a-z][a-z-]*", rows))
+    assert len(listed) >= 9
     assert cli.main(["bench", "--help"]) == 0
     assert listed <= set(re.findall(r"--[a-z][a-z-]*", capsys.readouterr().out))
 
@@ -144,7 +143,7 @@ def test_figures_follow_from_the_runs() -> None:
 
 
 def test_a_timed_run_counts_what_the_simulation_did() -> None:
-    case = equilibrium.elastic_gas(150, 0.3, threads=1)
+    case = bench.elastic_gas(150, 0.3, threads=1)
     simulation = Gas.from_case(case).simulation(case)
     simulation.run(t_end=0.5)
     collisions, epochs = simulation.collisions, simulation.statistics.epochs
@@ -165,7 +164,7 @@ def test_a_benchmark_adds_up_to_the_collisions_of_its_simulation(monkeypatch: py
 
     original = Gas.simulation
     monkeypatch.setattr(Gas, "simulation", remember)
-    own = bench.measure(equilibrium.elastic_gas(150, 0.3, threads=1), timing=QUICK)
+    own = bench.measure(bench.elastic_gas(150, 0.3, threads=1), runs=2, seconds=0.01)
     (simulation,) = made
     assert own.collisions_before + sum(run.collisions for run in own.runs) == simulation.collisions
     assert own.bytes_per_disk == simulation.bytes_allocated / 150
@@ -173,13 +172,13 @@ def test_a_benchmark_adds_up_to_the_collisions_of_its_simulation(monkeypatch: py
 
 def test_the_elastic_gas_starts_at_its_temperature_and_mixes_for_ten_mean_free_times() -> None:
     """At phi = 0.3 a disk has 10 collisions less those that the lattice makes it wait for."""
-    case = equilibrium.elastic_gas(400, 0.3, threads=1)
+    case = bench.elastic_gas(400, 0.3, threads=1)
     gas = Gas.from_case(case)
     simulation = gas.simulation(case)
     velocity = simulation.state.velocity
     # T = <m v^2> / 2 = 1 with m = 1; 400 disks sample it within 1 / sqrt(400) of it.
     assert float((velocity**2).sum()) / (2 * 400) == pytest.approx(1.0, abs=0.15)
-    simulation.run(t_end=equilibrium.mixing_time(gas))
+    simulation.run(t_end=bench.mixing_time(gas))
     assert 2 * simulation.collisions / 400 == pytest.approx(9.5, abs=1.0)
 
 
@@ -225,9 +224,6 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--n", "3"], "--n 3 --phi 0.3: box = "),
         (["--after", "3"], "--after: only beside --case"),
         (["--set", "run.seed=3"], "--set: only beside --case"),
-        (["--clustered"], "--clustered: only beside --table"),
-        (["--table", "--most", "10"], "--most 10: a whole number of disks from 1000"),
-        (["--table", "--profile"], "--profile: not beside --table"),
         (["--case", "x.toml", "--phi", "0.2"], "--set changes the case's box.packing_fraction"),
         (["--case", "nowhere.toml"], "nowhere.toml: there is no such file"),
         (["--case", "x.toml", "--after", "-1"], "--after -1: a number of collisions per disk, 0 or more, is"),
@@ -237,7 +233,7 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
 def test_what_cannot_be_is_refused(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert message in refusal(["--no-compile", *arguments], capsys)
+    assert message in refusal(arguments, capsys)
 
 
 def test_all_mistakes_are_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
@@ -253,9 +249,11 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     for arguments in (
         ["--n", "1e5"],
         ["--case", case_file, "--set", "species[0].number=100000"],
-        ["--table"],
     ):
         assert "of memory, and 10 MB are free" in refusal(arguments, capsys)
+    capsys.readouterr()
+    assert bench.script(table.table, []) == 2
+    assert "of memory, and 10 MB are free" in capsys.readouterr().err
     assert cli.main(["run", case_file, "--set", "species[0].number=100000"]) == cli.BAD_INPUT
     with pytest.raises(InputError, match="100000 disks need some 50 MB"):
         summary.refuse_beyond_memory(100_000, "cuda")  # the GPU's own memory holds the rest
@@ -283,30 +281,25 @@ def test_interruption_ends_with_a_message_and_its_status() -> None:
     assert "Traceback" not in err
 
 
-# --- compile times ----------------------------------------------------------------------------------------
+# --- starts -----------------------------------------------------------------------------------------------
 
 
 def test_starts_are_timed_in_fresh_processes(capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = [each for each in SMALL if each != "--no-compile"]
-    own = json.loads(output([*arguments, "--json"], capsys))
-    for start in (own["compile"]["cold"], own["compile"]["warm"]):
-        assert 0.0 < start["imports"] < start["first_epoch"] <= start["all_kernels"]
-    shown = found(compiling=compile_time.CompileTimes(*[compile_time.StartTimes(0.5, 2.0, 3.0)] * 2)).report()
-    assert "start, kernels cold" in shown
-    assert (
-        "start, kernels warm    2 s to the first epoch, 3 s to the last kernel (0.5 s of it imports)" in shown
-    )
+    assert bench.script(start.start, ["--n", "100", "--threads", "1"]) == 0
+    lines = [line.split(": ", 1) for line in capsys.readouterr().out.splitlines()]
+    assert [name for name, _ in lines] == [
+        "start_a_gas, kernels cold", "start_a_gas, kernels warm",
+        "start_a_run, kernels cold", "start_a_run, kernels warm",
+    ]  # fmt: skip
+    for _, text in lines[:2]:
+        seconds = json.loads(text)
+        assert 0.0 < seconds["imports"] < seconds["first_epoch"] <= seconds["all_kernels"]
+    assert all(json.loads(text)["first_progress"] > 0.0 for _, text in lines[2:])
 
 
 def test_a_process_that_fails_is_an_error() -> None:
     with pytest.raises(EngineError, match=r"that was to be timed ended with 1: .*threads"):
-        compile_time.measure(200, 0.2, arch="cpu", threads=10_000, precision="f64")
-
-
-def test_the_start_of_a_run_is_timed() -> None:
-    cold, warm = compile_time.measure_run(100, arch="cpu", threads=1, precision="f64")
-    assert cold > 0.0
-    assert warm > 0.0
+        start.start(n=200, threads=10_000)
 
 
 # --- profile ----------------------------------------------------------------------------------------------
@@ -324,7 +317,7 @@ def test_loops_of_a_kernel_are_summed() -> None:
         ("other", 0.5),
     ]
     assert [
-        (each.kernel, each.calls, pytest.approx(each.seconds)) for each in profiler.gathered(records)
+        (each.kernel, each.calls, pytest.approx(each.seconds)) for each in bench.kernel_times(records)
     ] == [
         ("settle", 3, 9e-3),
         ("one_round", 1, 7e-3),
@@ -365,74 +358,69 @@ def test_the_grid_has_the_gases_to_reach_in_order_of_size() -> None:
 
 
 def test_a_row_is_reached_by_its_median() -> None:
-    entry = Entry(1000, 0.3, 4000.0)
-    row = table.gas_row(entry, found(), None)  # 8000 collisions in 1, 2 and 4 s
-    assert row.markdown() == "| elastic, N = 1e3, phi = 0.3 | 4.00e3 (2.00e3 to 8.00e3) | 4.00e3 | yes |"
-    assert not table.gas_row(Entry(1000, 0.3, 4001.0), found(), None).reached
+    row = table.gas_row(Entry(1000, 0.3, 4000.0), found(), None)  # 8000 collisions in 1, 2 and 4 s
+    assert row == "| elastic, N = 1e3, phi = 0.3 | 4.00e3 (2.00e3 to 8.00e3) | 4.00e3 | yes |"
+    assert table.gas_row(Entry(1000, 0.3, 4001.0), found(), None).endswith("| no |")
 
 
 def test_a_large_gas_is_held_against_the_cost_in_the_smaller_one() -> None:
     entry = GRID[-1]
     assert entry.relative
     row = table.gas_row(entry, found(), 5000.0)  # at 4000 a second: 1.25 times the cost
-    assert row.measured.endswith(", 1.25 times the cost")
-    assert row.target == "at most 1.3 times the cost per collision at N = 1e5"
-    assert row.reached
-    assert not table.gas_row(entry, found(), 5300.0).reached
-    assert not table.gas_row(entry, found(), None).reached
+    assert row.endswith(", 1.25 times the cost | at most 1.3 times the cost per collision at N = 1e5 | yes |")
+    assert table.gas_row(entry, found(), 5300.0).endswith("| no |")
+    assert table.gas_row(entry, found(), None).endswith("| no |")
 
 
 def test_clusters_show_their_slowest_epoch() -> None:
     row = table.gas_row(CLUSTERED, found(), None)
-    assert row.measured.endswith(f"; an epoch takes {7 / 12:.3g} s, the slowest 2 s")  # 12 epochs in 7 s
-    assert row.target == "5.00e5, no epoch that stalls"
-    assert table.memory_row(found()).reached  # 240 bytes a disk
-    assert not table.memory_row(found(bytes_per_disk=251.0)).reached
-    assert table.start_row(9.0, 1.9).reached
+    seen = f"; an epoch takes {7 / 12:.3g} s, the slowest 2 s"  # 12 epochs in 7 s
+    assert row.endswith(f"{seen} | 5.00e5, no epoch that stalls | no |")
+    assert table.memory_row(found()).endswith("| 240 bytes a disk | 250 bytes a disk | yes |")
+    assert table.memory_row(found(bytes_per_disk=251.0)).endswith("| no |")
 
 
-@pytest.mark.parametrize("as_json", [False, True])
 def test_the_table_measures_each_of_its_gases(
-    as_json: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(table, "GRID", (Entry(1_000, 0.3, 2e6), Entry(1_000, 0.1, 1e12)))
     monkeypatch.setattr(table, "CLUSTERED", Entry(1000, 0.3, 1.0, clustered=True))
     monkeypatch.setattr(table, "AFTER", 2.0)
-    monkeypatch.setattr(table, "REFERENCE", (1_000, 0.3))
     monkeypatch.setattr(table, "BYTES_AT", (1_000, 0.3))
-    monkeypatch.setattr(compile_time, "measure_run", lambda n, **_: (9.0, 1.5))
-    arguments = ["bench", "--table", "--clustered", "--runs", "1", "--seconds", "0.01", "--threads", "1"]
-    assert cli.main([*arguments, *(["--json"] if as_json else [])]) == 0
-    shown = capsys.readouterr()
-    assert re.search(r"gas 3 of 3: .*; ETA of the table \d+:\d\d", shown.err)
-    if as_json:
-        own = json.loads(shown.out)
-        assert [each["n"] for each in own["benchmarks"]] == [1000, 1000, 1000]
-        assert [each["reached"] for each in own["table"]][:1] == [True]
-        return
-    lines = shown.out.splitlines()
+    arguments = ["--clustered", "--runs", "1", "--seconds", "0.01", "--threads", "1"]
+    assert bench.script(table.table, arguments) == 0
+    lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("1 thread of ")
     assert lines[2:4] == ["| gas | measured | to reach | reached |", "|---|---|---|---|"]
-    names = [line.split(" | ")[0].removeprefix("| ") for line in lines[4:]]
-    assert names == [
-        "warm start of `ifrdem run` to its first progress, N = 1e4",
+    assert [line.split(" | ")[0].removeprefix("| ") for line in lines[4:]] == [
         "elastic, N = 1e3, phi = 0.3",
         "memory at N = 1e3",
         "elastic, N = 1e3, phi = 0.1",
         "coins in clusters, N = 1e3, phi = 0.3, after 2 per disk",
     ]
     assert all(line.count("|") == 5 for line in lines[2:])
-    assert lines[7].endswith("| 1.00e12 | no |")
-    assert lines[8].endswith("| yes |")
+    assert lines[6].endswith("| 1.00e12 | no |")
+    assert lines[7].endswith("| yes |")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [(["--most", "10"], "--most 10: the smallest gas of the table has 1000 disks"), (["--most", "x"], '"x"')],
+)
+def test_a_script_refuses_what_cannot_be(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert bench.script(table.table, arguments) == 2
+    assert message in capsys.readouterr().err
 
 
 def test_mean_free_time_is_that_of_the_collisions_seen() -> None:
     """Of some 5000 collisions the statistical error is 1.4 %; theory is good to 0.5 %."""
-    case = equilibrium.elastic_gas(1000, 0.3, threads=1)
+    case = bench.elastic_gas(1000, 0.3, threads=1)
     gas = Gas.from_case(case)
     simulation = gas.simulation(case)
-    simulation.run(t_end=equilibrium.mixing_time(gas))
+    simulation.run(t_end=bench.mixing_time(gas))
     before, start = simulation.collisions, simulation.time
-    simulation.run(t_end=start + 10.0 * equilibrium.mean_free_time(gas))
+    simulation.run(t_end=start + 10.0 * bench.mean_free_time(gas))
     per_disk = 2.0 * (simulation.collisions - before) / 1000
     assert math.isclose(per_disk, 10.0, rel_tol=0.05)  # 3.5 standard errors

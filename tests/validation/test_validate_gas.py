@@ -197,7 +197,7 @@ def test_the_report_says_how_a_row_was_sampled() -> None:
     (found,) = runner.rows_as_json([outcome])
     assert (found["disks"], found["replicas"], found["seeds"]) == (7, 12, [0, 11])
     assert found["statistical_error"] == pytest.approx(row.sampling.error if row.sampling else math.nan)
-    assert "12 x 7" in page._case(None, outcome)  # type: ignore[arg-type]  # no picture
+    assert "12 x 7" in page.page([outcome], {})
 
 
 def test_the_equation_of_state_has_the_virial_coefficients_and_an_independent_monte_carlo() -> None:

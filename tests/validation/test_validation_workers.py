@@ -61,11 +61,11 @@ def test_a_worker_that_dies_is_told_of_and_the_others_calls_are_made() -> None:
         assert found[name] == workers.Died("its process ended with status 3 and without a result")
 
 
-def test_a_worker_makes_one_call_after_another_with_its_part_of_the_cores() -> None:
+def test_each_call_has_a_process_of_its_own_with_its_part_of_the_cores() -> None:
     begun, found, seen = collected(["slow threads 1", "slow threads 2", "threads 3"], 2, every=0.2)
     assert begun == ["slow threads 1", "slow threads 2", "threads 3"]
     processes = [process for _, process, _ in found.values()]
-    assert len(set(processes)) == 2
+    assert len(set(processes)) == 3
     assert os.getpid() not in processes
     assert {threads for *_, threads in found.values()} == {max(1, device.cores() // 2)}
     assert ["slow threads 1", "slow threads 2"] in seen

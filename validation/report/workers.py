@@ -1,7 +1,6 @@
-"""Calls in processes of their own, some at a time: what they return comes back, and one that dies is told of.
+"""Calls in processes of their own, some at a time; a process that dies is reported as the result of its call.
 
-Processes are started anew (`spawn`), so that none inherits a Taichi or threads that run. A worker makes one call at
-a time, the next with kernels that it has loaded already; one that dies is replaced. Ctrl-C is left to the caller.
+Processes are started anew (`spawn`), so that none inherits a Taichi or threads that run.
 """
 
 from __future__ import annotations
@@ -11,20 +10,20 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
+from multiprocessing.context import SpawnProcess
 from typing import Any
 
-from ...run.signals import SIGNALS
 from ...simulation import device
 
-PATIENCE = 20.0  # seconds in which a worker that is told to end, or has closed its line, does so
+PATIENCE = 20.0  # seconds in which a process that has sent its result, or closed its line, ends
 
 
 @dataclass(frozen=True)
 class Died:
-    """A worker ended before it had a result; `reason` says how."""
+    """A process ended before it had a result, for this `reason`."""
 
     reason: str
 
@@ -44,121 +43,92 @@ def run(
     Parameters
     ----------
     work : callable
-        As for `pickle`: of the top level of a module. It shares the cores with the others: of threads of kernels, each
-        worker has its part.
+        As for `pickle`: of the top level of a module. Each process has its part of the cores, as threads of kernels.
     begun, ended : callable
         Called here with the name when its call begins; with name and result, or `Died`, when it ends.
     waiting : callable
         Called with the names in work after `every` seconds [s] without an end.
 
-    Whatever ends it, Ctrl-C included, no worker stays.
+    At its end, by Ctrl-C included, no process stays.
     """
-    todo, threads = list(reversed(names)), max(1, device.cores() // jobs)
-    idle: list[_Worker] = []
-    busy: dict[Any, _Worker] = {}
+    todo, threads = list(names), max(1, device.cores() // jobs)
+    busy: dict[Any, tuple[str, SpawnProcess]] = {}
     try:
         while todo or busy:
             while todo and len(busy) < jobs:
-                worker = idle.pop() if idle else _Worker(work, threads)
-                busy[worker.line] = worker
-                begun(todo[-1])
-                worker.give(todo.pop())
-            while idle:  # nothing is left for them
-                idle.pop().dismiss()
+                line, process = _start(work, todo[0], threads)
+                busy[line] = todo[0], process
+                begun(todo.pop(0))
             ready = connection.wait(list(busy), timeout=every)
             if not ready:
-                waiting([worker.name for worker in busy.values()])
+                waiting([name for name, _ in busy.values()])
             for line in ready:
-                worker = busy[line]
-                found = worker.take()
-                del busy[line]
-                if not isinstance(found, Died):
-                    idle.append(worker)
-                ended(worker.name, found)
-        while idle:
-            idle.pop().dismiss()
+                found = _result(line, busy[line][1])
+                name, _ = busy.pop(line)
+                ended(name, found)
     finally:
-        for worker in (*busy.values(), *idle):
-            worker.end()
+        for line, (_, process) in busy.items():
+            _end(line, process)
 
 
-class _Worker:
-    """A process, and the line to it."""
-
-    def __init__(self, work: Callable[[str], Any], threads: int) -> None:
-        context = multiprocessing.get_context("spawn")
-        self.line, theirs = context.Pipe()
-        self.name = ""
-        self._process = context.Process(target=_serve, args=(theirs, work, threads), daemon=True)
-        resource_tracker.ensure_running()  # which starting a process does otherwise, and lets signals in again
-        with block_signals():
-            self._process.start()
-        theirs.close()  # so that the line breaks when the worker ends
-
-    def give(self, name: str) -> None:
-        self.name = name
-        with contextlib.suppress(BrokenPipeError):  # died already: `take` says so
-            self.line.send(name)
-
-    def take(self) -> Any:
-        """The result, or `Died`."""
-        try:
-            return self.line.recv()
-        except (EOFError, OSError):
-            self._process.join(PATIENCE)
-            status = self._process.exitcode
-            self.end()
-        return Died(f"its process {how_it_ended(status)}")
-
-    def dismiss(self) -> None:
-        """Let it end by itself, which keeps the kernels that it compiled."""
-        with contextlib.suppress(BrokenPipeError):
-            self.line.send(None)
-        self._process.join(PATIENCE)
-        self.end()
-
-    def end(self) -> None:
-        self._process.kill()
-        self._process.join()
-        self.line.close()
-
-
-def _serve(line: Any, work: Callable[[str], Any], threads: int) -> None:
-    """The worker: calls of names from the line until there is a None."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's matter
-    if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(
-            signal.SIG_UNBLOCK, {signal.SIGTERM}
-        )  # by which Python ends workers that are left over
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    device.limit_threads(threads)
-    while (name := line.recv()) is not None:
-        line.send(work(name))
-    device.stop()  # which keeps kernels
-
-
-def _end_with_parent() -> None:
-    """So that no worker goes on computing when its parent was killed."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
+def _start(work: Callable[[str], Any], name: str, threads: int) -> tuple[Any, SpawnProcess]:
+    """A process that makes the call, and the line on which it sends the result."""
+    context = multiprocessing.get_context("spawn")
+    line, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_serve, args=(theirs, work, name, threads), daemon=True)
+    resource_tracker.ensure_running()  # which starting a process does otherwise, and lets signals in again
+    with _without_interrupts():
+        process.start()
+    theirs.close()  # so that the line breaks when the process ends
+    return line, process
 
 
 @contextlib.contextmanager
-def block_signals() -> Iterator[None]:
-    """Keep `SIGNALS` from processes that are started here.
-
-    They begin with all of them blocked; here, they come a little later.
-    """
+def _without_interrupts() -> Any:
+    """Keep Ctrl-C, which a terminal sends to all processes of the command, from processes that start here."""
     if not hasattr(signal, "pthread_sigmask"):  # not on Windows
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _result(line: Any, process: SpawnProcess) -> Any:
+    """The result, or `Died`."""
+    try:
+        found = line.recv()
+        process.join(PATIENCE)  # it keeps the kernels that it compiled
+    except (EOFError, OSError):
+        process.join(PATIENCE)
+        found = Died(f"its process {how_it_ended(process.exitcode)}")
+    _end(line, process)
+    return found
+
+
+def _end(line: Any, process: SpawnProcess) -> None:
+    process.kill()
+    process.join()
+    line.close()
+
+
+def _serve(line: Any, work: Callable[[str], Any], name: str, threads: int) -> None:
+    """The process: one call."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's matter
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    device.limit_threads(threads)
+    line.send(work(name))
+    device.stop()  # which keeps kernels
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent was killed."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def how_it_ended(status: int | None) -> str:
