@@ -231,6 +231,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     cases = verbs.add_parser("cases", help="list the shipped cases", allow_abbrev=False)
     cases.set_defaults(act=_cases)
 
+    docs = verbs.add_parser("docs", help="read the manual", allow_abbrev=False)
+    docs.add_argument("topic", metavar="TOPIC", nargs="?", help="page to print (default: the list of pages)")
+    docs.set_defaults(act=_docs)
+
     backends = verbs.add_parser("backends", help="list the devices that can compute", allow_abbrev=False)
     backends.set_defaults(act=_backends)
 
@@ -510,6 +514,13 @@ def _cases(options: argparse.Namespace) -> int:
     from ..case import shipped
 
     _say(shipped.listing())
+    return 0
+
+
+def _docs(options: argparse.Namespace) -> int:
+    from .docs import show
+
+    _say(show(options.topic))
     return 0
 
 

@@ -46,7 +46,7 @@ class Simulation:
         In a sheared box there can be no walls and no immovable disks; forces act on peculiar velocities, relative to
         the flow, and see places in the lab.
     law : CollisionLaw or sequence of sequences of CollisionLaw
-        One law for all pairs, or a symmetric table [material][material]: an `IFRLaw`, or a law of one's own.
+        One law for all pairs, or a symmetric table `[material][material]`: an `IFRLaw`, or a law of one's own.
     state : State
         Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
         in the lab, such as `placement.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images

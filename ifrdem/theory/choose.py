@@ -55,7 +55,7 @@ def prediction(
     disks : Disks
         Disks are of one species if mass, radius, k and material agree; `mixture_theory.MOST_SPECIES` at most.
     law : IFRLaw or sequence of sequences of IFRLaw
-        One for all, or a table [material][material].
+        One for all, or a table `[material][material]`.
     packing_fraction : float
     T0, T_rot0 : float or array_like (s,)
         Temperatures at time 0 [energy], of all or of each species in the order of `Mixture.of`.

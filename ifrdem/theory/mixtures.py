@@ -52,7 +52,7 @@ class Mixture:
     mass, radius : array_like (s,)
         Of one disk of each species [mass], [length].
     law : IFRLaw or sequence of sequences of IFRLaw
-        One for all pairs, or a symmetric table [species][species]. Without rolling friction.
+        One for all pairs, or a symmetric table `[species][species]`. Without rolling friction.
     packing_fraction : float
         Part of the area that all disks together cover.
     k : array_like (s,)
@@ -66,7 +66,7 @@ class Mixture:
     ------
     InputError
         If a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`, has
-        rolling friction, or differs between [i][j] and [j][i]; or the packing fraction or `contact` is impossible.
+        rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
     """
 
     mass: NDArray[np.float64]
