@@ -1,7 +1,7 @@
 """The manual's gallery: runs the shipped cases and writes `gallery.md` with a small picture of each.
 
-`python -m ifrdem.cases.gallery RUNS` keeps trajectories and pictures of the runs in the folder RUNS, and runs only the cases
-whose picture is not there yet. Writes into `ifrdem/docs`.
+`python -m ifrdem.cases.gallery RUNS` runs the cases into the folder RUNS, those whose picture is not there yet, and
+writes into `ifrdem/docs`.
 """
 
 from __future__ import annotations
@@ -69,6 +69,16 @@ The case: `cases/{name}.toml`, printed by `ifrdem new cases/{name}.toml -o -`.
 """
 
 
+def page() -> str:
+    """Markdown of the gallery."""
+    head = """# Gallery
+
+The shipped cases at their own settings. Made by `python -m ifrdem.cases.gallery RUNS`, which runs each case and
+shrinks its picture.
+"""
+    return "\n".join((head, *(section(name) for name in ORDER)))
+
+
 def main(runs: Path) -> None:
     """Run the cases into a folder and write the page and its pictures."""
     runs.mkdir(parents=True, exist_ok=True)
@@ -81,13 +91,7 @@ def main(runs: Path) -> None:
                 [sys.executable, "-m", "ifrdem", "run", case, "-o", str(runs), "--force"], check=True
             )
         shrink(picture, DOCS / "gallery" / f"{name}.png")
-    head = """# Gallery
-
-The shipped cases at their own settings. Made by `python -m ifrdem.cases.gallery RUNS`, which runs each case and shrinks its picture.
-"""
-    (DOCS / "gallery.md").write_text(
-        "\n".join((head, *(section(name) for name in ORDER))), encoding="utf-8", newline="\n"
-    )
+    (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":
