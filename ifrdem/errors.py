@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class InputError(ValueError):
@@ -17,7 +17,18 @@ class EngineError(RuntimeError):
     """The engine found itself in a state that its guarantees exclude, and stopped instead of going on."""
 
 
+class TheoryError(RuntimeError):
+    """Equations of kinetic theory that cannot be integrated numerically for these coefficients."""
+
+
 def nearest(word: str, allowed: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string."""
     found = difflib.get_close_matches(word, list(allowed), n=1, cutoff=0.6)
     return f" (did you mean '{found[0]}'?)" if found else ""
+
+
+def listed(lines: Sequence[str], most: int = 20) -> str:
+    """The lines of a message; of more than `most`, the first ones and the number of the others."""
+    if len(lines) <= most:
+        return "\n".join(lines)
+    return "\n".join((*lines[:most], f"and {len(lines) - most} more mistakes like these"))

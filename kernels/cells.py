@@ -1,7 +1,6 @@
 """Cells and tiles: where a disk stands among them, and what lies beside."""
 
-import taichi as ti
-
+from .language import ti
 from .layout import ASIDE, CELL_X, CELLS_X, CELLS_Y, SAME_FRAME, TILES_ASIDE, TILES_X, TILES_Y
 
 

@@ -7,8 +7,7 @@ Two remedies for inelastic collapse make collisions elastic:
   ago. S. Luding and S. McNamara, Granul. Matter 1, 113 (1998), doi:10.1007/s100350050017.
 """
 
-import taichi as ti
-
+from .language import ti
 from .law import after_impulses, relative_motion
 from .layout import CONTACT_TIME, CUTOFF, HEAD, ID, TIME, Cube, GasArrays, N, Table, Uses
 from .losses import losses_of

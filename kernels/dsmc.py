@@ -5,9 +5,8 @@ earlier one that is not: what comes out is that of settling them one by one, for
 is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simulation.dsmc`.
 """
 
-import taichi as ti
-
 from .contact import collided
+from .language import ti
 from .layout import BLOCK, SPREAD, GasArrays, Rows, Table, n_blocks
 from .random import DRAWS, normals, unit, words
 

@@ -1,8 +1,7 @@
 """Whole epochs, one after another, by one thread: for systems so small that starting threads would cost more."""
 
-import taichi as ti
-
-from .extend import AT_START_ALONE, extend
+from .extend import AT_START_ALONE, extend, raise_level
+from .language import ti
 from .layout import (
     BEGAN,
     BEGIN,
@@ -18,8 +17,6 @@ from .layout import (
     GX,
     GY,
     HORIZON,
-    LENGTH,
-    LEVEL,
     LOG_FULL,
     MEAN_SQUARE,
     MOST_LEVEL,
@@ -39,7 +36,6 @@ from .layout import (
     RESTING,
     SHEAR,
     TIME_END,
-    TOP_LEVEL,
     WALL_SPEED,
     WINDOW,
     Cube,
@@ -150,8 +146,7 @@ def epochs_by_one_thread(
                 for i in range(n):
                     level = too_fast(i, gas)
                     if level > 0 and gas.counter[MOST_NEIGHBOURS] == 0:
-                        gas.link[i][LENGTH] = gas.link[i][LENGTH] + level * LEVEL
-                        gas.counter[TOP_LEVEL] = ti.max(gas.counter[TOP_LEVEL], level)
+                        raise_level(i, level, AT_START_ALONE, gas)
                         gas.order[fast] = i
                         fast += 1
                 for q in range(fast):

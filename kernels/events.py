@@ -3,11 +3,10 @@
 The order of these steps and what they guarantee is told in `rounds.py`.
 """
 
-import taichi as ti
-
 from .contact import ELASTIC, collided, just_collided
 from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
 from .history import flight_between, previous, record, side_of
+from .language import ti
 from .layout import (
     ACTIVE,
     AFFECTED,

@@ -9,11 +9,10 @@ At any time, every pair closer at the beginning of the epoch than contact + both
 do no harm: no event depends on them.
 """
 
-import taichi as ti
-
 from .cells import cell_beside, columns_aside, has_column, place_of
 from .flights import first_meeting, offer, shift_by
 from .history import start_position
+from .language import ti
 from .layout import (
     AFFECTED,
     AFFECTED_ROW,
@@ -23,6 +22,7 @@ from .layout import (
     CELLS_Y,
     HORIZON,
     LENGTH,
+    LENGTH_BEFORE,
     LEVEL,
     MOST_NEIGHBOURS,
     OTHER,
@@ -66,9 +66,13 @@ def append(i, j, shift, gas: ti.template()):
 
 @ti.func
 def listed(i, j, shift, gas: ti.template()):
-    """Whether disk i's list already has disk j."""
+    """Whether disk i's list had disk j before lists were extended.
+
+    What is being appended is left out: another thread may have raised LENGTH and not have written the entry yet, and
+    what stands there from an earlier epoch could be j.
+    """
     row = gas.grid[ROW]
-    lengths = gas.link[i][LENGTH]
+    lengths = gas.link[i][LENGTH_BEFORE]
     found = 0
     if shift == SAME_FRAME:
         for q in range(n_own(lengths)):
@@ -82,10 +86,13 @@ def listed(i, j, shift, gas: ti.template()):
 
 
 @ti.func
-def raise_level(i, level, gas: ti.template()):
-    """First step for disk i, done for all such disks before the second: its new level."""
-    gas.link[i][LENGTH] += (level - level_of(gas.link[i][LENGTH])) * LEVEL
-    gas.link[i][PARTNER] = EXTENDS
+def raise_level(i, level, when: ti.template(), gas: ti.template()):
+    """First step for disk i, done for all such disks before the second: its new level; `when` as for `extend`."""
+    before = gas.link[i][LENGTH]
+    gas.link[i][LENGTH_BEFORE] = before
+    gas.link[i][LENGTH] = before + (level - level_of(before)) * LEVEL
+    if ti.static(when == LATER):
+        gas.link[i][PARTNER] = EXTENDS
     ti.atomic_max(gas.counter[TOP_LEVEL], level)
 
 

@@ -1,11 +1,13 @@
 """Straight flights: when two of them meet, which of two events comes first, and flights that are over.
 
 Everything that decides about a meeting is here once, so that both disks of a pair, and all ways of running an epoch,
-find the same bits.
+find the same bits on one device. A CPU and a GPU do not: for CUDA, Taichi fuses products and sums whatever `fast_math`
+says, and divides approximately in single precision, so that the last bits differ, and after some ten collisions a disk
+the motion. In what decides about a meeting, `rounded` keeps products from being fused at one site and not at another,
+where they are needed for something else, too.
 """
 
-import taichi as ti
-
+from .language import ti
 from .layout import (
     ASIDE,
     DRIFT,
@@ -13,6 +15,7 @@ from .layout import (
     FIRST_WALL,
     HEAD,
     ID,
+    NOTHING,
     PARTNER,
     RADIUS,
     TAU,
@@ -30,6 +33,20 @@ from .layout import (
 def rounding():
     """Relative error that a velocity may carry: some 50 units in its last place."""
     return 6.0e-6 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-14
+
+
+def fuses():
+    """Whether the device that kernels are compiled for fuses products and sums."""
+    return ti.lang.impl.current_cfg().arch == ti.cuda
+
+
+@ti.func
+def rounded(product, gas: ti.template()):
+    """A product rounded by itself, not within a sum: where products are fused, with a 0 that no compiler can know."""
+    value = product
+    if ti.static(fuses()):
+        value = product + gas.scale[NOTHING]
+    return value
 
 
 @ti.func
@@ -53,12 +70,12 @@ def contact_delay(rx, ry, vxi, vyi, vxj, vyj, drift, sigma, within, gas: ti.temp
     if ti.static(gas.uses.sheared):
         vx += drift  # last: seen from j, every term only changes its sign
     vy = vyj - vyi
-    b = rx * vx + ry * vy
-    c = rx * rx + ry * ry - sigma * sigma
+    b = rounded(rx * vx, gas) + rounded(ry * vy, gas)
+    c = rounded(rx * rx, gas) + rounded(ry * ry, gas) - rounded(sigma * sigma, gas)
     if c <= -2.0 * b * within:
         if b < 0.0:
-            v2 = vx * vx + vy * vy
-            d = b * b - v2 * c
+            v2 = rounded(vx * vx, gas) + rounded(vy * vy, gas)
+            d = rounded(b * b, gas) - rounded(v2 * c, gas)
             if c <= 0.0:
                 noise = ti.static(rounding()) * ((ti.abs(vxi) + ti.abs(vxj)) + (ti.abs(vyi) + ti.abs(vyj)))
                 if b < -sigma * noise:
@@ -77,8 +94,9 @@ def meeting_time(
     start = ti.max(tau_i, tau_j)
     if ti.static(gas.uses.sheared):
         shift_x += drift * start
-    rx = (xj + vxj * (start - tau_j)) - (xi + vxi * (start - tau_i)) + shift_x
-    ry = (yj + vyj * (start - tau_j)) - (yi + vyi * (start - tau_i)) + shift_y
+    since_i, since_j = start - tau_i, start - tau_j
+    rx = (xj + rounded(vxj * since_j, gas)) - (xi + rounded(vxi * since_i, gas)) + shift_x
+    ry = (yj + rounded(vyj * since_j, gas)) - (yi + rounded(vyi * since_i, gas)) + shift_y
     return start + contact_delay(rx, ry, vxi, vyi, vxj, vyj, drift, sigma, before - start, gas)
 
 

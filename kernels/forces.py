@@ -1,7 +1,6 @@
 """The kernels that apply a force to every disk: one pair of them for each class of forces."""
 
-import taichi as ti
-
+from .language import ti
 from .layout import (
     BLOCK,
     CELLS_X,

@@ -1,7 +1,6 @@
 """What is over: the log's records of a disk, and the flights between them."""
 
-import taichi as ti
-
+from .language import ti
 from .layout import BEFORE, HEAD, NEVER, NUMBER, PREVIOUS, SEQ, SLOT, SPIN, TAU, TIME, VX, VY, X, Y
 
 

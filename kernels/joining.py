@@ -1,10 +1,9 @@
 """What tiles must settle with each other after each ran by itself."""
 
-import taichi as ti
-
 from .events import mark, propagate, restore
 from .flights import id_at, meeting, meeting_time, offer, precedes, shift_by
 from .history import flight_between, previous
+from .language import ti
 from .layout import (
     ACTIVE,
     AFFECTED,

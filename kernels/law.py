@@ -11,7 +11,7 @@ Symbols: n is the unit vector from the centre of disk i to that of disk j, t = (
 inertia is I = m R^2 / k, spins are counter-clockwise, and im = 1/m is 0 for a wall.
 """
 
-import taichi as ti
+from .language import ti
 
 
 @ti.pyfunc

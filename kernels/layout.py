@@ -22,7 +22,7 @@ lists        (5, n) int    work lists of the rounds
 counter      (17,) int     their lengths, and totals
 limit        (5,) real     times at which the epoch and the window end
 grid         (14,) int     numbers of disks, tiles, cells and walls; the seed; displacement of rows of tiles
-scale        (21,) real    lengths and times of the grid and the epoch, gravity, shear
+scale        (22,) real    lengths and times of the grid and the epoch, gravity, shear
 clock        (7,) double   times in epochs run by one thread, and what displaces rows of tiles
 total        (6,) int64    collisions and epochs of one launch
 walls        (W, 18) real  geometry, motion, material and temperature of each wall (`walls.py`)
@@ -55,7 +55,7 @@ A kernel takes the arrays that it needs, and bundles them into `GasArrays` for t
 
 from typing import Any, NamedTuple
 
-import taichi as ti
+from .language import ti
 
 # flight: position at time TAU, velocity, spin, radius, time of the earliest predicted event
 X, Y, VX, VY, TAU, SPIN, RADIUS, TE = range(8)
@@ -66,6 +66,8 @@ INVERSE_MASS, K, KIND_RADIUS, MATERIAL, KIND_MASS, KIND_INERTIA = range(6)
 PARTNER, HEAD, SEQ, ACTIVE, DIRTY, AFFECTED, UNDO, LENGTH = range(8)
 # While a tile runs, its disks with events due stand in bins; these two columns then hold the bin's list.
 NEXT, PREVIOUS_IN_BIN = ACTIVE, DIRTY
+# While lists are extended, this column holds the LENGTH that a disk's list had before, if it is one of those.
+LENGTH_BEFORE = ACTIVE
 # meta
 ID, KIND, EVENTS = range(3)
 # log_real: time, then x, y, vx, vy, spin of either disk from column BEFORE + 5 * side on
@@ -104,10 +106,11 @@ SEED_LOW, SEED_HIGH, TILES_ASIDE, BOXES_ASIDE = range(10, 14)
 # window, what a disk of level 0 may move in an epoch, time that disks fly on when they settle, largest diameter,
 # gravity, a speed that walls may give to disks, approach below which collisions are elastic,
 # where the box begins in the coordinates of the tiles, time since the latest collision below which one is elastic;
-# shear rate, velocity of a row of tiles against the one below, rest of its displacement when the epoch began
+# shear rate, velocity of a row of tiles against the one below, rest of its displacement when the epoch began; 0, which
+# no compiler knows (`flights.py`)
 CELL_X, CELL_Y, TILE_X, TILE_Y, SKIN, HORIZON, BEGIN, WINDOW = range(8)
 REACH, DURATION, WIDEST, GX, GY, WALL_SPEED, CUTOFF, ORIGIN_X, ORIGIN_Y, CONTACT_TIME = range(8, 18)
-SHEAR, DRIFT, ASIDE = range(18, 21)
+SHEAR, DRIFT, ASIDE, NOTHING = range(18, 22)
 # clock, in double precision: present time, where to stop, planned length of the latest epoch, DRIFT and TILE_X, when to
 # pause at the next end of an epoch, and when the latest one began
 NOW, TIME_END, PLANNED, ROW_SPEED, TILE_SIDE, PAUSE_AT, BEGAN = range(7)

@@ -8,9 +8,8 @@ Sums are of whole numbers, in a unit that suits the largest loss of the epoch: t
 are, for any number of threads.
 """
 
-import taichi as ti
-
 from .contact import ROLLS, STICKS
+from .language import ti
 from .layout import HOW, N_LOG, SHIFT_BITS, SLOT, STANDS
 from .losses import BY_FRICTION, BY_NORMAL, BY_RESTITUTION, BY_ROLLING
 

@@ -1,7 +1,6 @@
 """Levels: how far a disk may move in an epoch for its neighbour list to be complete; `extend.py` tells more."""
 
-import taichi as ti
-
+from .language import ti
 from .layout import END, HORIZON, LENGTH, LEVELS, MOST_LEVEL, REACH, SPEED_MARGIN, level_of
 from .shear import way_speed2
 

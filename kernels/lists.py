@@ -1,9 +1,8 @@
 """Beginning of an epoch: list the neighbours, predict first events."""
 
-import taichi as ti
-
 from .cells import cell_beside, columns_aside, has_column
 from .flights import first_meeting, offer, shift_by
+from .language import ti
 from .layout import (
     CELLS_X,
     CELLS_Y,

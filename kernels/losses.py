@@ -7,8 +7,7 @@ order of the two is a convention, their sum is not. The rolling torque takes wha
 depend on the frame, and their sum is what the pair loses, to rounding.
 """
 
-import taichi as ti
-
+from .language import ti
 from .law import inverse_masses
 
 # Columns of `log_loss`.

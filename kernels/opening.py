@@ -1,12 +1,12 @@
 """Beginning of an epoch: all lists and first events, as kernels."""
 
-import taichi as ti
-
 from .cells import place_of
 from .events import predict
-from .extend import AT_START, extend
+from .extend import AT_START, extend, raise_level
 from .flights import first_meeting, offer
+from .language import ti
 from .layout import (
+    ACTIVE,
     AFFECTED,
     AFFECTED_ROW,
     CELLS_X,
@@ -14,7 +14,6 @@ from .layout import (
     EXTEND_ROW,
     HORIZON,
     LENGTH,
-    LEVEL,
     MOST_NEIGHBOURS,
     RADIUS,
     REACH,
@@ -24,7 +23,6 @@ from .layout import (
     SPREAD,
     TILES_X,
     TILES_Y,
-    TOP_LEVEL,
     GasArrays,
     N,
     Rows,
@@ -126,11 +124,12 @@ def extend_fast(
     for i in range(gas.grid[N]):
         level = too_fast(i, gas)
         if level > 0:
+            raise_level(i, level, AT_START, gas)
             push(EXTEND_ROW, i, gas)
-            gas.link[i][LENGTH] += level * LEVEL
-            ti.atomic_max(gas.counter[TOP_LEVEL], level)
     for q in range(gas.counter[EXTEND_ROW]):
         extend(gas.lists[EXTEND_ROW, q], AT_START, gas)
+    for q in range(gas.counter[EXTEND_ROW]):
+        gas.link[gas.lists[EXTEND_ROW, q]][ACTIVE] = -1  # it held LENGTH_BEFORE
     for q in range(gas.counter[AFFECTED_ROW]):
         i = gas.lists[AFFECTED_ROW, q]
         predict(i, False, gas)

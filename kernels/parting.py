@@ -1,7 +1,6 @@
 """Whether disks that fly straight on can ever meet again."""
 
-import taichi as ti
-
+from .language import ti
 from .layout import Rows, Table
 
 

@@ -1,8 +1,7 @@
 """Where all disks were at a time within an epoch that is over but not settled, by its log: frames end no epoch."""
 
-import taichi as ti
-
 from .history import flight_at
+from .language import ti
 from .layout import (
     BLOCK,
     CELLS_X,

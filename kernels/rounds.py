@@ -15,10 +15,9 @@ Nothing depends on the order in which threads work: each step writes only what n
 and marks are minima. The work lists are filled by atomics in any order, but are used as sets.
 """
 
-import taichi as ti
-
 from .events import collide, mark, predict, propagate, restore
 from .extend import LATER, extend, raise_level
+from .language import ti
 from .layout import (
     AFFECTED_ROW,
     BLOCK,
@@ -110,7 +109,7 @@ def raise_if_fast(i, gas: ti.template()):
     """Have disk i's list extended if it has become too fast for it."""
     level = too_fast(i, gas)
     if level > 0:
-        raise_level(i, level, gas)
+        raise_level(i, level, LATER, gas)
         push(EXTEND_ROW, i, gas)
 
 

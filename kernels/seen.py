@@ -1,9 +1,8 @@
 """What the log of an epoch that is over tells: collisions put together again, and where disks were in between."""
 
-import taichi as ti
-
 from .contact import ELASTIC
 from .flights import shift_by
+from .language import ti
 from .layout import (
     BEFORE,
     GX,

@@ -16,10 +16,9 @@ adjacent rows of cells move against each other, half as fast as that counts for 
 looked at by `extend` only, which adds what is missing.
 """
 
-import taichi as ti
-
 from .cells import place_of
 from .history import side_of
+from .language import ti
 from .layout import (
     ASIDE,
     BEFORE,

@@ -1,7 +1,6 @@
 """Between epochs: fly on, and sort the disks into cells; export them."""
 
-import taichi as ti
-
+from .language import ti
 from .layout import (
     ACTIVE,
     AFFECTED,

@@ -29,7 +29,7 @@ with D = (K - E)/m and C = (2 D - K)/m, which the arithmetic-geometric mean give
 (M. Abramowitz, I. A. Stegun, Handbook of Mathematical Functions, 17.6); E = K - m D.
 """
 
-import taichi as ti
+from .language import ti
 
 AGM_STEPS = 9  # halve the digits that are missing; enough for 1 - m as small as TINY
 TINY = 1.0e-30  # least 1 - m: K has a logarithm there, which enters multiplied by 1 - m

@@ -1,9 +1,8 @@
 """What is kept of an epoch when it ends, before its log is lost: collisions with walls, their energy, latest times,
 angles."""
 
-import taichi as ti
-
 from .history import flight_between, previous, side_of
+from .language import ti
 from .layout import (
     BEFORE,
     DURATION,

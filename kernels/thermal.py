@@ -9,8 +9,7 @@ wall just what it gets back, and stays what it is. R. Tehver et al., Phys. Rev. 
 doi:10.1103/PhysRevE.57.R17, tell what goes wrong with other densities.
 """
 
-import taichi as ti
-
+from .language import ti
 from .layout import EVENTS, ID, INVERSE_MASS, KIND, RADIUS, SEED_HIGH, SEED_LOW, K
 from .random import DRAWS, normals, rayleigh
 

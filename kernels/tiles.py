@@ -7,11 +7,10 @@ up only in this run are not looked for; `join_tiles` does that afterwards, undoe
 opens the rounds, which do the rest.
 """
 
-import taichi as ti
-
 from .events import collide_at
 from .extend import LATER, extend, raise_level
 from .flights import id_of, meeting_time, precedes, shift_by, sooner
+from .language import ti
 from .layout import (
     AFFECTED,
     BEGIN,
@@ -258,7 +257,7 @@ def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
                     level = too_fast(m, gas)
                     if ti.static(alone):
                         if level > 0:
-                            raise_level(m, level, gas)
+                            raise_level(m, level, LATER, gas)
                             extend(m, LATER, gas)
                             if gas.counter[MOST_NEIGHBOURS] > 0:
                                 b = high

@@ -1,7 +1,6 @@
 """Sums over all disks: what `observables.measure` tells of a state, without copying the state."""
 
-import taichi as ti
-
+from .language import ti
 from .layout import (
     BLOCK,
     CELLS_X,

@@ -1,8 +1,7 @@
 """The collisions of tracked disks, copied from the log of an epoch before that is lost."""
 
-import taichi as ti
-
 from .history import side_of
+from .language import ti
 from .layout import (
     DURATION,
     GX,

@@ -32,11 +32,10 @@ HEAT            column of `wall_heat` of a thermal wall, else -1
 ==============  ==========================================================================================
 """
 
-import taichi as ti
-
 from .contact import ELASTIC, collided, just_collided
 from .flights import rounding
 from .history import record
+from .language import ti
 from .layout import (
     CELLS_X,
     CELLS_Y,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from .. import theory
+from ..errors import TheoryError
 from ..kernels import limits
 from ..model.observables import MECHANISMS, REGIMES
 from ..theory import driven_gas, sheared_gas
@@ -251,7 +252,10 @@ def _sheared(gas: Gas, phi: float, case: Case) -> tuple[tuple[float, float] | No
     one = (law, mass, radius, each.k, phi, gas.box.shear_rate)
     T, T_rot = 0.5 * mass * each.speed_rms**2, mass * radius**2 / each.k * each.spin_rms**2
     if case.run.t_end is not None and T > 0.0:
-        per_disk = float(sheared_gas.sheared(*one, T, T_rot, [case.run.t_end])[2][0])
+        try:
+            per_disk = float(sheared_gas.sheared(*one, T, T_rot, [case.run.t_end])[2][0])
+        except TheoryError:
+            per_disk = math.nan
     return sheared_gas.steady_state(*one), per_disk
 
 

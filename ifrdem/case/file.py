@@ -13,13 +13,28 @@ from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
-from ..errors import InputError, nearest
+from ..errors import InputError, listed, nearest
+from ..tools import text_file
 from .case import Case
 from .draft import Draft, Problem
 from .rules import problems
 from .section import Section
 
 KeyPath = tuple[str | int, ...]
+
+MOST_BYTES = 10_000_000
+"""Largest case file."""
+DEEPEST = 16
+"""Lists and tables in each other, and parts of a key, at most; a case needs four."""
+
+_QUOTED = re.compile(
+    r"""#[^\n]*|\"{3}(?:\\.|[^\\])*?(?:\"{3}|\Z)|'{3}.*?(?:'{3}|\Z)|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?""",
+    re.DOTALL,
+)
+"""Comments and texts of TOML, in which brackets and dots mean nothing."""
+_LONG_KEY = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{DEEPEST},}}")
+_PATH = re.compile(rf"[\w-]{{1,100}}(?:\.[\w-]{{1,100}}|\[\d{{1,9}}\]){{0,{DEEPEST}}}", re.ASCII)
+"""A key on the command line."""
 
 
 @dataclass(frozen=True)
@@ -66,20 +81,22 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
         With one line for each thing that is wrong.
     """
     path = Path(path)
-    text = _text(path)
     try:
-        raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from None
+        text = text_file.read(path, most=MOST_BYTES)
+        raw = _parsed(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     for assignment in overrides:
         override(raw, assignment)
     found = mistakes(raw, path.parent)
     if found:
         set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
         raise InputError(
-            "\n".join(
-                f"{path}: {problem}" + (" [set on the command line]" if problem.key in set_here else "")
-                for problem in found
+            listed(
+                [
+                    f"{path}: {problem}" + (" [set on the command line]" if problem.key in set_here else "")
+                    for problem in found
+                ]
             )
         )
     return CaseFile(path, text, tuple(overrides), Case.model_validate(raw))
@@ -118,6 +135,7 @@ def override(raw: dict[str, Any], assignment: str) -> None:
         If there is no "=", the key is no path, or it leads through something that holds no keys.
     """
     key, value, remove = parse_assignment(assignment)
+    assignment = _cut(assignment)
     place: Any = raw
     for depth, step in enumerate(key):
         last = depth == len(key) - 1
@@ -144,17 +162,43 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
     """Split "key=value" into the path of the key, the value, and whether the key is to be removed."""
     key, equals, value = assignment.partition("=")
     key, value = key.strip(), value.strip()
-    if not equals or not re.fullmatch(r"\w+(\.\w+|\[\d+\])*", key):
+    if not equals or not _PATH.fullmatch(key):
         raise InputError(
-            f"--set {assignment}: KEY=VALUE is needed, such as run.seed=3 or species[0].number=100"
+            f"--set {_cut(assignment)}: KEY=VALUE is needed, such as run.seed=3 or species[0].number=100"
         )
-    path: KeyPath = tuple(int(step) if step.isdigit() else step for step in re.findall(r"\w+", key))
+    path: KeyPath = tuple(int(step) if step.isdecimal() else step for step in re.findall(r"[\w-]+", key))
     try:
         # A line break would let a value bring further keys with it.
-        parsed = value if "\n" in value else tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
+        parsed = value if "\n" in value else _parsed(f"value = {value}")["value"]
+    except InputError:
         parsed = value
     return path, parsed, value == ""
+
+
+def _parsed(text: str) -> dict[str, Any]:
+    """The tables and keys of a text in TOML.
+
+    Raises
+    ------
+    InputError
+        If it is not TOML, a number is too long for one, or tables, lists or keys stand deeper in each other than
+        `DEEPEST`: beyond, the parser's time and memory grow without bound.
+    """
+    bare = _QUOTED.sub("x", text)
+    depth = 0
+    for bracket in re.findall(r"[][{}]", bare):
+        depth += 1 if bracket in "[{" else -1
+        if depth > DEEPEST:
+            raise InputError(
+                f"lists or tables stand in each other more than {DEEPEST} deep, the most allowed"
+            )
+    if (found := _LONG_KEY.search(bare)) is not None:
+        key = re.sub(r"\s", "", found[0])
+        raise InputError(f"the key {key[:40]}... has more than {DEEPEST} parts, the most allowed")
+    try:
+        return tomllib.loads(text)
+    except ValueError as error:  # of the parser, or a whole number with thousands of digits
+        raise InputError(f"not valid TOML: {error}") from None
 
 
 def nested_copy(value: Any) -> Any:
@@ -162,19 +206,6 @@ def nested_copy(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: nested_copy(each) for key, each in value.items()}
     return [nested_copy(each) for each in value] if isinstance(value, list) else value
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        folder = path.parent
-        names = [each.name for each in folder.glob("*.toml")] if folder.is_dir() else []
-        raise InputError(f"{path}: there is no such file{nearest(path.name, names)}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file in UTF-8: {error.reason} at byte {error.start}") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
@@ -218,9 +249,14 @@ def _spelled(key: Iterable[str | int]) -> str:
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in key).lstrip(".")
 
 
-def _shown(value: Any, longest: int = 60) -> str:
+def _shown(value: Any) -> str:
     # TOML spells nan and inf as Python does, and all else as JSON.
-    text = repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
+    return _cut(
+        repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
+    )
+
+
+def _cut(text: str, longest: int = 60) -> str:
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, listed
 from ..initial import from_csv, from_trajectory, impact_scan, packing, placement
 from ..initial.from_csv import Given
 from ..model.box import Box
@@ -20,6 +20,7 @@ from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks, State
 from ..model.walls import Wall
 from ..run.stage import Stage
+from ..simulation import magnitudes
 from ..simulation.simulation import Simulation
 from ..tools import seeds
 from .case import IMPACT_SCAN, Case, is_trajectory
@@ -79,7 +80,7 @@ class Gas:
         draft = Draft.from_case(case)
         found = problems(draft, Path(folder), start=start)
         if found:
-            raise InputError("\n".join(str(problem) for problem in found))
+            raise InputError(listed([str(problem) for problem in found]))
         species = tuple(draft.known_species())
         names = [each.material for each in species]
         if case.box.material is not None:
@@ -109,7 +110,10 @@ class Gas:
         if given is not None:
             species = _as_moving(species, given, box)
         patch = patch_of(case.box, disks.radius)
-        return cls(species, materials, laws, judged, disks, box, given, walls, patch)
+        gas = cls(species, materials, laws, judged, disks, box, given, walls, patch)
+        if start:
+            gas._check_magnitudes(case)
+        return gas
 
     @property
     def room(self) -> Room:
@@ -137,20 +141,40 @@ class Gas:
         InputError
             If the disks do not fit into the box in the way the case wants: a line with the key.
         """
-        seed = case.run.seed
-        if self.given is not None:
+        if self.given is None:
+            position = self._placed(case.start.positions, case.run.seed)
+        else:
             position = self.given.position
             if self.given.velocity is not None and self.given.spin is not None:
                 return State(position=position, velocity=self.given.velocity, spin=self.given.spin)
-        else:
-            position = self._placed(case.start.positions, seed)
+        velocity, spin = self._drawn_motion(case.run.seed)
+        return State(position=position, velocity=velocity + self.box.flow(position), spin=spin)
+
+    def _drawn_motion(self, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Velocities relative to the flow, shape (n, 2), and spins, (n,), that a seed gives."""
         velocity, spin = [], []
         for i, each in enumerate(self.species):
             own = seeds.of_species(seed, i)
             velocity.append(placement.maxwellian(each.mass, speed_rms=each.speed_rms, seed=own))
             spin.append(placement.gaussian_spins(each.number, spin_rms=each.spin_rms, seed=own))
-        flow = self.box.flow(position)
-        return State(position=position, velocity=np.concatenate(velocity) + flow, spin=np.concatenate(spin))
+        return np.concatenate(velocity), np.concatenate(spin)
+
+    def _check_magnitudes(self, case: Case) -> None:
+        """Refuse what the engine or the trajectory's precision would refuse when the run begins."""
+        if self.given is not None and self.given.velocity is not None and self.given.spin is not None:
+            velocity, spin, flow = self.given.velocity, self.given.spin, 0.0
+        else:
+            velocity, spin = self._drawn_motion(case.run.seed)
+            flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
+        speed = magnitudes.fastest(self.disks, velocity, spin) + flow
+        hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
+        magnitudes.check(self.disks, self.box, speed, case.run.precision, hottest)
+        largest = {
+            "a velocity": float(np.abs(velocity).max(initial=0.0)) + flow,
+            "a spin": float(np.abs(spin).max(initial=0.0)),
+            "a side of the box": 0.0 if self.box.is_open else max(self.box.lengths),
+        }
+        magnitudes.check_stored(largest, case.output.precision)
 
     def simulation(
         self,

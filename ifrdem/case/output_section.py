@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from ..simulation.schedule import SHORTEST, Cadence
+from ..simulation.schedule import Cadence
 from .section import Section
 
 FieldName = Literal[
@@ -136,10 +136,6 @@ class OutputSection(Section):
             given = [key for key in ways if key in data]
             if len(given) > 1:
                 wrong.append(f"at most one is needed of: {', '.join(ways)}; given: {', '.join(given)}")
-            for key in set(given) - {what}:
-                value, least = data[key], ROWS_PER_FRAME * SHORTEST
-                if isinstance(value, int | float) and 0.0 < value < least:
-                    wrong.append(f"{key} = {value:g}: {least:g} or more is needed")
             if data.get(f"{what}_spacing", "even") == "log" and set(given) - {what}:
                 wrong.append(f'{what}_spacing = "log": only with a number, {what}')
         if data.get("series_spacing", "even") == "log" and "series" not in data:

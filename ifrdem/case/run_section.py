@@ -93,7 +93,7 @@ class RunSection(Section):
             for kind, key in needs.items()
             if key in data and kind != chosen
         ]
-        if chosen in needs and needs[chosen] not in data:
+        if isinstance(chosen, str) and chosen in needs and needs[chosen] not in data:
             wrong.append(f'collapse = "{chosen}": {needs[chosen]} missing')
         wrong += [found] if (found := super().wrong_choice(data)) else []
         return "; ".join(wrong) or None

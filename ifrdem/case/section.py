@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, model_validator
+from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, field_validator, model_validator
 from pydantic.fields import FieldInfo
-from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
+from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, ValidationError
+
+LEAST, MOST = 1e-50, 1e50
+"""Range of the magnitude of numbers other than 0: products of six of them can be computed with."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,7 @@ class Choice:
 
 
 class Section(BaseModel):
-    """Common behaviour of all sections: no unknown keys, no conversion of types, no NaN or infinity.
+    """Common behaviour of all sections: no unknown keys, no conversion of types, numbers from `LEAST` to `MOST`.
 
     `choices` lists alternatives of which exactly one is to be given (at most one if `choice_optional`).
     """
@@ -42,13 +45,17 @@ class Section(BaseModel):
         try:
             handler(data)
         except ValidationError as error:
-            errors += [
-                InitErrorDetails(
-                    type=each["type"], loc=each["loc"], input=each["input"], ctx=each.get("ctx", {})
-                )
-                for each in error.errors(include_url=False)
-            ]
+            errors += [_again(each) for each in error.errors(include_url=False)]
         raise ValidationError.from_exception_data(cls.__name__, errors)
+
+    @field_validator("*")
+    @classmethod
+    def _of_usual_magnitude(cls, value: Any) -> Any:
+        for each in value if isinstance(value, list) else (value,):
+            if isinstance(each, float) and each != 0.0 and not LEAST <= abs(each) <= MOST:
+                text = f"must be of a magnitude from {LEAST:g} to {MOST:g}: other units are needed"
+                raise PydanticCustomError("magnitude", "{text}", {"text": text})
+        return value
 
     @classmethod
     def about(cls, key: str) -> tuple[str, Any]:
@@ -76,3 +83,12 @@ class Section(BaseModel):
                 return f"{', '.join(misplaced)} cannot stand beside {choice}" if misplaced else None
         allowed = ", or ".join(str(choice) for choice in cls.choices)
         return f"exactly one is needed of: {allowed}; given: {', '.join(given) or 'none'}"
+
+
+def _again(error: ErrorDetails) -> InitErrorDetails:
+    """An error of pydantic's as what a further one is made of."""
+    context = error.get("ctx", {})
+    kind: str | PydanticCustomError = error["type"]
+    if "text" in context:  # one of our own
+        kind, context = PydanticCustomError(error["type"], "{text}", context), {}
+    return InitErrorDetails(type=kind, loc=error["loc"], input=error["input"], ctx=context)

@@ -36,7 +36,7 @@ UNFINISHED = 3
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit status.
 
-    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh), 130 (interrupted), 143 (terminated).
+    0, 1 (failed), 2 (bad input), 3 (stopped by --maxh or SIGUSR1, SIGUSR2), 130 (interrupted), 143 (terminated).
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     if sys.stdout is None:  # closed by the caller, as by `>&-`
@@ -530,5 +530,8 @@ def _backends(options: argparse.Namespace) -> int:
 
     for device in backend.available():
         _say(f"{device.arch:<8} {device.description}")
+    absence = backend.cuda_absence()
+    if absence is not None:
+        _say(f"cuda     not usable: {absence}")
     _say(f"pybullet {bullet.describe()}")
     return 0

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, listed, nearest
 from ..tools import csv as csv_rows
 from .model import MEASURED
 
@@ -33,6 +33,7 @@ _SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("d2d112", "sqrtd2d", "d2d105", "d2d1sqrt", "sqrtd2overd1"), "sqrt_d2_d1"),
     **dict.fromkeys(("et*", "etstar", "etapp", "apparentet"), "e_t_apparent"),
 }
+MOST_BYTES = 10_000_000  # some 100,000 impacts
 LEAST_ERROR = 1e-6  # below it, chi2 is so steep that rounding hides its minimum
 _ERROR = ("error", "err", "sigma", "uncertainty", "std")
 _DEGREES = ("deg", "degree", "degrees", "°")
@@ -110,7 +111,7 @@ class Data:
             found += _wrong_values(name, arrays[name]) + _wrong_errors(name, errors[name])
         if found:
             found.sort(key=lambda each: each[0])
-            raise InputError("\n".join(f"{self.source}: {where[i]}: {text}" for i, text in found))
+            raise InputError(listed([f"{self.source}: {where[i]}: {text}" for i, text in found]))
         object.__setattr__(self, "psi", arrays.pop("psi"))
         object.__setattr__(self, "measured", arrays)
         object.__setattr__(self, "errors", {name: errors[name] for name in values})
@@ -149,7 +150,7 @@ def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
     """
     path = Path(path)
     try:
-        rows, lines = csv_rows.read(path)
+        rows, lines = csv_rows.read(path, most=MOST_BYTES)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     if not rows:
@@ -206,7 +207,7 @@ def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
         if name not in present
     ]
     if wrong:
-        raise InputError("\n".join(wrong))
+        raise InputError(listed(wrong))
     return Data(
         psi=values["psi"],
         measured={name: values[name] for name in columns if name in MEASURED},

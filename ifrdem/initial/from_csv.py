@@ -15,6 +15,7 @@ from ..tools import csv as csv_rows
 
 POSITION = ("x", "y")
 MOTION = ("vx", "vy", "spin")
+MOST_BYTES = 1_000_000_000  # the start of some 10 million disks
 MOST_REPORTED = 5  # wrong lines that are listed one by one
 
 
@@ -57,7 +58,7 @@ def read(path: Path, n: int, box: Box | None = None) -> Given:
     InputError
         With a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
     """
-    rows, lines = csv_rows.read(path)
+    rows, lines = csv_rows.read(path, most=MOST_BYTES)
     if not rows:
         raise InputError("is empty: a first line with the names of the columns is needed, such as x,y")
     names = [name.strip() for name in rows[0]]

@@ -18,9 +18,9 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
+import lazy_loader
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_matrix
 
 from ..errors import InputError
 from ..model.box import Box
@@ -34,6 +34,8 @@ from ..model.overlaps import (
 )
 from ..model.walls import Wall
 from ..tools import seeds
+
+sparse = lazy_loader.load("scipy.sparse")
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
@@ -200,7 +202,7 @@ class _SoftDisks:
         self.at_contact = np.concatenate((self.contact, np.tile(self.radius, len(self.walls))))
         self.image = (nearest - raw)[near]
         count = len(pairs)
-        self.difference = csr_matrix(
+        self.difference = sparse.csr_matrix(
             (np.tile([-1.0, 1.0], count), pairs.ravel(), np.arange(0, 2 * count + 1, 2)),
             shape=(count, len(self.x)),
         )

@@ -15,11 +15,10 @@ from collections.abc import Sequence
 from typing import ClassVar
 
 from ..errors import InputError
+from ..kernels.language import ti
 from ..kernels.random import normals, uniforms
 from ..kernels.table_friction import advance, step_tolerance
 from .state import Disks
-
-import taichi as ti  # isort: skip  (after the kernels, which keep it from printing its banner)
 
 __all__ = [
     "Drag",

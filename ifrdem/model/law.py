@@ -109,9 +109,8 @@ class CollisionLaw:
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
     """What kernels take of a class of laws, a `kernels.layout.Law`; one object for each class."""
+    from ..kernels.language import ti
     from ..kernels.layout import Law  # imports Taichi, which is slow
-
-    import taichi as ti  # isort: skip  (after the kernels, which keep it from printing its banner)
 
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):

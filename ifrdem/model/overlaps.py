@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import lazy_loader
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from ..errors import InputError
 from .box import Box
 from .free_area import Room
+
+spatial = lazy_loader.load("scipy.spatial")  # a third of a second, where nobody may need it
 
 TOLERANCE = 1e-9
 """Overlap, as a part of the contact distance, that counts as rounding.
@@ -71,7 +73,7 @@ def close_pairs(
     """
     # A size class spans a factor 2: with more classes there are more trees, with fewer more pairs.
     classes = list(size_classes(radius, 2.0))
-    trees = [cKDTree(position[members], boxsize=box.periods) for members in classes]
+    trees = [spatial.cKDTree(position[members], boxsize=box.periods) for members in classes]
     found = [np.empty((0, 2), dtype=np.intp)]
     for a, members in enumerate(classes):
         reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE) + margin

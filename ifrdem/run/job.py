@@ -22,9 +22,6 @@ from ..case.file import CaseFile
 from ..case.gas import Gas
 from ..errors import EngineError, InputError
 from ..model.observables import MECHANISMS, Measure
-from ..plots import impact_scan as scan_picture
-from ..plots import run as plot
-from ..plots import table_friction
 from ..simulation import device as backend
 from ..simulation.course import Course
 from ..simulation.schedule import Span
@@ -149,7 +146,7 @@ def how(case: Case) -> str:
 
 def device_of(case: Case) -> str:
     """The device of a case."""
-    device = next(each for each in backend.available() if each.arch == case.run.arch)
+    device = backend.device(case.run.arch)
     return f"{device.arch}: {device.description}"
 
 
@@ -298,8 +295,11 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
 
 def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
     """What draws the picture of a case."""
+    from ..plots import impact_scan, table_friction
+    from ..plots import run as plot  # Matplotlib takes a second, which no run need wait for at its beginning
+
     if case.start.file is None and case.start.positions == IMPACT_SCAN:
-        return scan_picture.impact_scan
+        return impact_scan.impact_scan
     if any(each.kind == "table_friction" for each in case.force):
         return table_friction.table
     if case.walled:

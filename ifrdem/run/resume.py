@@ -11,6 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from ..case import file as case_file
 from ..case import summary
 from ..case.case import Case
 from ..case.file import CaseFile
@@ -19,6 +20,7 @@ from ..errors import InputError
 from ..simulation import checkpoint, device
 from ..simulation.course import Course
 from ..simulation.tracking import Events
+from ..tools import text_file
 from ..trajectory import writer_process
 from ..trajectory.background import QueuedWriter
 from .job import Job, device_of, drive, finish, how
@@ -158,8 +160,8 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     """Refuse if the case file is there still, and says something else."""
     case = Path(extra["case_path"])
     try:
-        present = case.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):  # it is gone, or elsewhere: the checkpoint holds the case
+        present = text_file.read(case, most=case_file.MOST_BYTES)
+    except InputError:  # it is gone, or elsewhere: the checkpoint holds the case
         return
     if present == extra["case"]:
         return

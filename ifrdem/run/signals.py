@@ -1,4 +1,4 @@
-"""How a run is stopped from outside: Ctrl-C, SIGTERM, a limit of real time. It then ends in good order."""
+"""Requests to stop a run, which then ends in good order: Ctrl-C, SIGTERM, SIGUSR1, SIGUSR2, a limit of real time."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
 
+from ..tools.processes import SIGNALS, WARNINGS
+
 INTERRUPTED = 130  # what shells use for SIGINT
 TERMINATED = 143
-TIME_IS_UP = 3  # --maxh; as `cli.UNFINISHED`
+TIME_IS_UP = 3  # --maxh, or the warning of a batch system; as `cli.UNFINISHED`
 
 
 class Stopped(Exception):
@@ -26,8 +28,8 @@ class Stopped(Exception):
 class Stops:
     """Listens for reasons to stop, and for the next checkpoint; a context manager.
 
-    The first Ctrl-C or SIGTERM is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops at
-    once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
+    The first of `children.SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
+    at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
     Parameters
     ----------
@@ -60,7 +62,7 @@ class Stops:
 
     def __enter__(self) -> Stops:
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
+            for number in SIGNALS:
                 self._before[number] = signal.signal(number, self._heard)
         return self
 
@@ -96,5 +98,10 @@ class Stops:
                 "interrupted: the run stops after this epoch, with a checkpoint; Ctrl-C again stops it at once"
             )
         elif self._reason is None:
-            self._reason = Stopped("terminated (SIGTERM)", TERMINATED)
-            self._warn("terminated: the run stops after this epoch, with a checkpoint")
+            name = signal.Signals(number).name
+            self._reason = (
+                Stopped(f"warned ({name})", TIME_IS_UP)
+                if number in WARNINGS
+                else Stopped(f"terminated ({name})", TERMINATED)
+            )
+            self._warn(f"{self._reason}: the run stops after this epoch, with a checkpoint")

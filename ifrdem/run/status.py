@@ -1,6 +1,7 @@
 """The live state of a run, in a small file beside its trajectory: NAME.status.json for NAME.h5.
 
-The file is renamed into place, so that a reader never sees half of it.
+The file is renamed into place, so that a reader never sees half of it. It always has the size `RESERVED`, blanks at its
+end: where a full disk leaves no room for another one, the file that is there is written over, which needs no more.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ VALUES = (
     "ledger_residual",
 )
 """What a run tells as it goes; null in the file while it is not known."""
+RESERVED = 4096
+"""Bytes of the file: a block of common file systems."""
 QUIET = 600.0
 """Seconds without news after which a run on another machine is taken for dead."""
 
@@ -51,8 +54,8 @@ def path_of(trajectory: str | os.PathLike[str]) -> Path:
 class Status:
     """Writes the status file of a run.
 
-    A disk that is full, or a folder that is gone, does not end the run: the status is not written then, and
-    `trouble` says why.
+    On a full disk, the file that is there is written over in place. A folder that is gone, or a disk that was full from
+    the beginning, does not end the run: the status is not written then, and `trouble` says why.
 
     Parameters
     ----------
@@ -127,15 +130,38 @@ class Status:
     def _write(self) -> None:
         self._written = self._clock()
         self._content["updated"] = _now()
+        content = _padded(self._content)
         beside = self.path.with_name(f".{self.path.name[:100]}.{os.getpid()}.part")
         try:
-            beside.write_text(json.dumps(self._content, indent=1) + "\n")
+            beside.write_bytes(content)
             os.replace(beside, self.path)
             self.trouble = None
         except OSError as error:
-            self.trouble = f"{self.path} could not be written: {error.strerror}"
             with contextlib.suppress(OSError):
                 beside.unlink(missing_ok=True)
+            self._overwrite(content, error)
+
+    def _overwrite(self, content: bytes, reason: OSError) -> None:
+        """Write the file in place, in the room that it has, because of what keeps another one from being written."""
+        try:
+            descriptor = os.open(self.path, os.O_WRONLY | getattr(os, "O_BINARY", 0))
+            try:
+                os.write(descriptor, content)
+                os.fsync(descriptor)  # here, where a disk that is full after all is told of
+            finally:
+                os.close(descriptor)
+            self.trouble = None
+        except OSError:
+            self.trouble = f"{self.path} could not be written: {reason.strerror}"
+
+
+def _padded(content: dict[str, Any]) -> bytes:
+    """The text of the file, of `RESERVED` bytes: a message that is too long for it is cut."""
+    text = json.dumps(content, indent=1)
+    while len(text) >= RESERVED and content["message"]:
+        content = {**content, "message": content["message"][:-100]}
+        text = json.dumps(content, indent=1)
+    return text.ljust(RESERVED - 1).encode() + b"\n"
 
 
 def find(path: str | os.PathLike[str]) -> Path:

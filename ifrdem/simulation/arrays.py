@@ -12,10 +12,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import taichi as ti
 from numpy.typing import NDArray
 
 from ..errors import EngineError
+from ..kernels.language import ti
 from ..kernels.layout import (
     ASIDE,
     BLOCK,
@@ -192,7 +192,7 @@ class DeviceArrays:
         self.grid = np.array([n, *tiles, *cells, ROW, 0, 0, 1, n_walls, 0, 0, 0, 0], dtype=np.int32)
         words = np.array([seed & 0xFFFFFFFF, seed >> 32], dtype=np.uint32)
         self.grid[SEED_LOW : SEED_LOW + 2] = words.view(np.int32)
-        self.scale = np.zeros(21, dtype=self.real)
+        self.scale = np.zeros(22, dtype=self.real)
         self.clock = np.zeros(7)
         self.total = np.zeros(6, dtype=np.int64)
         tile_sides = [length / count for length, count in zip(box.lengths, tiles, strict=True)]
@@ -410,6 +410,11 @@ class DeviceArrays:
     def records(self) -> int:
         """Collisions that the log has room for."""
         return int(self.grid[LOG_CAPACITY])
+
+    @property
+    def most_records(self) -> int:
+        """Collisions that 32-bit indices allow the log to have room for."""
+        return ADDRESSABLE // LOG_REAL
 
     def make_log(self, records: int) -> None:
         """Make room for so many collisions an epoch; the epoch at hand loses its log. Half the disks at least."""

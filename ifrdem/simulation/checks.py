@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
-from ..kernels.limits import MOST_DISKS
+from ..kernels.limits import ADDRESSABLE, MOST_DISKS
 from ..model.box import Box
 from ..model.state import Disks, State
 from ..model.walls import Wall
@@ -76,9 +76,16 @@ def check(
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value}: a finite number not below 0 is needed")
     hottest = max((wall.temperature or 0.0 for wall in walls), default=0.0)
+    thermal = sum(wall.temperature is not None for wall in walls)
+    if n * thermal > ADDRESSABLE:  # each disk's heat from each
+        raise InputError(
+            f"{n} disks and {thermal} thermal walls: the engine's 32-bit indices allow {ADDRESSABLE // thermal} disks "
+            "with so many"
+        )
     if box.shear_rate:
         _check_sheared(disks, box, walls)
-    magnitudes.check(disks, box, state, precision, hottest)
+    speed = magnitudes.fastest(disks, state.velocity, state.spin)
+    magnitudes.check(disks, box, speed, precision, hottest)
     for axis, pull in enumerate(gravity):
         if pull != 0.0 and box.is_open:
             raise InputError(

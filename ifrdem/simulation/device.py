@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import ctypes
 import gc
 import io
 import os
 import shutil
 import tempfile
+import time
 import weakref
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import InputError, nearest
@@ -85,18 +88,43 @@ def memory_available() -> int | None:
     return min(found, default=None)
 
 
-def available() -> list[Device]:
-    """The devices that a simulation can run on. Starts nothing."""
+def cuda_absence() -> str | None:
+    """Why no GPU can be used through CUDA, and what to do about it; None if one can. Asks the driver itself."""
+    try:
+        driver = ctypes.CDLL("libcuda.so")  # under this name Taichi opens it
+    except OSError:
+        try:
+            ctypes.CDLL("libcuda.so.1")
+        except OSError:
+            return "no NVIDIA driver (libcuda.so)"
+        return (
+            "the NVIDIA driver is here as libcuda.so.1 only, and Taichi opens libcuda.so: put a link of that name to "
+            "it into a folder, and the folder into LD_LIBRARY_PATH"
+        )
+    failed = driver.cuInit(0)
+    if failed:
+        return f"the NVIDIA driver finds no device that works (cuInit gives error {failed})"
+    count = ctypes.c_int(0)
+    failed = driver.cuDeviceGetCount(ctypes.byref(count))
+    if failed or count.value < 1:
+        return f"the NVIDIA driver has no device (CUDA_VISIBLE_DEVICES = {os.environ.get('CUDA_VISIBLE_DEVICES')})"
     from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
 
     import taichi as ti  # isort: skip
 
-    # Looking for a GPU driver where there is none is not worth a warning.
-    ti.set_logging_level(ti.ERROR)
-    devices = [Device("cpu", f"{cpu_name()}, {cores()} threads")]
-    if ti._lib.core.with_cuda():
-        devices.append(Device("cuda", "NVIDIA GPU (CUDA)"))
-    return devices
+    if not ti._lib.core.with_cuda():
+        return "Taichi cannot use this NVIDIA driver: it needs one for CUDA 10 or later"
+    return None
+
+
+def device(arch: str) -> Device:
+    """What a device is, whether it is there or not."""
+    return Device(arch, f"{cpu_name()}, {cores()} threads" if arch == "cpu" else "NVIDIA GPU (CUDA)")
+
+
+def available() -> list[Device]:
+    """The devices that a simulation can run on."""
+    return [device(arch) for arch in ARCHITECTURES if arch == "cpu" or cuda_absence() is None]
 
 
 def check(arch: str, threads: int | None = None, precision: str = "f64") -> None:
@@ -107,10 +135,10 @@ def check(arch: str, threads: int | None = None, precision: str = "f64") -> None
     if arch not in ARCHITECTURES:
         allowed = ", ".join(ARCHITECTURES)
         raise InputError(f"arch = '{arch}': allowed are {allowed}{nearest(arch, ARCHITECTURES)}")
-    present = [device.arch for device in available()]
-    if arch not in present:
+    absence = cuda_absence() if arch == "cuda" else None  # a run on the CPU asks no driver
+    if absence is not None:
         raise InputError(
-            f"arch = '{arch}': no such device on this machine; present: {', '.join(present)} (see `ifrdem backends`)"
+            f"arch = '{arch}': no such device on this machine; present: cpu (see `ifrdem backends`): {absence}"
         )
     # More threads than cores wait for each other at the end of every parallel loop.
     if threads is not None and not (hasattr(threads, "__index__") and 1 <= threads <= cores()):
@@ -127,12 +155,25 @@ def _kernel_cache() -> str:
     folder = os.environ.get("TI_OFFLINE_CACHE_FILE_PATH") or os.path.expanduser("~/.cache/taichi/ticache")
     try:
         os.makedirs(folder, exist_ok=True)
+        _remove_stale_lock(Path(folder))
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:
         passing = tempfile.mkdtemp(prefix="ifrdem-kernels-")
         atexit.register(shutil.rmtree, passing, ignore_errors=True)
         return passing
+
+
+STALE = 60.0
+"""Seconds after which a lock of the kernel cache is that of a killed process; Taichi holds one for milliseconds."""
+
+
+def _remove_stale_lock(folder: Path) -> None:
+    """Remove a lock that a killed process left: with one there, Taichi neither reads nor writes its cache."""
+    lock = folder / "ticache.lock"
+    with contextlib.suppress(FileNotFoundError):  # there is none, or another process removed it
+        if time.time() - lock.stat().st_mtime > STALE:
+            lock.unlink()
 
 
 class User(Protocol):
@@ -206,7 +247,9 @@ def start(
     global _running
     check(arch, threads, precision)
     wanted = Running(arch, threads or min(cores(), _most_threads or cores()), precision, profile)
-    import taichi as ti
+    from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
+
+    import taichi as ti  # isort: skip
 
     os.environ.pop("TI_ARCH", None)  # Taichi would follow it instead of what was asked for
     good_enough = (wanted, replace(wanted, profile=True))

@@ -244,7 +244,7 @@ class Engine:
         self.arrays: DeviceArrays = arrays_for(state, inner, skin, self._offset)
         self._released = False
         device.register(self)
-        self.epochs = Epochs(self.arrays, self.statistics, self.order, windows)
+        self.epochs = Epochs(self.arrays, self.statistics, self.order, windows, arch)
         self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
         self._resting = 0
         self.tracking = tracking
@@ -519,8 +519,7 @@ class Engine:
                     "usual at this density: these disks seem never to meet"
                 )
         # In an inelastic collapse, collisions without end gain no time.
-        stalled = outcome.gained < 1e-9 * outcome.planned
-        self._stalled = self._stalled + 1 if stalled else 0
+        self._stalled = self._stalled + 1 if outcome.stalled else 0
         if self._stalled >= STALLED_EPOCHS:
             raise EngineError(
                 f"t = {self.time:.9g}: {STALLED_EPOCHS} epochs in a row gained no time: collisions pile up without "

@@ -72,9 +72,10 @@ LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see 
 MOST_UNDONE, LEAST_UNDONE, SHORTEST_WINDOW = 0.04, 0.01, 1.0 / 1024.0
 # Windows this short cost tiles more than they gain by running at once: so many epochs are then left to one thread.
 NARROW_WINDOW, EPOCHS_IN_ORDER = 1.0 / 8.0, 16
-FEW = 4096  # up to so many active disks, one thread is faster than several
+FEW = 4096  # up to so many active disks, one thread of a CPU is faster than several
 MOST_ROUNDS = 2000  # rounds of a window after which the epoch is cut at its earliest unprocessed event
 MOST_LOG = 4  # records for each disk up to which the log grows; beyond, epochs get shorter
+LEAST_GAIN = 1e-9  # an epoch that covers no more than this part of its planned length gains no time
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,11 @@ class Outcome:
     wall_hits: int = 0
     still: bool = False
 
+    @property
+    def stalled(self) -> bool:
+        """Whether it gained no time."""
+        return self.gained < LEAST_GAIN * self.planned
+
 
 class Epochs:
     """Processes the epochs of one engine.
@@ -114,15 +120,23 @@ class Epochs:
     order : {"alone", "tiles", "rounds"}
     windows : int, optional
         Windows of an epoch; by default as many as the collisions that must be undone ask for.
+    arch : {"cpu", "cuda"}
+        One thread of a GPU is slow: there all rounds run in parallel.
     """
 
     def __init__(
-        self, arrays: DeviceArrays, statistics: Statistics, order: str, windows: int | None = None
+        self,
+        arrays: DeviceArrays,
+        statistics: Statistics,
+        order: str,
+        windows: int | None = None,
+        arch: str = "cpu",
     ) -> None:
         self.arrays, self.statistics, self.order = arrays, statistics, order
         # Tiles run ahead of each other by one window, this part of an epoch; in clusters a small one.
         self._window = 1.0 / (windows or 1)
         self._adapt = windows is None
+        self._few = FEW if arch == "cpu" else 0
         self._settled = False
         self._in_order = 0  # so many epochs more are left to one thread
         self._burst = 1  # epochs of the next launch, where one thread runs them
@@ -315,11 +329,12 @@ class Epochs:
             a.launch(clear_all)
 
     def _lengthen_log(self) -> bool:
-        """Double the log, if that is still reasonable."""
+        """Double the log, if that is still reasonable and 32-bit indices reach its end."""
         a = self.arrays
-        if self.log_growth == 1 or a.records > MOST_LOG * a.n + 4096:
+        longer = self.log_growth * a.records
+        if self.log_growth == 1 or a.records > MOST_LOG * a.n + 4096 or longer > a.most_records:
             return False
-        a.make_log(self.log_growth * a.records)
+        a.make_log(longer)
         return True
 
     def _one_by_one(self, horizon: float, wanted: int | None) -> float:
@@ -353,9 +368,11 @@ class Epochs:
                     return horizon  # to be done again
                 a.launch(join_tiles)
                 everybody, active = 0, self._active()
+            else:
+                self._make_room_for_everybody()
             while active and not counter[LOG_FULL] and counter[N_ROUNDS] < most_rounds:
-                if active <= FEW:
-                    a.launch(rounds_by_one_thread, everybody, FEW, most_rounds)
+                if active <= self._few:
+                    a.launch(rounds_by_one_thread, everybody, self._few, most_rounds)
                 else:
                     a.launch(one_round, everybody)
                 everybody, active = 0, self._active()
@@ -381,7 +398,26 @@ class Epochs:
             if self._adapt:
                 self._window = max(self._window / 4.0, SHORTEST_WINDOW)
         a.launch(earliest_event)
-        return min(end, float(a.limit[EARLIEST]))
+        end = min(end, float(a.limit[EARLIEST]))
+        if end < LEAST_GAIN * horizon:
+            # All of it is undone, and another such epoch would not come further: collisions without number at one
+            # place, which one thread, who undoes none, takes in as many epochs as they need.
+            self._in_order = EPOCHS_IN_ORDER
+        return end
+
+    def _make_room_for_everybody(self) -> None:
+        """See to it that the log has room for a round in which all disks are active: a window's first.
+
+        All may hit a wall in it, with a record each; a collision of two takes one. An empty log gets longer; another
+        one counts as full, so that the epoch ends here.
+        """
+        a = self.arrays
+        most = a.n if a.uses.walled else a.n // 2
+        if a.counter[N_LOG] + most > a.records:
+            if a.counter[N_LOG] == 0:
+                a.make_log(most)
+            else:
+                a.counter[LOG_FULL] = 1
 
     def _adapt_window(self, undone: int, done: int) -> None:
         """Bound the optimism: shorter windows where much had to be undone, longer ones where little."""

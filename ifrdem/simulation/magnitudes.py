@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from ..model.state import Disks, State
+from ..model.state import Disks
 
 
-def check(disks: Disks, box: Box, state: State, precision: str, hottest: float = 0.0) -> None:
+def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> float:
+    """The largest velocity component or R |omega| of disks [length/time]; 0 without disks."""
+    return float(max(np.abs(velocity).max(initial=0.0), (np.abs(spin) * disks.radius).max(initial=0.0)))
+
+
+def check(disks: Disks, box: Box, speed: float, precision: str, hottest: float = 0.0) -> None:
     """Refuse units in which numbers that the kernels form would leave the range of their type, silently.
 
-    Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`). Walls
-    may be as hot as `hottest` [energy].
+    Squares of discriminants and inverse inertias go furthest; times must stay below FAR (`kernels/layout.py`). The
+    disks are as fast as `speed` (`fastest`); walls may be as hot as `hottest` [energy].
 
     Raises
     ------
@@ -21,17 +29,16 @@ def check(disks: Disks, box: Box, state: State, precision: str, hottest: float =
         Names the number, its value and the range.
     """
     with np.errstate(over="ignore", under="ignore"):
-        _check(disks, box, state, precision, hottest)
+        _check(disks, box, speed, precision, hottest)
 
 
-def _check(disks: Disks, box: Box, state: State, precision: str, hottest: float) -> None:
+def _check(disks: Disks, box: Box, speed: float, precision: str, hottest: float) -> None:
     low, high = (1e-30, 1e30) if precision == "f32" else (1e-280, 1e280)
     finite = np.isfinite(disks.mass)
     if not disks.n or not finite.any():
         return
     m, R, k = disks.mass[finite], disks.radius[finite], disks.k[finite]
-    v = float(max(np.abs(state.velocity).max(), (np.abs(state.spin) * disks.radius).max()))
-    v = max(v, float(np.sqrt(hottest / m.min())))  # of disks that come from there, v and R omega alike
+    v = max(speed, float(np.sqrt(hottest / m.min())))  # of disks that come from there, v and R omega alike
     formed = {"m": m, "1 / m": 1.0 / m, "R^2": R * R, "k / (m R)": k / m / R, "k / (m R^2)": k / m / R / R}
     if v > 0.0:
         formed |= {"v^2": np.array([v * v]), "(R v)^2": (R * v) ** 2, "m v": m * v}
@@ -48,3 +55,24 @@ def _check(disks: Disks, box: Box, state: State, precision: str, hottest: float)
             f"units: a speed of {v:.3g} takes {max(box.lengths) / v:.3g} to cross the box: more than 1e27, the longest "
             "time of the engine; choose a larger unit of time"
         )
+
+
+def check_stored(largest: Mapping[str, float], precision: str) -> None:
+    """Refuse quantities, the largest of each by name, that a trajectory file in single precision cannot hold.
+
+    `precision` is "f4" or "f8".
+
+    Raises
+    ------
+    InputError
+        Names the quantity, its value and the range.
+    """
+    limits = np.finfo(precision)
+    low, high = float(limits.tiny), float(limits.max)
+    for name, value in largest.items():
+        if value != 0.0 and not low <= value <= high:
+            raise InputError(
+                f'output.precision = "{precision}": {name} of {value:.3g} cannot be stored, only from {low:.3g} to '
+                f"{high:.3g}; choose units in which it is nearer to 1"
+                + (', or "f8"' if precision == "f4" else "")
+            )

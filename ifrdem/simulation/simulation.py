@@ -65,8 +65,8 @@ class Simulation:
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
     collapse : {"none", "tc", "velocity_cutoff"}
-        What is done about inelastic collapse (`ifrdem.model.collapse.Collapse`): nothing, or some collisions are elastic
-        and without friction, which `statistics.elastic` counts, those with walls included.
+        What is done about inelastic collapse (`ifrdem.model.collapse.Collapse`): nothing, or some collisions are
+        elastic and without friction, which `statistics.elastic` counts, those with walls included.
     contact_time : float, optional
         For "tc" [time]: collisions are elastic if the latest one of either partner was less than this ago.
     velocity_cutoff : float, optional

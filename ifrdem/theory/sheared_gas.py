@@ -24,13 +24,14 @@ mean spin of a sheared gas, -g/2, is left out of T_rot: it is small where disks 
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from .collisions import collision_rate
 from .contact import contact_value
@@ -38,6 +39,9 @@ from .cooling_gas import changes_per_collision, checked_times
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 _HIGHEST = 7.0  # of a Gaussian variable, beyond which there is 1e-11 of it
+
+MOST_CALLS = 10_000
+"""Evaluations of the right-hand side that one integration may take; hundreds over nine decades of both rates."""
 
 
 def _half_normal() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -178,6 +182,8 @@ def sheared(
     ------
     InputError
         As `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
+    TheoryError
+        If the equations cannot be integrated: shear and collision rates differ by too many orders of magnitude.
     """
     _check(law, shear_rate)
     when = checked_times(times)
@@ -187,10 +193,17 @@ def sheared(
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
     nu0 = collision_rate(packing_fraction, T0, mass, radius)
     more, contact = crowding(packing_fraction, law.e_n)
-    g = shear_rate
+    g, calls = shear_rate, 0
 
     def slope(_: float, y: NDArray[np.float64]) -> tuple[float, ...]:
         """Of T, p_yy, p_xy, T_rot in units of T0, and collisions."""
+        nonlocal calls
+        calls += 1
+        if calls > MOST_CALLS:
+            raise TheoryError(
+                f"the equations of the sheared gas take more than {MOST_CALLS} steps: shear rate {g:g}, collision rate "
+                f"{nu0:g} at the start, time {when[-1]:g}"
+            )
         T, p_yy, p_xy, T_rot, _collisions = y
         T = max(T, 1e-12)
         nu = nu0 * math.sqrt(T)
@@ -206,16 +219,18 @@ def sheared(
             nu,
         )
 
-    solution = solve_ivp(
-        slope,
-        (0.0, when[-1]),
-        (1.0, 1.0, 0.0, T_rot0 / T0, 0.0),
-        method="LSODA",
-        t_eval=when,
-        rtol=1e-8,
-        atol=1e-10,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # `success` and `message` say the same
+        solution = solve_ivp(
+            slope,
+            (0.0, when[-1]),
+            (1.0, 1.0, 0.0, T_rot0 / T0, 0.0),
+            method="LSODA",
+            t_eval=when,
+            rtol=1e-8,
+            atol=1e-10,
+        )
     if not solution.success:
-        raise RuntimeError(f"the equations of the sheared gas could not be integrated: {solution.message}")
+        raise TheoryError(f"the equations of the sheared gas could not be integrated: {solution.message}")
     T, _, _, T_rot, collisions = solution.y
     return T0 * T, T0 * T_rot, collisions

@@ -1,4 +1,4 @@
-"""Processes that are started anew: keeping Ctrl-C from them, and saying how they ended."""
+"""Processes that are started anew: keeping the signals of a run from them, and saying how they ended."""
 
 from __future__ import annotations
 
@@ -6,17 +6,22 @@ import contextlib
 import signal
 from collections.abc import Iterator
 
+WARNINGS = [getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)]
+"""Signals by which batch systems tell that a job is about to run out of time (Windows has none)."""
+SIGNALS = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
+"""All that a run ends in good order for. Terminals and batch systems send them to every process of a job."""
+
 
 @contextlib.contextmanager
 def deaf() -> Iterator[None]:
-    """Keep Ctrl-C, which a terminal sends to all, and SIGTERM from processes that are started here.
+    """Keep `SIGNALS` from processes that are started here.
 
-    They begin with both blocked; here, both come a little later.
+    They begin with all of them blocked; here, they come a little later.
     """
     if not hasattr(signal, "pthread_sigmask"):  # not on Windows
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     try:
         yield
     finally:

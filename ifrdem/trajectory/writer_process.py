@@ -375,7 +375,7 @@ def _news_of(writer: TrajectoryWriter | None) -> dict[str, Any]:
 
 def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -> None:
     """Do what the line says until it breaks; then end at once, as the run has ended, however it did."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for number in (*processes.SIGNALS, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # the run's matter
     with contextlib.suppress(OSError):  # a container may forbid it, and nothing depends on it
         os.setpriority(os.PRIO_PROCESS, 0, 19)

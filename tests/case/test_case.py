@@ -653,3 +653,128 @@ def test_models_forbid_what_they_do_not_know() -> None:
         SpeciesSection.model_validate({"name": "a", "number": 1, "coin": "1 pta", "colour": "red"})
     with pytest.raises(ValidationError, match="exactly one"):
         MaterialSection.model_validate({"name": "a"})
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("a = " + "[" * 3000 + "]" * 3000, "stand in each other more than 16 deep"),
+        ("a = " + "{b = " * 3000 + "1" + "}" * 3000, "stand in each other more than 16 deep"),
+        (".".join("a" * 50_000) + " = 1", "more than 16 parts"),
+        ("[" + " . ".join(["'a'"] * 50) + "]", "more than 16 parts"),
+        ("a = " + "1" * 5000, "not valid TOML: Exceeds the limit"),
+    ],
+)
+def test_what_the_parser_of_toml_cannot_take_is_refused(tmp_path, text, reason):
+    """Its recursion ends at 1,000; a key of n parts takes it n^2 words of memory; Python reads 4,300 digits."""
+    path = tmp_path / "odd.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=reason) as caught:
+        case_file.read(path)
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize(
+    "comment",
+    [
+        "# " + "[" * 50,
+        "# " + "a." * 50,
+        'x = "' + "a.{" * 50 + '"',
+        "x = '''\n" + "[" * 50 + "'''",
+        r'x = "\"[[[[[[[[[[[[[[[[["',
+    ],
+)
+def test_brackets_and_dots_in_comments_and_texts_are_no_nesting(tmp_path, comment):
+    path = tmp_path / "case.toml"
+    path.write_text(comment + "\n" + SMALL)
+    if comment.startswith("#"):
+        case_file.read(path)
+    else:
+        with pytest.raises(InputError, match=r"x = .*: unknown key"):
+            case_file.read(path)
+
+
+def test_keys_of_the_command_line_are_those_of_cases(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL)
+    for key in ("run.²", "run.séed", ".".join("a" * 50_000), f"species[{'9' * 5000}].k"):
+        with pytest.raises(InputError, match=r"KEY=VALUE is needed") as caught:
+            case_file.read(path, [f"{key}=1"])
+        assert len(str(caught.value)) < 200
+
+
+def test_many_mistakes_are_told_by_the_first_twenty_and_their_number(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL + "[[species]]\nfoo = 1\n" * 1000)
+    with pytest.raises(InputError) as caught:
+        case_file.read(path)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 21
+    assert re.fullmatch(r"and \d{4} more mistakes like these", lines[-1])
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("species[0].speed_rms", 1e300),
+        ("species[0].k", 1e300),
+        ("species[0].k", 1e-300),
+        ("material[0].mu", 1e300),
+        ("box.shear_rate", -1e300),
+    ],
+)
+def test_numbers_whose_products_overflow_are_refused_by_key_and_range(tmp_path, key, value):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL)
+    with pytest.raises(InputError) as caught:
+        case_file.read(path, [f"{key}={value}"])
+    (line,) = str(caught.value).splitlines()
+    assert f"{key} = {value}: must be of a magnitude from 1e-50 to 1e+50" in line
+
+
+def test_an_own_error_beside_a_wrong_choice_is_told_too(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL)
+    with pytest.raises(InputError) as caught:
+        case_file.read(path, ["run.t_end=1e300"])
+    told = str(caught.value)
+    assert "exactly one is needed of" in told
+    assert "run.t_end = 1e+300: must be of a magnitude" in told
+
+
+def test_a_collapse_that_is_no_text_is_refused(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL)
+    with pytest.raises(InputError, match=r"run\.collapse: must be"):
+        case_file.read(path, ['run.collapse=["tc"]'])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "reason"),
+    [
+        (["species[0].speed_rms=1e40"], r'output\.precision = "f4": a velocity of \d.*cannot be stored'),
+        (["species[0].spin_rms=1e40"], r'output\.precision = "f4": a spin of'),
+        (["species[0].speed_rms=1e-30"], "more than 1e27, the longest time of the engine"),
+        (["species[0].speed_rms=1e-17", "run.precision=f32"], "what f32 can compute with"),
+        (["species[0].speed_rms=1e-17", "run.precision=f32", "start.positions=hexagonal"], "what f32 can"),
+    ],
+)
+def test_a_check_refuses_the_magnitudes_that_a_run_refuses(tmp_path, overrides, reason):
+    """Speeds of 1e40 are beyond single precision, 3.4e38; their squares at 1e-17, 1e-34, below what f32 resolves."""
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL)
+    case = case_file.read(path, overrides).case
+    with pytest.raises(InputError, match=reason):
+        Gas.from_case(case)
+    if "precision" not in reason:  # the engine by itself says the same, and begins nothing
+        gas = Gas.from_case(case, start=False)
+        with pytest.raises(InputError, match=reason):
+            gas.simulation(case)
+
+
+def test_a_flow_too_fast_for_theory_has_no_expected_number_of_collisions(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL)
+    overrides = ["box.shear_rate=1e30", "run.t_end=1.0", "run.collisions_per_disk="]
+    case = case_file.read(path, overrides).case
+    assert math.isnan(Estimate.of(Gas.from_case(case), case).collisions)

@@ -143,6 +143,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
         (["info", "no.h5"], "no such file"),
         (["info", "tiny.toml"], "not an HDF5 file"),
         (["check", "no.toml"], "there is no such file"),
+        (["run", "tiny.toml", "--set", "species[0].speed_rms=1e40"], "a velocity of .* cannot be stored"),
     ],
 )
 def test_command_that_cannot_be_understood_is_refused(
@@ -250,7 +251,7 @@ def test_missing_case_file_names_the_nearest(folder: Path, capsys: pytest.Captur
 def test_missing_device_is_refused_and_nothing_else_takes_over(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device, "available", lambda: [device.Device("cpu", "a CPU")])
+    monkeypatch.setattr(device, "cuda_absence", lambda: "no driver")
     message = refused(["run", "tiny.toml", "--arch", "cuda"], folder, capsys)
     assert re.search("cuda.*no such device on this machine; present: cpu", message)
 
@@ -527,7 +528,7 @@ def test_every_public_name_is_there() -> None:
 def test_coins_stay_a_mapping_when_their_module_is_imported() -> None:
     from ifrdem.model.coin_table import Coin
 
-    assert isinstance(ifrdem.coins["1 pta"], Coin)
+    assert isinstance(ifrdem.model.coin_table["1 pta"], Coin)
 
 
 def test_version_is_that_of_the_package() -> None:

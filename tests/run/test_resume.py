@@ -372,8 +372,10 @@ LONG = CASE.replace("t_end = 2.0", "t_end = 400.0").replace("frames = 12", "fram
     ("number", "status", "word", "apart"),
     [
         (signal.SIGINT, 130, "interrupted", False),
-        (signal.SIGTERM, 143, "terminated", False),
+        (signal.SIGTERM, 143, "terminated (SIGTERM)", False),
         (signal.SIGINT, 130, "interrupted", True),
+        (signal.SIGUSR1, 3, "warned (SIGUSR1)", False),  # as batch systems do some time before a job's limit
+        (signal.SIGUSR2, 3, "warned (SIGUSR2)", True),
     ],
 )
 def test_signals_end_a_run_with_a_checkpoint(tmp_path, number, status, word, apart):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import json
 import math
 import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -186,3 +188,38 @@ def test_the_verb_prints_once_and_tells_how_it_ended(tmp_path, state, well):
     for interval in ("0", "soon", "nan"):
         with pytest.raises(InputError, match=f"--interval {interval}: "):
             tail_options.run(parser.parse_args([str(tmp_path), "--interval", interval]), say=lines.append)
+
+
+@pytest.fixture
+def full_disk(monkeypatch):
+    """No file can be begun from a call of this on; those that are there can be written over."""
+
+    def fill() -> None:
+        def refused(path, *_args, **_options):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
+
+        monkeypatch.setattr(Path, "write_bytes", refused)
+        monkeypatch.setattr(Path, "write_text", refused)
+
+    return fill
+
+
+def test_the_end_of_a_run_on_a_full_disk_is_told(tmp_path, full_disk):
+    one = Status(tmp_path / "gas.h5", name="gas", interval=0.0)
+    size = one.path.stat().st_size
+    full_disk()
+    one.update(time=2.0)
+    assert status.read(one.path)["time"] == 2.0
+    one.finish("failed", "gas.h5 could not be written: No space left on device\n" * 200)
+    content = status.read(one.path)
+    assert content["state"] == "failed"
+    assert content["message"].startswith("gas.h5 could not be written: No space left on device")
+    assert one.path.stat().st_size == size  # no block more than there was
+    assert one.trouble is None
+    assert os.listdir(tmp_path) == ["gas.status.json"]
+
+
+def test_a_status_that_cannot_be_begun_on_a_full_disk_is_no_end_of_the_run(tmp_path, full_disk):
+    full_disk()
+    one = Status(tmp_path / "gas.h5", name="gas")
+    assert one.trouble == f"{one.path} could not be written: No space left on device"

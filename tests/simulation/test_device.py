@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 
@@ -103,4 +106,72 @@ def test_arrays_of_a_taichi_that_ended_take_none_of_the_next_with_them() -> None
         others = [ti.ndarray(ti.i32, (7,)) for _ in range(200)]
         assert all(list(array.arr.shape) == [100] for array in new)
         assert len(others) == 200
+    backend.stop()
+
+
+DRIVER = """
+int cuInit(unsigned flags) { return %d; }
+int cuDeviceGetCount(int *count) { *count = 0; return 0; }
+"""
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler, to make a driver")
+@pytest.mark.parametrize(
+    ("library", "error", "says"),
+    [
+        ("libcuda.so", 100, "finds no device that works (cuInit gives error 100)"),
+        ("libcuda.so", 0, "has no device (CUDA_VISIBLE_DEVICES = 7)"),
+        ("libcuda.so.1", 0, "libcuda.so.1 only, and Taichi opens libcuda.so"),
+    ],
+)
+def test_a_driver_without_a_device_is_told_and_no_device(
+    library: str, error: int, says: str, tmp_path: Path
+) -> None:
+    """Error 100 is CUDA_ERROR_NO_DEVICE, what a driver says where no GPU was handed to a container or a job."""
+    (tmp_path / "driver.c").write_text(DRIVER % error)
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, "driver.c"], cwd=tmp_path, check=True)
+    environment = {**os.environ, "LD_LIBRARY_PATH": str(tmp_path), "CUDA_VISIBLE_DEVICES": "7"}
+
+    def run(code: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=environment
+        )
+
+    listed = run("from ifrdem.cli.main import main; main(['backends'])").stdout
+    assert says in listed
+    assert [line.split()[0] for line in listed.splitlines() if "not usable" not in line] == [
+        "cpu",
+        "pybullet",
+    ]
+    started = run("from ifrdem.simulation import device as backend; backend.start('cuda')")
+    assert says in started.stderr.splitlines()[-1]
+    assert "InputError: arch = 'cuda': no such device" in started.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("cache", [True, False])
+def test_taichi_runs_without_a_home(tmp_path: Path, cache: bool) -> None:
+    """Taichi itself aborts then; batch systems and containers may leave HOME out."""
+    code = "from ifrdem.simulation import device as backend; backend.start('cpu', threads=1); print('runs')"
+    environment = {key: value for key, value in os.environ.items() if key != "HOME"}
+    environment.pop("TI_OFFLINE_CACHE_FILE_PATH", None)
+    if cache:
+        environment["TI_OFFLINE_CACHE_FILE_PATH"] = str(tmp_path)
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "runs\n"), done.stderr
+
+
+def test_a_lock_of_a_killed_process_leaves_the_kernel_cache_at_a_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a lock there, Taichi neither reads nor writes its cache; one of a minute ago is nobody's any more."""
+    monkeypatch.setenv("TI_OFFLINE_CACHE_FILE_PATH", str(tmp_path))
+    lock = tmp_path / "ticache.lock"
+    lock.touch()
+    backend.stop()
+    backend.start("cpu")
+    assert lock.exists()  # it may be that of a process that compiles now
+    os.utime(lock, (time.time() - 61.0,) * 2)
+    backend.stop()
+    backend.start("cpu")
+    assert not lock.exists()
     backend.stop()

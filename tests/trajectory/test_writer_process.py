@@ -177,12 +177,12 @@ def test_one_that_is_killed_in_the_middle_of_a_call_is_told_of(tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_that_mean_the_run_do_not_end_it(tmp_path, number):
-    """Also one that comes while it starts: SIGINT and SIGTERM are blocked from its first instruction on."""
+    """Also one that comes while it starts: those of a run are blocked from its first instruction on."""
     writer = RemoteWriter("begin", tmp_path / "run.h5", some_disks(N), BOX)
     status = Path(f"/proc/{writer._process.pid}/status").read_text()
     blocked = int(next(line for line in status.splitlines() if line.startswith("SigBlk")).split()[1], 16)
-    assert blocked & (1 << (signal.SIGINT - 1))
-    assert blocked & (1 << (signal.SIGTERM - 1))
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1, signal.SIGUSR2):
+        assert blocked & (1 << (number - 1))
     writer._process.send_signal(number)
     time.sleep(0.05)
     writer.write(some_state(N, 0))

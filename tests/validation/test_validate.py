@@ -234,6 +234,12 @@ def test_an_output_that_is_a_file_is_refused(tmp_path, capsys):
     assert "a folder cannot be made there" in capsys.readouterr().err
 
 
+def test_an_output_in_a_folder_that_is_not_there_is_refused(tmp_path, capsys):
+    assert cli.main(["validate", "angles", "-o", str(tmp_path / "no" / "report")]) == 2
+    assert f"output folder {tmp_path / 'no'}: does not exist" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
+
+
 def test_list_names_every_case_with_its_question(capsys):
     assert cli.main(["validate", "--list"]) == 0
     lines = capsys.readouterr().out.splitlines()

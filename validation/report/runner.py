@@ -165,13 +165,15 @@ def _check_seed(seed: int | None, chosen: Sequence[str]) -> None:
 def _folder(folder: str, force: bool) -> Path:
     place = Path(folder)
     try:
-        place.mkdir(parents=True, exist_ok=True)
+        place.mkdir(exist_ok=True)
         if not os.access(place, os.W_OK):
             raise InputError(f"-o {folder}: this folder cannot be written")
         if not force and any((place / name).exists() for name in ("results.json", "report.html")):
             raise InputError(
                 f"-o {folder}: holds a report already; --force replaces it, another folder keeps it"
             )
+    except FileNotFoundError:
+        raise InputError(f"output folder {place.parent}: does not exist") from None
     except OSError as error:
         raise InputError(f"-o {folder}: a folder cannot be made there: {error.strerror}") from error
     return place

@@ -1,0 +1,51 @@
+"""Text files of users, of a bounded size: cases, measured impacts, starts."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from ..errors import InputError, nearest
+
+_AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for who writes into it
+
+
+def read(path: Path, *, most: int, bom: bool = False) -> str:
+    """Text of a regular file in UTF-8.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    most : int
+        Largest size that is read [bytes].
+    bom : bool
+        A byte order mark at the beginning, as spreadsheets write it, is left out.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is larger, a device, a pipe or a folder, or not text in UTF-8. The message does
+        not name the file.
+    """
+    if "\0" in str(path):
+        raise InputError("cannot be read: a null character stands in its name")
+    try:
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | _AT_ONCE)) as file:
+            mode = os.fstat(file.fileno()).st_mode
+            if not stat.S_ISREG(mode):
+                raise InputError("is a device or pipe: a regular file is needed")
+            content = file.read(most + 1)
+    except FileNotFoundError:
+        folder = path.parent
+        near = sorted((*folder.glob("*.toml"), *folder.glob("*.csv"))) if folder.is_dir() else []
+        raise InputError(f"there is no such file{nearest(path.name, [each.name for each in near])}") from None
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}") from None
+    if len(content) > most:
+        raise InputError(f"is larger than {most / 1e6:g} MB, the most that such a file may have")
+    try:
+        return content.decode("utf-8-sig" if bom else "utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(f"not a text file in UTF-8: {error.reason} at byte {error.start}") from None
