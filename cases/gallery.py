@@ -15,7 +15,7 @@ from PIL import Image
 from ifrdem.case import shipped
 
 DOCS = Path(__file__).resolve().parents[1] / "ifrdem" / "docs"
-WIDTH = 780
+WIDTH = 760
 COLOURS = 32
 ORDER = (
     "cooling",

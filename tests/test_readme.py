@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pydoc
 import re
 import runpy
 import tomllib
@@ -325,3 +326,10 @@ def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         "cooling.vtkhdf", "cooling.nc", "cooling.gsd", "cooling.mp4", "seven.csv", "cooling.repaired.h5",
         "cooling.repaired.vtkhdf", "cooling.repaired.nc",
     }  # fmt: skip
+
+
+def test_help_of_the_package_is_a_page() -> None:
+    shown = pydoc.plain(pydoc.render_doc(ifrdem)).splitlines()
+    assert len(shown) < 90
+    text = "\n".join(shown)
+    assert [name for name in dir(ifrdem) if name not in text and name != "__version__"] == []
