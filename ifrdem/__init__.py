@@ -30,7 +30,13 @@
 --help`. Names are imported when they are first used (`__init__.pyi` lists them), so that `import ifrdem` is quick.
 """
 
+import os as _os
+
 import lazy_loader as _lazy_loader
+
+# Taichi, imported later by whomever, prints a banner unless told not to, and in a notebook a line for each kernel.
+_os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+_os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
 # There is no __all__: with it, `help(ifrdem)` would print every class in full, 2,500 lines.
 __getattr__, __dir__, _ = _lazy_loader.attach_stub(__name__, __file__)

@@ -13,12 +13,24 @@ class InputError(ValueError):
     """
 
 
+class AttributeRefused(InputError, AttributeError):
+    """An attribute that cannot be set: it is read-only, or there is none of that name."""
+
+
 class EngineError(RuntimeError):
     """The engine found itself in a state that its guarantees exclude, and stopped instead of going on."""
 
 
 class TheoryError(RuntimeError):
     """Equations of kinetic theory that cannot be integrated numerically for these coefficients."""
+
+
+def printable(text: str) -> str:
+    """A text of a file with its control characters escaped, so that it can do nothing to a terminal."""
+    return "".join(
+        one if one.isprintable() or one in "\n\t" else one.encode("unicode_escape").decode("ascii")
+        for one in text
+    )
 
 
 def nearest(word: str, allowed: Iterable[str]) -> str:

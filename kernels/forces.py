@@ -30,6 +30,7 @@ from .layout import (
     X,
     Y,
     n_blocks,
+    plain,
 )
 from .random import DRAWS
 from .shear import flow_at, lab_x
@@ -100,7 +101,7 @@ def kernels_of(force, n_parameters):
     blocks of slots, and block by block: their rounding does not depend on threads.
     """
     act, measure = (
-        function if hasattr(function, "_is_taichi_function") else ti.func(function)
+        function if hasattr(function, "_is_taichi_function") else ti.func(plain(function))
         for function in (force.act, force.measure)
     )
     n_totals = force.totals

@@ -180,6 +180,19 @@ def push(row, item, gas: ti.template()):
 Rows, Table, Cube = (ti.types.ndarray(ndim=dimensions) for dimensions in (1, 2, 3))
 
 
+def plain(function):
+    """A copy of a Python function without type annotations, of which `ti.func` takes none but its own."""
+    copy = type(function)(
+        function.__code__,
+        function.__globals__,
+        function.__name__,
+        function.__defaults__,
+        function.__closure__,
+    )
+    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    return copy
+
+
 class Law(NamedTuple):
     """What is compiled in of a law: its function of a pair, and the length of its rows of coefficients, 1 or more."""
 

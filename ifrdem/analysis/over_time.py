@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -229,7 +228,9 @@ def _pressure_by_rate(
     rows = [Row("g at contact, by the rate of collisions", chi, chi / np.sqrt(collisions))]
     if "laws" in trajectory.parameters:
         material = int(disks.material[0])
-        e_n = float(json.loads(str(trajectory.parameters["laws"]))[material][material]["e_n"])
+        law = trajectory.laws[material][material]
+        assert law is not None  # its disks have collided
+        e_n = float(law["e_n"])
         Z = pressure.compressibility(phi, chi, e_n)
         rows.append(Row("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
     notes.append("the rate tells g at contact where velocities are Maxwellian and without correlations")

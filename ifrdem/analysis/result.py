@@ -21,7 +21,7 @@ MOST_KINDS = 8
 NOT_STEADY = "the gas is not steady"
 """How a doubt begins that is one because the gas changes."""
 
-Columns = dict[str, NDArray]
+Columns = dict[str, NDArray[Any]]
 
 
 class Row(NamedTuple):

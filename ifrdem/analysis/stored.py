@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..model.observables import Measure
 from ..tools.reprs import Brief
-from ..trajectory import damage, history
 from ..trajectory.reader import Trajectory
 
 COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")
@@ -106,9 +105,9 @@ def collisions(trajectory: Trajectory) -> Collisions:
             f"{trajectory.path} holds no histories of collisions: name the disks to track in output.histories of "
             "the case and run it again"
         )
-    group = trajectory.file["histories"]
-    rows, complete_to = history.committed(trajectory.file)
-    span = (float(damage.read(group["start/time"])), complete_to)
-    found = {name: damage.read(group[f"events/{name}"], slice(0, rows)) for name in COLUMNS}
+    rows, *span = trajectory.tracked_events
+    found = {name: trajectory.read_events(name, rows) for name in COLUMNS}
     pair = found["partner"] >= 0
-    return Collisions(**{name: column[pair] for name, column in found.items()}, tracked=tracked, span=span)
+    return Collisions(
+        **{name: column[pair] for name, column in found.items()}, tracked=tracked, span=(span[0], span[1])
+    )

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from .. import theory
 from ..errors import TheoryError
@@ -251,12 +250,12 @@ def _sheared(gas: Gas, phi: float, case: Case) -> tuple[tuple[float, float] | No
     mass, radius = float(each.mass[0]), float(each.radius[0])
     one = (law, mass, radius, each.k, phi, gas.box.shear_rate)
     T, T_rot = 0.5 * mass * each.speed_rms**2, mass * radius**2 / each.k * each.spin_rms**2
-    if case.run.t_end is not None and T > 0.0:
-        try:
+    try:
+        if case.run.t_end is not None and T > 0.0:
             per_disk = float(sheared_gas.sheared(*one, T, T_rot, [case.run.t_end])[2][0])
-        except TheoryError:
-            per_disk = math.nan
-    return sheared_gas.steady_state(*one), per_disk
+        return sheared_gas.steady_state(*one), per_disk
+    except TheoryError:
+        return None, per_disk
 
 
 def _expected(
@@ -272,6 +271,8 @@ def _expected(
 
     One of the two is given, the other nan; `rate` is that of collisions of a disk at the start [1/time].
     """
+    from scipy.optimize import brentq
+
     unknown = t_end, collisions_per_disk
     law = gas.law()
     if len(gas.species) > 1 or not gas.species[0].equal or law.rho > 0.0:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from ..simulation.schedule import MOST as MOST_FRAMES
 from ..simulation.schedule import Cadence
 from .section import Section
 
@@ -16,8 +17,6 @@ FieldName = Literal[
 ]
 Interval = Annotated[float, Field(gt=0.0)]
 ROWS_PER_FRAME = 10  # of series, up to, where a case does not say
-MOST_FRAMES = 10_000_000
-"""And rows of series, in a run."""
 _TRACKED = ("histories", "histories_sample", "histories_region", "histories_all")
 
 

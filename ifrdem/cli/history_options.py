@@ -91,4 +91,6 @@ def regime(number: int) -> str:
     from ..model.ifr import Regime
 
     special = {-1: "not known", 0: "-", 9: "elastic"}
+    if number not in special and number not in [*Regime]:
+        return f"{number}?"
     return special.get(number) or Regime(number).name.lower().replace("_", " ")

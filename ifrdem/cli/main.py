@@ -12,7 +12,8 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..errors import EngineError, InputError, nearest
+from ..errors import EngineError, InputError, nearest, printable
+from ..run.outputs import trajectory_in
 from ..tools.arguments import Parser, whole
 from ..tools.versions import __version__
 from . import (
@@ -43,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115 (as long as the process)
     try:
         options = _parse(given)
+        if getattr(options, "file", None) and os.path.isdir(options.file):
+            options.file = os.fspath(trajectory_in(Path(options.file)))
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_args, **_options: _warn(str(message))
             status = int(options.act(options))
@@ -73,8 +76,8 @@ def _forget_output() -> None:
 
 def _complain(message: str) -> None:
     sys.stdout.flush()
-    for line in message.splitlines():
-        print(f"ifrdem: {line}", file=sys.stderr)
+    for line in message.splitlines():  # messages quote files, which may hold anything
+        print(f"ifrdem: {printable(line)}", file=sys.stderr)
 
 
 def _warn(message: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -165,7 +164,7 @@ def _temperatures(figure: Figure, trajectory: Trajectory) -> None:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
     if trajectory.box.shear_rate:
         temperatures.sheared(upper, lower, trajectory)
-    elif json.loads(str(trajectory.parameters.get("forces", "[]"))):
+    elif trajectory.record("forces", bool, "[]"):
         temperatures.driven(upper, lower, trajectory)
     else:
         temperatures.cooling(upper, lower, trajectory)

@@ -8,6 +8,7 @@ coefficients are.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,7 +97,7 @@ class _Ends:
         self.end = np.where(self.open, self.limit, self.best)
         self.lower: Optimum | None = None
 
-    def table(self, values: NDArray) -> NDArray:
+    def table(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of the rows as (s, q, 2)."""
         return values.reshape(-1, len(self.quantities), 2)
 

@@ -25,7 +25,7 @@ from ..model.overlaps import (
     size_classes,
 )
 from ..model.walls import Wall
-from ..tools import seeds
+from ..tools import checked, seeds
 from . import lattice
 
 spatial = lazy_loader.load("scipy.spatial")  # a third of a second, where nobody may need it
@@ -33,6 +33,8 @@ spatial = lazy_loader.load("scipy.spatial")  # a third of a second, where nobody
 SATURATION = 0.547
 """Packing fraction where random sequential addition of equal disks ends (doi:10.1103/PhysRevE.74.061308)."""
 
+MOST_SPEED = 1e140
+"""Largest rms of speeds [length/time] or spins [rad/time] that is drawn: energies are its square."""
 ATTEMPTS_PER_DISK = 400
 """How often random sequential addition tries each disk on average before it gives up."""
 
@@ -275,10 +277,12 @@ def _dealt(
 # --- velocities -------------------------------------------------------------------------------------------
 
 
-def _size_of(name: str, value: float) -> float:
-    if not (math.isfinite(value) and value >= 0.0):
-        raise InputError(f"{name} = {value}: a finite number, 0 or more, is needed")
-    return float(value)
+def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
+    needed = f"a finite number, 0 or more and at most {most:g}, is needed"
+    size = checked.real(name, value, needed)
+    if not 0.0 <= size <= most:
+        raise InputError(f"{name} = {value}: {needed}")
+    return size
 
 
 def maxwellian(
@@ -311,13 +315,13 @@ def maxwellian(
     InputError
         If not exactly one of `speed_rms` and `temperature` is given, or a value is negative or not finite.
     """
-    masses = np.asarray(mass, dtype=np.float64)
+    masses = checked.array("mass", mass)
     if masses.ndim != 1 or not np.all(np.isfinite(masses) & (masses > 0.0)):
         raise InputError("mass: one positive finite number per disk, shape (n,), is needed")
     if speed_rms is not None and temperature is None:
         wanted, weight = _size_of("speed_rms", speed_rms) ** 2, np.ones_like(masses)
     elif temperature is not None and speed_rms is None:
-        wanted, weight = _size_of("temperature", temperature), masses / 2.0
+        wanted, weight = _size_of("temperature", temperature, MOST_SPEED**2), masses / 2.0
     else:
         raise InputError("exactly one of speed_rms and temperature is needed")
     n = len(masses)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import overload
 
@@ -10,6 +11,10 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from ..errors import InputError
+from ..tools import checked
+
+FASTEST_FLOW = 1e140
+"""Largest difference of the flow's velocity across a sheared box [length/time]."""
 
 
 @dataclass(frozen=True)
@@ -44,22 +49,28 @@ class Box:
     shear_rate: float = 0.0
 
     def __post_init__(self) -> None:
-        lengths = tuple(float(side) for side in self.lengths)
+        needed = "two positive finite numbers are needed (Box.open() has no sides)"
+        if not isinstance(self.lengths, Sequence | np.ndarray) or len(self.lengths) != 2:
+            raise InputError(f"box lengths = {self.lengths!r}: {needed}")
+        lengths = tuple(checked.real("box lengths", side, needed) for side in self.lengths)
+        if not isinstance(self.periodic, Sequence | np.ndarray) or len(self.periodic) != 2:
+            raise InputError(f"box periodic = {self.periodic!r}: one value for x and one for y are needed")
+        if not all(isinstance(one, bool | np.bool_) for one in self.periodic):
+            raise InputError(f"box periodic = {self.periodic!r}: True or False for x and for y are needed")
         periodic = tuple(bool(one) for one in self.periodic)
-        if len(periodic) != 2:
-            raise InputError(f"box periodic = {self.periodic}: one value for x and one for y are needed")
         whole_plane = lengths == (math.inf, math.inf) and not any(periodic)
-        if len(lengths) != 2 or not (
-            whole_plane or all(math.isfinite(side) and side > 0 for side in lengths)
-        ):
-            raise InputError(
-                f"box lengths = {self.lengths}: two positive finite numbers are needed (Box.open() has no sides)"
-            )
+        if not (whole_plane or all(math.isfinite(side) and side > 0 for side in lengths)):
+            raise InputError(f"box lengths = {self.lengths}: {needed}")
         object.__setattr__(self, "lengths", lengths)
         object.__setattr__(self, "periodic", periodic)
-        shear_rate = float(self.shear_rate)
+        shear_rate = checked.real("box shear_rate", self.shear_rate, "a finite number is needed")
         if not math.isfinite(shear_rate):
             raise InputError(f"box shear_rate = {self.shear_rate}: a finite number is needed")
+        if shear_rate != 0.0 and abs(shear_rate) * lengths[1] > FASTEST_FLOW:
+            raise InputError(
+                f"box shear_rate = {shear_rate:g}: across the box the flow would differ by "
+                f"{abs(shear_rate) * lengths[1]:.3g}, more than {FASTEST_FLOW:g}, whose square can be computed with"
+            )
         if shear_rate != 0.0 and not all(periodic):
             axis = "xy"[periodic.index(False)]
             raise InputError(

@@ -16,7 +16,8 @@ from .ifr import IFRLaw
 class UnknownCoinError(InputError, KeyError):
     """No coin of this name, or no coefficients for this pair of coins."""
 
-    __str__ = ValueError.__str__  # that of KeyError would quote the message
+    def __str__(self) -> str:  # that of KeyError would quote the message
+        return ValueError.__str__(self)
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ class Coins(Mapping[str, Coin]):
     """
 
     def __init__(self, coins: tuple[Coin, ...], mixed: Mapping[frozenset[str], IFRLaw]) -> None:
-        self._coins = {coin.name: coin for coin in coins}
+        self._coins: dict[str, Coin] = {coin.name: coin for coin in coins}
         self._mixed = dict(mixed)
 
     def __getitem__(self, name: str) -> Coin:
@@ -104,7 +105,7 @@ class Coins(Mapping[str, Coin]):
 # 500 pts with 100 pts, 100 pts with 500 pts and 100 pts with 100 pts: one row of coefficients in Table II.
 _LARGE_BRONZE = IFRLaw(e_n=0.90, e_t=-0.90, mu=0.15)
 
-coins = Coins(
+coins: Coins = Coins(
     (
         Coin("1 pta", 1.19e-3, 21.00e-3, 2.0, "aluminium", IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)),
         Coin("5 pts", 3.00e-3, 17.50e-3, 2.0, "bronze-aluminium", IFRLaw(e_n=0.80, e_t=-0.98, mu=0.11)),

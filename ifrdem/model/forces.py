@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ..errors import InputError
 from ..kernels.language import ti
 from ..kernels.random import normals, uniforms
 from ..kernels.table_friction import advance, step_tolerance
+from ..tools import checked
 from .state import Disks
 
 __all__ = [
@@ -59,26 +60,44 @@ class Force:
     Notes
     -----
     `act` and `measure` are static methods in the language of Taichi's functions (decorated by `ti.func` or not), in a
-    file, without type annotations. A force changes velocities and spins only. It should do exactly, or to second
+    file. A force changes velocities and spins only. It should do exactly, or to second
     order in dt at least, what it would do to a disk during dt if nothing else happened. Random numbers must come from
     `normals(step.random, number)` or `uniforms(step.random, number)`, pairs of them, one pair for each number 0 to
     65535: they depend on the seed, the disk, the step and the place of the force in the list, and on nothing else.
     """
 
+    __slots__ = ("_parameters", "_step")  # a misspelt attribute is refused; classes of one's own may have any
+
     totals: ClassVar[int] = 0
     keeps_rest: ClassVar[bool] = False
 
     def __init__(self, step: float, parameters: Sequence[float] = ()) -> None:
-        self.step = number("step", step, positive=True)
-        self.parameters = tuple(
-            number(f"parameters[{i}]", value, negative=True) for i, value in enumerate(parameters)
-        )
+        self._step = number("step", step, positive=True)
+        self._parameters: tuple[float, ...] = ()
+        self.parameters = tuple(parameters)
+
+    @property
+    def step(self) -> float:
+        """Time between two applications [time]."""
+        return self._step
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        """Numbers that `act` and `measure` get; as many others can be assigned between runs."""
+        return self._parameters
+
+    @parameters.setter
+    def parameters(self, values: Sequence[float]) -> None:
+        found = tuple(number(f"parameters[{i}]", value, negative=True) for i, value in enumerate(values))
+        if self._parameters and len(found) != len(self._parameters):
+            raise InputError(f"parameters = {values}: {len(self._parameters)} numbers are needed")
+        self._parameters = found
 
     def check(self, disks: Disks) -> None:
         """Raise InputError if the force cannot act on these disks."""
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         """The new (vx, vy, spin) of one disk after the force has acted on it for `step.dt`.
 
         Parameters
@@ -95,7 +114,7 @@ class Force:
         raise NotImplementedError
 
     @staticmethod
-    def measure(disk, step, parameters):
+    def measure(disk: Any, step: Any, parameters: Any) -> Any:
         """What one disk adds to the `totals`, a vector of so many entries; called before `act`, with its arguments."""
         # Abstract for forces with totals, of which `Splitting` refuses those without their own; others need none.
         raise NotImplementedError
@@ -119,6 +138,7 @@ class RandomKicks(Force):
         Instead of it, D [length^2/time^3], the same for all masses (then right to a part in N for unequal masses).
     """
 
+    __slots__ = ()
     totals = 4
 
     def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
@@ -129,12 +149,12 @@ class RandomKicks(Force):
             raise InputError(f"random kicks keep the total momentum: 2 disks at least, not {disks.n}")
 
     @staticmethod
-    def measure(disk, step, parameters):
+    def measure(disk: Any, step: Any, parameters: Any) -> Any:
         kick = _velocity_kick(disk, step, parameters)
         return ti.Vector([disk.mass * kick[0], disk.mass * kick[1], disk.mass, 1.0])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         kick = _velocity_kick(disk, step, parameters)
         n = step.totals[3]
         scale = ti.sqrt(n / (n - 1.0))
@@ -158,11 +178,13 @@ class SpinKicks(Force):
         Instead of it, D [rad^2/time^3], the same for all disks.
     """
 
+    __slots__ = ()
+
     def __init__(self, step: float, *, power: float | None = None, diffusion: float | None = None) -> None:
         super().__init__(step, _strength(power, diffusion))
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         # Energy I d omega^2 / 2: one degree of freedom, so that D = power / I.
         spread = ti.sqrt(2.0 * (parameters[0] / disk.inertia + parameters[1]) * step.dt)
         return disk.vx, disk.vy, disk.spin + spread * normals(step.random, 0)[0]
@@ -189,6 +211,8 @@ class Langevin(Force):
         Friction rate of spins [1/time]; 0, the default, leaves them alone.
     """
 
+    __slots__ = ()
+
     def __init__(
         self,
         step: float,
@@ -208,7 +232,7 @@ class Langevin(Force):
         super().__init__(step, [number(name, value) for name, value in given.items()])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         temperature, rate, spin_temperature, spin_rate = (
             parameters[0],
             parameters[1],
@@ -244,6 +268,7 @@ class Drag(Force):
         Of the spins' linear drag [1/time].
     """
 
+    __slots__ = ()
     keeps_rest = True
 
     def __init__(
@@ -254,7 +279,7 @@ class Drag(Force):
         super().__init__(step, [number(name, value) for name, value in given.items()])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         rate, quadratic, spin_rate = parameters[0], parameters[1], parameters[2]
         left = ti.exp(-rate * step.dt)
         tau = step.dt
@@ -290,14 +315,14 @@ class TableFriction(Force):
     over many by its square.
     """
 
+    __slots__ = ()
     keeps_rest = True
 
     def __init__(self, step: float, *, mu: float, gravity: float = 9.81) -> None:
-        self.mu, self.gravity = number("mu", mu, positive=True), number("gravity", gravity, positive=True)
-        super().__init__(step, [self.mu * self.gravity])
+        super().__init__(step, [number("mu", mu, positive=True) * number("gravity", gravity, positive=True)])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         speed = ti.sqrt(disk.vx * disk.vx + disk.vy * disk.vy)
         v, u, _x, _t, _eps = advance(
             speed, disk.radius * disk.spin, disk.k, parameters[0], step.dt, ti.static(step_tolerance())
@@ -326,6 +351,7 @@ class Rescale(Force):
         multiplied too.
     """
 
+    __slots__ = ()
     totals = 3
     keeps_rest = True
 
@@ -337,12 +363,12 @@ class Rescale(Force):
         super().__init__(step, (wanted, 0.0 if energy is None else 1.0))
 
     @staticmethod
-    def measure(disk, step, parameters):
+    def measure(disk: Any, step: Any, parameters: Any) -> Any:
         v2 = disk.vx * disk.vx + disk.vy * disk.vy
         return 0.5 * ti.Vector([disk.mass * v2, disk.inertia * disk.spin * disk.spin, 2.0])
 
     @staticmethod
-    def act(disk, step, parameters):
+    def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
         wanted, with_spins = parameters[0], parameters[1]
         present = (step.totals[0] + with_spins * step.totals[1]) / step.totals[2]
         factor = wanted / wanted
@@ -366,11 +392,10 @@ def number(name: str, value: float | None, *, positive: bool = False, negative: 
     kind = (
         "a positive finite number" if positive else "a finite number" + ("" if negative else ", 0 or more,")
     )
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
-        raise InputError(f"{name} = {value!r}: {kind} is needed")
-    if (positive and value <= 0.0) or (not negative and value < 0.0):
+    found = checked.real(name, value, f"{kind} is needed")
+    if not math.isfinite(found) or (positive and found <= 0.0) or (not negative and found < 0.0):
         raise InputError(f"{name} = {value}: {kind} is needed")
-    return float(value)
+    return found
 
 
 def _strength(power: float | None, diffusion: float | None) -> tuple[float, float]:

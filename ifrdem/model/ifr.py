@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
+from ..tools import checked
 from .law import CollisionLaw
 
 STICKING = ("percussion_center", "contact_point")
@@ -27,6 +28,9 @@ _ROUND_OFF = 1e-12
 
 # A normal may be off unit length by what dividing by its length leaves, with room for a few operations more.
 _UNIT = 1e-12
+
+# Of k and of mu: powers of both are multiplied.
+_MOST = 1e50
 
 
 class EnergyWarning(UserWarning):
@@ -87,12 +91,7 @@ class Collision(NamedTuple):
 
 
 def _number(name: str, value: object, low: float, high: float, why: str) -> float:
-    if isinstance(value, str | bytes):
-        raise InputError(f"{name} = {value!r}: a number is needed, not text")
-    try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r}: a number is needed") from None
+    number = checked.real(name, value)
     if not low <= number <= high or math.isinf(number):
         raise InputError(f"{name} = {number:g}: {why}")
     return number
@@ -185,6 +184,7 @@ class IFRLaw(CollisionLaw):
             allowed = ", ".join(repr(name) for name in STICKING)
             hint = nearest(str(self.sticking), STICKING)
             raise InputError(f"sticking = {self.sticking!r}: must be one of {allowed}{hint}")
+        _bounded("mu", numbers["mu"])
         for name, number in numbers.items():
             object.__setattr__(self, name, number)
         verdict = self._admissibility(self.k)  # kbar = k for a like pair, whatever the masses
@@ -326,15 +326,22 @@ class IFRLaw(CollisionLaw):
 
 def _positive(name: str, value: object) -> float:
     number = _number(name, value, 0.0, math.inf, "a positive finite number is needed")
+    _bounded(name, number)
     if number == 0.0:
         raise InputError(f"{name} = 0: a positive finite number is needed")
     return number
 
 
+def _bounded(name: str, number: float) -> None:
+    if number > _MOST:
+        raise InputError(f"{name} = {number:g}: at most {_MOST:g} can be computed with")
+
+
 def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> NDArray[np.float64]:
     """kbar = (k_i m_j + k_j m_i) / (m_i + m_j): exact where k_i = k_j, and for a mass that is infinite."""
     k_i, k_j = np.asarray(k_i, dtype=np.float64), np.asarray(k_j, dtype=np.float64)
-    ratio = np.asarray(m_j, dtype=np.float64) / np.asarray(m_i, dtype=np.float64)
+    with np.errstate(over="ignore", under="ignore"):
+        ratio = np.asarray(m_j, dtype=np.float64) / np.asarray(m_i, dtype=np.float64)
     return k_i + (k_j - k_i) / (1.0 + ratio)
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 from ..errors import InputError, nearest
+from ..tools import checked
 
 
 class CollisionLaw:
@@ -39,6 +40,8 @@ class CollisionLaw:
     became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of materials.
     """
 
+    __slots__ = ("_row",)
+
     coefficients: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, **values: float) -> None:
@@ -53,14 +56,14 @@ class CollisionLaw:
         for key in self.coefficients:
             if key not in values:
                 raise InputError(f"{name}: {key} is missing; it has: {', '.join(self.coefficients)}")
-            value = values[key]
-            if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
+            value = checked.real(f"{name}: {key}", values[key], "a finite number is needed")
+            if not math.isfinite(value):
                 raise InputError(f"{name}: {key} = {value!r}: a finite number is needed")
-            row.append(float(value))
+            row.append(value)
         self._row = tuple(row)
 
     @staticmethod
-    def collide(pair, coefficients):
+    def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:
         """The impulses of one collision, in the language of Taichi's functions (decorated by `ti.func` or not).
 
         Parameters
@@ -110,11 +113,11 @@ class CollisionLaw:
 def compiled(kind: type[CollisionLaw]) -> Any:
     """What kernels take of a class of laws, a `kernels.layout.Law`; one object for each class."""
     from ..kernels.language import ti
-    from ..kernels.layout import Law  # imports Taichi, which is slow
+    from ..kernels.layout import Law, plain
 
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):
-        function = ti.func(function)
+        function = ti.func(plain(function))
     return Law(function, max(len(kind.coefficients), 1), kind.parts())
 
 

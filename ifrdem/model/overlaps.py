@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from ..tools import checked
 from .box import Box
 from .free_area import Room
 
@@ -25,7 +26,7 @@ the engine found is left with a few of those.
 
 def checked_radii(radius: ArrayLike) -> NDArray[np.float64]:
     """The radii [length] as an array of shape (n,); InputError if one is not positive and finite."""
-    column = np.asarray(radius, dtype=np.float64)
+    column = checked.array("radius", radius)
     if column.ndim != 1:
         raise InputError(f"radius has shape {column.shape}: one radius per disk, shape (n,), is needed")
     wrong = ~(np.isfinite(column) & (column > 0.0))

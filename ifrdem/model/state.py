@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from ..tools import checked
 from ..tools.reprs import Brief
+from ..tools.sealed import Sealed
 
 
 def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) -> NDArray[np.float64]:
-    column = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), (n,)))
+    column = checked.column(name, value, n)
     wrong = ~(column > 0.0) | (np.isinf(column) & (not infinite))
     if np.any(wrong):
         i = int(np.argmax(wrong))
@@ -57,15 +61,11 @@ class Disks(Brief):
     material: NDArray[np.int32] = field(default_factory=lambda: np.array(0, dtype=np.int32))
 
     def __post_init__(self) -> None:
-        if int(self.n) != self.n or self.n < 0:
-            raise InputError(f"n = {self.n}: a whole number of disks, 0 or more, is needed")
         set_ = object.__setattr__
-        set_(self, "n", int(self.n))
+        set_(self, "n", checked.whole("n", self.n, 0))
         for name in ("mass", "radius", "k"):
             set_(self, name, _positive(name, getattr(self, name), self.n, infinite=name == "mass"))
-        material = np.array(np.broadcast_to(np.asarray(self.material, dtype=np.int32), (self.n,)))
-        if np.any(material < 0):
-            raise InputError("material: indices of 0 or more are needed")
+        material = checked.counts("material", self.material, (self.n,), broadcast=True).copy()
         material.flags.writeable = False
         set_(self, "material", material)
 
@@ -80,8 +80,18 @@ class Disks(Brief):
         return self.mass * self.radius**2 / self.k
 
 
+_LOWEST = -(2**31)
+_COUNTS = (
+    ("collisions", (), 0),
+    ("image", (2,), _LOWEST),
+    ("wall_hits", (), 0),
+    ("last_partner", (), _LOWEST),
+)
+"""What a state counts, its shape beside the number of disks, and the lowest number."""
+
+
 @dataclass(eq=False, repr=False)
-class State(Brief):
+class State(Brief, Sealed):
     """Where n disks are and how they move at one time.
 
     Attributes
@@ -119,6 +129,13 @@ class State(Brief):
         If shapes do not fit or a value is not finite (the first such disk is named).
     """
 
+    assignable: ClassVar[frozenset[str]] = frozenset(
+        {
+            "angle", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
+            "velocity", "wall_hits",
+        }
+    )  # fmt: skip
+
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]
     spin: NDArray[np.float64]
@@ -132,36 +149,34 @@ class State(Brief):
     flow: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        self.position = np.ascontiguousarray(self.position, dtype=np.float64)
-        self.velocity = np.ascontiguousarray(self.velocity, dtype=np.float64)
-        self.spin = np.ascontiguousarray(self.spin, dtype=np.float64)
+        self.spin = checked.array("spin", self.spin)
+        if self.spin.ndim != 1:
+            raise InputError(f"spin has shape {self.spin.shape}: one number for each disk, (n,), is needed")
         n = len(self.spin)
-        for name, value, shape in (
-            ("position", self.position, (n, 2)),
-            ("velocity", self.velocity, (n, 2)),
-            ("spin", self.spin, (n,)),
-        ):
-            if value.shape != shape:
-                raise InputError(f"{name} has shape {value.shape}: {shape} is needed")
+        self.position = checked.array("position", self.position, (n, 2))
+        self.velocity = checked.array("velocity", self.velocity, (n, 2))
+        self.time = checked.real("time", self.time)
+        if not math.isfinite(self.time):
+            raise InputError(f"time = {self.time}: a finite number is needed")
+        for name, value in (("position", self.position), ("velocity", self.velocity), ("spin", self.spin)):
             finite = np.isfinite(value)
             if not finite.all():
                 i = int(np.argmin(finite)) // max(value.size // n, 1)
                 raise InputError(f"{name}[{i}] = {value[i]}: every value must be finite")
-        if self.collisions is None:
-            self.collisions = np.zeros(n, dtype=np.int32)
-        if self.image is None:
-            self.image = np.zeros((n, 2), dtype=np.int32)
-        if self.wall_hits is None:
-            self.wall_hits = np.zeros(n, dtype=np.int32)
+        for name, shape, least in _COUNTS:
+            value = getattr(self, name)
+            if value is None:
+                filled = np.full((n, *shape), -1 if name == "last_partner" else 0, dtype=np.int32)
+                setattr(self, name, filled)
+            else:
+                setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
         if self.latest_collision is None:
             self.latest_collision = np.full(n, -np.inf)
-        if self.last_partner is None:
-            self.last_partner = np.full(n, -1, dtype=np.int32)
-        if self.angle is None:
-            self.angle = np.zeros(n)
-        for name in ("wall_hits", "latest_collision", "last_partner", "angle"):
-            if np.shape(getattr(self, name)) != (n,):
-                raise InputError(f"{name} has shape {np.shape(getattr(self, name))}: {(n,)} is needed")
+        self.latest_collision = checked.array("latest_collision", self.latest_collision, (n,))
+        self.angle = np.zeros(n) if self.angle is None else checked.array("angle", self.angle, (n,))
+        if not np.isfinite(self.angle).all():
+            i = int(np.argmin(np.isfinite(self.angle)))
+            raise InputError(f"angle[{i}] = {self.angle[i]}: every value must be finite")
         late = ~(self.latest_collision <= self.time)
         if np.any(late):
             i = int(np.argmax(late))
@@ -171,9 +186,9 @@ class State(Brief):
             )
 
         if self.flow is not None:
-            self.flow = np.ascontiguousarray(self.flow, dtype=np.float64)
-            if self.flow.shape != (n, 2) or not np.isfinite(self.flow).all():
-                raise InputError(f"flow has shape {self.flow.shape}: {(n, 2)} is needed, and finite values")
+            self.flow = checked.array("flow", self.flow, (n, 2))
+            if not np.isfinite(self.flow).all():
+                raise InputError("flow: finite values are needed")
 
     @property
     def n(self) -> int:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..kernels.limits import MOST_WALLS
+from ..tools import checked
 from .box import Box
 
 Point = tuple[float, float]
@@ -25,16 +26,13 @@ MOTIONS = ("still", "steady", "sine", "sawtooth")
 
 
 def _point(name: str, value: Sequence[float]) -> Point:
-    numbers = tuple(float(number) for number in value)
-    if len(numbers) != 2 or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{name} = {value}: two finite numbers are needed")
-    return numbers
+    return checked.finite_pair(name, value)
 
 
 def _number(
     name: str, value: float, low: float = -math.inf, high: float = math.inf, *, open_: bool = False
 ) -> float:
-    number = float(value)
+    number = checked.real(name, value, "a finite number is needed")
     inside = low < number < high if open_ else low <= number <= high
     if not (math.isfinite(number) and inside):
         between = "" if low == -math.inf else f" {'above' if open_ else 'not below'} {low:g}"
@@ -89,11 +87,12 @@ class Motion:
         if length == 0.0:
             raise InputError("motion direction = (0, 0): it has no direction")
         object.__setattr__(self, "direction", (x / length, y / length))
-        _number("motion speed", self.speed)
-        _number("motion amplitude", self.amplitude, 0.0)
-        _number("motion frequency", self.frequency, 0.0)
-        _number("motion phase", self.phase)
-        _number("motion rise", self.rise, 0.0, 1.0, open_=True)
+        set_ = object.__setattr__
+        set_(self, "speed", _number("motion speed", self.speed))
+        set_(self, "amplitude", _number("motion amplitude", self.amplitude, 0.0))
+        set_(self, "frequency", _number("motion frequency", self.frequency, 0.0))
+        set_(self, "phase", _number("motion phase", self.phase))
+        set_(self, "rise", _number("motion rise", self.rise, 0.0, 1.0, open_=True))
         if self.kind in ("sine", "sawtooth") and self.frequency == 0.0:
             raise InputError(f"motion kind = '{self.kind}': a frequency above 0 is needed")
 
@@ -185,20 +184,24 @@ class Wall:
             raise InputError(
                 f"wall shape = '{self.shape}': allowed are {', '.join(SHAPES)}{nearest(self.shape, SHAPES)}"
             )
-        object.__setattr__(self, "place", _point(f"{self.shape} wall, place", self.place))
-        object.__setattr__(self, "towards", _point(f"{self.shape} wall, direction", self.towards))
+        set_, name = object.__setattr__, f"{self.shape} wall"
+        set_(self, "place", _point(f"{name}, place", self.place))
+        set_(self, "towards", _point(f"{name}, direction", self.towards))
         if self.shape in ("line", "segment") and math.hypot(*self.towards) == 0.0:
             what = (
                 "normal = (0, 0): it has no direction" if self.shape == "line" else "both ends are the same"
             )
-            raise InputError(f"{self.shape} wall: {what}")
+            raise InputError(f"{name}: {what}")
         if self.shape == "line":
             length = math.hypot(*self.towards)
-            object.__setattr__(self, "towards", (self.towards[0] / length, self.towards[1] / length))
-        _number(f"{self.shape} wall, radius", self.radius, 0.0, open_=self.shape == "container")
-        _number(f"{self.shape} wall, surface speed", self.surface_speed)
+            set_(self, "towards", (self.towards[0] / length, self.towards[1] / length))
+        set_(self, "radius", _number(f"{name}, radius", self.radius, 0.0, open_=self.shape == "container"))
+        set_(self, "material", checked.whole(f"{name}, material", self.material, 0))
+        set_(self, "surface_speed", _number(f"{name}, surface speed", self.surface_speed))
+        if not isinstance(self.motion, Motion):
+            raise InputError(f"{name}, motion = {self.motion!r}: a Motion is needed")
         if self.temperature is not None:
-            _number(f"{self.shape} wall, temperature", self.temperature, 0.0, open_=True)
+            set_(self, "temperature", _number(f"{name}, temperature", self.temperature, 0.0, open_=True))
 
     @classmethod
     def line(cls, point: Point, normal: Point, **options: Unpack[Options]) -> Wall:
@@ -292,6 +295,15 @@ def sides(box: Box, material: int = 0) -> list[Wall]:
         found += [Wall.line((0.0, 0.0), (0.0, 1.0), material=material)]
         found += [Wall.line((0.0, height), (0.0, -1.0), material=material)]
     return found
+
+
+def check_types(walls: Sequence[Wall]) -> None:
+    """Raise InputError unless these are walls."""
+    if isinstance(walls, Wall) or not isinstance(walls, Sequence):
+        raise InputError(f"walls = {walls!r}: a list of walls is needed, [wall] for one")
+    for w, one in enumerate(walls):
+        if not isinstance(one, Wall):
+            raise InputError(f"walls[{w}] = {one!r}: a Wall is needed, such as Wall.line(...)")
 
 
 def check_place(wall: Wall, box: Box) -> None:

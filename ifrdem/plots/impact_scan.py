@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,5 +139,7 @@ def _change(law: IFRLaw, disks: Disks, low: float, high: float) -> float:
 def _law(trajectory: Trajectory) -> IFRLaw:
     disks = trajectory.disks
     a, b = int(disks.material[0]), int(disks.material[disks.n // 2])
-    row: dict[str, Any] = json.loads(str(trajectory.parameters["laws"]))[a][b]
+    row = trajectory.laws[a][b]
+    if row is None:
+        raise InputError(f"{trajectory.path} holds no law of materials {a} and {b}")
     return IFRLaw(**row, k=float(max(disks.k[0], disks.k[disks.n // 2])))

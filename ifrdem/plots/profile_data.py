@@ -8,7 +8,6 @@ strip's mean velocity u, which is weighted by mass: T_x = <m (v_x - u_x)^2>, and
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -112,8 +111,7 @@ def of(trajectory: Trajectory) -> Profile | None:
 
 def gravity_of(trajectory: Trajectory) -> tuple[float, float]:
     """The gravity of a run [length/time^2]: the parameter of that name, a list of two numbers as JSON."""
-    x, y = json.loads(str(trajectory.parameters.get("gravity", "[0.0, 0.0]")))
-    return float(x), float(y)
+    return trajectory.gravity
 
 
 def _axis(trajectory: Trajectory) -> int:

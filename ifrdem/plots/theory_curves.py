@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import warnings
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from ..theory import driven_gas, sheared_gas
 from ..theory.choose import prediction
 from ..theory.driven_gas import Drive
 from ..theory.mixtures import Mixture
+from ..theory.sheared_gas import TheoryWarning
 from ..trajectory.reader import Trajectory
 
 Curves = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
@@ -51,7 +51,8 @@ class _Gas:
     def curves(self, trajectory: Trajectory, elapsed: NDArray[np.float64], shear_rate: float = 0.0) -> Curves:
         """T and T_rot of all disks, `elapsed` after the first frame."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnergyWarning)  # the run has said it
+            for told in (EnergyWarning, TheoryWarning):  # by the run
+                warnings.simplefilter("ignore", told)
             found = prediction(
                 self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
                 shear_rate=shear_rate,
@@ -86,7 +87,9 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
     phi = trajectory.box.packing_fraction(disks.radius)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnergyWarning)
-        rows = json.loads(str(trajectory.parameters["laws"]))
+        rows = [[one for one in line if one is not None] for line in trajectory.laws]
+        if any(len(line) < len(rows) for line in rows):
+            return "materials that never meet: no kinetic theory here"
         if any(row["rho"] > 0.0 for line in rows for row in line):
             return "rolling friction: no kinetic theory here"
         try:
@@ -94,7 +97,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
             _, which = Mixture.of(disks, laws, phi)
         except InputError as error:
             return f"no kinetic theory here: {error}"
-    forces = json.loads(str(trajectory.parameters.get("forces", "[]")))
+    forces = trajectory.record("forces", _forces, "[]")
     if kinds == 1:
         start = [
             np.array([trajectory.observables[name][0]]) for name in ("temperature", "rotational_temperature")
@@ -105,6 +108,12 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
         spinning = disks.inertia * frame.spin**2
         start = [np.array([each[those].mean() for those in members]) for each in (moving, spinning)]
     return _Gas(disks, laws, phi, start[0], start[1], forces, kinds)
+
+
+def _forces(given: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The forces of a case, after a look at what theory takes of them."""
+    Drive.of(given, 1.0, 1.0)
+    return given
 
 
 def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:
@@ -163,7 +172,9 @@ def sheared(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] 
     if gas.kinds > 1:
         return None, None, "several kinds of disks in a flow: no kinetic theory here"
     rate = trajectory.box.shear_rate
-    steady = sheared_gas.steady_state(*gas.one_kind, rate)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", TheoryWarning)  # the run has said it
+        steady = sheared_gas.steady_state(*gas.one_kind, rate)
     if not gas.T0.any() or times[-1] <= times[0]:
         return None, steady, "nothing moves at first: no curve of kinetic theory here"
     found = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), rate)

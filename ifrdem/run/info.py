@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..errors import InputError, printable
 from ..model.box import Box
-from ..trajectory import history, layout, views
+from ..trajectory import damage, layout, views
 from ..trajectory.reader import Trajectory
 from . import status
 
@@ -41,7 +42,7 @@ def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
             k: v for k, v in trajectory.parameters.items() if k != "units" and not k.startswith("units/")
         }
         lines += _describe_names("parameters", record, full=full)
-    return "\n".join(lines)
+    return printable("\n".join(lines))
 
 
 def _describe_gas(trajectory: Trajectory) -> list[str]:
@@ -86,10 +87,11 @@ def _describe_gas(trajectory: Trajectory) -> list[str]:
 def _describe_fields(trajectory: Trajectory) -> list[str]:
     lines = ["fields (per disk and frame)"]
     for name in trajectory.fields:
-        dataset = trajectory.dataset(name)
+        with damage.reading(trajectory.path, name):
+            dataset = trajectory.dataset(name)
+            filters = f", {dataset.compression}" if dataset.compression else ""
+            stored = _bytes(dataset.id.get_storage_size())
         frame = int(np.prod(dataset.shape[1:])) * dataset.dtype.itemsize
-        filters = f", {dataset.compression}" if dataset.compression else ""
-        stored = _bytes(dataset.id.get_storage_size())
         lines.append(
             f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, "
             f"{_bytes(frame)} a frame, {stored} stored{filters}"
@@ -139,9 +141,8 @@ def _describe_histories(trajectory: Trajectory) -> list[str]:
     ids = trajectory.tracked
     if len(ids) == 0:
         return []
-    events, end = history.committed(trajectory.file)
+    events, start, end = trajectory.tracked_events
     some = ", ".join(map(str, ids[:8])) + (", ..." if len(ids) > 8 else "")
-    start = float(trajectory.file[f"{history.GROUP}/start/time"][()])
     until = trajectory.with_unit(f"{end:.6g}", "time")
     return [
         f"histories of {len(ids)} disks ({some})",
@@ -168,7 +169,10 @@ def _describe_beside(path: Path) -> list[str]:
 
 
 def _status(path: Path) -> str:
-    found = status.read(path)  # which knows whether the run's process is there still
+    try:
+        found = status.read(path)  # which knows whether the run's process is there still
+    except InputError as error:  # the trajectory is none the worse for it
+        return str(error)
     state, message = str(found["state"]), str(found.get("message") or "")
     return f"{state}, {message}" if message else state
 

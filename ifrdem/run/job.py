@@ -162,9 +162,8 @@ def drive(
     """
     case, simulation = job.file.case, job.simulation
     recorder = Recorder(
-        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending,
-        now=lambda: simulation.time,
-    )  # fmt: skip
+        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending
+    )
     status = Status(
         job.outputs.trajectory,
         name=case.run.name,
@@ -318,6 +317,8 @@ def _remains(job: Job, reason: str) -> str:
     ledger, trajectory = job.ledger, job.outputs.trajectory
     if len(job.writer) == 0 or ledger.latest is None:
         return f"{reason} before the first frame: nothing was written"
+    if why := job.writer.gone:
+        return f"{reason}: {trajectory} is lost: {why}"
     text = (
         f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
         f"to t = {ledger.latest.time:.6g} and {ledger.latest.collisions} collisions"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import InputError
+from ..tools import beside
 
 CHECKPOINT = ".checkpoint.h5"
 VIEWS = (".vtkhdf", ".nc")
@@ -95,6 +96,50 @@ def checkpoint_of(trajectory: Path) -> Path:
     return trajectory.with_name(trajectory.name.removesuffix(".h5") + CHECKPOINT)
 
 
+def trajectory_in(place: Path) -> Path:
+    """The trajectory that a path means: itself, or the only one in a folder.
+
+    Raises
+    ------
+    InputError
+        If the folder has none, or several.
+    """
+    if not place.is_dir():
+        return place
+    return only(
+        [each for each in place.glob("*.h5") if not each.name.endswith(CHECKPOINT)],
+        several=f"{place}: several trajectories are here",
+        none=f"{place} is a folder without a trajectory (*.h5)",
+    )
+
+
+def checkpoint_in(place: Path) -> Path:
+    """The only checkpoint in a folder.
+
+    Raises
+    ------
+    InputError
+        If there is none, or there are several.
+    """
+    return only(
+        list(place.glob(f"*{CHECKPOINT}")),
+        several=f"{place}: several runs can go on here",
+        none=f"{place}: no run can go on here: there is no *{CHECKPOINT}; a run that is done has none",
+    )
+
+
+def only(found: Sequence[Path], *, several: str, none: str) -> Path:
+    """The only one of the files that were found; InputError with one of the texts otherwise."""
+    if not found:
+        raise InputError(none)
+    if len(found) > 1:
+        names = ", ".join(
+            sorted(each.name.removesuffix(CHECKPOINT).removesuffix(".h5") + ".h5" for each in found)
+        )
+        raise InputError(f"{several}: name one of {names}")
+    return found[0]
+
+
 def check_apart(path: Path, trajectory: Path) -> None:
     """Refuse an output that would replace the trajectory that it is made of.
 
@@ -145,14 +190,11 @@ def write_aside(place: Path, write: Callable[[Path], object]) -> None:
     """
     if special := not_a_file(place):
         raise InputError(special)
-    aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
     try:
-        write(aside)
-        os.replace(aside, place)
+        with beside.replacing(place) as new:
+            write(new)
     except OSError as error:
         raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
-    finally:
-        aside.unlink(missing_ok=True)
 
 
 def not_a_file(path: Path) -> str | None:

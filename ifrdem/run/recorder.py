@@ -21,10 +21,10 @@ ROWS_AT_ONCE, ROWS_WAIT = 256, 2.0
 written that wait: each commit costs a run, however few its rows are."""
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
-COLUMNS = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
+COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
 
 
-@dataclass
+@dataclass(slots=True)
 class Ledger:
     """What a trajectory tells of the whole gas beside its frames: `observables` makes it of the measure of each.
 
@@ -134,8 +134,6 @@ class Recorder:
         Gives what happened to tracked disks since the last call (`Simulation.take_events`).
     pending : Events, optional
         Events that were not written yet when the run stopped.
-    now : callable, optional
-        How far the simulation is [time]; until then events are complete. A frame may be of a moment before.
     clock : callable
         Seconds of real time; another one in tests.
     """
@@ -146,20 +144,19 @@ class Recorder:
         ledger: Ledger,
         take_events: Callable[[], Events] | None = None,
         pending: Events | None = None,
-        now: Callable[[], float] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._writer, self.ledger, self._take = writer, ledger, take_events
-        self._now = now
+        self._writer, self._take = writer, take_events
+        self.ledger: Ledger = ledger
         self._clock, self._wrote = clock, -math.inf
         self._rows: list[tuple[float, dict[str, Any]]] = []
         self._pending = [] if pending is None or not len(pending) else [pending]
 
     def frame(self, state: State, measure: Measure) -> None:
-        """Write a frame, and the events until now."""
+        """Write a frame, and the events until then."""
         self._write_due_rows()
         self._gather()
-        self._write_events(measure.time if self._now is None else self._now())
+        self._write_events(measure.time)
         self._writer.write(state, self.ledger.observables(measure))
         self.ledger.latest = measure
         self.ledger.frames += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import operator
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -24,7 +25,7 @@ from ..tools import text_file
 from ..trajectory import writer_process
 from ..trajectory.background import QueuedWriter
 from .job import Job, device_of, drive, finish, how
-from .outputs import CHECKPOINT, Outputs, checkpoint_of
+from .outputs import CHECKPOINT, Outputs, checkpoint_in, checkpoint_of
 from .recorder import Ledger
 
 
@@ -38,15 +39,7 @@ def find(place: str | os.PathLike[str]) -> Path:
     """
     path = Path(place)
     if path.is_dir():
-        found = sorted(path.glob(f"*{CHECKPOINT}"))
-        if len(found) > 1:
-            names = ", ".join(each.name.removesuffix(CHECKPOINT) + ".h5" for each in found)
-            raise InputError(f"{place}: several runs can go on here: name one of {names}")
-        if found:
-            return found[0]
-        raise InputError(
-            f"{place}: no run can go on here: there is no *{CHECKPOINT}; a run that is done has none"
-        )
+        return checkpoint_in(path)
     if path.name.endswith(CHECKPOINT):
         return path
     if not path.exists():
@@ -96,32 +89,36 @@ def resume(
     """
     path = find(place)
     arrays, record = checkpoint.read(path)
-    checkpoint.check_versions(record, path)
-    extra: Mapping[str, Any] = record["extra"]
-    if "course" not in extra:
-        raise InputError(
-            f"{path}: a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
-        )
-    if not as_begun:
-        _refuse_changed(path, extra)
-    case = Case.model_validate_json(extra["case_as_set"])
+    with checkpoint.reading(path, "its record"):
+        checkpoint.check_versions(record, path)
+        extra: Mapping[str, Any] = record["extra"]
+        if "course" not in extra:
+            raise InputError(
+                f"{path}: a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
+            )
+        if not as_begun:
+            _refuse_changed(path, extra)
+        case = Case.model_validate_json(extra["case_as_set"])
+        trajectory = path.with_name(extra["trajectory"])
+        if checkpoint_of(trajectory) != path:
+            raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
+        begun = Path(extra["case_path"]), str(extra["case"]), tuple(map(str, extra["overrides"]))
+        pending = _events(arrays)
+        ledger = Ledger.from_record(extra["ledger"])
+        course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
+        state, tracked = checkpoint.state_of(arrays), arrays["tracked"]
+        seen = {name: operator.index(extra["seen"][name]) for name in ("frames", "series_rows", "events")}
     if threads is not None:
         case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
-    trajectory = path.with_name(extra["trajectory"])
-    if checkpoint_of(trajectory) != path:
-        raise InputError(f"{path} belongs to {extra['trajectory']}: rename it back")
     device.check(case.run.arch, case.run.threads, case.run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
     began = time.perf_counter()
-    file = CaseFile(Path(extra["case_path"]), extra["case"], tuple(extra["overrides"]), case)
+    file = CaseFile(*begun, case)
     gas = Gas.from_case(case, start=False)
     outputs = Outputs.plan(
         case.run.name, str(trajectory), picture=picture and case.output.picture,
         views=case.output.views and "position" in case.output.fields,
     )  # fmt: skip
-    pending = _events(arrays)
-    ledger = Ledger.from_record(extra["ledger"])
-    course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
     writer = writer_process.go_on(
         trajectory,
         gas.disks,
@@ -130,10 +127,10 @@ def resume(
         precision=case.output.precision,
         compression=case.output.compression,
         walls=gas.walls,
-        **extra["seen"],
+        **seen,
     )
     with QueuedWriter(writer) as queue:
-        simulation = gas.simulation(case, checkpoint.state_of(arrays), tracked=arrays["tracked"])
+        simulation = gas.simulation(case, state, tracked=tracked)
         simulation.load_checkpoint(path)
         say(
             f"{case.run.name}: {gas.disks.n} disks go on at t = {simulation.time:.6g}{case.unit('time')}, "
@@ -160,6 +157,8 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     """Refuse if the case file is there still, and says something else."""
     case = Path(extra["case_path"])
     try:
+        if not case.is_file():  # a pipe would be waited for
+            return
         present = text_file.read(case, most=case_file.MOST_BYTES)
     except InputError:  # it is gone, or elsewhere: the checkpoint holds the case
         return

@@ -6,7 +6,6 @@ end: where a full disk leaves no room for another one, the file that is there is
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
@@ -17,7 +16,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..errors import InputError, printable
+from ..tools import beside
 from .progress import clock_face
 
 FORMAT = 1
@@ -41,6 +41,9 @@ VALUES = (
 """What a run tells as it goes; null in the file while it is not known."""
 RESERVED = 4096
 """Bytes of the file: a block of common file systems."""
+TEXTS = ("name", "state", "message", "updated", "started", "host", "trajectory", "device")
+MOST = 1 << 20  # bytes of a status file that are read
+MOST_VALUE = 1e300  # of a number, so that ratios of them are finite
 QUIET = 600.0
 """Seconds without news after which a run on another machine is taken for dead."""
 
@@ -131,14 +134,11 @@ class Status:
         self._written = self._clock()
         self._content["updated"] = _now()
         content = _padded(self._content)
-        beside = self.path.with_name(f".{self.path.name[:100]}.{os.getpid()}.part")
         try:
-            beside.write_bytes(content)
-            os.replace(beside, self.path)
+            with beside.replacing(self.path) as new:
+                new.write_bytes(content)
             self.trouble = None
         except OSError as error:
-            with contextlib.suppress(OSError):
-                beside.unlink(missing_ok=True)
             self._overwrite(content, error)
 
     def _overwrite(self, content: bytes, reason: OSError) -> None:
@@ -196,13 +196,15 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     place = find(path)
     try:
-        content = json.loads(place.read_text())
+        with place.open("rb") as file:
+            content = json.loads(file.read(MOST + 1)[:MOST].decode())
     except OSError as error:
         raise InputError(f"{place} cannot be read: {error.strerror}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT or "state" not in content:
+    if not isinstance(content, dict) or content.get("format") != FORMAT or not content.get("state"):
         raise InputError(f"{place} is not a status file of ifrdem of format {FORMAT}")
+    _check(content, place)
     if content["state"] == RUNNING and not _lives(content):
         content["state"] = "dead"
         content["message"] = (
@@ -210,6 +212,29 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             f"{content.get('trajectory')} holds the {content.get('frames') or 'first'} frames it had committed"
         )
     return content
+
+
+def _check(content: dict[str, Any], place: Path) -> None:
+    """Refuse a status that no run of ours wrote, by the types of its values; escape control characters of its texts."""
+    for name in TEXTS:
+        if not isinstance(content.setdefault(name, ""), str):
+            raise InputError(f"{place} is damaged: {name} = {content[name]!r}: a text is needed")
+        content[name] = printable(content[name]).replace("\n", "\\n")
+    for name in (*VALUES, "t_end", "collisions_per_disk_end"):
+        value = content.setdefault(name, None)
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not (value is None or (number and abs(value) < MOST_VALUE)):
+            raise InputError(f"{place} is damaged: {name} = {value!r}: a finite number or null is needed")
+    if content["state"] != RUNNING:  # nobody asks then whether it lives
+        return
+    pid = content.get("pid")
+    if not isinstance(pid, int) or not 0 < pid < 2**31:
+        raise InputError(f"{place} is damaged: pid = {pid!r}: the number of a process is needed")
+    try:
+        if datetime.fromisoformat(content["updated"]).tzinfo is None:
+            raise ValueError("it has no time zone")
+    except ValueError as error:
+        raise InputError(f"{place} is damaged: updated = {content['updated']!r}: {error}") from None
 
 
 def line(content: dict[str, Any]) -> str:

@@ -497,6 +497,36 @@ class DeviceArrays:
         """A host array with a row for each disk, one at least, for kernels to write into."""
         return np.zeros((max(self.n, 1), columns), dtype=self.real if real else np.int32)
 
+    def set_law(self, law_table: NDArray[np.float64], collision_law: Any) -> None:
+        """Collide by another law from here on."""
+        if law_table.shape != tuple(self.law.shape):
+            device.free_array(self.law)
+            self.law = ti.ndarray(self._type, law_table.shape)
+        self.law.from_numpy(law_table.astype(self.real))
+        self.uses = self.uses._replace(collision_law=collision_law)
+
+    def set_gravity(self, gravity: tuple[float, float]) -> None:
+        """Let disks fall otherwise from here on; all must have settled."""
+        self.scale[GX : GX + 2] = gravity
+
+    def set_velocities(
+        self, flow: NDArray[np.float64], velocity: NDArray[np.float64], spin: NDArray[np.float64]
+    ) -> None:
+        """Give disks other velocities, relative to the `flow` of their rows [length/time], and spins; all have settled.
+
+        Arrays (n, 2), (n, 2) and (n,), by id.
+        """
+        flight, ids = self.flight.to_numpy(), self.ids()[: self.n]
+        flight[: self.n, VX : VY + 1] = (velocity - flow)[ids]
+        flight[: self.n, SPIN] = spin[ids]
+        self.flight.from_numpy(flight)
+
+    def velocities(self) -> NDArray[np.float64]:
+        """Velocities in the frames of rows of tiles [length/time], shape (n, 2), by id; all must have settled."""
+        found = np.empty((self.n, 2))
+        found[self.ids()[: self.n]] = self.flight.to_numpy()[: self.n, VX : VY + 1]
+        return found
+
     def switch_off_rollback(self) -> None:
         """Let collisions that came too early stand."""
         self.grid[ROLL_BACK] = 0

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import glob
+import hashlib
 import json
 import os
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,13 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.state import State
+from ..tools import beside
 from ..tools.versions import package_versions
+from ..trajectory import damage
+from ..trajectory.damage import DamageError
 
-FORMAT = 4
+FORMAT = 6
+BEGIN_ANEW = '; begin a new run from a stored frame: start.positions = "NAME.h5"'
 _KIND = "ifrdem checkpoint"
 
 
@@ -45,26 +51,36 @@ def write(
         f".{glob.escape(place.name)}.*.part"
     ):  # by a run that was killed while it wrote
         left.unlink(missing_ok=True)
-    aside = place.with_name(f".{place.name}.{os.getpid()}.part")
+    text = json.dumps({**record, "versions": package_versions()})
     try:
-        with h5py.File(aside, "w") as file:
-            file.attrs["kind"] = _KIND
-            file.attrs["format"] = FORMAT
-            file["record"] = json.dumps({**record, "versions": package_versions()})
-            file.create_group("arrays")
-            for name, array in arrays.items():
-                file[f"arrays/{name}"] = array
-        descriptor = os.open(aside, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-        os.replace(aside, place)
+        with beside.replacing(place) as new:
+            with h5py.File(new, "w") as file:
+                # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
+                file.attrs["kind"] = np.bytes_(_KIND)
+                file.attrs["format"] = FORMAT
+                file.attrs["digest"] = np.bytes_(_digest(arrays, text))
+                file["record"] = np.frombuffer(text.encode(), dtype=np.uint8)
+                file.create_group("arrays")
+                for name, array in arrays.items():
+                    file[f"arrays/{name}"] = array
+            descriptor = os.open(new, os.O_RDONLY)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
     except (OSError, RuntimeError) as error:
         reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
         raise InputError(f"checkpoint {path} cannot be written: {reason}") from error
-    finally:
-        aside.unlink(missing_ok=True)
+
+
+def _digest(arrays: Mapping[str, NDArray[Any]], record: str) -> str:
+    """A hash of all that a checkpoint holds: a single bit that changes makes another run of it."""
+    digest = hashlib.blake2b(record.encode(), digest_size=16)
+    for name, array in sorted(arrays.items()):
+        values = np.ascontiguousarray(array)
+        digest.update(f"{name} {values.dtype.str} {np.shape(array)}".encode())
+        digest.update(values.reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()
 
 
 def check_extra(path: object, extra: object, arrays: object) -> None:
@@ -101,20 +117,29 @@ def read(path: str | os.PathLike[str]) -> tuple[dict[str, NDArray[Any]], dict[st
     """
     if not os.path.isfile(path):
         raise InputError(f"{path}: there is no such file")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("kind") != _KIND:
-                raise InputError(f"{path} is no checkpoint of ifrdem")
-            if int(file.attrs["format"]) != FORMAT:
-                raise InputError(
-                    f"{path} is a checkpoint of format {file.attrs['format']}; this ifrdem reads {FORMAT}"
-                )
-            record: dict[str, Any] = json.loads(file["record"][()])
-            return {name: np.asarray(item[()]) for name, item in file["arrays"].items()}, record
-    except InputError:
-        raise
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: {error}") from error
+    if not h5py.is_hdf5(path):
+        raise InputError(f"{path} is damaged, or no checkpoint of ifrdem: it is not an HDF5 file")
+    with reading(path), h5py.File(path, "r") as file:
+        damage.check_links(file, os.fspath(path))
+        if not np.array_equal(file.attrs.get("kind"), np.bytes_(_KIND)):
+            raise InputError(f"{path} is no checkpoint of ifrdem")
+        if int(file.attrs["format"]) != FORMAT:
+            raise InputError(
+                f"{path} is a checkpoint of format {file.attrs['format']}; this ifrdem reads {FORMAT}"
+            )
+        text = damage.read(file["record"]).tobytes().decode()
+        arrays = {str(name): damage.read(item) for name, item in file["arrays"].items()}
+        if not np.array_equal(file.attrs["digest"], np.bytes_(_digest(arrays, text))):
+            raise DamageError(
+                f"{path} is damaged: what it holds has changed since it was written{BEGIN_ANEW}"
+            )
+        record: dict[str, Any] = json.loads(text)
+    return arrays, record
+
+
+def reading(path: str | os.PathLike[str], part: str = "it") -> AbstractContextManager[None]:
+    """As `damage.reading`, of a checkpoint."""
+    return damage.reading(path, part, BEGIN_ANEW)
 
 
 def state_of(arrays: Mapping[str, NDArray[Any]]) -> State:

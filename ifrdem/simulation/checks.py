@@ -19,17 +19,6 @@ if TYPE_CHECKING:
     from ..model.forces import Force
 
 
-def two_numbers(name: str, value: Sequence[float]) -> tuple[float, float]:
-    """Two finite numbers, or InputError."""
-    try:
-        numbers = tuple(float(number) for number in value)
-    except (TypeError, ValueError):
-        numbers = ()
-    if len(numbers) != 2 or not all(math.isfinite(number) for number in numbers):
-        raise InputError(f"{name} = {value}: two finite numbers are needed")
-    return numbers
-
-
 def check(
     disks: Disks,
     box: Box,
@@ -55,13 +44,7 @@ def check(
         raise InputError(f"{n} disks: the engine's 32-bit indices allow {MOST_DISKS} at most")
     if state.n != n:
         raise InputError(f"the state has {state.n} disks: {n} are needed")
-    moving = ~disks.movable & (np.any(state.velocity != 0.0, axis=1) | (state.spin != 0.0))
-    if np.any(moving):
-        i = int(np.argmax(moving))
-        raise InputError(
-            f"disk {i} has an infinite mass and moves (velocity {state.velocity[i]}, spin {state.spin[i]}): "
-            "an immovable disk must be at rest"
-        )
+    check_motion(disks, state)
     if n and int(disks.material.max()) >= materials:
         raise InputError(f"material index {disks.material.max()}: the law table has {materials} materials")
     diameter = 2.0 * float(disks.radius.max()) if n else 0.0
@@ -86,6 +69,24 @@ def check(
         _check_sheared(disks, box, walls)
     speed = magnitudes.fastest(disks, state.velocity, state.spin)
     magnitudes.check(disks, box, speed, precision, hottest)
+    check_between_collisions(disks, box, gravity, forces)
+
+
+def check_motion(disks: Disks, state: State) -> None:
+    """Refuse immovable disks that move."""
+    moving = ~disks.movable & (np.any(state.velocity != 0.0, axis=1) | (state.spin != 0.0))
+    if np.any(moving):
+        i = int(np.argmax(moving))
+        raise InputError(
+            f"disk {i} has an infinite mass and moves (velocity {state.velocity[i]}, spin {state.spin[i]}): "
+            "an immovable disk must be at rest"
+        )
+
+
+def check_between_collisions(
+    disks: Disks, box: Box, gravity: tuple[float, float], forces: Sequence[Force]
+) -> None:
+    """Refuse gravity and forces that cannot act on these disks; arguments as for `Engine`."""
     for axis, pull in enumerate(gravity):
         if pull != 0.0 and box.is_open:
             raise InputError(
@@ -97,7 +98,7 @@ def check(
                 f"gravity = {gravity}: disks would fall for ever in the periodic direction {'xy'[axis]}; make it "
                 "not periodic, with a floor"
             )
-    if forces and n and not np.all(np.isfinite(disks.mass)):
+    if forces and disks.n and not np.all(np.isfinite(disks.mass)):
         raise InputError(
             "forces are not supported where disks of infinite mass are: use walls (Wall.post) instead"
         )

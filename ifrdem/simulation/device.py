@@ -10,13 +10,15 @@ import io
 import os
 import shutil
 import tempfile
+import threading
 import time
 import weakref
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..errors import InputError, nearest
+from ..errors import EngineError, InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
@@ -41,6 +43,8 @@ class Running:
 
 
 _running: Running | None = None
+_process: int | None = None  # the one that started Taichi
+_in_use = threading.RLock()
 _most_threads: int | None = None
 
 
@@ -61,6 +65,38 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def check_process() -> None:
+    """Raise EngineError in a process that was forked after Taichi started: its threads are not in the copy."""
+    if _process not in (None, os.getpid()):
+        raise EngineError(
+            "this process is a copy (fork) of one in which a simulation has started already, and Taichi's threads are "
+            'not copied: a simulation here would wait for them for ever. Start processes by "spawn" instead: '
+            'multiprocessing.get_context("spawn"), or ProcessPoolExecutor(mp_context=get_context("spawn"))'
+        )
+
+
+@contextlib.contextmanager
+def sole_use() -> Iterator[None]:
+    """Keep Taichi to the present thread; a decorator too.
+
+    Raises
+    ------
+    EngineError
+        If another thread uses it, or the process is a forked copy (`check_process`).
+    """
+    check_process()
+    if not _in_use.acquire(blocking=False):
+        raise EngineError(
+            "another thread of this process is running a simulation: one thread at a time can, because Taichi is one "
+            "per process. Wait until it is done, or run each simulation in a process of its own: "
+            'multiprocessing.get_context("spawn")'
+        )
+    try:
+        yield
+    finally:
+        _in_use.release()
 
 
 def limit_threads(most: int) -> None:
@@ -243,8 +279,11 @@ def start(
     ------
     InputError
         If architecture or precision are unknown, the device is not there, or there are not so many cores.
+    EngineError
+        If the process is a forked copy of one that has started Taichi.
     """
-    global _running
+    global _running, _process
+    check_process()
     check(arch, threads, precision)
     wanted = Running(arch, threads or min(cores(), _most_threads or cores()), precision, profile)
     from .. import kernels  # noqa: F401  (keeps Taichi from printing its banner)
@@ -270,16 +309,17 @@ def start(
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
             kernel_profiler=profile,
         )
-    _running = wanted
+    _running, _process = wanted, os.getpid()
     return wanted
 
 
 def stop() -> None:
     """End Taichi, and with it every simulation of this process."""
-    global _running
+    global _running, _process
     if _running is not None:
+        check_process()
         import taichi as ti
 
         _release_all()
         ti.reset()
-        _running = None
+        _running = _process = None

@@ -26,8 +26,11 @@ from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.state import Disks, State
 from ..theory.contact import Contact, checked_packing_fraction, crowding_of_mixture
 from ..theory.driven_gas import Drive
-from ..tools import seeds
+from ..tools import checked, seeds
+from ..tools.sealed import Sealed
 from . import device
+from . import device as backend
+from .interrupts import Deferred
 from .relaxation import Checkpoint, Relaxation, sample
 
 MARGIN = 1.15  # how much faster than the fastest disk one may become before a batch is cut short
@@ -35,7 +38,7 @@ _LEAST = 32  # candidates of a batch, so that the last collisions of a sample do
 _ROUNDS = 4  # between two looks at what is left to settle
 
 
-class DSMC:
+class DSMC(Sealed):
     """A homogeneous gas of rough disks, without places.
 
     Parameters
@@ -80,6 +83,15 @@ class DSMC:
     Disks of very different sizes or speeds make most drawn pairs come to nothing: right, but slow.
     """
 
+    disks: Disks
+    drive: Drive | None
+    area: float
+    time: float
+    collisions: int
+    energy_input: float
+    candidates: int
+    cut_for_speed: int
+
     def __init__(
         self,
         disks: Disks,
@@ -101,20 +113,22 @@ class DSMC:
             raise InputError(f"disks: two at least, of finite mass, are needed; {n} given")
         if checked_packing_fraction(packing_fraction) == 0.0:
             raise InputError("packing fraction = 0: disks do not meet")
-        spins = np.zeros(n) if spin is None else np.asarray(spin, dtype=np.float64)
+        spins = np.zeros(n) if spin is None else checked.array("spin", spin)
         start = State(
-            np.zeros((n, 2)), np.asarray(velocity, dtype=np.float64), spins
+            np.zeros((n, 2)), checked.array("velocity", velocity), spins
         )  # checks shapes and values
         if start.n != n:
             raise InputError(f"spin has {start.n} entries, there are {n} disks: they must agree")
-        self.disks, self.drive = disks, drive
+        self._set(disks=disks, drive=drive)
+        self._whole = True
         self._seed = seeds.of_device(seed)
         self._species = self._grouped(disks.material if species is None else species)
         laws = law_table(law, disks)
         kind: Any = checked_class(laws)
         check_energy(laws, disks)
-        self.area = math.pi * float(np.sum(disks.radius**2)) / packing_fraction
-        running = device.start(arch, threads=threads, precision=precision)
+        self._set(area=math.pi * float(np.sum(disks.radius**2)) / packing_fraction)
+        with device.sole_use():
+            running = device.start(arch, threads=threads, precision=precision)
         self._alone = arch == "cpu" and running.threads == 1
         self._real: Any = np.float32 if precision == "f32" else np.float64
         a, b = crowding_of_mixture(packing_fraction, disks.radius, None, contact)
@@ -129,11 +143,7 @@ class DSMC:
 
             fastest = max(float(np.abs(part).max()) for part in (start.velocity, disks.radius * spins))
             try_on(kind, table, disks, [], fastest or 1.0)
-        self.time = 0.0
-        self.collisions = 0
-        self.energy_input = 0.0
-        self.candidates = 0
-        self.cut_for_speed = 0
+        self._set(time=0.0, collisions=0, energy_input=0.0, candidates=0, cut_for_speed=0)
         self._batches = self._kicks = 0
 
     def _grouped(self, species: ArrayLike) -> NDArray[np.intp]:
@@ -192,11 +202,13 @@ class DSMC:
     @property
     def velocity(self) -> NDArray[np.float64]:
         """Velocities [length/time], shape (n, 2)."""
+        self._check_whole()
         return self._record()[:, :2]
 
     @property
     def spin(self) -> NDArray[np.float64]:
         """Spins [rad/time], shape (n,)."""
+        self._check_whole()
         return self._record()[:, 2]
 
     @property
@@ -206,6 +218,7 @@ class DSMC:
 
     def checkpoint(self) -> Checkpoint:
         """The present state. Another gas of the same disks, law, seed and drive that resumes it goes on bit by bit."""
+        self._check_whole()
         record = self._record()
         return Checkpoint(
             record[:, :2].copy(), record[:, 2].copy(), self.collisions_of_disks, self.time, self.energy_input,
@@ -228,8 +241,12 @@ class DSMC:
         record[:, :2], record[:, 2] = state.velocity, state.spin
         self._disk.from_numpy(np.ascontiguousarray(record, dtype=self._real))
         self._hits.from_numpy(state.collisions_of_disks.astype(np.int32))
-        self.collisions = int(np.sum(state.collisions_of_disks, dtype=np.int64)) // 2
-        self.time, self.energy_input = state.time, state.energy_input
+        self._set(
+            collisions=int(np.sum(state.collisions_of_disks, dtype=np.int64)) // 2,
+            time=state.time,
+            energy_input=state.energy_input,
+        )
+        self._whole = True
         self._batches, self._kicks = state.batches, state.kicks
 
     def run(
@@ -278,21 +295,29 @@ class DSMC:
                 raise InputError(
                     f"samples: numbers in increasing order from {now:.6g} to {end:.6g} are needed"
                 )
-        found = [self._measure()]
-        for mark in marks:
-            if by_time:
-                while self.time < mark:
-                    self._step(float(mark) - self.time)
-                    if math.isclose(self.time, mark, rel_tol=1e-14):
-                        self.time = float(mark)
-            else:
-                while 2.0 * self.collisions < mark * self.disks.n:
-                    self._step(math.inf, wanted=0.5 * mark * self.disks.n - self.collisions)
-            found.append(self._measure())
+        with backend.sole_use():
+            found = [self._measure()]
+            for mark in marks:
+                if by_time:
+                    while self.time < mark:
+                        self._step(float(mark) - self.time)
+                        if math.isclose(self.time, mark, rel_tol=1e-14):
+                            self._set(time=float(mark))
+                else:
+                    while 2.0 * self.collisions < mark * self.disks.n:
+                        self._step(math.inf, wanted=0.5 * mark * self.disks.n - self.collisions)
+                found.append(self._measure())
         return Relaxation(**{name: np.array([one[name] for one in found]) for name in found[0]})
 
     def _step(self, longest: float, wanted: float = math.inf) -> None:
         """Let the gas go on, for `longest` [time] at most, and not for many more collisions than are `wanted`."""
+        self._check_whole()
+        with Deferred():  # Ctrl-C takes effect between batches
+            self._whole = False
+            self._batch_of(longest, wanted)
+            self._whole = True
+
+    def _batch_of(self, longest: float, wanted: float) -> None:
         rate = self._rate()
         # Of all candidates a third collides in a gas of equal disks, at most: more cannot be wanted too often.
         count = min(float(self._batch), max(3.0 * wanted, float(_LEAST)))
@@ -303,7 +328,8 @@ class DSMC:
         self._kick(0.5 * duration)
         left = duration
         while left > 1e-12 * duration:
-            left -= self._collide(min(left, self._batch / (rate := self._rate())), rate)
+            rate = self._rate()
+            left -= self._collide(min(left, self._batch / rate), rate)
         self._kick(0.5 * duration)
 
     def _rate(self) -> float:
@@ -324,8 +350,16 @@ class DSMC:
         return n * (n - 1) * self._section * 2.0 * cap / self.area
 
     def _check_alive(self) -> None:
+        backend.check_process()
         if self._disk is None:
             raise EngineError("this gas is gone: Taichi was started anew, with other settings")
+
+    def _check_whole(self) -> None:
+        self._check_alive()
+        if not self._whole:
+            raise EngineError(
+                "a batch was interrupted half-way, so the state is lost: resume from a checkpoint, or begin anew"
+            )
 
     def _collide(self, duration: float, rate: float) -> float:
         """Collide for a time [time], or until a disk is too fast for `rate`; how long it was."""
@@ -344,11 +378,13 @@ class DSMC:
             self._settle(cut + 1, batch)
             # The candidate is the (cut + 1)th of `count` that came at uniform times.
             duration *= float(chance.beta(cut + 1, count - cut))
-            self.cut_for_speed += 1
+            self._set(cut_for_speed=self.cut_for_speed + 1)
             count = cut + 1
-        self.collisions += int(self._counter[self._kernels.COLLISIONS])
-        self.candidates += count
-        self.time += duration
+        self._set(
+            collisions=self.collisions + int(self._counter[self._kernels.COLLISIONS]),
+            candidates=self.candidates + count,
+            time=self.time + duration,
+        )
         return duration
 
     def _settle(self, count: int, batch: int) -> int:
@@ -392,7 +428,7 @@ class DSMC:
         ])  # fmt: skip
         self._kernels.kick(self._disk, self._key(self._kicks), factors, self._gains)
         self._kicks += 1
-        self.energy_input += math.fsum(self._gains)
+        self._set(energy_input=self.energy_input + math.fsum(self._gains))
 
     def _measure(self) -> dict[str, Any]:
         record = self._record()

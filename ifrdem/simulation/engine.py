@@ -58,7 +58,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -73,10 +74,13 @@ from ..model.law import CollisionLaw, compiled
 from ..model.state import Disks, State
 from ..model.walls import Wall, sides
 from ..model.walls import check as check_walls
-from ..tools import seeds
+from ..tools import checked, seeds
 from ..tools.buffers import Buffers
-from . import checks, device
+from . import checks, device, magnitudes
+from . import checks as engine_checks
+from . import device as backend
 from . import skin as skins
+from .interrupts import Deferred
 from .statistics import Statistics
 from .unbounded import CELLS_PER_DISK, OpenSpace, around
 
@@ -179,8 +183,9 @@ class Engine:
         self.disks, self.box = disks, box
         n = self.n = disks.n
         law_table = np.ascontiguousarray(law_table, dtype=np.float64)
-        self.gravity = checks.two_numbers("gravity", gravity)
+        self.gravity = checked.finite_pair("gravity", gravity)
         self.seed = seed = seeds.of_device(seed)
+        self.precision = precision
         checks.check(
             disks, box, state, len(law_table), walls, self.gravity, precision, forces,
             velocity_cutoff=velocity_cutoff, contact_time=contact_time,
@@ -201,9 +206,8 @@ class Engine:
         skin = skins.choose(skin, inner, box, disks, state)
         self._released = True  # until there is anything to release
         self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
-        self._told = (
-            False  # True while observers are told of frames within an epoch, of which nothing has settled
-        )
+        # While observers are told of frames within an epoch, of which nothing has settled.
+        self._told: Passing | None = None
         self.skin = skin
         self.time = float(state.time)
         self.collisions = int(state.collisions.sum()) // 2
@@ -221,7 +225,7 @@ class Engine:
         from .epochs import Epochs
         from .force_steps import Splitting
 
-        kind: Any = law  # mypy does not take a class for hashable
+        self._law_table, self._law = law_table, law
 
         def arrays_for(state: State, inner: Box, skin: float, offset: NDArray[np.float64]) -> DeviceArrays:
             moved = State(
@@ -229,8 +233,9 @@ class Engine:
                 collisions=state.collisions, image=state.image, wall_hits=state.wall_hits,
                 latest_collision=state.latest_collision, last_partner=state.last_partner, angle=state.angle,
             )  # fmt: skip
+            kind: Any = self._law  # mypy does not take a class for hashable
             return DeviceArrays(
-                disks, inner, moved, law_table,
+                disks, inner, moved, self._law_table,
                 skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
                 walls=np.array([wall.row(offset) for wall in self.walls]) if self.walls else None,
                 wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
@@ -297,9 +302,96 @@ class Engine:
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
+        with self.changing():
+            self.epochs.settle(self.time)
+            self.arrays.switch_ledger(on)
+
+    # ------------------------------------------------------------------ changes between runs
+
+    def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
+        """Collide by another law from now on; arguments as for the engine."""
+        with self.changing():
+            self.epochs.settle(self.time)
+            self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
+            kind: Any = law  # mypy does not take a class for hashable
+            self.arrays.set_law(self._law_table, compiled(kind))
+            self._begin_anew()
+
+    def set_forces(self, forces: Sequence[Force]) -> None:
+        """Have other forces act from now on.
+
+        Raises
+        ------
+        InputError
+            If one is none, or cannot act here.
+        """
+        from .force_steps import Splitting
+
         self.check_whole()
-        self.epochs.settle(self.time)
-        self.arrays.switch_ledger(on)
+        splitting = Splitting(forces, self.arrays, self.disks, self.seed, self.time)
+        engine_checks.check_between_collisions(self.disks, self.box, self.gravity, splitting.forces)
+        with self.changing():
+            self.splitting = splitting
+            self._begin_anew()
+
+    def set_gravity(self, gravity: tuple[float, float]) -> None:
+        """Let disks fall otherwise from now on.
+
+        Raises
+        ------
+        InputError
+            If it is not two finite numbers, or acts along a periodic direction.
+        """
+        gravity = checked.finite_pair("gravity", gravity)
+        engine_checks.check_between_collisions(self.disks, self.box, gravity, self.splitting.forces)
+        with self.changing():
+            self.epochs.settle(self.time)
+            self.gravity = gravity
+            self.arrays.set_gravity(gravity)
+            self._begin_anew()
+
+    def set_velocities(self, state: State) -> None:
+        """Go on with the velocities and spins of another state, from the present places.
+
+        Raises
+        ------
+        InputError
+            If an immovable disk would move, or they are too large or small to compute with.
+        """
+        checks.check_motion(self.disks, state)
+        hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
+        speed = magnitudes.fastest(self.disks, state.velocity, state.spin)
+        magnitudes.check(self.disks, self.box, speed, self.precision, hottest)
+        with self.changing():
+            present = self._state()
+            followed = self.tracking
+            before = followed.snapshot(self.arrays, self._placed) if followed is not None else None
+            if self._space is not None:
+                present.velocity, present.spin = state.velocity, state.spin
+                self._move_to(self._space, present)
+            else:
+                from ..kernels.totals import EXCESS
+
+                excess = float(self.epochs.totals(self.time)[EXCESS])
+                flow = (
+                    present.velocity - self.arrays.velocities()
+                    if self.box.shear_rate
+                    else np.zeros((self.n, 2))
+                )
+                self.arrays.set_velocities(flow, state.velocity, state.spin)
+                self._begin_anew()
+                # What was done to energies in the frames of rows was not done by the flow.
+                self._flow_excess += float(self.epochs.totals(self.time)[EXCESS]) - excess
+            if followed is not None and before is not None:
+                followed.kick(self.time, before, followed.snapshot(self.arrays, self._placed))
+
+    def _begin_anew(self) -> None:
+        """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
+        self.epochs.unsettle()
+        self._stalled = self._resting = 0
+        self._collided_at = self.time
+        if self._space is not None:
+            self._space.parted = self.n < 2
 
     # ------------------------------------------------------------------ running
 
@@ -326,43 +418,43 @@ class Engine:
             If no collision can ever happen but some are asked for, if collisions pile up without end (inelastic
             collapse), if a force makes a velocity that is not finite, or if a guarantee of the engine is violated.
         """
-        self.check_whole()
-        space = self._space
-        if space is not None and space.epochs_left < 1:
-            self._make_room(space)
-        self._whole = False
-        self.last_collisions = None
-        stop = min(t_end, self.splitting.next_time)
-        if space is not None and space.parted:
-            self._fly_apart(space, stop, rest_at)
-        elif self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
-            self.epochs.settle(self.time)
-            self._fly_freely(stop, t_end, rest_at)
-        else:
-            wanted = None if collisions is None else collisions - self.collisions
-            before = self.statistics.epochs
-            if self.order == "alone":
-                watched = self.keep_collisions or self.tracking is not None
-                most = 1 if watched else None if space is None else space.epochs_left
-                pause = None if pause_after is None else pause_after - self.collisions
-                outcome = self.epochs.run_alone(
-                    self.time, stop, wanted, most=most, pause_at=pause_at, pause_after=pause
-                )
-            else:
-                outcome = self.epochs.run(self.time, stop, wanted)
-            if space is not None:
-                space.epochs_left -= self.statistics.epochs - before
-            self.collisions += outcome.collisions
-            self.wall_hits += outcome.wall_hits
-            if outcome.still:
-                self.time = outcome.time
+        with self.changing() as deferred:
+            space = self._space
+            if space is not None and space.epochs_left < 1:
+                self._make_room(space)
+            self.last_collisions = None
+            stop = min(t_end, self.splitting.next_time)
+            if space is not None and space.parted:
+                self._fly_apart(space, stop, rest_at)
+            elif self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
+                self.epochs.settle(self.time)
                 self._fly_freely(stop, t_end, rest_at)
             else:
-                self._close_epoch(outcome, t_end, passing)
-        self._apply_forces()
-        self._whole = True
+                wanted = None if collisions is None else collisions - self.collisions
+                before = self.statistics.epochs
+                if self.order == "alone":
+                    watched = self.keep_collisions or self.tracking is not None
+                    most = 1 if watched else None if space is None else space.epochs_left
+                    pause = None if pause_after is None else pause_after - self.collisions
+                    outcome = self.epochs.run_alone(
+                        self.time, stop, wanted, most=most, pause_at=pause_at, pause_after=pause
+                    )
+                else:
+                    outcome = self.epochs.run(self.time, stop, wanted)
+                if space is not None:
+                    space.epochs_left -= self.statistics.epochs - before
+                self.collisions += outcome.collisions
+                self.wall_hits += outcome.wall_hits
+                if outcome.still:
+                    self.time = outcome.time
+                    self._fly_freely(stop, t_end, rest_at)
+                else:
+                    self._close_epoch(outcome, t_end, passing, deferred)
+            self._apply_forces()
 
-    def _close_epoch(self, outcome: Outcome, t_end: float, passing: Callable[[Passing], None] | None) -> None:
+    def _close_epoch(
+        self, outcome: Outcome, t_end: float, passing: Callable[[Passing], None] | None, deferred: Deferred
+    ) -> None:
         from .readout import Passing
 
         self._resting = 0
@@ -371,23 +463,34 @@ class Engine:
         if self.tracking is not None:
             self.tracking.gather(self.arrays, self.time, self._placed)
         self.time = outcome.time
-        try:
-            if passing is not None:
-                self._told = True
-                try:
-                    passing(Passing(self, outcome.began))
-                finally:
-                    self._told = False
-        except BaseException:
-            # Whatever went wrong there, the run can go on.
-            self.epochs.after_epoch(self.time)
-            self._apply_forces()
-            self._whole = True
-            raise
+        if passing is not None:
+            epoch = self._told = Passing(self, outcome.began)
+            try:
+                with deferred.lifted():
+                    passing(epoch)
+            except BaseException:
+                # Whatever went wrong there, the run can go on, from the frame that was being told.
+                if epoch.told is None:
+                    self.epochs.after_epoch(self.time)
+                    self._apply_forces()
+                else:
+                    self._end_epoch_at(*epoch.told, epoch.before)
+                self._whole = True
+                raise
+            finally:
+                self._told = None
         self.epochs.after_epoch(self.time)
         self._whole = True  # a run that has to stop here leaves a state
         self._watch(outcome, t_end)
         self._whole = False
+
+    def _end_epoch_at(self, time: float, moment: float, before: int) -> None:
+        """End the epoch that is over at a time in it, after so long [time]; there were `before` collisions before."""
+        self.epochs.end_after(moment)
+        self.time, self.collisions = time, before + self.epochs.standing()
+        self._collided_at = min(self._collided_at, time)
+        if self.tracking is not None:
+            self.tracking.drop_after(time)
 
     def release(self) -> None:
         """Give all device memory back; the engine cannot be used any more."""
@@ -406,7 +509,7 @@ class Engine:
                 "this simulation has ended: another one was started with another device, precision or number of "
                 "threads, of which a process has one at a time"
             )
-        if self._told:
+        if self._told is not None:
             raise EngineError(
                 "an observer is being told of a frame within an epoch, and the simulation is further by then: use the "
                 "state and the measure that the observer is given, or a sampler"
@@ -415,6 +518,20 @@ class Engine:
             raise EngineError(
                 "an epoch was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
             )
+
+    @contextmanager
+    def changing(self) -> Iterator[Deferred]:
+        """Refuse to begin unless the engine is whole, and delay Ctrl-C until it is whole again."""
+        self.check_whole()
+        with backend.sole_use(), Deferred() as deferred:
+            self._whole = False
+            yield deferred
+            self._whole = True
+
+    @property
+    def told_time(self) -> float:
+        """Time of the frame that observers are told of within an epoch [time]; infinite at any other moment."""
+        return math.inf if self._told is None or self._told.told is None else self._told.told[0]
 
     def _apply_forces(self) -> None:
         due = self.splitting.due(self.time)
@@ -437,13 +554,12 @@ class Engine:
 
     def _make_room(self, space: OpenSpace) -> None:
         """Before disks of an open gas can touch each other across the sides of the box that is computed in."""
-        state = self.state()
+        state = self._state()
         if space.too_small(state.position + self._offset):
             self._move_to(space, state)
 
     def _move_to(self, space: OpenSpace, state: State, *, parted: bool = False) -> None:
         """Go on from a state of an open gas in a box that suits it; `parted`: it is known that nobody meets anybody."""
-        self._whole = False
         inner, offset = around(state, self.disks)
         self.skin = skins.choose(self._skin_given, inner, self.box, self.disks, state)
         lost, regimes = self.arrays.dissipated()
@@ -451,7 +567,6 @@ class Engine:
         self._regimes_before += regimes
         self.lay(state, inner, offset)
         space.enter(inner, state, offset, self.arrays.furthest, parted=parted)
-        self._whole = True
 
     def lay(self, state: State, inner: Box, offset: NDArray[np.float64]) -> None:
         """New arrays, for another box that an open gas is computed in."""
@@ -469,8 +584,7 @@ class Engine:
                 "collisions are asked for"
             )
         stop = min(stop, rest_at)
-        self._whole = True
-        state = self.state()
+        state = self._state()
         state.position = state.position + state.velocity * (stop - self.time)
         if self.arrays.uses.turned:
             state.angle = state.angle + state.spin * (stop - self.time)
@@ -535,10 +649,11 @@ class Engine:
 
     def state(self) -> State:
         """The present state, in id order."""
-        self.check_whole()
-        self._whole = False
+        with self.changing():
+            return self._state()
+
+    def _state(self) -> State:
         self.epochs.settle(self.time)
-        self._whole = True
         if self.looks_back and self.n:
             from .readout import state_at
 
@@ -617,20 +732,16 @@ class Engine:
             return self.state(), self.totals()  # and who left the box is looked for
         from .readout import state_at
 
-        self.check_whole()
-        self._whole = False
-        self.epochs.settle(self.time)
-        self._whole = True
-        return state_at(self, 0.0, self.time, stored=stored)
+        with self.changing():
+            self.epochs.settle(self.time)
+            return state_at(self, 0.0, self.time, stored=stored)
 
     def totals(self) -> NDArray[np.float64]:
         """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
         from ..kernels.totals import EXCESS, FALL
 
-        self.check_whole()
-        self._whole = False
-        found = self.epochs.totals(self.time)
-        self._whole = True
+        with self.changing():
+            found = self.epochs.totals(self.time)
         if self.box.shear_rate:
             self._tally_flow(float(found[EXCESS]))
         if any(self.gravity):

@@ -440,6 +440,13 @@ class Epochs:
         """Undo every collision of the epoch at `end` or later."""
         self.arrays.launch(cut, end)
 
+    def end_after(self, moment: float) -> None:
+        """End the epoch that is over, and has not settled, right after a moment of it [time since it began]."""
+        elastic = int(self.arrays.counter[N_ELASTIC])
+        self.cut(float(np.nextafter(moment, math.inf)))
+        self.statistics.elastic -= elastic - int(self.arrays.counter[N_ELASTIC])
+        self.fly(moment)
+
     def standing(self) -> int:
         """Collisions of the epoch that stand."""
         return int(self.arrays.counter[N_STANDING])

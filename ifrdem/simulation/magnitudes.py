@@ -11,6 +11,9 @@ from ..errors import InputError
 from ..model.box import Box
 from ..model.state import Disks
 
+MOST_COEFFICIENT = {"f32": 1e30, "f64": 1e100}
+"""Largest coefficient of a law: products of it with impulses and masses are formed."""
+
 
 def fastest(disks: Disks, velocity: NDArray[np.float64], spin: NDArray[np.float64]) -> float:
     """The largest velocity component or R |omega| of disks [length/time]; 0 without disks."""
@@ -30,6 +33,22 @@ def check(disks: Disks, box: Box, speed: float, precision: str, hottest: float =
     """
     with np.errstate(over="ignore", under="ignore"):
         _check(disks, box, speed, precision, hottest)
+
+
+def check_coefficients(law_table: NDArray[np.float64], precision: str) -> None:
+    """Refuse coefficients of a law that the precision cannot hold: an infinite one would not stay a number.
+
+    Raises
+    ------
+    InputError
+        Names the largest, and the limit.
+    """
+    most = MOST_COEFFICIENT.get(precision, np.inf)  # the engine refuses others
+    largest = float(np.abs(law_table).max(initial=0.0))
+    if not largest <= most:
+        raise InputError(
+            f"law: a coefficient of {largest:.3g} is beyond {most:g}, what {precision} can compute with"
+        )
 
 
 def _check(disks: Disks, box: Box, speed: float, precision: str, hottest: float) -> None:

@@ -44,11 +44,19 @@ class Passing:
         At the end of the epoch, which has not settled. One that `looks_back`.
     began : float
         When the epoch began [time].
+
+    Attributes
+    ----------
+    before : int
+        Collisions before the epoch.
+    told : tuple of two floats or None
+        Time of the point that was asked for last, and how long after the beginning of the epoch it is [time].
     """
 
     def __init__(self, engine: Engine, began: float) -> None:
         self._engine, self._began = engine, began
-        self._before = engine.collisions - engine.epochs.standing()
+        self.before = engine.collisions - engine.epochs.standing()
+        self.told: tuple[float, float] | None = None
 
     def holds(self, due: Due, end: Due) -> bool:
         """Whether a point lies in the epoch, before its end; by collisions its end counts too, but the run's not."""
@@ -64,10 +72,11 @@ class Passing:
         engine = self._engine
         time, moment = due.time, max(due.time - self._began, 0.0)
         if due.collisions is not None and due.collisions <= engine.collisions:
-            count = due.collisions - self._before
+            count = due.collisions - self.before
             met = engine.epochs.time_of_collision(count) if count > 0 else 0.0
             if met < moment:
                 time, moment = self._began + met, met
+        self.told = time, moment
         return state_at(engine, moment, time, stored=stored)
 
 

@@ -8,10 +8,15 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from ..errors import InputError
+from ..tools import checked
 
 SPACINGS = ("even", "log")
 SHORTEST = 1e-200
 """Of intervals, in whatever unit: below, there are more of them than floating-point numbers count."""
+
+
+MOST = 10_000_000
+"""Of frames or of rows of series in a run."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +58,12 @@ class Cadence:
             raise InputError(
                 f"cadence: exactly one of number, interval and collisions is needed; given: {given}"
             )
-        if self.number is not None and not (hasattr(self.number, "__index__") and self.number >= 1):
-            raise InputError(f"number = {self.number}: a whole number, 1 or more, is needed")
+        if self.number is not None:
+            checked.whole("number", self.number, 1)
         for name in ("interval", "collisions"):
             value = getattr(self, name)
+            if value is not None:
+                checked.real(name, value, "a positive finite number is needed")
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise InputError(f"{name} = {value}: a positive finite number is needed")
             if value is not None and value < SHORTEST:
@@ -133,12 +140,14 @@ class Span:
         if (t_end is None) == (collisions_per_disk is None):
             raise InputError("exactly one of t_end and collisions_per_disk is needed")
         if t_end is not None:
+            t_end = checked.real("t_end", t_end)
             if not (math.isfinite(t_end) and t_end >= time):
                 raise InputError(
                     f"t_end = {t_end}: a finite time not before the present one, {time}, is needed"
                 )
             return cls(n, time, collisions, Due(time=float(t_end)))
         assert collisions_per_disk is not None
+        collisions_per_disk = checked.real("collisions_per_disk", collisions_per_disk)
         # As a decimal fraction: 1.1 means 11 / 10, not the binary number that is a hair above.
         finite = math.isfinite(collisions_per_disk)
         end = math.ceil(Fraction(str(float(collisions_per_disk))) * n / 2) if finite else -1
@@ -148,6 +157,16 @@ class Span:
                 f"{2 * collisions / max(n, 1):.6g}, is needed"
             )
         return cls(n, time, collisions, Due(collisions=end))
+
+
+def refuse_endless(cadence: Cadence, span: Span) -> None:
+    """Raise InputError for more than `MOST` points in a run whose length is known."""
+    ahead = (span.end.collisions or span.collisions) - span.collisions
+    many = cadence.count(
+        duration=span.end.time - span.time, collisions_per_disk=float(Fraction(2 * ahead, max(span.n, 1)))
+    )
+    if many > MOST:
+        raise InputError(f"{cadence}: {many:.4g} times in this run; at most {MOST} are possible")
 
 
 class Schedule:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..initial.placement import check_no_overlap
@@ -20,11 +22,14 @@ from ..model.law import CollisionLaw, checked_class
 from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, measure
 from ..model.state import Disks, State
-from ..model.walls import Wall, sides
-from . import checkpoint
+from ..model.walls import Wall, check_types, sides
+from ..tools import checked
+from ..tools.sealed import Sealed
+from . import checkpoint, magnitudes
+from . import device as backend
 from .course import Course, Observer, Progress, Sampler
 from .engine import Collisions, Engine
-from .schedule import Cadence, Span, earlier
+from .schedule import MOST, Cadence, Span, earlier, refuse_endless
 from .statistics import Statistics
 from .tracking import Events, Tracking, checked_ids
 
@@ -33,7 +38,24 @@ if TYPE_CHECKING:
     from .readout import Passing
 
 
-class Simulation:
+Called = TypeVar("Called")
+
+
+def _callables(name: str, given: Iterable[Called]) -> list[Called]:
+    if callable(given) or not isinstance(given, Iterable):
+        raise InputError(f"{name} = {given!r}: a list of functions is needed, [function] for one")
+    found = list(given)
+    for i, one in enumerate(found):
+        if not callable(one):
+            raise InputError(f"{name}[{i}] = {one!r}: a function is needed")
+    return found
+
+
+class _Stopped(Exception):
+    """The end of a run that `Simulation.stop` has asked for."""
+
+
+class Simulation(Sealed):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
@@ -127,35 +149,38 @@ class Simulation:
         angles: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
     ) -> None:
+        for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
+            if not isinstance(value, kind):
+                raise InputError(f"{name} = {value!r}: a {kind.__name__} is needed")
+        check_types(walls)
+        state = replace(state)  # whoever made it may have changed it since: everything is looked at again
         if state.n != disks.n:
             raise InputError(f"the state has {state.n} disks, the list of disks {disks.n}: they must agree")
         remedy = Collapse(collapse, contact_time, velocity_cutoff)
         materials = max((wall.material for wall in walls), default=0)
         self._laws = law_table(law, disks, materials)
-        kind = checked_class(self._laws)
+        law_class = checked_class(self._laws)
         check_energy(self._laws, disks, (wall.material for wall in [*walls, *sides(box)]))
         check_no_overlap(box, disks.radius, state.position, time=state.time)
         table = coefficient_table(self._laws)
+        magnitudes.check_coefficients(table, precision)
         self._tracking = self._follow_disks(tracked, disks, box, walls)
-        self.has_ledger = ledger
-        self._engine = Engine(
-            disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
-            walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
-            contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
-            law=kind, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
-        )  # fmt: skip
-        # The engine's state of a sheared gas knows its flow, whose energy does not count.
-        begin = self.state if box.shear_rate else state
-        self._first = measure(disks, begin).energy + self._fall_energy(begin)
-        self._judged = kind is IFRLaw  # whether it is known not to add energy
-        if not self._judged:
-            from ..model.law_trial import try_on
-
-            fastest = max(
-                float(np.abs(state.velocity).max(initial=0.0)),
-                float(np.abs(disks.radius * state.spin).max(initial=0.0)),
-            )
-            try_on(kind, table, disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
+        self._has_ledger = ledger
+        self._stopping = False
+        self._given = 0.0  # energy that changes between runs put in
+        with backend.sole_use():
+            self._engine = Engine(
+                disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
+                walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
+                contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
+                law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
+            )  # fmt: skip
+            # The engine's state of a sheared gas knows its flow, whose energy does not count.
+            begin = self.state if box.shear_rate else state
+            self._first = measure(disks, begin).energy + self._fall_energy(begin)
+            self._judged = law_class is IFRLaw  # whether it is known not to add energy
+            if not self._judged:
+                self._try_on(law_class, table, state)
 
     def _follow_disks(
         self, tracked: Sequence[int] | NDArray[np.integer], disks: Disks, box: Box, walls: Sequence[Wall]
@@ -170,15 +195,123 @@ class Simulation:
         return Tracking(ids, disks, self._laws, [*walls, *sides(box)])
 
     @property
+    def has_ledger(self) -> bool:
+        """Whether it adds up the energy that collisions take, by mechanism."""
+        return self._has_ledger
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """Acceleration of all disks [length/time^2]."""
+        return self._engine.gravity
+
+    @property
+    def forces(self) -> tuple[Force, ...]:
+        """Forces that act between collisions, in their order."""
+        return self._engine.splitting.forces
+
+    def set_law(self, law: CollisionLaw | Sequence[Sequence[CollisionLaw]]) -> None:
+        """Collide by another law from now on: one for all pairs, or a table, as for a new simulation.
+
+        Raises
+        ------
+        InputError
+            If the law could add energy for the disks present, or the table does not fit; the gas is as it was then.
+        """
+        disks, walls = self.disks, self._engine.walls
+        laws = law_table(law, disks, max((wall.material for wall in walls), default=0))
+        kind = checked_class(laws)
+        check_energy(laws, disks, (wall.material for wall in walls))
+        table = coefficient_table(laws)
+        magnitudes.check_coefficients(table, self._engine.precision)
+        with backend.sole_use():
+            if kind is not IFRLaw:
+                self._try_on(kind, table, self.state)
+            self._engine.set_law(table, kind)
+        self._laws = laws
+        self._judged = self._judged and kind is IFRLaw
+        if self._tracking is not None:
+            self._tracking.laws = laws
+
+    def set_forces(self, forces: Sequence[Force]) -> None:
+        """Have other forces act from now on, instead of the present ones; an empty list for none.
+
+        `energy_inputs` are then those of the new forces; `energy_input` still has what the old ones put in.
+
+        Raises
+        ------
+        InputError
+            If one is none, or cannot act on this gas; the gas is as it was then.
+        """
+        put_in = math.fsum(self._engine.splitting.energy_inputs)
+        self._engine.set_forces(forces)
+        self._given += put_in
+
+    def set_gravity(self, gravity: tuple[float, float]) -> None:
+        """Let disks fall by another acceleration [length/time^2] from now on.
+
+        The change of potential energy counts as `energy_input`.
+
+        Raises
+        ------
+        InputError
+            If it is not two finite numbers, or acts along a periodic direction; the gas is as it was then.
+        """
+        before = self.measure()
+        self._engine.set_gravity(gravity)
+        self._count_change(before)
+
+    def set_velocities(self, velocity: ArrayLike, spin: ArrayLike | None = None) -> None:
+        """Give the disks other velocities, and spins if given; the change of energy counts as `energy_input`.
+
+        Parameters
+        ----------
+        velocity : array_like (n, 2)
+            Velocities in the lab [length/time], in a sheared box too.
+        spin : array_like (n,), optional
+            Spins [rad/time]; the present ones by default.
+
+        Raises
+        ------
+        InputError
+            If a shape does not fit, a value is not finite, or an immovable disk would move; the gas is as it was then.
+        """
+        present = self.state
+        state = State(
+            present.position, velocity, present.spin if spin is None else spin, time=self.time  # type: ignore[arg-type]
+        )  # fmt: skip
+        if state.n != self.disks.n:
+            raise InputError(f"spin has {state.n} entries, there are {self.disks.n} disks: they must agree")
+        before = self.measure()
+        self._engine.set_velocities(state)
+        self._count_change(before)
+
+    def _count_change(self, before: Measure) -> None:
+        after = self.measure()
+        self._given += after.energy + after.potential_energy - before.energy - before.potential_energy
+
+    def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
+        """Try a law that nobody has judged."""
+        from ..model.law_trial import try_on
+
+        fastest = max(
+            float(np.abs(state.velocity).max(initial=0.0)),
+            float(np.abs(self.disks.radius * state.spin).max(initial=0.0)),
+        )
+        try_on(kind, table, self.disks, [wall.material for wall in self._engine.walls], fastest or 1.0)
+
+    @property
     def tracked(self) -> NDArray[np.int32]:
         """Disks of which every collision is kept, ascending."""
         return np.empty(0, dtype=np.int32) if self._tracking is None else self._tracking.ids
 
     def take_events(self) -> Events:
-        """Every collision of tracked disks since the last call, or the start, and what forces did to them."""
+        """Every collision of tracked disks since the last call, or the start, and what forces did to them.
+
+        In an observer, those until its frame.
+        """
         if self._tracking is None:
             raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")
-        return self._tracking.take()
+        return self._tracking.take(self._engine.told_time)
 
     @property
     def disks(self) -> Disks:
@@ -232,7 +365,7 @@ class Simulation:
 
     @property
     def energy_inputs(self) -> NDArray[np.float64]:
-        """Energy that each force has put in since this simulation was made [energy], shape (forces,)."""
+        """Energy that each force has put in since it acts here [energy], shape (forces,)."""
         return self._engine.splitting.energy_inputs.copy()
 
     @property
@@ -247,9 +380,10 @@ class Simulation:
     def energy_input(self) -> float:
         """Energy that all forces, and the flow of a sheared box, have put in since this simulation was made [energy].
 
-        Less what they took out; of the flow, up to the latest `state`.
+        Less what they took out; of the flow, up to the latest `state`. `set_velocities`, `set_gravity` and forces that
+        act no more count too.
         """
-        return math.fsum((*self._engine.splitting.energy_inputs, self.shear_work))
+        return math.fsum((*self._engine.splitting.energy_inputs, self.shear_work, self._given))
 
     @property
     def dissipated_energy(self) -> float:
@@ -300,6 +434,7 @@ class Simulation:
         meta = {
             "fingerprint": snapshot.fingerprint(self._engine),
             "first": self._first,
+            "given": self._given,
             "extra": dict(extra or {}),
         }
         state = self.state
@@ -326,7 +461,7 @@ class Simulation:
                 "differ"
             )
         snapshot.put_back(self._engine, found)
-        self._first = float(meta["first"])
+        self._first, self._given = float(meta["first"]), float(meta["given"])
         extra: dict[str, Any] = meta["extra"]
         return extra
 
@@ -368,22 +503,30 @@ class Simulation:
         progress : callable
             Called as `progress(time, collisions)` after every epoch.
 
+        Notes
+        -----
+        `stop` ends a run early. Whatever an observer raises ends it too, at the frame that the observer was given. So
+        does Ctrl-C (KeyboardInterrupt), at the end of the present epoch; a second one ends it at once, and the state is
+        lost unless an observer was just at work. In all other cases the gas can be run on.
+
         Raises
         ------
         InputError
             If not exactly one end is given, or it lies in the past.
         EngineError
-            If the end cannot be reached: nothing moves, or the gas collapsed inelastically.
+            If the end cannot be reached: nothing moves, or the gas collapsed inelastically; or if another thread runs a
+            simulation, or the process is a forked copy of one that has.
         """
         if not isinstance(frames, Cadence):
-            if not hasattr(frames, "__index__") or frames < 1:
-                raise InputError(f"frames = {frames}: a whole number, 1 or more, is needed")
-            frames = Cadence(number=int(frames))
+            frames = Cadence(number=checked.whole("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Cadence):
-            series = Cadence(number=series)
+            series = Cadence(number=checked.whole("series", series, 1, MOST))
         span = Span.to(
             self.disks.n, self.time, self.collisions, t_end=t_end, collisions_per_disk=collisions_per_disk
         )
+        for cadence in (frames, series):
+            if cadence is not None:
+                refuse_endless(cadence, span)
         self.follow(Course(span, frames, series), observers=observers, samplers=samplers, progress=progress)
 
     def switch_ledger(self, on: bool) -> None:
@@ -416,7 +559,36 @@ class Simulation:
         `StoredState` where the engine looks back, which is faster.
         The course is kept up to date: after an exception it tells what is due next.
         """
-        observers, samplers = list(observers), list(samplers)
+        observers, samplers = _callables("observers", observers), _callables("samplers", samplers)
+        for name, value in (("progress", progress), ("between", between)):
+            if value is not None and not callable(value):
+                raise InputError(f"{name} = {value!r}: a function is needed")
+        self._stopping = False
+        with backend.sole_use(), contextlib.suppress(_Stopped):
+            self._follow(course, observers, samplers, progress, between, stored)
+        if not self._judged:
+            self._report_gain()
+
+    def stop(self) -> None:
+        """End the run at the frame that the calling observer is given; it returns as if that were its end.
+
+        Called by a sampler, `progress` or another thread, it ends the run at the end of the present epoch.
+        """
+        self._stopping = True
+
+    def _stop_if_asked(self) -> None:
+        if self._stopping:
+            raise _Stopped
+
+    def _follow(
+        self,
+        course: Course,
+        observers: list[Observer],
+        samplers: list[Sampler],
+        progress: Progress | None,
+        between: Callable[[], None] | None,
+        stored: Collection[str] | None,
+    ) -> None:
         frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
         sampling = course.series is not None and bool(samplers)
         exact = sampling and course.series is not None and course.series.exact
@@ -428,6 +600,7 @@ class Simulation:
                 course.next_frame = frames.following(course.next_frame)
                 if observers:
                     self._tell(observers, *epoch.at(due, stored=stored))
+                    self._stop_if_asked()
 
         if course.next_row == 0:
             course.next_row = 1
@@ -457,12 +630,11 @@ class Simulation:
                     self.time, self.collisions
                 ):
                     between()
+                self._stop_if_asked()
             course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
             self._observe(observers, stored)
             if between is not None and not end.reached(self.time, self.collisions):
                 between()
-        if not self._judged:
-            self._report_gain()
 
     def _report_gain(self) -> None:
         """Warn if a law that nobody has judged has added energy."""
@@ -499,8 +671,7 @@ class Simulation:
         InputError
             If `count` is not a whole number, 0 or more.
         """
-        if not hasattr(count, "__index__") or count < 0:
-            raise InputError(f"count = {count}: a whole number, 0 or more, is needed")
+        count = checked.whole("count", count, 0)
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
@@ -508,10 +679,11 @@ class Simulation:
         found: list[Collisions] = []
         self._engine.keep_collisions = True
         try:
-            while going():
-                self._engine.advance(**end)  # type: ignore[arg-type]
-                if self._engine.last_collisions is not None:
-                    found.append(self._engine.last_collisions)
+            with backend.sole_use():
+                while going():
+                    self._engine.advance(**end)  # type: ignore[arg-type]
+                    if self._engine.last_collisions is not None:
+                        found.append(self._engine.last_collisions)
         finally:
             self._engine.keep_collisions = False
         if not found:
@@ -521,6 +693,7 @@ class Simulation:
     def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
         if observers:
             self._tell(observers, *self._engine.observed(stored))
+            self._stop_if_asked()
 
     def _tell(self, observers: list[Observer], state: State, totals: NDArray[np.float64]) -> None:
         measured = from_totals(self.disks, totals, state.time, self.wall_hits, **self._put_in())

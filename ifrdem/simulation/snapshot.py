@@ -57,8 +57,8 @@ def fingerprint(engine: Engine) -> str:
 
 def take(engine: Engine) -> Snapshot:
     """Copy everything; the disks settle, which changes nothing."""
-    engine.check_whole()
-    engine.epochs.settle(engine.time)
+    with engine.changing():
+        engine.epochs.settle(engine.time)
     a, epochs, splitting = engine.arrays, engine.epochs, engine.splitting
     found: Snapshot = {"flight": np.ascontiguousarray(a.flight.to_numpy()[:, _FLIGHT])}
     for name in _LASTING:
@@ -94,15 +94,14 @@ def put_back(engine: Engine, found: Snapshot) -> None:
         If the snapshot is that of another division into tiles, or incomplete.
     """
     try:
-        _put_back(engine, found)
+        with engine.changing():
+            _put_back(engine, found)
     except KeyError as error:
         raise InputError(f"checkpoint: {error.args[0]} is missing") from None
 
 
 def _put_back(engine: Engine, found: Snapshot) -> None:
-    engine.check_whole()
     engine.epochs.settle(engine.time)
-    engine._whole = False
     if engine._space is not None:
         length_x, length_y, offset_x, offset_y, engine.skin, *numbers = found["open"].tolist()
         engine.lay(dummy_state(engine.n), Box((length_x, length_y)), np.array([offset_x, offset_y]))
@@ -134,7 +133,6 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     engine.splitting.next_steps = found["next_steps"].tolist()
     engine.splitting.energy_inputs = found["energy_inputs"].copy()
     engine._lost_before, engine._regimes_before = found["lost_before"], found["regimes_before"]
-    engine._whole = True
 
 
 def dummy_state(n: int) -> State:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,9 +85,13 @@ class Events:
         """Number of rows."""
         return len(self.time)
 
-    def columns(self) -> dict[str, NDArray]:
+    def columns(self) -> dict[str, NDArray[Any]]:
         """The arrays by name."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
+
+    def where(self, chosen: NDArray[np.bool_]) -> Events:
+        """The chosen rows."""
+        return Events(*(column[chosen] for column in self.columns().values()))
 
 
 def joined(parts: Sequence[Events]) -> Events:
@@ -146,15 +151,26 @@ class Tracking:
         laws: Sequence[Sequence[CollisionLaw]],
         walls: Sequence[Wall],
     ) -> None:
-        self.ids, self._disks, self._laws, self._walls = ids, disks, laws, walls
-        self.rows = np.zeros(max(disks.n, 1), dtype=np.int32)
+        self.ids: NDArray[np.int32] = ids
+        self.laws: Sequence[Sequence[CollisionLaw]] = laws
+        self._disks, self._walls = disks, walls
+        self.rows: NDArray[np.int32] = np.zeros(max(disks.n, 1), dtype=np.int32)
         self.rows[ids] = np.arange(1, len(ids) + 1)
         self._found: list[Events] = []
 
-    def take(self) -> Events:
-        """The events since the last call."""
-        found, self._found = self._found, []
-        return joined(found) if found else none()
+    def take(self, until: float = math.inf) -> Events:
+        """The events since the last call, up to a time [time]."""
+        found = joined(self._found) if self._found else none()
+        now = found.time <= until
+        if now.all():
+            self._found = []
+            return found
+        self._found = [found.where(~now)]
+        return found.where(now)
+
+    def drop_after(self, time: float) -> None:
+        """Forget what came after a time [time]: it is undone."""
+        self._found = [found.where(found.time <= time) for found in self._found]
 
     def gather(self, arrays: DeviceArrays, began: float, placed: Placed) -> None:
         """Copy the collisions of the epoch that has just ended, which began at this time, and is not settled yet.
@@ -279,7 +295,7 @@ class Tracking:
         )
         regime = np.full(len(ids), UNKNOWN, dtype=np.int8)
         for a, b in {(int(a), int(b)) for a, b in zip(one, two, strict=True)}:
-            law = self._laws[a][b]
+            law = self.laws[a][b]
             if not isinstance(law, IFRLaw):
                 continue
             rows = np.flatnonzero((one == a) & (two == b))

@@ -13,11 +13,13 @@ from .choose import Prediction, prediction
 from .collisions import collision_rate, mean_free_path, mixture_collision_rates
 from .contact import VIRIAL, compressibility, contact_value, henderson, mixture_contact_values
 from .cooling_gas import (
+    CoolingRatio,
     changes_per_collision,
     checked_times,
     cooling,
     cooling_rates,
     cooling_ratio,
+    cooling_ratios,
     haff,
     haff_time,
     rough_rates,
@@ -36,6 +38,7 @@ from .sonine import collision_factor, cooling_factor, cooling_sonine, heated_son
 
 __all__ = [
     "VIRIAL",
+    "CoolingRatio",
     "Mixture",
     "MixtureTemperatures",
     "Prediction",
@@ -51,6 +54,7 @@ __all__ = [
     "cooling_factor",
     "cooling_rates",
     "cooling_ratio",
+    "cooling_ratios",
     "cooling_sonine",
     "haff",
     "haff_time",

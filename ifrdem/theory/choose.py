@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
+from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
 from .driven_gas import Drive
 from .mixtures import Mixture, MixtureTemperatures
 
 
-@dataclass(frozen=True)
-class Prediction:
+@dataclass(frozen=True, repr=False)
+class Prediction(Brief):
     """Temperatures of a homogeneous gas over time.
 
     Attributes

@@ -11,13 +11,14 @@ Symbols: m mass, R radius, sigma = 2 R, I = m R^2 / k, phi packing fraction.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from .collision_averages import Disk, checked_law, energy_changes
 from .collisions import collision_rate
@@ -100,6 +101,32 @@ def checked_times(times: ArrayLike) -> NDArray[np.float64]:
     return when
 
 
+def cooled(
+    slope: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    start: NDArray[np.float64],
+    x: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Solution of dy/dx = slope(y) at x (steps,), y = start at x = 0; shape (unknowns, steps).
+
+    Integrated over ln(1 + x), x being time in units of the first mean free time: temperatures fall like powers of time
+    and collisions grow like its logarithm, so that a decade of time takes a bounded number of steps.
+    """
+    from scipy.integrate import solve_ivp
+
+    solution = solve_ivp(
+        lambda s, y: math.exp(s) * slope(y),
+        (0.0, math.log1p(float(x[-1]))),
+        start,
+        method="LSODA",
+        t_eval=np.log1p(x),
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    if not solution.success:
+        raise TheoryError(f"the cooling equations could not be integrated: {solution.message}")
+    return np.asarray(solution.y)
+
+
 def cooling(
     law: IFRLaw,
     mass: float,
@@ -141,25 +168,13 @@ def cooling(
     if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
 
-    def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float]:
-        """Derivatives of ln(T/T0), theta and collisions per disk by rate0 t: all of order 1, over decades."""
+    def slope(y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of ln(T/T0), theta and collisions per disk by rate0 t."""
         log_T, theta, _collisions = y
-        translation, rotation = changes_per_collision(np.asarray(max(theta, 0.0)), law, k)
-        speed = math.exp(0.5 * log_T)
-        return speed * float(translation), speed * float(rotation - theta * translation), speed
+        translation, rotation = changes_per_collision(max(theta, 0.0), law, k)
+        return math.exp(0.5 * log_T) * np.array([translation, rotation - theta * translation, 1.0])
 
-    solution = solve_ivp(
-        slope,
-        (0.0, rate0 * when[-1]),
-        (0.0, T_rot0 / T0, 0.0),
-        method="DOP853",
-        t_eval=rate0 * when,
-        rtol=1e-10,
-        atol=1e-12,
-    )
-    if not solution.success:
-        raise RuntimeError(f"the cooling equations could not be integrated: {solution.message}")
-    log_T, theta, collisions = solution.y
+    log_T, theta, collisions = cooled(slope, np.array([0.0, T_rot0 / T0, 0.0]), rate0 * when)
     T = T0 * np.exp(log_T)
     return T, theta * T, collisions
 
@@ -205,26 +220,71 @@ def rough_rates(
     return translation, rotation
 
 
-def cooling_ratio(law: IFRLaw, k: float) -> float | None:
-    """theta = T_rot / T to which a cooling gas tends by the theory; None where it has no such limit up to 1e6.
+class CoolingRatio(NamedTuple):
+    """A ratio theta = T_rot / T that stays in a cooling gas.
 
-    There theta stays: dT_rot / T_rot = dT / T. In simulations of some laws spins get tails that are heavier than
-    Gaussian, and another theta.
+    Attributes
+    ----------
+    theta : float
+    stable : bool
+        True if nearby ratios tend to it, False if they go away from it.
+    """
+
+    theta: float
+    stable: bool
+
+
+def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
+    r"""All theta = T_rot / T > 0 that stay in a cooling gas by the theory, increasing; none of smooth disks.
+
+    A gas may have two stable ones with an unstable one between: to which it tends depends on its start
+    (`cooling_ratio`). In simulations of some laws spins get tails that are heavier than Gaussian, and another theta.
 
     Raises
     ------
     InputError
         As `cooling_rates`.
+
+    Notes
+    -----
+    In the symbols of `cooling_rates` let f = mu (1 + e_n) / c and S = r^2 - f^2, so that J_1 = f / r. With d = r - f,
+    theta changes at a rate that is, times r, a polynomial in d, because S = d (d + 2 f) and
+
+        r A = gamma f + eta r,    r S B = S (eta^2 r + 2 eta gamma f) + 2 gamma^2 f^2 d.
     """
     checked_positive(k=k)
     checked_law(law)
+    c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
+    eta, gamma, f = (1.0 + law.e_t) / (2.0 * (1.0 + k)), 0.5 * c, law.mu * (1.0 + law.e_n) / c
+    d = Polynomial([0.0, 1.0 / (1.0 + f)])  # of order 1, however large f
+    r, S = d + f, d * (d + 2.0 * f)
+    theta = (S - 1.0) / k
+    A = gamma * f + eta * r
+    SB = S * (eta**2 * r + 2.0 * eta * gamma * f) + 2.0 * (gamma * f) ** 2 * d
+    change = 2.0 * k * (SB - theta * A) - theta * (-0.5 * (1.0 - law.e_n**2) * r - A + SB)
+    if not np.any(change.coef):
+        return ()
+    roots = change.trim().roots()
+    real = np.sort(roots.real[(roots.imag == 0.0) & (roots.real > 0.0)])
+    found = [(float(theta(one)), bool(change.deriv()(one) < 0.0)) for one in real]
+    return tuple(CoolingRatio(*one) for one in found if one[0] > 1e-12)
 
-    def drift(log_theta: float) -> float:
-        theta = math.exp(log_theta)
-        translation, rotation = changes_per_collision(theta, law, k)
-        return float(rotation / theta - translation)
 
-    low, high = -30.0, math.log(1e6)
-    if drift(low) <= 0.0 or drift(high) >= 0.0:
-        return None
-    return math.exp(brentq(drift, low, high, xtol=1e-13))
+def cooling_ratio(law: IFRLaw, k: float, theta0: float) -> float:
+    """T_rot / T to which a cooling gas with T_rot / T = theta0 tends by the theory; inf where T_rot outlives T.
+
+    Raises
+    ------
+    InputError
+        As `cooling_ratios`, or if theta0 is not a finite number of 0 or more.
+    """
+    if not (math.isfinite(theta0) and theta0 >= 0.0):
+        raise InputError(f"theta0 = {theta0}: a finite number of 0 or more is needed")
+    ratios = [one.theta for one in cooling_ratios(law, k)]
+    translation, rotation = (float(one) for one in changes_per_collision(theta0, law, k))
+    rising = rotation - theta0 * translation
+    if rising == 0.0:
+        return theta0
+    if rising > 0.0:
+        return min((one for one in ratios if one > theta0), default=math.inf)
+    return max((one for one in ratios if one < theta0), default=0.0)

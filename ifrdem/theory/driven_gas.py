@@ -18,10 +18,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from .collisions import collision_rate
 from .cooling_gas import checked_times, cooling_rates
@@ -108,6 +106,8 @@ class _Balance:
 
     def steady_spins(self, T: float) -> float:
         """T_rot at which spins get what they lose, at a given T; nan if both are nothing, inf if they get more."""
+        from scipy.optimize import brentq
+
         if self(T, 0.0)[1] <= 0.0:
             return math.nan if self(T, T)[1] == 0.0 else 0.0
         high = T
@@ -139,6 +139,8 @@ def steady_state(
     InputError
         As `theory.cooling_rates`.
     """
+    from scipy.optimize import brentq
+
     balance = _Balance(law, mass, radius, k, packing_fraction, drive)
 
     def heating(log_T: float) -> float:
@@ -200,6 +202,8 @@ def driven(
         As `theory.cooling_rates`, if the times decrease or are negative, or nothing moves (T0 = 0) and only spins, if
         any, are driven: without motion there are no collisions.
     """
+    from scipy.integrate import solve_ivp
+
     when = checked_times(times)
     if not (0.0 <= T0 < math.inf and 0.0 <= T_rot0 < math.inf):
         raise InputError(f"T0 = {T0}, T_rot0 = {T_rot0}: finite numbers of 0 or more are needed")
@@ -229,6 +233,6 @@ def driven(
         atol=1e-12,
     )
     if not solution.success:
-        raise RuntimeError(f"the equations of the driven gas could not be integrated: {solution.message}")
+        raise TheoryError(f"the equations of the driven gas could not be integrated: {solution.message}")
     T, T_rot, collisions = solution.y
     return scale * T, scale * T_rot, collisions

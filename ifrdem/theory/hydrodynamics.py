@@ -16,7 +16,9 @@ D. M. Gass, J. Chem. Phys. 54, 1898 (1971), has further approximations, which ad
 wave decays more slowly, it grows beside them: all k < 1/xi, xi^2 = 2 eta / (n m z nu). Noise feeds it: in a gas that is
 homogeneous and thermal at first, let S be the energy of a mode in units of its thermal share T / 2, at the same time.
 Then dS/dtau = z (1 - k^2 xi^2) S + z k^2 xi^2 in tau, collisions per disk: noise is what keeps S = 1 without losses.
-T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997).
+T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997). Of rough disks z and xi
+change with T_rot / T. With Z and X, the integrals of z and z xi^2 over tau, and G = Z - k^2 X, S - 1 is the integral of
+z(tau') exp(G - G') over tau' from 0 to tau; where z and xi stay, [exp(z tau (1 - q)) - 1] / (1 - q) with q = k^2 xi^2.
 
 *Heat modes.* In a long wave that neither grows nor decays beside T the pressure is uniform and nothing flows, so that
 density and temperature differ by factors 1 + r and 1 + q with r p_n + q p_T = 0; losses go with n g n T^(3/2). What a
@@ -33,17 +35,19 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from .collision_averages import checked_law
 from .collisions import collision_rate
 from .contact import checked_positive, compressibility, contact_value
-from .cooling_gas import changes_per_collision, cooling_ratio
+from .cooling_gas import changes_per_collision
 from .sheared_gas import crowding, relaxation
 
 ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+_COLDEST = math.log(1e200)  # of T0 / T: nothing comes after that
+_LONGEST = 1e5  # collisions per disk
+_STEPS = 2000  # of a course: what is interpolated between two of them is off by their square
 
 
 class ShearModes(NamedTuple):
@@ -52,26 +56,27 @@ class ShearModes(NamedTuple):
     Attributes
     ----------
     collisions_per_disk : float
-        Since the gas was homogeneous and thermal; infinite if they never do.
+        Since the gas was homogeneous and thermal; infinite if they do not within 1e5, or before T is 1e-200 T0.
     time : float
-        The same [time], with T falling like exp(-z collisions_per_disk).
+        The same [time].
     """
 
     collisions_per_disk: float
     time: float
 
 
-def _theta(law: IFRLaw, k: float, theta: float | None) -> float:
-    """The ratio T_rot / T that was given, or the one to which the cooling gas tends."""
+def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
+    """The ratio T_rot / T that was given; 0 without one of smooth disks, to whose spins nothing couples."""
     checked_law(law)
     if theta is None:
         if law.mu == 0.0 and law.e_t == -1.0:
-            return 0.0  # nothing couples to the spins
-        theta = cooling_ratio(law, k)
-        if theta is None:
-            raise InputError("theta: T_rot / T of this law has no limit in a cooling gas; say which")
+            return 0.0
+        raise InputError(
+            f"{name}: T_rot / T is needed; of a gas of such disks that cools it changes (`theory.cooling`), and tends "
+            "to one of `theory.cooling_ratios`"
+        )
     if not (math.isfinite(theta) and theta >= 0.0):
-        raise InputError(f"theta = {theta}: a finite number of 0 or more is needed")
+        raise InputError(f"{name} = {theta}: a finite number of 0 or more is needed")
     return theta
 
 
@@ -96,19 +101,19 @@ def shear_viscosity(
     k : float
         Shape number in I = m R^2 / k.
     theta : float, optional
-        T_rot / T; that to which the cooling gas tends by default.
+        T_rot / T at the time; not needed of smooth disks. In a gas that cools it changes.
 
     Raises
     ------
     InputError
-        If a property is not positive, the law has rolling friction or no limit of theta.
+        If a property is not positive, the law has rolling friction, or theta is missing.
 
     Notes
     -----
     That crowding acts as in a gas of nearly elastic disks is assumed; friction enters through l and z only.
     """
     checked_positive(packing_fraction=packing_fraction, T=T, mass=mass, radius=radius, k=k)
-    z, ell = _losses(law, k, _theta(law, k, theta))
+    z, ell = _losses(law, k, _theta(law, theta))
     nu = collision_rate(packing_fraction, T, mass, radius)
     more, contact = crowding(packing_fraction, law.e_n)
     return packing_fraction / (math.pi * radius**2) * T / nu * (more**2 / (ell - 0.5 * z) + contact)
@@ -146,15 +151,15 @@ def shear_length(
 ) -> float:
     """Wavelength L_s = 2 pi xi [length] above which shear modes of a cooling gas grow beside thermal velocities.
 
-    Infinite where nothing cools. It depends neither on mass nor on temperature. A periodic box shorter than it keeps
-    the gas free of vortices.
+    Infinite where nothing cools. It depends neither on mass nor on temperature, but on T_rot / T: waves of rough disks
+    that grow at first may decay later. `shear_mode_energy` follows them from the start.
 
     Parameters
     ----------
     law, radius, packing_fraction, k, theta
         As for `shear_viscosity`.
     """
-    z, _ = _losses(law, k, _theta(law, k, theta))
+    z, _ = _losses(law, k, _theta(law, theta))
     if z <= 0.0:
         return math.inf
     eta = shear_viscosity(packing_fraction, 1.0, 1.0, radius, law=law, k=k, theta=theta)
@@ -202,6 +207,70 @@ def clustering_length(e_n: float, radius: float, packing_fraction: float) -> flo
     return 2.0 * math.pi * math.sqrt(kappa / (n * z * nu * drive))
 
 
+class _Course(NamedTuple):
+    """A homogeneous gas that cools, at collisions per disk tau (steps,): see the module's text.
+
+    Attributes
+    ----------
+    tau : array
+        Collisions per disk.
+    lost : array
+        Z, ln(T0 / T).
+    spread : array
+        X [length^2], the integral of z xi^2.
+    time : array
+        In units of the first mean free time.
+    """
+
+    tau: NDArray[np.float64]
+    lost: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    time: NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls, law: IFRLaw, radius: float, packing_fraction: float, k: float, theta0: float, end: float
+    ) -> _Course:
+        """Until tau = end, or earlier until T0 / T is 1e200."""
+        from scipy.integrate import solve_ivp
+
+        nu = collision_rate(packing_fraction, 1.0, 1.0, radius)
+        per_eta = 2.0 * math.pi * radius**2 / (packing_fraction * nu)
+
+        def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float, float]:
+            lost, theta, _spread, _time = y
+            theta = max(theta, 0.0)
+            translation, rotation = (float(one) for one in changes_per_collision(theta, law, k))
+            eta = shear_viscosity(packing_fraction, 1.0, 1.0, radius, law=law, k=k, theta=theta)
+            return -translation, rotation - theta * translation, per_eta * eta, math.exp(0.5 * lost)
+
+        def cold(_: float, y: NDArray[np.float64]) -> float:
+            return float(y[0]) - _COLDEST
+
+        cold.terminal = True  # type: ignore[attr-defined]
+        found = solve_ivp(
+            slope, (0.0, end), (0.0, theta0, 0.0, 0.0), method="LSODA", events=cold, dense_output=True,
+            rtol=1e-9, atol=1e-10,
+        )  # fmt: skip
+        if not found.success:
+            raise TheoryError(f"the cooling equations could not be integrated: {found.message}")
+        tau = np.linspace(0.0, float(found.t[-1]), _STEPS + 1)
+        lost, _, spread, time = found.sol(tau)
+        return cls(tau, lost, spread, time)
+
+    def excess(self, waves_q2: NDArray[np.float64], times: NDArray[np.intp]) -> NDArray[np.float64]:
+        """Sum of S - 1 over waves (k / 2 pi)^2, each so many times, that have grown on the whole, at all tau."""
+        grown = self.lost[:, None] - (2.0 * math.pi) ** 2 * waves_q2 * self.spread[:, None]
+        rise = np.diff(grown, axis=0)  # linear in tau over a step, as what is lost
+        small = np.abs(rise) < 1e-12
+        fed = np.diff(self.lost)[:, None] * np.where(small, 1.0, np.expm1(rise) / np.where(small, 1.0, rise))
+        S, total = np.zeros(len(waves_q2)), np.zeros(len(self.tau))
+        for i, (factor, more) in enumerate(zip(np.exp(rise), fed, strict=True), start=1):
+            S = S * factor + more
+            total[i] = float(np.sum((S * times)[grown[i] > 0.0]))
+        return total
+
+
 def shear_mode_energy(
     collisions_per_disk: float,
     law: IFRLaw,
@@ -210,12 +279,12 @@ def shear_mode_energy(
     box: tuple[float, float],
     *,
     k: float = 2.0,
-    theta: float | None = None,
+    theta0: float | None = None,
 ) -> float:
     """Energy of growing shear modes beyond their thermal share, as part of the thermal energy N T of all N disks.
 
-    (1 / 2N) sum (S - 1) over the waves of a periodic box that are longer than `shear_length`, with
-    S - 1 = [exp(z tau (1 - k^2 xi^2)) - 1] / (1 - k^2 xi^2). Where it is small, the gas is still homogeneous.
+    (1 / 2N) sum (S - 1) over the waves of a periodic box that have grown since the start, Z > k^2 X (module's text).
+    Where it is small, the gas is still homogeneous.
 
     Parameters
     ----------
@@ -223,27 +292,33 @@ def shear_mode_energy(
         tau since the gas was homogeneous and thermal.
     box : two floats
         Sides of the periodic box [length].
-    law, radius, packing_fraction, k, theta
+    law, radius, packing_fraction, k
         As for `shear_length`.
+    theta0 : float, optional
+        T_rot / T at the start, from where it changes as the gas cools; not needed of smooth disks.
+
+    Raises
+    ------
+    InputError
+        As `shear_length`; if a side of the box is not positive.
     """
-    growth, n = _growing(law, radius, packing_fraction, box, k, theta)
-    z = -float(changes_per_collision(_theta(law, k, theta), law, k)[0])
-    return float(np.sum(excess(z * collisions_per_disk, growth))) / (2.0 * n)
+    if collisions_per_disk == 0.0:
+        return 0.0
+    _, share = _mode_energy(law, radius, packing_fraction, box, k, theta0, collisions_per_disk)
+    return float(share[-1])
 
 
-def _growing(
-    law: IFRLaw,
-    radius: float,
-    packing_fraction: float,
-    box: tuple[float, float],
-    k: float,
-    theta: float | None,
-) -> tuple[NDArray[np.float64], float]:
-    """1 - k^2 xi^2 of all waves for which it is positive, and how many disks the box holds."""
-    checked_positive(box_x=box[0], box_y=box[1])
-    longest = shear_length(law, radius, packing_fraction, k=k, theta=theta)
+def _mode_energy(
+    law: IFRLaw, radius: float, packing_fraction: float, box: tuple[float, float], k: float,
+    theta0: float | None, end: float,
+) -> tuple[_Course, NDArray[np.float64]]:  # fmt: skip
+    """The course of the gas until tau = end, and `shear_mode_energy` at its times."""
+    checked_positive(box_x=box[0], box_y=box[1], radius=radius, k=k, packing_fraction=packing_fraction)
+    course = _Course.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
     n = packing_fraction * box[0] * box[1] / (math.pi * radius**2)
-    return (np.empty(0) if math.isinf(longest) else 1.0 - waves(box, 2.0 * math.pi / longest) * longest**2), n
+    most = math.sqrt(max(float(np.max(course.lost[1:] / course.spread[1:])), 0.0))
+    found = np.unique(waves(box, most), return_counts=True)
+    return course, course.excess(*found) / (2.0 * n)
 
 
 def waves(box: tuple[float, float], most: float) -> NDArray[np.float64]:
@@ -271,7 +346,7 @@ def shear_mode_time(
     *,
     share: float = 0.02,
     k: float = 2.0,
-    theta: float | None = None,
+    theta0: float | None = None,
 ) -> ShearModes:
     """When growing shear modes hold `share` of the thermal energy in a periodic box: until about then theory holds.
 
@@ -280,7 +355,7 @@ def shear_mode_time(
 
     Parameters
     ----------
-    law, radius, packing_fraction, box, k, theta
+    law, radius, packing_fraction, box, k, theta0
         As for `shear_mode_energy`.
     mass : float
         [mass].
@@ -292,22 +367,21 @@ def shear_mode_time(
     Raises
     ------
     InputError
-        As `shear_length`; if a side of the box, the mass, T0 or the share is not positive.
+        As `shear_mode_energy`; if the mass, T0 or the share is not positive.
     """
     checked_positive(share=share)
     nu0 = collision_rate(packing_fraction, T0, mass, radius)
-    growth, n = _growing(law, radius, packing_fraction, box, k, theta)
-    if len(growth) == 0:
-        return ShearModes(math.inf, math.inf)
-    z = -float(changes_per_collision(_theta(law, k, theta), law, k)[0])
-
-    def missing(x: float) -> float:
-        """Of the share, at z tau = x."""
-        return float(np.sum(excess(x, growth))) / (2.0 * n) - share
-
-    high = 1.0
-    while missing(high) < 0.0:
-        high *= 2.0
-    x = float(brentq(missing, 0.0, high, rtol=1e-12))
-    # dt = dtau / nu, nu = nu0 exp(-z tau / 2)
-    return ShearModes(x / z, 2.0 / (z * nu0) * math.expm1(0.5 * x))
+    end, last = 8.0, 0.0
+    while True:
+        course, found = _mode_energy(law, radius, packing_fraction, box, k, theta0, end)
+        if found.max() >= share:
+            break
+        if course.tau[-1] == last or end > _LONGEST:
+            return ShearModes(math.inf, math.inf)
+        end, last = 2.0 * end, float(course.tau[-1])
+    first = int(np.argmax(found >= share))
+    part = (share - found[first - 1]) / (found[first] - found[first - 1])
+    tau, time = (
+        float(one[first - 1] + part * (one[first] - one[first - 1])) for one in (course.tau, course.time)
+    )
+    return ShearModes(tau, time / nu0)

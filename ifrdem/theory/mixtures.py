@@ -18,15 +18,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 
-from ..errors import InputError
+from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
 from .collision_averages import Disk, checked_law, energy_changes
 from .collisions import mixture_collision_rates
 from .contact import Contact, checked_packing_fraction, mixture_contact_values
-from .cooling_gas import checked_times
+from .cooling_gas import checked_times, cooled
 from .driven_gas import Drive
 
 MOST_SPECIES = 64  # every pair of them is summed at every step
@@ -273,8 +272,8 @@ def mixture_cooling(
     if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
         return _unpacked(np.tile(start, (len(when), 1)).T, mean0, s)
 
-    def slope(_: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Derivatives, by rate0 t, of ln(T/T0) of all disks, T_i/T, T_rot,i/T and collisions: all of order 1."""
+    def slope(y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives, by rate0 t, of ln(T/T0) of all disks, T_i/T, T_rot,i/T and collisions."""
         part, part_rot = np.maximum(y[1 : 1 + s], 0.0), np.maximum(y[1 + s : 1 + 2 * s], 0.0)
         speed = math.exp(0.5 * y[0])
         often = mixture.collision_rates(part * mean0) / rate0  # at T = T0; rates go with sqrt(T)
@@ -284,12 +283,7 @@ def mixture_cooling(
             [[change], translation - part * change, rotation - part_rot * change, often.sum(axis=1)]
         )
 
-    solution = solve_ivp(
-        slope, (0.0, rate0 * when[-1]), start, method="DOP853", t_eval=rate0 * when, rtol=1e-10, atol=1e-12
-    )
-    if not solution.success:
-        raise RuntimeError(f"the cooling equations could not be integrated: {solution.message}")
-    return _unpacked(solution.y, mean0, s)
+    return _unpacked(cooled(slope, start, rate0 * when), mean0, s)
 
 
 def _unpacked(y: NDArray[np.float64], mean0: float, s: int) -> MixtureTemperatures:
@@ -307,6 +301,8 @@ def mixture_driven(
     InputError
         As `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
     """
+    from scipy.integrate import solve_ivp
+
     when = checked_times(times)
     T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
     s = mixture.species
@@ -336,6 +332,6 @@ def mixture_driven(
         method="LSODA", t_eval=when, rtol=1e-9, atol=1e-12,
     )  # fmt: skip
     if not solution.success:
-        raise RuntimeError(f"the equations of the driven mixture could not be integrated: {solution.message}")
+        raise TheoryError(f"the equations of the driven mixture could not be integrated: {solution.message}")
     y = solution.y
     return MixtureTemperatures(scale * y[:s].T, scale * y[s : 2 * s].T, y[2 * s :].T)

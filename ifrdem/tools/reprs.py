@@ -33,7 +33,7 @@ def brief(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else repr(value)
 
 
-def _array(value: NDArray) -> str:
+def _array(value: NDArray[Any]) -> str:
     shape = str(value.shape)
     if value.dtype.kind == "b":
         return f"{shape} with {np.count_nonzero(value)} true"

@@ -64,6 +64,11 @@ class QueuedWriter:
         return self._writer.path
 
     @property
+    def gone(self) -> str | None:
+        """Reason why the file is not at its place any more; None if it is."""
+        return self._writer.gone
+
+    @property
     def series_rows(self) -> int:
         """Number of committed rows of the series."""
         return self._writer.series_rows

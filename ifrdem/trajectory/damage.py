@@ -1,8 +1,11 @@
-"""Reading from HDF5 files of which parts may be damaged."""
+"""Reading from HDF5 files that may be damaged, or made to do harm."""
 
 from __future__ import annotations
 
+import contextlib
 import itertools
+import os
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import h5py
@@ -11,13 +14,43 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 
+FAULTS = (
+    OSError, RuntimeError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError,
+)  # fmt: skip
+"""Exceptions of HDF5, NumPy, JSON and Python about content that is not what it should be."""
+HINT = "; `ifrdem repair` keeps what is whole"
+DEFLATE_MOST = 1032  # numbers of bytes that deflate makes of one, at most (zlib's technical details)
+
 
 class DamageError(InputError):
-    """A part of a trajectory file that cannot be read."""
+    """A part of a file that cannot be read."""
 
 
-def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray:
-    """What `dataset[selection]` gives; selections are numbers and slices.
+class DamageWarning(UserWarning):
+    """A part of a file is left out, because it cannot be read and nothing else needs it."""
+
+
+@contextlib.contextmanager
+def reading(path: str | os.PathLike[str], part: str, hint: str = HINT) -> Iterator[None]:
+    """Turn every fault of a file's content inside into a DamageError that names the file and its part.
+
+    Only for what reads and checks; faults of a computation are not the file's.
+    """
+    try:
+        yield
+    except InputError as error:
+        if os.fspath(path) in str(error):
+            raise
+        raise DamageError(f"{os.fspath(path)} is damaged: {part}: {error}{hint}") from error
+    except FAULTS as error:
+        reason = f"{error.args[0]} is missing" if type(error) is KeyError and error.args else str(error)
+        raise DamageError(
+            f"{os.fspath(path)} is damaged: {part} cannot be read ({reason or type(error).__name__}){hint}"
+        ) from error
+
+
+def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
+    """Numbers of a dataset, `dataset[selection]`; selections are numbers and slices.
 
     HDF5 notices damage in compressed data (deflate has a checksum) and in its own bookkeeping; changed numbers in
     uncompressed data look like other numbers. Where its bookkeeping has lost a chunk, it gives zeros; that is noticed
@@ -26,46 +59,151 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray:
     Raises
     ------
     DamageError
-        If HDF5 cannot read it; the message names the file and the dataset.
+        If HDF5 cannot read it, there are no numbers, or more than the file has room for; the message names the file and
+        the dataset.
     """
-    try:
+    with reading(dataset.file.filename, str(dataset.name)):
+        if dataset.dtype.kind not in "biuf":
+            raise TypeError(f"it holds {dataset.dtype}, and numbers are needed")
+        chosen = _chosen(dataset, selection)
+        size = dataset.dtype.itemsize
+        for one in chosen:
+            size *= len(one)
+        most = dataset.file.id.get_filesize() * (DEFLATE_MOST if dataset.compression else 1)
+        if size > most:
+            raise ValueError(f"{size} bytes of it are asked for, and the file can hold no more than {most}")
         value = dataset[selection]
-        missing = _lacks(dataset, selection, value)
-    except (OSError, RuntimeError) as error:
-        raise DamageError(_message(dataset, str(error))) from error
-    if missing:
-        raise DamageError(_message(dataset, "a chunk is missing"))
+        if _lacks(dataset, chosen, value):
+            raise ValueError("a chunk is missing")
     return value
 
 
-def _message(dataset: h5py.Dataset, reason: str) -> str:
+def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | float:
+    """A text or a number that stands alone; `errors` is what to do with bytes that are no UTF-8 (`bytes.decode`).
+
+    Raises
+    ------
+    DamageError
+        If it is neither, or cannot be read.
+    """
+    with reading(dataset.file.filename, str(dataset.name)):
+        if dataset.shape != ():
+            raise TypeError(f"its shape is {dataset.shape}, and one text or number is needed")
+        value = dataset[()]
+        if isinstance(value, bytes):
+            return value.decode(errors=errors)
+        if dataset.dtype.kind not in "biuf":
+            raise TypeError(f"it holds {dataset.dtype}, and a text or a number is needed")
+        return value.item()
+
+
+def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "iuf") -> None:
+    """Refuse a dataset of another shape (None: any length) or of other kinds of numbers (NumPy's letters).
+
+    Raises
+    ------
+    DamageError
+        With what is there and what is needed.
+    """
+    with reading(dataset.file.filename, str(dataset.name)):
+        found = dataset.shape
+        fits = len(found) == len(shape) and all(
+            b is None or a == b for a, b in zip(found, shape, strict=True)
+        )
+        if not fits or dataset.dtype.kind not in kinds:
+            needed = ", ".join("any" if one is None else str(one) for one in shape)
+            kind = " or ".join({"f": "floats", "i": "integers", "u": "counts"}[one] for one in kinds)
+            raise TypeError(
+                f"it holds {dataset.dtype} of shape {found}, and {kind} of shape ({needed}) are needed"
+            )
+
+
+def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = None) -> None:
+    """Refuse data that lie elsewhere, before anything is read: HDF5 would follow them to any file or pipe.
+
+    Parameters
+    ----------
+    file : h5py.File
+    path : str
+        Its path, for messages.
+    views : mapping, optional
+        Name of each virtual dataset that there may be -> name of the dataset of the same file that it shows.
+
+    Raises
+    ------
+    InputError
+        If there are links to other files, datasets whose numbers lie in other files, or other virtual datasets.
+    """
+    allowed = views or {}
+
+    links: list[tuple[bytes, int]] = []  # looked at later: h5py loses exceptions in here
+    with reading(path, "its list of contents"):
+        file.id.links.visit(lambda name, info: links.append((name, info.type)), info=True)
+    for name, kind in links:
+        try:
+            wrong = _elsewhere(file, name, kind, allowed)
+        except FAULTS:  # what cannot be opened leads nowhere; who reads it is told
+            continue
+        if wrong is not None:
+            raise InputError(
+                f"{path} is refused: {text_of(name)} {wrong}; a file of ifrdem holds its own data"
+            )
+
+
+def text_of(name: bytes | str) -> str:
+    """A name in a file; h5py gives bytes where it is no UTF-8."""
+    return name if isinstance(name, str) else name.decode(errors="backslashreplace")
+
+
+def _elsewhere(file: h5py.File, name: bytes, kind: int, views: Mapping[str, str]) -> str | None:
+    """Description of a link to other files, or of a dataset whose numbers lie elsewhere."""
+    if kind == h5py.h5l.TYPE_SOFT:  # within the file, where everything is looked at
+        return None
+    if kind != h5py.h5l.TYPE_HARD:
+        return "is a link to another file"
+    if h5py.h5o.get_info(file.id, name).type != h5py.h5o.TYPE_DATASET:
+        return None
+    # Not `Dataset.shape`: HDF5 opens the sources of a virtual dataset to tell it.
+    settings = h5py.h5d.open(file.id, name).get_create_plist()
+    if settings.get_external_count():
+        return "holds its numbers in another file"
+    if settings.get_layout() != h5py.h5d.VIRTUAL:
+        return None
+    source = views.get(name.decode(errors="replace"))
+    shown = {
+        (settings.get_virtual_filename(i), settings.get_virtual_dsetname(i))
+        for i in range(settings.get_virtual_count())
+    }
     return (
-        f"{dataset.file.filename} is damaged: {dataset.name} cannot be read ({reason}); "
-        "`ifrdem repair` keeps what is whole"
+        None if source is not None and shown <= {(".", source)} else "is a virtual dataset of another place"
     )
 
 
-def _lacks(dataset: h5py.Dataset, selection: Any, value: NDArray) -> bool:
-    """Whether a chunk of the selected part is not in the file; only one that reads as zeros can be."""
-    if dataset.chunks is None or dataset.is_virtual or dataset.size == 0:
-        return False
+def _chosen(dataset: h5py.Dataset, selection: Any) -> list[range]:
+    """Selected indices along each axis."""
     parts = selection if isinstance(selection, tuple) else (selection,)
-    lengths, chunks = [], []
-    for axis, (length, chunk) in enumerate(zip(dataset.shape, dataset.chunks, strict=True)):
+    chosen = []
+    for axis, length in enumerate(dataset.shape):
         part = parts[axis] if axis < len(parts) else slice(None)
-        chosen = range(length)[part] if isinstance(part, slice) else range(length)[part:][:1]
-        lengths.append(len(chosen))
-        if len(chosen) == 0:
-            return False
-        low, high = sorted((chosen[0], chosen[-1]))
-        whole = len(chosen) == high - low + 1 and chosen[0] == low
+        chosen.append(range(length)[part] if isinstance(part, slice) else range(length)[part:][:1])
+    return chosen
+
+
+def _lacks(dataset: h5py.Dataset, chosen: list[range], value: NDArray) -> bool:
+    """Whether a chunk of the selected part is not in the file; only one that reads as zeros can be."""
+    if dataset.chunks is None or dataset.is_virtual or 0 in map(len, chosen):
+        return False
+    chunks = []
+    for one, chunk in zip(chosen, dataset.chunks, strict=True):
+        low, high = sorted((one[0], one[-1]))
+        whole = len(one) == high - low + 1 and one[0] == low
         chunks.append(
             [
                 (first, slice(max(first - low, 0), first + chunk - low) if whole else slice(None))
                 for first in range(low // chunk * chunk, high + 1, chunk)
             ]
         )
-    block = np.reshape(value, lengths)
+    block = np.reshape(value, [len(one) for one in chosen])
     for corner in itertools.product(*chunks):
         if not block[tuple(part for _, part in corner)].any():
             try:  # much quicker than to ask where it is

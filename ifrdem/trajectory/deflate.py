@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ class Deflate:
         """Whether ISA-L is there; otherwise the file's own filter has to compress."""
         return self._zlib is not None
 
-    def compress(self, chunks: Sequence[NDArray]) -> Iterator[bytes]:
+    def compress(self, chunks: Sequence[NDArray[Any]]) -> Iterator[bytes]:
         """The stored bytes of each chunk, in order."""
         return self._pool.map(self._compress, chunks)
 
@@ -74,12 +75,12 @@ class Deflate:
         if self.available:
             self._pool.shutdown()
 
-    def _compress(self, chunk: NDArray) -> bytes:
+    def _compress(self, chunk: NDArray[Any]) -> bytes:
         assert self._zlib is not None
         return self._zlib.compress(shuffled(chunk), LEVEL)
 
 
-def shuffled(chunk: NDArray) -> NDArray[np.uint8]:
+def shuffled(chunk: NDArray[Any]) -> NDArray[np.uint8]:
     """The bytes of an array as HDF5's shuffle filter orders them: all first bytes, all second ones, ..."""
     size = chunk.dtype.itemsize
     return np.ascontiguousarray(np.ascontiguousarray(chunk).reshape(-1).view(np.uint8).reshape(-1, size).T)

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, printable
 from ..run.outputs import check_apart, write_aside
 from . import tables
+from .damage import FAULTS
 from .frame import SPIN
 from .history import History
 from .reader import Trajectory
@@ -65,7 +66,7 @@ def export(
 
 def write_history(history: History, place: Path) -> None:
     """A disk's events as CSV with a header, a line an event; every digit is kept."""
-    found: dict[str, NDArray] = {}
+    found: dict[str, NDArray[Any]] = {}
     for name, value in history.columns.items():
         ends = ("n", "t") if name == "impulse" else ()
         found.update(tables.columns(name, value, ends))
@@ -74,7 +75,7 @@ def write_history(history: History, place: Path) -> None:
     )
 
 
-def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray]) -> None:
+def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray[Any]]) -> None:
     with place.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
@@ -82,12 +83,12 @@ def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray]) -> None:
             writer.writerows(block.tolist())
 
 
-def _texts(column: NDArray) -> NDArray:
+def _texts(column: NDArray[Any]) -> NDArray[Any]:
     """Numbers as the shortest texts from which they come back."""
     return column.astype(str)
 
 
-def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray]:
+def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
     """The fields of a frame in the precision in which they are stored."""
     frame = trajectory[index]
     return {name: frame[name].astype(trajectory.dataset(name).dtype) for name in trajectory.fields}
@@ -97,7 +98,7 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     n = trajectory.disks.n
     names = [end for name, value in _empty(trajectory).items() for end, _ in tables.columns(name, value)]
 
-    def blocks() -> Iterable[NDArray]:
+    def blocks() -> Iterable[NDArray[Any]]:
         ids = np.arange(n).astype(str)
         for index in frames:
             flat = [
@@ -111,7 +112,7 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     _rows(place, ["frame", "time", "id", *names], blocks())
 
 
-def _empty(trajectory: Trajectory) -> dict[str, NDArray]:
+def _empty(trajectory: Trajectory) -> dict[str, NDArray[Any]]:
     """No disks, in the shapes of the fields."""
     return {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
 
@@ -123,22 +124,26 @@ def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
         species = json.loads(str(trajectory.parameters["species"]))
         names, counts = [str(one["name"]) for one in species], [int(one["number"]) for one in species]
         if min(counts) >= 0 and sum(counts) == len(material):
-            return names, np.repeat(np.arange(len(names)), counts)
-    except (KeyError, TypeError, ValueError):  # parameters may be anybody's
+            return [*map(printable, names)], np.repeat(np.arange(len(names)), counts)
+    except FAULTS:  # parameters may be anybody's
         pass
     try:
         names = json.loads(str(trajectory.parameters["materials"]))
         known = isinstance(names, list) and all(isinstance(name, str) for name in names)
         if known and len(names) > material.max(initial=-1):
-            return names, material.astype(np.intp)
-    except (KeyError, TypeError, ValueError):
+            return [*map(printable, names)], material.astype(np.intp)
+    except FAULTS:
         pass
     return None
 
 
 def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     disks, box = trajectory.disks, trajectory.box
-    constant: dict[str, NDArray] = {"radius": disks.radius, "mass": disks.mass, "material": disks.material}
+    constant: dict[str, NDArray[Any]] = {
+        "radius": disks.radius,
+        "mass": disks.mass,
+        "material": disks.material,
+    }
     species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
     first, first_properties = [species], ["species:S:1"]
     if named := kinds(trajectory):
@@ -228,7 +233,7 @@ def _snapshot(hoomd: Any, trajectory: Trajectory, index: int) -> Any:
     return snapshot
 
 
-def _about_z(real: NDArray, along_z: NDArray) -> NDArray:
+def _about_z(real: NDArray[Any], along_z: NDArray[Any]) -> NDArray[Any]:
     """Quaternions (real, 0, 0, z), shape (n, 4)."""
     zero = np.zeros_like(real)
     return np.stack((real, zero, zero, along_z), axis=1)

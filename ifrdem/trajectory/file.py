@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import secrets
 import shutil
 import time
 import weakref
@@ -17,8 +16,10 @@ import h5py
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools import beside
 from .ordered_file import OrderedFile
 
+LOST = "its frames are not at their place any more"
 LOCK_WAIT = 2.0  # seconds for which a lock may yet be given back
 
 
@@ -127,6 +128,14 @@ class OutputFile:
         """Where the file is until it is published, and then."""
         return self._present
 
+    @property
+    def identity(self) -> tuple[int, int] | None:
+        """Device and number of the open file on its file system; None where the system does not tell."""
+        if self._raw is None or not self.file:
+            return None
+        own = os.fstat(self._raw.fileno())
+        return own.st_dev, own.st_ino
+
     def publish(self) -> None:
         """Put the file at its place."""
         if self._present == self.path:
@@ -159,12 +168,8 @@ class OutputFile:
         """
         if self._raw is not None:
             own = os.fstat(self._raw.fileno())
-            try:
-                there = os.stat(self._present)
-            except FileNotFoundError:
-                raise FileNotFoundError("somebody has deleted or moved it meanwhile") from None
-            if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
-                raise FileNotFoundError("somebody has replaced it meanwhile")
+            if reason := gone(self._present, self.identity):
+                raise FileNotFoundError(reason)
         size = self.file.id.get_filesize()
         if self._raw is None or not hasattr(os, "posix_fallocate"):
             if shutil.disk_usage(self._present.parent).free < room:
@@ -201,9 +206,8 @@ class OutputFile:
             reason = (
                 os.strerror(caught.errno) if isinstance(caught, OSError) and caught.errno else str(caught)
             )
-            raise TrajectoryError(
-                f"{self.path}: {what} could not be written ({reason}); {kept()}"
-            ) from caught
+            left = LOST if gone(self._present, self.identity) else kept()
+            raise TrajectoryError(f"{self.path}: {what} could not be written ({reason}); {left}") from caught
 
     def flush(self) -> None:
         """Have all that was written on its way to the disk.
@@ -256,6 +260,17 @@ class OutputFile:
                 self._present.unlink(missing_ok=True)
 
 
+def gone(path: Path, identity: tuple[int, int] | None) -> str | None:
+    """Reason why a file that was written is not at its place any more; None if it is, or that is not known."""
+    if identity is None:
+        return None
+    try:
+        there = os.stat(path)
+    except FileNotFoundError:
+        return "somebody has deleted or moved it meanwhile"
+    return None if (there.st_dev, there.st_ino) == identity else "somebody has replaced it meanwhile"
+
+
 def _ordered(path: Path) -> OrderedFile | None:
     """The file below HDF5; None where the system has no writing at a place (Windows), and HDF5 opens it itself."""
     return OrderedFile(path) if hasattr(os, "pwrite") else None
@@ -297,9 +312,7 @@ def _check_output(path: Path, given: str | os.PathLike[str], *, force: bool) -> 
 
 def _create_empty(path: Path, given: str | os.PathLike[str]) -> Path:
     """Create an empty file beside `path` and return its path."""
-    beside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
     try:
-        os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666))
+        return beside.create(path)
     except OSError as error:
         raise InputError(f"output {os.fspath(given)} cannot be created: {error.strerror}") from error
-    return beside

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.sealed import Sealed
 
 if TYPE_CHECKING:
     from .reader import Trajectory
@@ -23,14 +24,15 @@ class FrameError(InputError, IndexError):
 class NameMissing(InputError, KeyError):
     """A name that the file does not hold."""
 
-    __str__ = Exception.__str__  # KeyError would put its message into quotes
+    def __str__(self) -> str:  # KeyError would put its message into quotes
+        return Exception.__str__(self)
 
 
 class AttributeMissing(NameMissing, AttributeError):
     """The same, asked for as an attribute."""
 
 
-class Frame:
+class Frame(Sealed):
     """One frame of a trajectory; each array is read when asked for. Floats are float64 whatever is stored.
 
     Every stored field is there by its name, as `frame["velocity"]` and as `frame.velocity`; "spin" is another name of
@@ -44,9 +46,11 @@ class Frame:
         Its time [time].
     """
 
+    index: int
+
     def __init__(self, trajectory: Trajectory, index: int) -> None:
         self._trajectory = trajectory
-        self.index = index
+        self._set(index=index)
 
     def __repr__(self) -> str:
         """Which frame of how many, and when."""
@@ -56,11 +60,11 @@ class Frame:
             f"t = {trajectory.with_unit(f'{self.time:.6g}', 'time')}>"
         )
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         """The same as `field`."""
         return self.field(name)
 
-    def __getattr__(self, name: str) -> NDArray:
+    def __getattr__(self, name: str) -> NDArray[Any]:
         if name.startswith("_"):
             raise AttributeError(name)
         if name not in self._trajectory.fields:
@@ -73,7 +77,7 @@ class Frame:
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *self._trajectory.fields})
 
-    def field(self, name: str) -> NDArray:
+    def field(self, name: str) -> NDArray[Any]:
         """A stored field by its name in the file, shape (n,) or (n, 2).
 
         Raises

@@ -39,7 +39,7 @@ class FrameRows(Rows):
         self.fields = dict(fields)
         self._deflate = deflate
 
-    def _put(self, new: Mapping[str, NDArray]) -> None:
+    def _put(self, new: Mapping[str, NDArray[Any]]) -> None:
         if self._deflate is not None and not self._deflate.available:  # HDF5's filters do it
             super()._put(new)
             return
@@ -55,7 +55,7 @@ class FrameRows(Rows):
         for dataset, place, data in stored:
             self._store(dataset, place, data)
 
-    def _cut(self, new: Mapping[str, NDArray]) -> Iterator[tuple[h5py.Dataset, tuple[int, ...], Any]]:
+    def _cut(self, new: Mapping[str, NDArray[Any]]) -> Iterator[tuple[h5py.Dataset, tuple[int, ...], Any]]:
         """Dataset, place and values of each chunk of the next frame."""
         for name, dataset in self.fields.items():
             for offset, chunk in _chunks(dataset, new[name][0]):
@@ -72,7 +72,7 @@ class FrameRows(Rows):
         return f"{name} of disk {place[0]}{component}"
 
 
-def _chunks(dataset: h5py.Dataset, values: NDArray) -> Iterable[tuple[int, NDArray]]:
+def _chunks(dataset: h5py.Dataset, values: NDArray[Any]) -> Iterable[tuple[int, NDArray[Any]]]:
     """Cut one frame of a field, shape (n, ...), into whole chunks; the last is filled up with zeros."""
     size = dataset.chunks[1]
     for offset in range(0, len(values), size):

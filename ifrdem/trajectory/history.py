@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,7 +16,7 @@ from .frame import NameMissing
 
 GROUP = "histories"
 
-COLUMNS = {
+COLUMNS: dict[str, tuple[int, ...]] = {
     "time": (),
     "partner": (),
     "position": (2,),
@@ -87,12 +88,12 @@ class History:
     disk: int
     start: float
     end: float
-    columns: dict[str, NDArray] = field(repr=False)
+    columns: dict[str, NDArray[Any]] = field(repr=False)
     _box: Box = field(repr=False)
     _gravity: NDArray[np.float64] = field(repr=False)
     _path: _Path = field(repr=False)
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self.columns:
             raise NameMissing(
                 f"a history has no column {name!r}: there are {', '.join(self.columns)}"
@@ -100,7 +101,7 @@ class History:
             )
         return self.columns[name]
 
-    def __getattr__(self, name: str) -> NDArray:
+    def __getattr__(self, name: str) -> NDArray[Any]:
         columns = self.__dict__.get("columns", {})
         if name in columns:
             return columns[name]
@@ -208,13 +209,23 @@ def tracked(file: h5py.File) -> NDArray[np.int32]:
     return damage.read(file[f"{GROUP}/tracked"])
 
 
-def committed(file: h5py.File) -> tuple[int, float]:
-    """How many events of all disks are committed, and up to when histories are complete [time]."""
+def committed(file: h5py.File, path: str) -> tuple[int, float, float]:
+    """Number of committed events of all disks, and the times between which histories are complete [time].
+
+    Raises
+    ------
+    InputError
+        If the file has no histories, or a part of them cannot be read.
+    """
+    if GROUP not in file:
+        raise InputError(
+            f"{path} holds no histories: `histories` under [output] of the case (output.histories) names the disks "
+            "to track, and the run must be made again"
+        )
     group = file[f"{GROUP}/committed"]
-    rows = len(group["events"])  # grows last; the first row is that of the start
-    if rows == 0:
-        raise damage.DamageError(f"{file.filename} is damaged: its histories have no commit")
-    return int(damage.read(group["events"], rows - 1)), float(damage.read(group["time"], rows - 1))
+    last = len(group["events"]) - 1  # grows last; the first row is that of the start
+    count, end = int(damage.read(group["events"], last)), float(damage.read(group["time"], last))
+    return count, float(damage.read(file[f"{GROUP}/start/time"])), end
 
 
 def read(
@@ -229,11 +240,7 @@ def read(
     """
     if not 0 <= disk < len(radius):
         raise InputError(f"disk {disk} of {path}: there are {len(radius)} disks, 0 to {len(radius) - 1}")
-    if GROUP not in file:
-        raise InputError(
-            f"{path} holds no histories: `histories` under [output] of the case (output.histories) names the disks "
-            "to track, and the run must be made again"
-        )
+    count, _, end = committed(file, path)
     ids = tracked(file)
     place = int(np.searchsorted(ids, disk))
     if place == len(ids) or ids[place] != disk:
@@ -243,7 +250,6 @@ def read(
             f"disk {disk} of {path} is not tracked: {len(ids)} of {len(radius)} disks are ({some})"
             + ("" if near is None else f"; the nearest is {near}")
         )
-    count, end = committed(file)
     columns = _events(file, disk, count)
     start = {
         name: damage.read(file[f"{GROUP}/start/{name}"], place if name != "time" else ())
@@ -265,10 +271,10 @@ def read(
     return History(disk, float(time[0]), end, columns, box, np.asarray(gravity, dtype=np.float64), flights)
 
 
-def _events(file: h5py.File, disk: int, count: int) -> dict[str, NDArray]:
+def _events(file: h5py.File, disk: int, count: int) -> dict[str, NDArray[Any]]:
     """The columns of a disk's events among the first `count` of all."""
     events = file[f"{GROUP}/events"]
-    found: dict[str, list[NDArray]] = {
+    found: dict[str, list[NDArray[Any]]] = {
         name: [np.zeros((0, *tail), dtype=events[name].dtype)] for name, tail in COLUMNS.items()
     }
     for first in range(0, count, _BLOCK):

@@ -16,12 +16,14 @@ x(t) = x_e + v_after (t - t_e) + g (t - t_e)^2 / 2 with the parameter `gravity`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..errors import InputError
+from . import damage
 from .staged_group import staged
 
 HISTORIES = "histories"
@@ -85,7 +87,7 @@ START = {
 }
 
 
-def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict[str, NDArray]) -> None:
+def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict[str, NDArray[Any]]) -> None:
     """Write the group with no event yet."""
     with staged(file, HISTORIES) as group:
         group["tracked"] = tracked
@@ -109,7 +111,7 @@ def create(file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict
             group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
 
 
-def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray:
+def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray[Any]:
     """Values in the type of a column.
 
     Raises
@@ -144,11 +146,26 @@ def check_layout(file: h5py.File, path: str) -> None:
     missing = [name for name in needed if name not in group]
     if missing:
         raise InputError(f"{path} is damaged: its histories lack {', '.join(missing)}")
+    damage.expect(group["tracked"], (None,), "i")
+    tracked = len(group["tracked"])
+    damage.expect(group["start/time"], ())
+    for name, column in START.items():
+        damage.expect(group[f"start/{name}"], (tracked, *column.tail))
+    for name, column in COLUMNS.items():
+        damage.expect(group[f"events/{name}"], (None, *column.tail), "i" if _counts(column) else "f")
+    damage.expect(group["committed/events"], (None,), "iu")
+    damage.expect(group["committed/time"], (None,), "f")
     commits = len(group["committed/events"])
     if not 0 < commits <= len(group["committed/time"]):
         raise InputError(f"{path} is damaged: its histories have no commit")
-    events = int(group["committed/events"][commits - 1])
+    events = int(damage.read(group["committed/events"], commits - 1))
+    if events < 0:
+        raise InputError(f"{path} is damaged: its histories have {events} events")
     for name in COLUMNS:
         held = len(group[f"events/{name}"])
         if held < events:
             raise InputError(f"{path} is damaged: its histories hold {held} of {events} events ({name})")
+
+
+def _counts(column: Column) -> bool:
+    return np.dtype(column.dtype).kind == "i"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -123,7 +124,7 @@ class HistoryWriter:
             self._events.drop_uncommitted()
             self._commits.drop_uncommitted()
 
-    def _compare_start(self, tracked: NDArray, time: float, start: Mapping[str, NDArray]) -> None:
+    def _compare_start(self, tracked: NDArray[Any], time: float, start: Mapping[str, NDArray[Any]]) -> None:
         group = self._output.file[HISTORIES]
         if not np.array_equal(group["tracked"][()], tracked):
             raise TrajectoryError(f"it has histories of other disks than these {len(tracked)}")
@@ -131,7 +132,7 @@ class HistoryWriter:
             if group[f"start/{name}"][()].tobytes() != values.tobytes():
                 raise TrajectoryError(f"it has histories that began with another {name}")
 
-    def _checked(self, events: Mapping[str, ArrayLike], time: float) -> dict[str, NDArray]:
+    def _checked(self, events: Mapping[str, ArrayLike], time: float) -> dict[str, NDArray[Any]]:
         missing = [name for name in COLUMNS if name not in events]
         if missing:
             raise InputError(f"histories: the events lack {', '.join(missing)}")

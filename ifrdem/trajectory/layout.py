@@ -50,7 +50,7 @@ from ..errors import InputError
 from ..model.box import Box
 from ..model.state import Disks
 from ..tools.versions import package_versions
-from . import history_columns
+from . import damage, history_columns
 from .staged_group import staged
 
 H5MD_VERSION = (1, 1)
@@ -105,6 +105,12 @@ FIELDS = {
     "last_partner": Field("last_partner", 1, count=True),
 }
 
+VIEWS = {
+    f"{PARTICLES}/{name}/value": f"/{PARTICLES}/{name}/{field.dataset}"
+    for name, field in FIELDS.items()
+    if field.components == 2
+}
+"""Virtual datasets of a trajectory, and what each shows."""
 PRECISIONS: dict[str, type[np.floating]] = {"f4": np.float32, "f8": np.float64}
 COMPRESSIONS: dict[str, dict[str, object]] = {
     "none": {},
@@ -223,7 +229,7 @@ def _create_field(
     group.create_virtual_dataset("value", view, fillvalue=0)
 
 
-def add_observable(file: h5py.File, name: str, sample: NDArray) -> h5py.Dataset:
+def add_observable(file: h5py.File, name: str, sample: NDArray[Any]) -> h5py.Dataset:
     """Add an empty series for values of the shape and type of `sample`; returns its dataset."""
     group = file.create_group(f"observables/{name}")
     _link_steps(file, group)
@@ -237,7 +243,7 @@ def add_observable(file: h5py.File, name: str, sample: NDArray) -> h5py.Dataset:
 
 
 def create_timeseries(
-    file: h5py.File, samples: Mapping[str, NDArray], columns: Mapping[str, Sequence[str]]
+    file: h5py.File, samples: Mapping[str, NDArray[Any]], columns: Mapping[str, Sequence[str]]
 ) -> None:
     """Write the group of the time series, without a row yet, for values of the shapes and types of `samples`."""
     with staged(file, TIMESERIES) as group:
@@ -289,7 +295,13 @@ def plain_views(file: h5py.File) -> list[h5py.Dataset]:
 
 
 def check_layout(file: h5py.File, path: str) -> None:
-    """Raise InputError that says what is missing unless the file has this layout."""
+    """Raise InputError that says what is missing or wrong unless the file has this layout, and holds all its data."""
+    damage.check_links(file, path, VIEWS)
+    with damage.reading(path, "its layout"):
+        _check_layout(file, path)
+
+
+def _check_layout(file: h5py.File, path: str) -> None:
     if "h5md" not in file or "version" not in file["h5md"].attrs:
         found = ", ".join(sorted(file)) or "nothing"
         raise InputError(
@@ -318,8 +330,22 @@ def check_layout(file: h5py.File, path: str) -> None:
         frames = len(field_dataset(file, name))
         if frames < steps:
             raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
+    _check_numbers(file)
     _check_series(file, path)
     history_columns.check_layout(file, path)
+
+
+def _check_numbers(file: h5py.File) -> None:
+    """Raise DamageError unless frames and disks are numbers of the right shape."""
+    n = len(file[f"{PARTICLES}/radius"])
+    for name in STATIC:
+        damage.expect(file[f"{PARTICLES}/{name}"], (n,), "iu" if name == "material" else "f")
+    for name, tail, kinds in (("step", (), "iu"), ("time", (), "f"), ("value", (3,), "f")):
+        damage.expect(file[f"{EDGES}/{name}"], (None, *tail), kinds)
+    for name in stored_fields(file):
+        field = FIELDS[name]
+        tail = (2,) if field.components == 2 else ()
+        damage.expect(field_dataset(file, name), (None, n, *tail), "i" if field.count else "f")
 
 
 def _check_series(file: h5py.File, path: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,8 +16,8 @@ def checked(
     what: str,
     row: str,
     given: Mapping[str, ArrayLike],
-    first: Mapping[str, h5py.Dataset] | Mapping[str, NDArray] | None,
-) -> dict[str, NDArray]:
+    first: Mapping[str, h5py.Dataset] | Mapping[str, NDArray[Any]] | None,
+) -> dict[str, NDArray[Any]]:
     """Numbers as they are stored: float64 or int64.
 
     Parameters

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import operator
 import os
 import time
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -16,13 +19,14 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, printable
 from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
+from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
-from .damage import DamageError
+from .damage import DamageError, DamageWarning
 from .frame import SPIN, Frame, FrameError, NameMissing
 from .history import History
 from .series import Series
@@ -34,6 +38,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DamageError",
+    "DamageWarning",
     "DiskPath",
     "Frame",
     "FrameError",
@@ -70,11 +75,11 @@ class DiskPath:
 
     disk: int
     time: NDArray[np.float64]
-    fields: dict[str, NDArray]
+    fields: dict[str, NDArray[Any]]
     position: NDArray[np.float64]
     unwrapped: bool
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         name = SPIN if name == "spin" else name
         if name not in self.fields:
             raise NameMissing(
@@ -93,7 +98,7 @@ class DiskPath:
         return f"<DiskPath of disk {self.disk}: {frames}{span}; {', '.join(self.fields)}>"
 
 
-class Trajectory(Sequence[Frame]):
+class Trajectory(Sealed, Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
     Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen
@@ -128,11 +133,17 @@ class Trajectory(Sequence[Frame]):
         If the file is not there, not HDF5, damaged, not H5MD, or not ours; the message says what is missing.
     """
 
+    path: Path
+    disks: Disks
+    box: Box
+    walls: tuple[walls.Wall, ...]
+    times: NDArray[np.float64]
+    parameters: dict[str, str | int | float]
     observables: Series
     series: Series
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+        self._set(path=Path(path))
         self._open()
         try:
             self._again(self._read_head)
@@ -147,17 +158,17 @@ class Trajectory(Sequence[Frame]):
         """Do it; while a run writes, open the file again if only half of what it did is seen, and do it again."""
         for attempt in range(_ATTEMPTS):
             try:
-                return act()
-            except (InputError, OSError, RuntimeError, KeyError) as error:
-                known = isinstance(error, InputError) and not isinstance(error, DamageError)
-                if known or not self._written_to or attempt == _ATTEMPTS - 1:
+                with damage.reading(self.path, "its content"):
+                    return act()
+            except DamageError:
+                if not self._written_to or attempt == _ATTEMPTS - 1:
                     raise
             time.sleep(_PAUSE)
             self._file.close()
             self._open()
         raise AssertionError("the last attempt returns or raises")
 
-    def read(self, name: str, selection: Any = ()) -> NDArray:
+    def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
 
         Raises
@@ -165,43 +176,66 @@ class Trajectory(Sequence[Frame]):
         InputError
             If the file does not hold the field, or it cannot be read (`DamageError`).
         """
-        return self._again(lambda: damage.read(self.dataset(name), selection))
+        value = self._again(lambda: damage.read(self.dataset(name), selection))
+        if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
+            raise DamageError(f"{self.path} is damaged: {name} holds numbers that are not finite")
+        return value
 
-    def _read_at(self, path: str, selection: Any) -> NDArray:
+    def _read_rows(self, name: str, rows: int, columns: int) -> NDArray[Any]:
+        """The first rows of a quantity; with columns, each has so many numbers."""
+
+        def act() -> NDArray[Any]:
+            dataset = self._opened()[name]
+            damage.expect(dataset, (None, columns) if columns else (None, *dataset.shape[1:]))
+            value = damage.read(dataset, slice(0, rows))
+            if len(value) < rows:
+                raise DamageError(f"{self.path} is damaged: {name} holds {len(value)} of {rows} rows")
+            return value
+
+        return self._again(act)
+
+    def _opened(self) -> h5py.File:
         if not self._file:
             raise InputError(f"{self.path} is closed: nothing can be read from it")
-        return self._again(lambda: damage.read(self._file[path], selection))
+        return self._file
 
     def _read_head(self) -> None:
         """Read everything but the frames."""
-        file, path = self._file, str(self.path)
-        try:
-            layout.check_layout(file, path)
-            self._fields = layout.stored_fields(file)
-            self._frames = len(file[f"{layout.EDGES}/step"])
-            self.times: NDArray[np.float64] = damage.read(
-                file[f"{layout.EDGES}/time"], slice(0, self._frames)
+        file = self._file
+        layout.check_layout(file, str(self.path))
+        self._fields = layout.stored_fields(file)
+        self._frames = len(file[f"{layout.EDGES}/step"])
+        self._set(times=self._moments(file[layout.EDGES]))
+        particles = file[layout.PARTICLES]
+        columns = {name: damage.read(particles[name]) for name in ("mass", "radius", "k", "material")}
+        with damage.reading(self.path, layout.PARTICLES):
+            self._set(disks=Disks(len(columns["mass"]), **columns))
+        with damage.reading(self.path, f"{layout.PARTICLES}/box"):
+            self._set(box=_box(particles["box"].attrs))
+        self._set(parameters={})
+        self._unreadable: dict[str, DamageError] = {}
+        names: list[bytes | str] = []
+        file["parameters"].visit(names.append)
+        for name in names:
+            self._read_parameter(file["parameters"], name)
+        with damage.reading(self.path, "parameter walls"):
+            self._set(walls=walls.from_json(self._text("walls", "[]")))
+        rows = file.get(layout.TIMESERIES)
+        moments = np.zeros(0) if rows is None else self._moments(rows)
+        self._set(
+            observables=Series(file["observables"], self.times, "observable", self._read_rows),
+            series=Series(rows, moments, "series", self._read_rows),
+        )
+
+    def _moments(self, group: h5py.Group) -> NDArray[np.float64]:
+        """Times of the committed rows of a group."""
+        times = damage.read(group["time"], slice(0, len(group["step"])))
+        if len(times) < len(group["step"]) or times.ndim != 1 or not np.isfinite(times).all():
+            raise DamageError(
+                f"{self.path} is damaged: {group.name}/time does not hold {len(group['step'])} finite times"
             )
-            self.times.flags.writeable = False
-            particles = file[layout.PARTICLES]
-            columns = {name: damage.read(particles[name]) for name in ("mass", "radius", "k", "material")}
-            self.disks = Disks(len(columns["mass"]), **columns)
-            lengths = particles["box"].attrs["lengths"]
-            sides = [str(one) for one in particles["box"].attrs["boundary"]]
-            periodic = (sides[0] == "periodic", sides[1] == "periodic")
-            shear_rate = float(particles["box"].attrs.get("shear_rate", 0.0))
-            self.box = Box((float(lengths[0]), float(lengths[1])), periodic, shear_rate)
-            self.parameters: dict[str, str | int | float] = {}
-            file["parameters"].visititems(self._read_parameter)
-            rows = file.get("timeseries")
-            moments = np.zeros(0) if rows is None else damage.read(rows["time"], slice(0, len(rows["step"])))
-        except (OSError, RuntimeError, KeyError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise DamageError(f"{path} is damaged: {error}; `ifrdem repair` keeps what is whole") from error
-        self.walls = walls.from_json(str(self.parameters.get("walls", "[]")))
-        self.observables = Series(file["observables"], self.times, "observable", self._read_at)
-        self.series = Series(rows, moments, "series", self._read_at)
+        times.flags.writeable = False
+        return times
 
     def refresh(self) -> int:
         """Open the file again to see what a run has added; returns the number of new frames.
@@ -214,10 +248,59 @@ class Trajectory(Sequence[Frame]):
         self._again(self._read_head)
         return self._frames - before
 
-    def _read_parameter(self, name: str, item: h5py.Dataset | h5py.Group) -> None:
-        if isinstance(item, h5py.Dataset):
-            value = item[()]
-            self.parameters[name] = value.decode() if isinstance(value, bytes) else value.item()
+    def _read_parameter(self, group: h5py.Group, name: bytes | str) -> None:
+        text = damage.text_of(name)
+        try:
+            with damage.reading(self.path, f"parameter {text}"):
+                item = group[name]
+                if isinstance(item, h5py.Dataset):
+                    self.parameters[text] = damage.parameter(item)
+        except DamageError as error:  # frames can be read without it; `record` raises it where it is needed
+            self._unreadable[text] = error
+            warnings.warn(f"{error}; the parameter is left out", DamageWarning, stacklevel=2)
+
+    def record(self, name: str, use: Callable[[Any], Result], default: str | None = None) -> Result:
+        """Return `use` of a parameter that holds JSON (`default` where the run stored none).
+
+        Raises
+        ------
+        InputError
+            If there is none and no default, it cannot be read, or `use` cannot do with what it says.
+        """
+        text = self._text(name, default)
+        with damage.reading(self.path, f"parameter {name}"):
+            return use(json.loads(text))
+
+    def _text(self, name: str, default: str | None) -> str:
+        if name in self._unreadable:
+            raise self._unreadable[name]
+        if name not in self.parameters and default is None:
+            raise NameMissing(f"{self.path} holds no parameter {name!r}{nearest(name, self.parameters)}")
+        return str(self.parameters.get(name, default))
+
+    @property
+    def gravity(self) -> tuple[float, float]:
+        """Gravity of the run [length/time^2]: the parameter of that name, two numbers as JSON; none if it is absent."""
+
+        def pair(given: Any) -> tuple[float, float]:
+            x, y = (float(one) for one in given)
+            if not (math.isfinite(x) and math.isfinite(y)):
+                raise ValueError(f"{given}: two finite numbers are needed")
+            return x, y
+
+        return self.record("gravity", pair, "[0.0, 0.0]")
+
+    @property
+    def laws(self) -> list[list[dict[str, Any] | None]]:
+        """Coefficients of the law of each pair of materials, [a][b]; None for materials that never meet.
+
+        Raises
+        ------
+        InputError
+            If the run stored none, or they are damaged.
+        """
+        materials = int(self.disks.material.max(initial=-1)) + 1
+        return self.record("laws", lambda given: _laws(given, materials))
 
     def __enter__(self) -> Trajectory:
         return self
@@ -281,15 +364,14 @@ class Trajectory(Sequence[Frame]):
         InputError
             If the file does not hold it (also a KeyError), or is closed.
         """
-        if not self._file:
-            raise InputError(f"{self.path} is closed: nothing can be read from it")
+        file = self._opened()
         name = SPIN if name == "spin" else name
         if name not in self.fields:
             raise NameMissing(
                 f"{self.path} holds no field {name!r}: "
                 f"there are {', '.join(self.fields)}{nearest(name, self.fields)}"
             )
-        return layout.field_dataset(self._file, name)
+        return layout.field_dataset(file, name)
 
     def disk(self, disk: int) -> DiskPath:
         """The stored path of a disk over the frames; `history` is exact between them, if the disk is tracked.
@@ -300,7 +382,7 @@ class Trajectory(Sequence[Frame]):
             If there is no such disk, the file holds no positions, or it is damaged.
         """
         disk = self._checked_disk(disk)
-        fields: dict[str, NDArray] = {}
+        fields: dict[str, NDArray[Any]] = {}
         self.dataset("position")  # says that it is missing
         for name in self.fields:
             value = self.read(name, (slice(0, self._frames), disk))
@@ -313,7 +395,24 @@ class Trajectory(Sequence[Frame]):
     @property
     def tracked(self) -> NDArray[np.int32]:
         """Ids of the disks that have a `history`, ascending; none if the run tracked none."""
-        return history.tracked(self._file)
+        return self._again(lambda: history.tracked(self._opened()))
+
+    @property
+    def tracked_events(self) -> tuple[int, float, float]:
+        """Number of committed events of all tracked disks, and the times between which they are complete [time].
+
+        Raises
+        ------
+        InputError
+            If the file has no histories, or they are damaged.
+        """
+        return self._again(lambda: history.committed(self._opened(), str(self.path)))
+
+    def read_events(self, name: str, rows: int) -> NDArray[Any]:
+        """A column of the first events of all tracked disks."""
+        return self._again(
+            lambda: damage.read(self._opened()[f"{history.GROUP}/events/{name}"], slice(0, rows))
+        )
 
     def history(self, disk: int) -> History:
         """Every collision of a tracked disk, and where it was at any time between them.
@@ -323,10 +422,11 @@ class Trajectory(Sequence[Frame]):
         InputError
             If there is no such disk, or it is not tracked (the message says which are), or the file is damaged.
         """
-        gravity = json.loads(str(self.parameters.get("gravity", "[0.0, 0.0]")))
         disk, radius, path = self._checked_disk(disk), self.disks.radius, str(self.path)
         return self._again(
-            lambda: history.read(self._file, path, disk, box=self.box, radius=radius, gravity=gravity)
+            lambda: history.read(
+                self._opened(), path, disk, box=self.box, radius=radius, gravity=self.gravity
+            )
         )
 
     def _checked_disk(self, disk: int) -> int:
@@ -368,17 +468,56 @@ class Trajectory(Sequence[Frame]):
     def units(self) -> dict[str, str]:
         """Unit of each quantity; empty in reduced units."""
         prefix = "units/"
-        return {k.removeprefix(prefix): str(v) for k, v in self.parameters.items() if k.startswith(prefix)}
+        return {
+            k.removeprefix(prefix): printable(str(v))
+            for k, v in self.parameters.items()
+            if k.startswith(prefix)
+        }
 
 
-def _open(path: Path) -> tuple[h5py.File, bool]:
-    """The file, and whether a run is writing it."""
+def check_file(path: Path) -> None:
+    """Refuse what is no file, before HDF5 waits for a pipe for ever.
+
+    Raises
+    ------
+    InputError
+        If there is nothing, a folder, or a device or pipe.
+    """
     if not os.path.exists(path):
         raise InputError(f"{path}: there is no such file")
     if os.path.isdir(path):
         raise InputError(f"{path} is a folder: a trajectory file is needed")
-    if not os.path.isfile(path):  # HDF5 would wait for a pipe for ever
+    if not os.path.isfile(path):
         raise InputError(f"{path} is a device or pipe: a trajectory file is needed")
+
+
+_LAW = {"e_n", "e_t", "mu", "sticking", "rho"}
+
+
+def _laws(given: Any, materials: int) -> list[list[dict[str, Any] | None]]:
+    if not materials <= len(given) or any(len(row) != len(given) for row in given):
+        raise ValueError(f"a row and a column for each of {materials} materials is needed")
+    for one in itertools.chain.from_iterable(given):
+        if one is not None and (
+            set(one) != _LAW or not all(math.isfinite(one[key]) for key in _LAW - {"sticking"})
+        ):
+            raise ValueError(f"{one}: {', '.join(sorted(_LAW))} are needed, all numbers finite")
+    return given
+
+
+def _box(attributes: Mapping[str, Any]) -> Box:
+    lengths, sides = attributes["lengths"], [str(one) for one in attributes["boundary"]]
+    if len(lengths) != 2 or len(sides) != 3 or not {*sides} <= {"periodic", "none"}:
+        raise ValueError(
+            f"lengths {lengths} and boundary {sides}: two lengths and three of 'periodic' or 'none' are needed"
+        )
+    periodic = (sides[0] == "periodic", sides[1] == "periodic")
+    return Box((float(lengths[0]), float(lengths[1])), periodic, float(attributes.get("shear_rate", 0.0)))
+
+
+def _open(path: Path) -> tuple[h5py.File, bool]:
+    """The file, and whether a run is writing it."""
+    check_file(path)
     try:
         try:
             return h5py.File(path, "r"), False

@@ -1,4 +1,4 @@
-"""Making a trajectory that opens out of one that was damaged, by a copy of what is whole.
+"""Making a trajectory that opens out of one that was damaged, by a copy of what can be read.
 
 HDF5 notices damage of its own bookkeeping, of compressed chunks (deflate has a checksum), and a missing end of the
 file. Numbers that were changed in uncompressed data look like other numbers: nothing here finds them.
@@ -9,8 +9,8 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
@@ -18,191 +18,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..run.outputs import check_apart, not_a_file
+from ..run.outputs import check_apart, checkpoint_of, not_a_file
+from ..tools import beside
 from . import damage, history, layout
 from .damage import DamageError
-from .reader import Trajectory
+from .reader import Trajectory, check_file
 from .views import paths as view_paths
 
-_TROUBLE = (OSError, RuntimeError, KeyError, ValueError)  # what h5py raises for damaged parts
-
-
-@dataclass
-class Finding:
-    """What is wrong with a file, and what of it is whole.
-
-    Attributes
-    ----------
-    wrong : list of str
-        A line for each thing; empty if nothing is.
-    frames : array
-        Numbers of the frames that are whole.
-    committed : int
-        Frames that the file says it has.
-    rows : int
-        Rows of the series that are whole: those before the first damaged one.
-    events : int
-        Events of histories that are whole, likewise.
-    lost : set of str
-        Names of datasets that cannot be kept.
-    """
-
-    wrong: list[str] = field(default_factory=list)
-    frames: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    committed: int = 0
-    rows: int = 0
-    events: int = 0
-    lost: set[str] = field(default_factory=set)
-
-
-def examine(path: Path, *, whole: int | None = None) -> Finding:
-    """Look at every frame, row and event of a file that HDF5 can open.
-
-    Parameters
-    ----------
-    path : Path
-    whole : int, optional
-        Bytes of the file that are its own; what lies behind was filled up with zeros.
-
-    Raises
-    ------
-    InputError
-        If it is no trajectory of ours, or so damaged that nothing can be kept.
-    """
-    found = Finding()
-    try:
-        with h5py.File(path, "r", locking=False) as file:
-            _examine_frames(file, path, found, whole)
-            _examine_series(file, found, whole)
-            _examine_histories(file, found, whole)
-    except _TROUBLE as error:
-        if isinstance(error, InputError):
-            raise
-        raise DamageError(f"{path}: its bookkeeping is damaged ({error}): nothing can be kept") from error
-    return found
-
-
-def _examine_frames(file: h5py.File, path: Path, found: Finding, whole: int | None) -> None:
-    needed = [f"{layout.EDGES}/{name}" for name in ("step", "time", "value")]
-    needed += [f"{layout.PARTICLES}/{name}" for name in layout.STATIC] + ["h5md/modules/ifrdem", "parameters"]
-    missing = [name for name in needed if name not in file]
-    if missing:
-        raise InputError(f"{path} cannot be made a trajectory of ifrdem: {', '.join(missing)} is missing")
-    for name in layout.STATIC:
-        if not _readable(file[f"{layout.PARTICLES}/{name}"], (), whole):
-            raise DamageError(
-                f"{path}: {layout.PARTICLES}/{name} cannot be read: nothing can be kept without it"
-            )
-    found.committed = len(file[f"{layout.EDGES}/step"])
-    good = np.ones(found.committed, dtype=bool)
-    names = [f"{layout.EDGES}/{name}" for name in ("step", "time", "value")]
-    names += [layout.field_dataset(file, name).name.lstrip("/") for name in layout.stored_fields(file)]
-    for name in names:
-        dataset = file[name]
-        readable = np.array(
-            [_readable(dataset, i, whole) for i in range(min(len(dataset), found.committed))], bool
-        )
-        readable = np.append(readable, np.zeros(found.committed - len(readable), dtype=bool))
-        if not readable.all():
-            some = np.flatnonzero(~readable)
-            found.wrong.append(f"{name}: {_frames(some)} cannot be read")
-        good &= readable
-        if len(dataset) > found.committed:
-            found.wrong.append(f"{name}: {len(dataset) - found.committed} uncommitted behind the last frame")
-    found.frames = np.flatnonzero(good)
-    if "observables" not in file:
-        found.wrong.append("observables: missing; the copy has none")
-        return
-    for name in file["observables"]:
-        dataset = file[f"observables/{name}/value"]
-        if len(dataset) < found.committed or not _readable(dataset, slice(0, found.committed), whole):
-            found.wrong.append(f"observables/{name}: cannot be read; the copy lacks it")
-            found.lost.add(f"observables/{name}")
-
-
-def _examine_series(file: h5py.File, found: Finding, whole: int | None) -> None:
-    if "timeseries" not in file:
-        return
-    group = file["timeseries"]
-    rows = found.rows = len(group["step"])
-    for name in ["step", "time", *(f"{one}/value" for one in group if isinstance(group[one], h5py.Group))]:
-        dataset = group[name]
-        found.rows = min(found.rows, _leading(dataset, rows, whole))
-        if len(dataset) > rows:
-            found.wrong.append(f"timeseries/{name}: {len(dataset) - rows} uncommitted behind the last row")
-    if found.rows < rows:
-        found.wrong.append(f"timeseries: only the first {found.rows} of {rows} rows can be read")
-
-
-def _examine_histories(file: h5py.File, found: Finding, whole: int | None) -> None:
-    if history.GROUP not in file:
-        return
-    group = file[history.GROUP]
-    for name in ("tracked", *(f"start/{name}" for name in ("time", "position", "velocity", "spin", "image"))):
-        if not _readable(group[name], (), whole):
-            found.wrong.append(f"{history.GROUP}/{name}: cannot be read; the copy has no histories")
-            found.lost.add(history.GROUP)
-            return
-    count, _ = history.committed(file)
-    found.events = count
-    for name in group["events"]:
-        dataset = group[f"events/{name}"]
-        found.events = min(found.events, _leading(dataset, count, whole))
-        if len(dataset) > count:
-            found.wrong.append(
-                f"{history.GROUP}/events/{name}: {len(dataset) - count} uncommitted behind the last event"
-            )
-    if found.events < count:
-        found.wrong.append(f"{history.GROUP}: only the first {found.events} of {count} events can be read")
-
-
-def _leading(dataset: h5py.Dataset, rows: int, whole: int | None) -> int:
-    """How many of the first rows can be read, in whole chunks."""
-    step = dataset.chunks[0] if dataset.chunks else max(rows, 1)
-    rows = min(rows, len(dataset))
-    for first in range(0, rows, step):
-        if not _readable(dataset, slice(first, min(first + step, rows)), whole):
-            return first
-    return rows
-
-
-def _readable(dataset: h5py.Dataset, selection: object, whole: int | None) -> bool:
-    try:
-        damage.read(dataset, selection)
-        return whole is None or _inside(dataset, selection, whole)
-    except DamageError:
-        return False
-
-
-def _inside(dataset: h5py.Dataset, selection: object, whole: int) -> bool:
-    """Whether what is stored of the selected rows lies within so many bytes of the file."""
-    if dataset.chunks is None:
-        offset = dataset.id.get_offset()
-        return offset is None or offset + dataset.id.get_storage_size() <= whole
-    if isinstance(selection, slice):
-        first, last = selection.start, selection.stop
-    else:
-        first, last = (selection, selection + 1) if isinstance(selection, int) else (0, len(dataset))
-    for i in range(dataset.id.get_num_chunks()):
-        chunk = dataset.id.get_chunk_info(i)
-        wanted = chunk.chunk_offset[0] < last and chunk.chunk_offset[0] + dataset.chunks[0] > first
-        if wanted and chunk.byte_offset + chunk.size > whole:
-            return False
-    return True
-
-
-def _frames(numbers: NDArray[np.intp]) -> str:
-    if len(numbers) == 1:
-        return f"frame {numbers[0]}"
-    some = ", ".join(map(str, numbers[:8])) + (", ..." if len(numbers) > 8 else "")
-    return f"{len(numbers)} frames ({some})"
+BLOCK = 1 << 22  # numbers that are copied at once
 
 
 def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> bool:
-    """Write what is whole of a trajectory to a new file; False if nothing is wrong, and nothing was written.
+    """Write what can be read of a trajectory to a new file; False if nothing is wrong, and nothing was written.
 
     Frames that can be read are kept, also behind damaged ones, with the numbers (`step`) that they had. Series and
-    histories end before their first damaged part.
+    histories end before their first damaged part. Either answer is given only after the file, or its copy, was opened
+    and read to its end.
 
     Parameters
     ----------
@@ -218,49 +49,292 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     InputError
         If nothing can be kept: the message says why and what can be done; or if either is a folder or a device.
     """
-    if not path.exists():
-        raise InputError(f"{path}: there is no such file")
-    if path.is_dir():
-        raise InputError(f"{path} is a folder: a trajectory file is needed")
-    if not path.is_file():  # HDF5 would wait for a pipe for ever
-        raise InputError(f"{path} is a device or pipe: a trajectory file is needed")
+    check_file(path)
     if place != path:
         check_apart(place, path)
     if special := not_a_file(place):
         raise InputError(special)
-    source, whole = _openable(path, say)
-    aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
-    try:
-        found = examine(source, whole=whole)
-        for line in found.wrong:
-            say(f"  {line}")
-        if not found.wrong and whole is None:
-            return False
-        if len(found.frames) == 0:
-            raise InputError(
-                f"{path}: no frame of {found.committed} is whole: nothing can be kept{_beside(path)}"
-            )
-        _copy(source, aside, found)
-        with Trajectory(aside) as copy:  # it must open, and give every frame
-            for frame in copy:
-                for name in copy.fields:
-                    frame[name]
-        os.replace(aside, place)
-    except OSError as error:
-        raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
-    finally:
-        aside.unlink(missing_ok=True)
-        if source != path:
-            source.unlink(missing_ok=True)
-    say(f"  {len(found.frames)} of {found.committed} frames are kept")
+    with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
+        try:
+            with damage.reading(path, "its bookkeeping"):
+                copy = _Copy(file, path, whole, say)
+        except DamageError as error:
+            raise _in_vain(path, error) from error
+        if not copy.wrong and whole is None:
+            try:
+                _read_through(path)
+                return False
+            except InputError as error:
+                say(f"  {error}")
+        try:
+            with beside.replacing(place) as new:
+                copy.write(new)
+                try:
+                    _read_through(new)
+                except InputError as error:
+                    raise _in_vain(path, error, new) from error
+        except OSError as error:
+            raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
+    say(f"  {len(copy.frames)} of {copy.committed} frames are kept")
     return True
 
 
-def _openable(path: Path, say: Callable[[str], object]) -> tuple[Path, int | None]:
+def _in_vain(path: Path, error: InputError, copy: Path | None = None) -> DamageError:
+    reason = str(error).removesuffix(damage.HINT)
+    if copy is not None:
+        reason = reason.replace(str(copy), "its copy")
+    return DamageError(f"{path}: nothing can be kept ({reason}){_otherwise(path)}")
+
+
+def _read_through(path: Path) -> None:
+    """Open a trajectory and read all that is in it; InputError says what cannot be read."""
+    with Trajectory(path) as trajectory:
+        for frame in trajectory:
+            for name in trajectory.fields:
+                frame[name]
+        for series in (trajectory.observables, trajectory.series):
+            for name in series:
+                series[name]
+        for disk in trajectory.tracked[:1]:
+            trajectory.history(int(disk))
+
+
+class _Copy:
+    """What of a trajectory can be read, and its copy.
+
+    Attributes
+    ----------
+    wrong : bool
+        Whether anything cannot be read, or is not committed.
+    committed : int
+        Number of frames that the file says it has.
+    frames : array
+        Numbers of those that can be read.
+    """
+
+    def __init__(self, file: h5py.File, path: Path, whole: int | None, say: Callable[[str], object]) -> None:
+        damage.check_links(file, str(path), layout.VIEWS)
+        self.wrong = False
+        self._file, self._path, self._whole, self._say = file, path, whole, say
+        self._rows: dict[
+            str, NDArray[np.intp]
+        ] = {}  # that are kept, of what grows; by the beginning of the name
+        self._lost: set[str] = set()
+        edges = [f"{layout.EDGES}/{name}" for name in ("step", "time", "value")]
+        static = [f"{layout.PARTICLES}/{name}" for name in layout.STATIC]
+        missing = [one for one in (*edges, *static, "h5md/modules/ifrdem", "parameters") if one not in file]
+        if missing:
+            raise InputError(f"{path} cannot be made a trajectory of ifrdem: {', '.join(missing)} is missing")
+        self.committed = len(file[edges[0]])
+        fields = [layout.field_dataset(file, name).name.lstrip("/") for name in layout.stored_fields(file)]
+        good = np.ones(self.committed, dtype=bool)
+        for name in (*edges, *fields):
+            here = self._good(file[name], self.committed, 1, finite=True)
+            if not here.all():
+                self._note(f"{name}: {_numbers(np.flatnonzero(~here))} cannot be read")
+            self._beyond(name, file[name], self.committed, "frame")
+            good &= here
+        self._looked_at = {*edges, *fields}
+        self.frames = self._rows[layout.PARTICLES] = self._rows["observables"] = np.flatnonzero(good)
+        if len(self.frames) == 0:
+            raise InputError(
+                f"{path}: no frame of {self.committed} is whole: nothing can be kept{_otherwise(path)}"
+            )
+        self._look_at_series()
+        self._look_at_histories()
+        self._made: dict[int, h5py.Group | h5py.Dataset] = {}
+        self._copy(file, None)
+        if "observables" not in file:
+            self._note("observables: missing; the copy has none")
+
+    def write(self, place: Path) -> None:
+        """Write the copy."""
+        self._made = {}
+        with h5py.File(place, "w") as new:
+            self._copy(self._file, new)
+            if "observables" not in new:
+                new.create_group("observables")
+
+    def _note(self, text: str) -> None:
+        self.wrong = True
+        self._say(f"  {text}")
+
+    def _beyond(self, name: str, dataset: h5py.Dataset, rows: int, what: str) -> None:
+        if len(dataset) > rows:
+            self._note(f"{name}: {len(dataset) - rows} uncommitted behind the last {what}")
+
+    @contextmanager
+    def _or_lost(self, name: str) -> Iterator[None]:
+        """Note that a part is lost if it cannot be read."""
+        try:
+            with damage.reading(self._path, name):
+                yield
+        except DamageError:
+            self._note(f"{name}: cannot be read; the copy lacks it")
+            self._lost.add(name)
+
+    def _good(
+        self, dataset: h5py.Dataset, rows: int, step: int = 0, *, finite: bool = False
+    ) -> NDArray[np.bool_]:
+        """The first rows that can be read, looked at in steps of whole chunks."""
+        good = np.zeros(rows, dtype=bool)
+        step = step or (dataset.chunks[0] if dataset.chunks else max(rows, 1))
+        held = min(rows, len(dataset))
+        for first in range(0, held, step):
+            part = slice(first, min(first + step, held))
+            with suppress(DamageError):
+                value = damage.read(dataset, part)
+                good[part] = not (finite and value.dtype.kind == "f") or np.isfinite(value).all()
+        good[:held] &= ~self._behind_end(dataset)[:held]
+        return good
+
+    def _behind_end(self, dataset: h5py.Dataset) -> NDArray[np.bool_]:
+        """The rows of which something was stored behind the end of a file that is too short."""
+        lost = np.zeros(len(dataset), dtype=bool)
+        whole = self._whole
+        if whole is None:
+            return lost
+        if dataset.chunks is None:
+            offset = dataset.id.get_offset()
+            lost[:] = offset is not None and offset + dataset.id.get_storage_size() > whole
+            return lost
+
+        def look(chunk: h5py.h5d.StoreInfo) -> None:
+            if chunk.byte_offset + chunk.size > whole:
+                lost[chunk.chunk_offset[0] : chunk.chunk_offset[0] + dataset.chunks[0]] = True
+
+        dataset.id.chunk_iter(look)
+        return lost
+
+    def _leading(self, group: h5py.Group, names: list[str], rows: int, what: str, unit: str) -> None:
+        """Keep the rows before the first that cannot be read in one of these datasets."""
+        kept = rows
+        for name in names:
+            good = self._good(group[name], rows, finite=name == "time")
+            kept = min(kept, rows if good.all() else int(np.argmin(good)))
+            self._beyond(f"{what}/{name}", group[name], rows, unit)
+        if kept < rows:
+            self._note(f"{what.partition('/')[0]}: only the first {kept} of {rows} {unit}s can be read")
+        self._rows[what] = np.arange(kept)
+
+    def _look_at_series(self) -> None:
+        if layout.TIMESERIES in self._file:
+            with self._or_lost(layout.TIMESERIES):
+                group = self._file[layout.TIMESERIES]
+                several = [f"{name}/value" for name in group if isinstance(group[name], h5py.Group)]
+                rows = len(group["step"])
+                self._leading(group, ["step", "time", *several], rows, layout.TIMESERIES, "row")
+
+    def _look_at_histories(self) -> None:
+        if history.GROUP not in self._file:
+            return
+        with self._or_lost(history.GROUP):
+            count = history.committed(self._file, str(self._path))[0]
+            events, group = self._file[f"{history.GROUP}/events"], self._file[history.GROUP]
+            for name in ("tracked", *(f"start/{one}" for one in group["start"])):
+                self._check(group[name])
+            self._leading(events, list(events), count, f"{history.GROUP}/events", "event")
+            commits = damage.read(group["committed/events"])
+            kept = np.flatnonzero(commits <= len(self._rows[f"{history.GROUP}/events"]))
+            if len(kept) == 0:
+                raise DamageError(f"{self._path} is damaged: no commit of its histories is whole")
+            self._rows[f"{history.GROUP}/committed"] = kept
+
+    def _check(self, item: h5py.Dataset) -> None:
+        """Raise DamageError if the kept rows of a dataset, or all of one that does not grow, cannot be read."""
+        name = str(item.name).lstrip("/")
+        if item.is_virtual or name in self._looked_at:
+            return
+        if name.startswith("parameters/") or item.dtype.kind not in "biuf":
+            damage.parameter(item)
+        elif item.shape == ():
+            damage.read(item)
+        else:
+            rows = self._kept(item)
+            rows = np.arange(len(item)) if rows is None else rows
+            count = int(rows.max(initial=-1)) + 1
+            if not self._good(item, count)[rows].all():
+                raise DamageError(f"{self._path} is damaged: {name}")
+
+    def _kept(self, item: h5py.Dataset) -> NDArray[np.intp] | None:
+        """Rows of a dataset that are kept; None if it has none that grow, or is a view."""
+        if item.is_virtual or not item.maxshape or item.maxshape[0] is not None:
+            return None
+        name = str(item.name).lstrip("/")
+        return next((rows for begin, rows in self._rows.items() if name.startswith(f"{begin}/")), None)
+
+    def _copy(self, old: h5py.Group | h5py.Dataset, new: h5py.Group | h5py.Dataset | None) -> None:
+        """Copy what is not lost; without `new`, find out what is."""
+        for key in old.attrs:
+            name = f"{old.name}, attribute {key}"
+            if new is not None and name not in self._lost:
+                new.attrs[key] = old.attrs[key]
+            elif new is None:
+                with self._or_lost(name):
+                    "".join(one for one in np.ravel(old.attrs[key]) if isinstance(one, str)).encode()
+        for key in old if isinstance(old, h5py.Group) else ():
+            name = f"{old.name}/{damage.text_of(key)}".lstrip("/")
+            part = "/".join(name.split("/")[:2]) if name.startswith("observables/") else name
+            if part not in self._lost:
+                if new is None:
+                    with self._or_lost(part):
+                        self._copy_link(old, key, None)
+                else:
+                    self._copy_link(old, key, new)
+
+    def _copy_link(self, old: h5py.Group, key: str, new: h5py.Group | None) -> None:
+        link = old.get(key, getlink=True)
+        if isinstance(link, h5py.SoftLink):
+            if new is not None:
+                new[key] = link
+            return
+        item = old[key]
+        address = h5py.h5o.get_info(item.id).addr
+        if address in self._made:  # a hard link: step and time of every element
+            if new is not None:
+                new[key] = self._made[address]
+            return
+        made = item
+        if isinstance(item, h5py.Dataset):
+            if new is None:
+                self._check(item)
+            else:
+                made = _like(item, new, key, self._kept(item))
+        elif new is not None:
+            made = new.create_group(key)
+        self._made[address] = made
+        self._copy(item, None if new is None else made)
+
+
+def _like(item: h5py.Dataset, new: h5py.Group, name: str, rows: NDArray[np.intp] | None) -> h5py.Dataset:
+    """An equal dataset (type, chunks, filters, sources of a view) with the kept rows."""
+    shape = item.shape if rows is None else (len(rows), *item.shape[1:])
+    limits = tuple(h5py.h5s.UNLIMITED if one is None else one for one in item.maxshape)
+    space = h5py.h5s.create_simple(shape, limits) if shape else item.id.get_space()
+    made = h5py.Dataset(
+        h5py.h5d.create(new.id, name.encode(), item.id.get_type(), space, item.id.get_create_plist())
+    )
+    if item.is_virtual:
+        return made
+    if rows is None:
+        made[()] = item[()]
+        return made
+    block = max(1, BLOCK // max(1, int(np.prod(shape[1:]))))
+    first = 0
+    for run in np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1):
+        for some in np.split(run, range(block, len(run), block)):
+            if len(some):
+                made[first : first + len(some)] = item[int(some[0]) : int(some[-1]) + 1]
+                first += len(some)
+    return made
+
+
+@contextmanager
+def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, int | None]]:
     """A file that HDF5 opens: the given one, or a copy whose missing end is filled up; and how much of it is real."""
     try:
         with h5py.File(path, "r"):
-            return path, None
+            told = None
     except BlockingIOError:
         raise InputError(f"{path}: a run is writing it; what it has committed can be read as it is") from None
     except OSError as error:
@@ -268,102 +342,48 @@ def _openable(path: Path, say: Callable[[str], object]) -> tuple[Path, int | Non
             raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
         if not h5py.is_hdf5(path):
             raise InputError(
-                f"{path} is not an HDF5 file, or its very beginning is lost: nothing can be kept{_beside(path)}"
+                f"{path} is not an HDF5 file, or its very beginning is lost: nothing can be kept{_otherwise(path)}"
             ) from error
         told = re.search(r"truncated file: eof = (\d+).*stored_eof = (\d+)", str(error))
         if told is None:
             raise InputError(
                 f"{path}: HDF5 cannot open it ({error}): nothing can be kept by this program; `h5clear -s` of the HDF5 "
-                f"tools helps if only a flag was left set{_beside(path)}"
+                f"tools helps if only a flag was left set{_otherwise(path)}"
             ) from error
+    if told is None:
+        yield path, None
+        return
     present, meant = int(told[1]), int(told[2])
     say(f"  its end is missing: {present} of {meant} bytes are there")
-    filled = path.with_name(f".{path.name[:100]}.{os.getpid()}.filled")
+    filled = beside.create(path)
     try:
-        shutil.copyfile(path, filled)
-        os.truncate(filled, meant)
-        with h5py.File(filled, "r", locking=False):
-            return filled, present
-    except OSError as error:
+        try:
+            shutil.copyfile(path, filled)
+            os.truncate(filled, meant)
+            h5py.File(filled, "r", locking=False).close()
+        except OSError as error:
+            raise InputError(
+                f"{path}: HDF5 cannot open it, even with its end filled up ({error}): nothing can be kept"
+                f"{_otherwise(path)}"
+            ) from error
+        yield filled, present
+    finally:
         filled.unlink(missing_ok=True)
-        raise InputError(
-            f"{path}: HDF5 cannot open it, even with its end filled up ({error}): nothing can be kept{_beside(path)}"
-        ) from error
 
 
-def _beside(path: Path) -> str:
+def _numbers(frames: NDArray[np.intp]) -> str:
+    if len(frames) == 1:
+        return f"frame {frames[0]}"
+    some = ", ".join(map(str, frames[:8])) + (", ..." if len(frames) > 8 else "")
+    return f"{len(frames)} frames ({some})"
+
+
+def _otherwise(path: Path) -> str:
     """Where else the run may be continued from."""
-    checkpoint = path.with_name(f"{path.name.removesuffix('.h5')}.checkpoint.h5")
+    checkpoint = checkpoint_of(path)
     if checkpoint.exists():
         return f"; {checkpoint.name} holds a state from which the run can go on"
     return "; there is no checkpoint beside it: the run must be made again"
-
-
-def _copy(source: Path, target: Path, found: Finding) -> None:
-    """Copy what is whole, dataset by dataset."""
-    with h5py.File(source, "r", locking=False) as old, h5py.File(target, "w") as new:
-        _copy_group(old, new, found, {})
-
-
-def _copy_group(old: h5py.Group, new: h5py.Group, found: Finding, made: dict[int, h5py.Dataset]) -> None:
-    for key, value in old.attrs.items():
-        new.attrs[key] = value
-    for name, item in old.items():
-        if item.name.lstrip("/") in found.lost:
-            continue
-        if isinstance(item, h5py.Group):
-            _copy_group(item, new.create_group(name), found, made)
-            continue
-        address = h5py.h5o.get_info(item.id).addr
-        if address in made:  # a hard link: step and time of every element
-            new[name] = made[address]
-        else:
-            made[address] = _copy_dataset(item, new, name, _rows(item, found))
-
-
-def _rows(item: h5py.Dataset, found: Finding) -> NDArray[np.intp] | None:
-    """Which rows of a dataset are kept; None if it has no axis that grows, or is a view."""
-    parts = item.name.strip("/").split("/")
-    if item.is_virtual or item.maxshape is None or not item.maxshape or item.maxshape[0] is not None:
-        return None
-    if parts[0] == "timeseries":
-        return np.arange(found.rows)
-    if parts[:2] == [history.GROUP, "events"]:
-        return np.arange(found.events)
-    if parts[:2] == [history.GROUP, "committed"]:
-        events = item.parent["events"][()]
-        return np.flatnonzero(events <= found.events)
-    return found.frames
-
-
-def _copy_dataset(
-    item: h5py.Dataset, new: h5py.Group, name: str, rows: NDArray[np.intp] | None
-) -> h5py.Dataset:
-    """An equal dataset (type, chunks, filters, sources of a view) with the kept rows."""
-    settings = item.id.get_create_plist()
-    shape = item.shape if rows is None else (len(rows), *item.shape[1:])
-    space = item.id.get_space() if item.shape == () else h5py.h5s.create_simple(shape, _limits(item))
-    made = h5py.Dataset(h5py.h5d.create(new.id, name.encode(), item.id.get_type(), space, settings))
-    for key, value in item.attrs.items():
-        made.attrs[key] = value
-    if item.is_virtual:
-        return made
-    if rows is None:
-        made[()] = item[()]
-        return made
-    block = max(1, min(len(rows), (1 << 22) // max(1, int(np.prod(shape[1:])))))
-    for first in range(0, len(rows), block):
-        some = rows[first : first + block]
-        if len(some) and some[-1] - some[0] == len(some) - 1:
-            made[first : first + len(some)] = item[int(some[0]) : int(some[-1]) + 1]
-        else:
-            for i, row in enumerate(some):
-                made[first + i] = item[int(row)]
-    return made
-
-
-def _limits(item: h5py.Dataset) -> tuple[int, ...]:
-    return tuple(h5py.h5s.UNLIMITED if one is None else one for one in item.maxshape)
 
 
 def stale_views(place: Path) -> tuple[Path, ...]:

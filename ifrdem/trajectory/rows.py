@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import h5py
 import numpy as np
@@ -75,7 +76,7 @@ class Rows:
         """How many of the next `count` rows the file has."""
         return min(count, self.committed - self.at)
 
-    def add(self, rows: Mapping[str, NDArray]) -> None:
+    def add(self, rows: Mapping[str, NDArray[Any]]) -> None:
         """Compare the rows that the file has, and append the others without committing them.
 
         Parameters
@@ -115,15 +116,15 @@ class Rows:
     def _all(self) -> list[h5py.Dataset]:
         return [*([] if self.marker is None else [self.marker]), *self.datasets.values()]
 
-    def _put(self, new: Mapping[str, NDArray]) -> None:
+    def _put(self, new: Mapping[str, NDArray[Any]]) -> None:
         for name, values in new.items():
             self._append(self.datasets[name], values)
 
-    def _append(self, dataset: h5py.Dataset, values: NDArray) -> None:
+    def _append(self, dataset: h5py.Dataset, values: NDArray[Any]) -> None:
         dataset.resize(self.committed + len(values), axis=0)
         dataset[self.committed :] = values
 
-    def _compare(self, name: str, values: NDArray) -> None:
+    def _compare(self, name: str, values: NDArray[Any]) -> None:
         dataset = self.datasets[name]
         stored = dataset[self.at : self.at + len(values)]
         values = np.ascontiguousarray(values, dtype=stored.dtype)

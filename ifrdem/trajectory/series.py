@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import nearest
+from ..tools.sealed import Sealed
+from .damage import text_of
 from .frame import NameMissing
 
 
-class Series(Mapping[str, NDArray]):
+class Series(Sealed, Mapping[str, NDArray[Any]]):
     """Quantities by name: arrays over a time of their own, shape (rows, ...), read when asked for.
 
     A quantity with named columns gives one of them too: `series["dissipated_by_mechanism/sliding"]`.
@@ -23,12 +26,14 @@ class Series(Mapping[str, NDArray]):
         Times of the rows [time].
     """
 
+    time: NDArray[np.float64]
+
     def __init__(
         self,
         group: h5py.Group | None,
         time: NDArray[np.float64],
         kind: str,
-        read: Callable[[str, slice], NDArray],
+        read: Callable[[str, int, int], NDArray[Any]],
     ) -> None:
         self._kind = kind
         self._path = "" if group is None else str(group.name)
@@ -37,15 +42,15 @@ class Series(Mapping[str, NDArray]):
         for name, item in () if group is None else group.items():
             if isinstance(item, h5py.Group):
                 columns = item.attrs.get("columns", ())
-                self._columns[name] = tuple(
+                self._columns[text_of(name)] = tuple(
                     one.decode() if isinstance(one, bytes) else str(one) for one in columns
                 )
-        self.time = time
+        self._set(time=time)
 
-    def __getitem__(self, name: str) -> NDArray:
+    def __getitem__(self, name: str) -> NDArray[Any]:
         whole, _, column = str(name).partition("/")
         columns = self.columns(whole)
-        value = self._read(f"{self._path}/{whole}/value", slice(0, len(self.time)))
+        value = self._read(f"{self._path}/{whole}/value", len(self.time), len(columns))
         if not column:
             return value
         if column not in columns:

@@ -70,7 +70,7 @@ class SeriesWriter:
         columns: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         """Append rows and commit them together; see `TrajectoryWriter.write_series_rows`."""
-        checked_rows: list[dict[str, NDArray]] = []
+        checked_rows: list[dict[str, NDArray[Any]]] = []
         before = self._last_time
         for time, values in given:
             checked_rows.append(self._checked(time, values, columns, before, checked_rows))
@@ -101,7 +101,7 @@ class SeriesWriter:
             del file[layout.TIMESERIES]
             self._rows = None
 
-    def _create(self, row: Mapping[str, NDArray]) -> Rows:
+    def _create(self, row: Mapping[str, NDArray[Any]]) -> Rows:
         file = self._output.file
         if layout.TIMESERIES in file:  # an interrupt ended the first attempt
             del file[layout.TIMESERIES]
@@ -116,8 +116,8 @@ class SeriesWriter:
         values: Mapping[str, ArrayLike],
         columns: Mapping[str, Sequence[str]] | None,
         before: float,
-        rows: Sequence[Mapping[str, NDArray]],
-    ) -> dict[str, NDArray]:
+        rows: Sequence[Mapping[str, NDArray[Any]]],
+    ) -> dict[str, NDArray[Any]]:
         """A row that comes after time `before`, and after `rows` that are not in the file yet."""
         first: dict[str, Any] | None = (
             {name: value[None] for name, value in rows[0].items()} if rows else None

@@ -30,7 +30,9 @@ def needed(package: str, extra: str) -> Any:
         raise InputError(f'{package} is not installed: pip install "ifrdem[{extra}]"') from None
 
 
-def columns(name: str, value: NDArray, names: tuple[str, ...] = ()) -> Iterator[tuple[str, NDArray]]:
+def columns(
+    name: str, value: NDArray[Any], names: tuple[str, ...] = ()
+) -> Iterator[tuple[str, NDArray[Any]]]:
     """A quantity of shape (rows, ...) as columns with names: a vector's end with _x and _y."""
     if value.ndim == 1:
         yield name, value
@@ -41,10 +43,10 @@ def columns(name: str, value: NDArray, names: tuple[str, ...] = ()) -> Iterator[
         yield f"{name}_{end}", column
 
 
-def frame_columns(trajectory: Trajectory, index: int) -> dict[str, NDArray]:
+def frame_columns(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
     """The disks of a frame: stored fields, then the constant properties, as columns (n,)."""
     frame, disks = trajectory[index], trajectory.disks
-    found: dict[str, NDArray] = {}
+    found: dict[str, NDArray[Any]] = {}
     for name in trajectory.fields:
         found.update(columns(name, frame[name]))
     for name in ("radius", "mass", "k", "material"):
@@ -61,7 +63,7 @@ def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFram
         found = frame_columns(trajectory, index)
         return pandas.DataFrame(found, index=pandas.RangeIndex(trajectory.disks.n, name="id"))
     series: Series = getattr(trajectory, which)
-    table: dict[str, NDArray] = {}
+    table: dict[str, NDArray[Any]] = {}
     for name in series:
         table.update(columns(name, series[name], series.columns(name)))
     return pandas.DataFrame(table, index=pandas.Index(series.time, name="time"))
@@ -113,7 +115,9 @@ _QUANTITIES = {
 """The units' name of each quantity that has a unit of its own."""
 
 
-def _axes(name: str, value: NDArray, names: tuple[str, ...], coordinates: dict[str, Any]) -> tuple[str, ...]:
+def _axes(
+    name: str, value: NDArray[Any], names: tuple[str, ...], coordinates: dict[str, Any]
+) -> tuple[str, ...]:
     """Names of the axes behind the first."""
     if value.ndim == 2 and names:
         dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")

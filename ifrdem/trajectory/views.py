@@ -23,8 +23,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..run.outputs import VIEWS, check_apart, check_files
-from . import layout as h5md
-from .reader import Trajectory
+from ..tools import beside
+from . import layout
+from .reader import Trajectory, check_file
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
 TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")
@@ -50,10 +51,10 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         If the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a view cannot
         be written: where a folder, a device or the trajectory itself is. Each view appears whole or not at all.
     """
+    check_file(Path(path))
     made = paths(path)
-    if os.path.exists(path):
-        for place in made:
-            check_apart(place, Path(path))
+    for place in made:
+        check_apart(place, Path(path))
     check_files(made, force=True, elsewhere="views stand beside the trajectory")
     with Trajectory(path) as trajectory:
         if len(trajectory) == 0 or trajectory.disks.n == 0 or "position" not in trajectory.fields:
@@ -67,16 +68,12 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
 
 
 def _write(place: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Trajectory], None]) -> None:
-    aside = place.with_name(f".{place.name[:100]}.{os.getpid()}.part")
     try:
         # netCDF-4 wants the order of creation to be kept.
-        with h5py.File(aside, "w", track_order=True) as file:
+        with beside.replacing(place) as new, h5py.File(new, "w", track_order=True) as file:
             fill(file, trajectory)
-        os.replace(aside, place)
     except (OSError, RuntimeError) as error:
         raise InputError(f"view {place} cannot be written: {error}") from error
-    finally:
-        aside.unlink(missing_ok=True)
 
 
 def _view(
@@ -103,7 +100,7 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
     root = file.create_group("VTKHDF")
     root.attrs["Version"] = np.array((2, 0), dtype=np.int64)
     root.attrs.create("Type", np.bytes_("PolyData"))  # a text of fixed length
-    _view(root, "Points", trajectory, h5md.field_dataset(trajectory.file, "position").name, (frames * n, 3))
+    _view(root, "Points", trajectory, layout.field_dataset(trajectory.file, "position").name, (frames * n, 3))
     root["NumberOfPoints"] = np.full(frames, n, dtype=np.int64)
     for name in TOPOLOGIES:
         cells = n if name == "Vertices" else 0
@@ -131,7 +128,7 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
         _view(data, name, trajectory, trajectory.dataset(name).name, (frames * n, *tail))
         offsets[name] = np.arange(frames, dtype=np.int64) * n
     for name in CONSTANT:
-        _view(data, name, trajectory, f"{h5md.PARTICLES}/{name}", (n,))
+        _view(data, name, trajectory, f"{layout.PARTICLES}/{name}", (n,))
         offsets[name] = np.zeros(frames, dtype=np.int64)
     data["id"] = np.arange(n, dtype=np.int32)
     offsets["id"] = np.zeros(frames, dtype=np.int64)
@@ -188,5 +185,5 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
         attach(zeros, "frame", "atom")
     for name in CONSTANT:
         # ASE takes `atom_types` for numbers of chemical elements, so materials keep their own name.
-        view = _view(file, name, trajectory, f"{h5md.PARTICLES}/{name}", (n,))
+        view = _view(file, name, trajectory, f"{layout.PARTICLES}/{name}", (n,))
         attach(view, "atom", unit=units.get({"radius": "length"}.get(name, name)))

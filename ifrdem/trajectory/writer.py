@@ -20,9 +20,10 @@ from ..model.box import Box, below
 from ..model.state import Disks, State, StoredState
 from ..model.walls import Wall, to_json
 from ..tools.buffers import compact
+from ..tools.sealed import Sealed
 from . import layout, quantities, resumable
 from .deflate import Deflate
-from .file import OutputFile, TrajectoryError
+from .file import OutputFile, TrajectoryError, gone
 from .frame_rows import FrameRows
 from .history_writer import HistoryWriter
 from .series_writer import SeriesWriter
@@ -32,7 +33,7 @@ __all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
 
 
-class TrajectoryWriter:
+class TrajectoryWriter(Sealed):
     """Writes a run's frames into a new H5MD file, and beside them time series and histories.
 
     Each frame is committed in two phases: everything but its step is written and flushed, then the step. A
@@ -80,6 +81,8 @@ class TrajectoryWriter:
         If a choice or name is unknown, the path exists and `force` is not given, it is not a regular file, or
         the file cannot be created there. Nothing is left behind then.
     """
+
+    path: Path
 
     def __init__(
         self,
@@ -194,7 +197,7 @@ class TrajectoryWriter:
     ) -> None:
         """Take the file's datasets in hand; so much of each the run has written."""
         self._output = output
-        self.path = output.path
+        self._set(path=output.path)
         self._n = disks.n
         self._lengths = box.lengths
         file = output.file
@@ -225,6 +228,16 @@ class TrajectoryWriter:
     def present(self) -> Path:
         """Where the file is now: beside its place while it is to replace another and has no frame yet."""
         return self._output.present
+
+    @property
+    def identity(self) -> tuple[int, int] | None:
+        """As `OutputFile.identity`."""
+        return self._output.identity
+
+    @property
+    def gone(self) -> str | None:
+        """Reason why the file is not at its place any more; None if it is."""
+        return gone(self.present, self.identity)
 
     @property
     def series_rows(self) -> int:
@@ -418,7 +431,7 @@ class TrajectoryWriter:
         self._series.drop_uncommitted()
         self._histories.drop_uncommitted()
 
-    def _checked_fields(self, state: State) -> dict[str, NDArray]:
+    def _checked_fields(self, state: State) -> dict[str, NDArray[Any]]:
         if state.n != self._n:
             raise InputError(f"the state has {state.n} disks: {self._n} are needed")
         if not (np.isfinite(state.time) and state.time >= self._last_time):
@@ -457,14 +470,14 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
             raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
 
 
-def _as_count(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
+def _as_count(name: str, value: NDArray[Any], dtype: np.dtype) -> NDArray[Any]:
     limits = np.iinfo(dtype)
     if value.dtype != dtype and value.size and not limits.min <= value.min() <= value.max() <= limits.max:
         raise InputError(f"{name}: counts beyond {limits.max} cannot be stored")
     return value.astype(dtype, copy=False)
 
 
-def _as_float(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
+def _as_float(name: str, value: NDArray[Any], dtype: np.dtype) -> NDArray[Any]:
     with np.errstate(over="ignore"):
         rounded = value.astype(dtype, copy=False)
     wrong = ~np.isfinite(rounded)
@@ -473,7 +486,7 @@ def _as_float(name: str, value: NDArray, dtype: np.dtype) -> NDArray:
     return rounded
 
 
-def _keep_inside(rounded: NDArray, position: NDArray, lengths: tuple[float, float]) -> None:
+def _keep_inside(rounded: NDArray[Any], position: NDArray[Any], lengths: tuple[float, float]) -> None:
     """Undo in place where rounding to fewer digits carried a disk out of the box through its upper side."""
     if position.dtype == rounded.dtype:
         return

@@ -39,7 +39,7 @@ from ..model.state import Disks, State
 from ..tools import processes
 from ..tools.buffers import copy_into
 from . import layout
-from .file import TrajectoryError
+from .file import LOST, TrajectoryError, gone
 from .writer import DEFAULT_FIELDS, TrajectoryWriter
 
 LEAST_DISKS = 100_000
@@ -173,6 +173,11 @@ class RemoteWriter:
         return int(self._news["frames"])
 
     @property
+    def gone(self) -> str | None:
+        """As `TrajectoryWriter.gone`."""
+        return gone(Path(self._news["present"] or self.path), self._news["identity"])
+
+    @property
     def series_rows(self) -> int:
         """Number of committed rows of the series."""
         return int(self._news["series_rows"])
@@ -263,7 +268,7 @@ class RemoteWriter:
             else:  # there is no memory to be had, or the like
                 what = f"what is to be written cannot be handed on ({broken.strerror or broken})"
             self._end()
-            kept = f"the {len(self)} frames before are kept"
+            kept = LOST if self.gone else f"the {len(self)} frames before are kept"
             if self._bare and self._news["present"]:  # otherwise it may hold more than was answered for
                 Path(self._news["present"]).unlink(missing_ok=True)
                 kept = "nothing was written"
@@ -365,11 +370,13 @@ def _news_of(writer: TrajectoryWriter | None) -> dict[str, Any]:
     """What the run is told after each call."""
     if writer is None:
         return {
-            "frames": 0, "series_rows": 0, "events": 0, "seen": {}, "compressor": None, "path": None, "present": None
+            "frames": 0, "series_rows": 0, "events": 0, "seen": {}, "compressor": None, "path": None, "present": None,
+            "identity": None,
         }  # fmt: skip
     return {
         "frames": len(writer), "series_rows": writer.series_rows, "events": writer.events, "seen": writer.seen,
         "compressor": writer.compressor, "path": os.fspath(writer.path), "present": os.fspath(writer.present),
+        "identity": writer.identity,
     }  # fmt: skip
 
 
@@ -410,7 +417,8 @@ def serve(line_file: int, memory_file: int, parent: int, of_main_thread: bool) -
         except (MemoryError, OSError) as caught:  # of what is done here; the writer has messages of its own
             frames = 0 if writer is None else len(writer)
             why = (caught.strerror or str(caught)) if isinstance(caught, OSError) else "out of memory"
-            error = TrajectoryError(f"the process that writes: {why}; the {frames} frames before are kept")
+            kept = LOST if writer is not None and writer.gone else f"the {frames} frames before are kept"
+            error = TrajectoryError(f"the process that writes: {why}; {kept}")
         except Exception as caught:
             # Not swallowed: the run raises it, with where it was; here nobody would see it.
             error = RuntimeError(f"the process that writes: {caught!r}\n{traceback.format_exc()}")

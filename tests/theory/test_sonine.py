@@ -15,6 +15,8 @@ from ifrdem.theory.sonine import (
     heated_sonine,
     sonine_coefficient,
 )
+from ifrdem.validation.gas.sonine_series import brackets, coefficients
+from ifrdem.validation.gas.sonine_series import cooling_sonine as series_sonine
 
 
 @pytest.mark.parametrize("e", [0.0, 0.3, 0.5, 0.7, 0.9, 0.99])
@@ -70,3 +72,17 @@ def test_rates_of_disks_with_a_sonine_tail_are_those_of_a_monte_carlo() -> None:
 def test_impossible_restitution_is_refused(e_n: float) -> None:
     with pytest.raises(InputError, match="e_n = "):
         cooling_sonine(e_n)
+
+
+def test_one_polynomial_by_quadrature_is_the_first_order_of_nearly_elastic_disks() -> None:
+    """With S_2 alone the series of `validate gas` solves what van Noije and Ernst do, but for a_2^2."""
+    mu, moments = brackets(0.99)
+    assert coefficients(mu, moments, 2)[0] == pytest.approx(cooling_sonine(0.99), rel=1e-3)
+    np.testing.assert_allclose(moments[:3, 0], [1.0, 2.0, 6.0], rtol=1e-12)  # <c^2p> = p! of a Gaussian
+
+
+def test_polynomials_of_higher_order_change_a_2_as_a_simulation_of_a_million_disks_found() -> None:
+    """-0.0305(5) at e_n = 0.9 (`sonine_theory`); to first order it would be -0.0269."""
+    a_2, off = series_sonine(0.9)
+    assert a_2 == pytest.approx(-0.0305, abs=0.001)
+    assert off < 1e-4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import pade
 from support.serial_reference import simulate
 
+from ifrdem.case import file as case_file
+from ifrdem.case.estimate import Estimate
+from ifrdem.case.gas import Gas
 from ifrdem.errors import InputError
 from ifrdem.initial.placement import hexagonal_positions, maxwellian, random_positions
 from ifrdem.kernels.law import collide_pair
@@ -25,10 +29,12 @@ from ifrdem.theory import (
     cooling,
     cooling_rates,
     cooling_ratio,
+    cooling_ratios,
     haff,
     haff_time,
     henderson,
     mean_free_path,
+    prediction,
     rough_rates,
 )
 
@@ -215,10 +221,47 @@ def test_rotation_of_a_cooling_gas_tends_to_the_ratio_of_rough_disks() -> None:
         -2 * k * q**2,
     ])  # fmt: skip
     law = IFRLaw(e_n=e, e_t=beta - 1.0, mu=1e9, sticking="contact_point")
-    assert cooling_ratio(law, k) == pytest.approx(float(roots[roots > 0.0][0]), rel=1e-9)
+    assert cooling_ratio(law, k, 0.0) == pytest.approx(float(roots[roots > 0.0][0]), rel=1e-9)
     T, T_rot, _ = cooling(law, 1.0, 0.5, k, 0.2, 1.0, 0.0, [1e5])
     assert T_rot[0] / T[0] == pytest.approx(float(roots[roots > 0.0][0]), rel=1e-6)
-    assert cooling_ratio(SMOOTH, 2.0) is None  # nothing changes the spins
+    assert cooling_ratios(SMOOTH, 2.0) == ()  # nothing changes the spins
+    assert (cooling_ratio(SMOOTH, 2.0, 0.0), cooling_ratio(SMOOTH, 2.0, 0.1)) == (0.0, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("mu", "expected"),
+    [(0.05, [True]), (0.14, [True, False, True]), (0.141, [True, False, True]), (0.19, [True, False, True])],
+)
+def test_every_ratio_that_stays_is_found_and_stable_ones_are_told(mu: float, expected: list[bool]) -> None:
+    """Signs of dT_rot / T_rot - dT / T over 40 decades: from above 0 to below it a ratio is stable."""
+    law = IFRLaw(e_n=0.86, e_t=-0.99, mu=mu)
+    theta = np.geomspace(1e-20, 1e20, 400_001)
+    translation, rotation = changes_per_collision(theta, law, 2.0)
+    sign = np.sign(rotation / theta - translation)
+    where = np.flatnonzero(np.diff(sign))
+    found = cooling_ratios(law, 2.0)
+    assert [one.stable for one in found] == expected == [bool(sign[i] > 0.0) for i in where]
+    np.testing.assert_allclose([one.theta for one in found], theta[where], rtol=2.4e-4)  # a step of theta
+    for ratio, start in ((found[0], 0.0), (found[-1], 1e6)):
+        assert cooling_ratio(law, 2.0, start) == ratio.theta
+        T, T_rot, _ = cooling(law, 1.0, 0.5, 2.0, 0.2, 1.0, start, [1e60])
+        assert T_rot[0] / T[0] == pytest.approx(ratio.theta, rel=1e-6)
+    if len(found) == 3:
+        middle = found[1].theta
+        assert cooling_ratio(law, 2.0, 0.999 * middle) == found[0].theta
+        assert cooling_ratio(law, 2.0, 1.001 * middle) == found[2].theta
+
+
+def test_cooling_is_followed_for_as_long_as_numbers_last() -> None:
+    """Haff's law of smooth disks, t_H / t squared; elastic ones go on colliding at the first rate."""
+    rate = collision_rate(0.2, 1.0, 1.0, 0.5)
+    times = [1e3, 1e50, 1e100]
+    T, _, collisions = cooling(SMOOTH, 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, times)
+    np.testing.assert_allclose(T, haff(1.0, SMOOTH.e_n, rate, times), rtol=1e-6)
+    expected = 4.0 / (1.0 - SMOOTH.e_n**2) * np.log1p(np.array(times) / haff_time(SMOOTH.e_n, rate))
+    np.testing.assert_allclose(collisions, expected, rtol=1e-7)
+    elastic = cooling(IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), 1.0, 0.5, 2.0, 0.2, 1.0, 0.0, times)
+    np.testing.assert_allclose(elastic[2], rate * np.array(times), rtol=1e-7)
 
 
 def test_haff_s_time_is_when_a_quarter_is_left() -> None:
@@ -318,3 +361,18 @@ def test_cooling_of_no_time_changes_nothing() -> None:
 def test_times_that_do_not_increase_are_refused(times: list) -> None:
     with pytest.raises(InputError, match="times: "):
         cooling(SMOOTH, 1.0, 0.5, 2.0, 0.1, 1.0, 1.0, times)
+
+
+def test_a_prediction_is_shown_by_shapes_and_ranges() -> None:
+    found = prediction(Disks(10, 1.0, 0.5), SMOOTH, 0.2, 1.0, 0.0, np.linspace(0.0, 50.0, 300))
+    assert "T (300,) from" in repr(found)
+    assert len(repr(found)) < 600
+
+
+def test_the_end_of_endless_cooling_is_not_looked_for() -> None:
+    """After 1e9 collisions per disk T is exp(-1e8) of what it was: no number holds the time of that."""
+    overrides = ["run.collisions_per_disk=1e9"]
+    file = case_file.read(Path(__file__).parents[1] / "cases" / "cooling.toml", overrides)
+    estimate = Estimate.of(Gas.from_case(file.case, file.folder), file.case)
+    assert math.isnan(estimate.end_time)
+    assert estimate.collisions == 0.5e9 * 50_000

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from ifrdem import cli
 from ifrdem.case import file as case_file
+from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.fit import data
 from ifrdem.initial import from_csv

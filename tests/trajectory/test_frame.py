@@ -309,5 +309,4 @@ def test_describe_speaks_of_series_ledger_and_what_is_beside(tmp_path):
     ):
         assert part in text, text
     (tmp_path / "run.status.json").write_text("{")
-    with pytest.raises(InputError, match=r"run\.status\.json is not a status file"):
-        describe(path)
+    assert "run.status.json is not a status file" in describe(path)  # the trajectory is none the worse for it

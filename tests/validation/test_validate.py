@@ -383,3 +383,10 @@ def test_manual_lists_every_case():
     text = manual.page("validation.md")
     assert re.findall(r"^\| `(\w+)` \|", text, flags=re.MULTILINE) == list(registry.CASES)
     assert ".venv/bin/ifrdem validate -o validation-report\n" in text
+
+
+def test_a_lower_bound_lets_pass_what_is_not_below_it() -> None:
+    result = Result()
+    for value in (20.0, 57.0, 19.9, float("nan")):
+        result.at_least("growth", value, 20.0, "no theory says how much", "by hand")
+    assert [row.passed for row in result.rows] == [True, True, False, False]

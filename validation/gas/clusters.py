@@ -8,11 +8,18 @@ units of its thermal share, S = 1 at the start and x = k^2 xi^2,
 T. P. C. van Noije, M. H. Ernst, R. Brito and J. A. G. Orza, Phys. Rev. Lett. 79, 411 (1997),
 doi:10.1103/PhysRevLett.79.411. Energies of modes are distributed like exp(-S / <S>): the mean of M has the error
 <S> / sqrt(M). All of them together make T fall more slowly than Haff's law (J. Fluid Mech. 134, 401 (1983)); T is
-compared as long as they hold less than a tenth of it (validation/gas/waves.py).
+compared when that is more than what is uncertain of it, so that a gas without waves fails (validation/gas/waves.py).
+
+*Short waves.* The stress takes l nu to follow a shear (`sheared_gas.relaxation`), a wave decays at (z/2) x nu: the
+less it has time to, the less viscous the gas is. For one relaxation rate (the equation of P. L. Bhatnagar, E. P. Gross
+and M. Krook, Phys. Rev. 94, 511 (1954), doi:10.1103/PhysRev.94.511) the rate of decay s of a transverse wave, over
+that of relaxation, obeys <1 / (1 - s + i kappa v)> = 1 over normal v, or, order by order, s = kappa^2 - kappa^4 + 4
+kappa^6 with kappa^2 = (z/2) x / l, that of Navier and Stokes. So x is replaced by x (1 - kappa^2), and may be off by
+4 kappa^4 of itself: 6 % at k xi = 1.
 
 *Clusters.* I. Goldhirsch and G. Zanetti, Phys. Rev. Lett. 70, 1619 (1993), doi:10.1103/PhysRevLett.70.1619: density
 follows. There is no theory of numbers for what the gas looks like then; that it is far from homogeneous is asked for by
-rows that pass at a bound. Cells have a side of 20 diameters: 102 disks each, on average.
+rows that pass from a lower bound on. Cells have a side of 20 diameters: 102 disks each, on average.
 
 Close to collapse, collisions soon after another are elastic (S. Luding and S. McNamara, Granul. Matter 1, 113 (1998),
 doi:10.1007/s100350050017), within 1e-3 of the first mean free time.
@@ -37,10 +44,11 @@ from ...model.state import State
 from ...simulation.simulation import Simulation
 from ...theory.cooling_gas import changes_per_collision
 from ...theory.hydrodynamics import excess
+from ...theory.sheared_gas import relaxation
 from ..report import style
 from ..report.registry import Picture, Result
 from .sample import ELASTIC, add, equal_disks, seeds_of
-from .waves import MOST_SHARE, streams
+from .waves import streams
 
 QUESTION = "Does a large cooling gas grow shear modes as theory says, and then clusters?"
 REFERENCE = (
@@ -52,9 +60,10 @@ LAW = IFRLaw(e_n=0.7, e_t=-1.0, mu=0.0)
 PHI = 0.2
 CELL = 20.0  # diameters
 EARLY = (4.0, 8.0)  # collisions per disk at which waves are held against theory
-BANDS = ((0.1, 0.25), (0.25, 0.4), (0.4, 0.6))  # of k xi: hydrodynamics is of long waves
-QUICK_BANDS = ((0.1, 0.4), (0.4, 0.6))  # there are fewer waves in a smaller box
-VISCOUS = 0.1  # part of the viscosity that its first approximation, and terms of k^4, may be off by
+T_AT = 8.0  # collisions per disk at which T is: earlier, what is uncertain is as much as what waves add
+BANDS = ((0.1, 0.25), (0.25, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0), (1.0, 1.2))  # of k xi
+QUICK_BANDS = ((0.1, 0.4), (0.4, 0.6), (0.6, 0.9), (0.9, 1.2))  # there are fewer waves in a smaller box
+VISCOUS = 0.1  # part of the viscosity that its first approximation may be off by
 WAVES = "van Noije et al. (1997), doi:10.1103/PhysRevLett.79.411"
 Array = NDArray[np.float64]
 
@@ -82,14 +91,16 @@ def run(quick: bool, seed: int) -> Result:
     for look in looks:
         if look.tau in EARLY:
             waves[look.tau] = _waves(result, look, box, z, bands, sampled)
+        if look.tau == T_AT:
             held = streams(look.tau, LAW, PHI, n)
-            if held.share[0] < MOST_SHARE:
-                add(
-                    result, f"T over Haff's law after {look.tau:g} collisions per disk, waves hold {held.share[0]:.3f}",
-                    look.T * math.exp(z * look.tau), float(held.factor[0]), 1.0 / math.sqrt(n), math.inf,
-                    float(held.factor_error[0]), "waves too short for hydrodynamics (validation/gas/waves.py)", WAVES,
-                    widest=0.05, **sampled,
-                )  # fmt: skip
+            factor = float(held.factor[0])
+            # Wide enough for a gas without waves, it would say nothing.
+            add(
+                result, f"T over Haff's law after {look.tau:g} collisions per disk, waves hold {held.share[0]:.3f}",
+                look.T * math.exp(z * look.tau), factor, 1.0 / math.sqrt(n), math.inf,
+                float(held.factor_error[0]), "waves too short for hydrodynamics (validation/gas/waves.py)", WAVES,
+                widest=1.0 - 1.0 / factor, **sampled,
+            )  # fmt: skip
     _clustered(result, looks, box, z)
     result.pictures += [_fields(looks[-1], box, n), _curves(looks, box, z, waves, n)]
     return result
@@ -142,6 +153,11 @@ def growth(x: Array, z_tau: float) -> Array:
     return np.asarray(1.0 + excess(z_tau, 1.0 - x)[0])
 
 
+def slowness(x: Array, z: float) -> Array:
+    """kappa^2 of waves with k^2 xi^2 = x: see the module's text."""
+    return np.asarray(0.5 * z * x / relaxation(0.0, LAW, 2.0))
+
+
 def _waves(
     result: Result, look: Look, box: Box, z: float, bands: Sequence[tuple[float, float]], sampled: Any
 ) -> tuple[Array, Array]:
@@ -152,14 +168,16 @@ def _waves(
     for low, high in bands:
         inside = (k * xi > low) & (k * xi <= high)
         x = (k[inside] * xi) ** 2
+        short = slowness(x, z)
+        x = x * (1.0 - short)
         expected = float(np.mean(growth(x, z * look.tau)))
-        less = float(np.mean(growth((1.0 + VISCOUS) * x, z * look.tau)))
+        less = float(np.mean(growth((1.0 + VISCOUS + 4.0 * short**2) * x, z * look.tau)))
         add(
             result, f"energy of transverse waves, k xi from {low} to {high}, after {look.tau:g} collisions per disk",
             float(np.mean(S[inside])), expected, expected / math.sqrt(np.count_nonzero(inside)), math.inf,
             expected - less + 0.02 * expected,
-            "what a tenth more viscosity would change (its first approximation at e_n = 0.7; waves of finite length), "
-            "and 2 % (a_2; T at the start)",
+            "what a tenth more viscosity would change (its first approximation at e_n = 0.7), the next order of "
+            "short waves, and 2 % (a_2; T at the start)",
             WAVES, widest=0.4, **sampled,
         )  # fmt: skip
     return k * xi, S
@@ -183,21 +201,20 @@ def _clustered(result: Result, looks: list[Look], box: Box, z: float) -> None:
     over = end.T * math.exp(z * end.tau)
     at = f"after {end.tau:g} collisions per disk"
     source = "Goldhirsch and Zanetti (1993), doi:10.1103/PhysRevLett.70.1619"
-    most = (20.0, 0.15, 100.0) if end.tau > 40.0 else (20.0, 0.03, 40.0)
+    # A homogeneous gas has a ratio of 1, and T on Haff's law. Of its cells, whose 102 disks scatter by 10 or less, none
+    # has twice the mean.
     for text, value, bound in (
+        (f"variance of the density of cells, {at}, over that at the start", ratio, 20.0),
         (
-            f"variance of the density of cells, {at}, over that at the start, counted up to {most[0]:g}",
-            ratio,
-            most[0],
-        ),
-        (
-            f"part of the disks in cells of twice the mean density, {at}, counted up to {most[1]:g}",
+            f"part of the disks in cells of twice the mean density, {at}",
             in_dense,
-            most[1],
+            0.15 if end.tau > 40.0 else 0.03,
         ),
-        (f"T over Haff's law, {at}, counted up to {most[2]:g}", over, most[2]),
+        (f"T over Haff's law, {at}", over, 100.0 if end.tau > 40.0 else 40.0),
     ):
-        result.near(text, min(value, bound), bound, 0.0, f"a bound; found: {value:.4g}", source)
+        result.at_least(
+            text, value, bound, "one-sided: no theory says how much; a homogeneous gas has 1, 0 and 1", source
+        )
 
 
 def _fields(look: Look, box: Box, n: int) -> Picture:
@@ -246,7 +263,7 @@ def _curves(
         edges = np.linspace(0.05, 1.2, 24)
         place = np.digitize(k_xi, edges)
         kept = [b for b in range(1, len(edges)) if np.count_nonzero(place == b) > 3]
-        middle.plot(x, growth(x**2, z * tau), color=style.COLOURS[i])
+        middle.plot(x, growth(x**2 * (1.0 - slowness(x**2, z)), z * tau), color=style.COLOURS[i])
         middle.errorbar(
             [k_xi[place == b].mean() for b in kept], [S[place == b].mean() for b in kept],
             [S[place == b].mean() / math.sqrt(np.count_nonzero(place == b)) for b in kept], fmt="os"[i], mfc="none",
@@ -264,7 +281,7 @@ def _curves(
         axes.set_title(text, loc="left", weight="bold", fontsize=9)
     caption = (
         f"{n:,} cooling disks. (a) Temperature over time. (b) Transverse velocity waves early on (markers) and "
-        "their theory (lines), which holds for long ones. (c) Structure factor of the density at several "
+        "their theory (lines). (c) Structure factor of the density at several "
         "collisions per disk: clusters grow, and become larger."
     )
     return Picture("gas_clusters", caption, figure)

@@ -102,14 +102,18 @@ def _equations(result: Result, c: Impact, sticking: str) -> None:
 
 
 def _speeds(result: Result, steps: int) -> None:
-    """The same impacts at other speeds: equal angles, and velocities in proportion."""
+    """The same impacts at other speeds: equal angles, and velocities in proportion.
+
+    With constant coefficients every impulse is proportional to the speed, so this is constant by construction, and says
+    nothing about coins: it fails only where the kernels have a speed of their own.
+    """
     row = TABLE_II[5]  # two 100 pts coins: bronze-aluminium, M = 1
     speeds = np.linspace(*SPEEDS, steps)
     psi, v_o = (grid.reshape(-1) for grid in np.meshgrid(np.radians(ANGLES), speeds, indexing="ij"))
     impact = angles.coin_impact(row, psi)
     got = pairs.fly(Impact(**{**vars(impact), "v_o": v_o}))
     shape = (len(ANGLES), steps)
-    source = "Fig. 4: the coefficients are constants"
+    source = "constant by construction: Eqs. 5 to 17 are homogeneous in the speeds (Fig. 4)"
     for name, values in (
         ("alpha_1 [rad]", got.alpha_1), ("alpha_2 [rad]", got.alpha_2), ("v_1 / v_o", got.v_1 / v_o),
         ("v_2 / v_o", got.v_2 / v_o), ("R_2 omega_2 / v_o", got.Rw_2 / v_o),

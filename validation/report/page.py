@@ -151,7 +151,7 @@ def _comparisons(outcome: Outcome) -> str:
                 rich(row.quantity),
                 number(row.measured),
                 number(row.expected),
-                f"{number(row.tolerance)} <sup>{letters[row.reason]}</sup>",
+                f"{'at least' if row.least else number(row.tolerance)} <sup>{letters[row.reason]}</sup>",
                 *((number(row.printed),) * with_printed),
                 *(_sampling(row) if sampled else ()),
                 rich(row.source),

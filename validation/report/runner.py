@@ -265,7 +265,7 @@ def rows_as_json(outcomes: Sequence[Outcome]) -> list[dict[str, object]]:
                     "quantity": row.quantity,
                     "measured": _finite(row.measured),
                     "expected": _finite(row.expected),
-                    "tolerance": _finite(row.tolerance),
+                    "tolerance": None if row.least else _finite(row.tolerance),
                     "reason": row.reason,
                     "source": row.source,
                     "printed": _finite(row.printed),

@@ -99,9 +99,13 @@ def table(outcome: Outcome) -> str:
     for row in outcome.result.rows:
         mark = "ok  " if row.passed else "FAIL"
         printed = "" if row.printed is None else f"  (printed {number(row.printed)})"
+        right = (
+            f"at least {number(row.expected)}"
+            if row.least
+            else f"{number(row.expected)} +- {number(row.tolerance)}"
+        )
         lines.append(
-            f"  {mark} {row.quantity}: {number(row.measured)}, expected {number(row.expected)} "
-            f"+- {number(row.tolerance)}{printed}  [{row.source}]"
+            f"  {mark} {row.quantity}: {number(row.measured)}, expected {right}{printed}  [{row.source}]"
         )
         if not row.passed:
             lines.append(f"       off by {number(abs(row.measured - row.expected))}; tolerance: {row.reason}")

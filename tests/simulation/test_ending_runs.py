@@ -1,0 +1,214 @@
+"""Runs that end early: by `stop`, by what an observer raises, by Ctrl-C; and runs where none can be."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from support import gases
+
+from ifrdem import EngineError, IFRLaw, Simulation, State
+from ifrdem.model.observables import Measure
+
+pytestmark = pytest.mark.unoptimised
+LAW = IFRLaw(e_n=0.9, e_t=-0.5, mu=0.2)
+
+
+def gas(n: int = 100, **options: Any) -> Simulation:
+    disks = gases.equal_disks(n)
+    box, state = gases.start(disks, 0.3)
+    return Simulation(disks, box, LAW, state, **options)
+
+
+class Halt(Exception):
+    """What an observer of these tests raises."""
+
+
+def halting(end: Callable[[], None], frame: int, seen: list[State]) -> Callable[[State, Measure], None]:
+    def observer(state: State, measure: Measure) -> None:
+        seen.append(state)
+        if len(seen) == frame + 1:
+            end()
+
+    return observer
+
+
+def interrupt() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+def halt() -> None:
+    raise Halt
+
+
+def assert_same_motion(one: State, other: State) -> None:
+    # Frames of one epoch and the cut epoch differ by where positions are measured from: rounding.
+    np.testing.assert_allclose(one.position, other.position, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(one.velocity, other.velocity, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(one.spin, other.spin, rtol=0, atol=1e-11)
+    np.testing.assert_array_equal(one.collisions, other.collisions)
+
+
+@pytest.mark.parametrize("end", [{"t_end": 2.0}, {"collisions_per_disk": 6.0}])
+@pytest.mark.parametrize(
+    ("way", "raised"), [("stop", None), ("raise", Halt), ("interrupt", KeyboardInterrupt)]
+)
+@pytest.mark.parametrize("options", [{}, {"contact_time": 1e-9, "collapse": "tc"}], ids=["looks back", "tc"])
+def test_a_run_ends_at_the_frame_of_the_observer_that_ends_it(
+    end: dict[str, float], way: str, raised: type[BaseException] | None, options: dict[str, Any]
+) -> None:
+    """One epoch of 100 disks holds many of these frames: without the cut the gas would be at the epoch's end.
+
+    From there on it must be the gas that nobody has stopped: the same frames, and the same collisions.
+    """
+    whole, part = gas(ledger=True, tracked=[3], **options), gas(ledger=True, tracked=[3], **options)
+    frames: list[State] = []
+    whole.run(**end, frames=50, observers=[lambda state, measure: frames.append(state)])
+    seen: list[State] = []
+    observer = halting({"stop": part.stop, "raise": halt, "interrupt": interrupt}[way], 20, seen)
+    if raised is None:
+        part.run(**end, frames=50, observers=[observer])
+    else:
+        with pytest.raises(raised):
+            part.run(**end, frames=50, observers=[observer])
+    assert len(seen) == 21
+    assert part.time == seen[-1].time == frames[20].time
+    assert part.collisions == int(frames[20].collisions.sum()) // 2
+    assert_same_motion(part.state, frames[20])
+    early = part.take_events()
+    assert len(early) == 0 or early.time[-1] <= part.time
+    assert len(early) == frames[20].collisions[3]
+    part.run(**end)
+    assert_same_motion(part.state, frames[-1])
+    assert len(part.take_events()) + len(early) == len(whole.take_events()) == frames[-1].collisions[3]
+    lost, at_once = part.measure().dissipated, whole.measure().dissipated
+    assert lost is not None
+    assert at_once is not None
+    np.testing.assert_allclose(lost, at_once, rtol=1e-10)
+
+
+@pytest.mark.parametrize("order", ["alone", "tiles", "rounds"])
+def test_an_epoch_ends_where_it_is_cut_in_every_order_of_the_engine(order: str) -> None:
+    disks = gases.equal_disks(400)
+    box, state = gases.start(disks, 0.3)
+    whole = Simulation(disks, box, LAW, state)
+    frames: list[State] = []
+    whole.run(t_end=1.0, frames=40, observers=[lambda state, measure: frames.append(state)])
+    part = Simulation(disks, box, LAW, state)
+    part._engine.order = part._engine.epochs.order = order
+    seen: list[State] = []
+    for stops_at in (7, 6, 19):  # frames at 7/40, 13/40 and 32/40 of the way
+        seen.clear()
+        part.run(
+            t_end=1.0, frames=round(40 * (1.0 - part.time)), observers=[halting(part.stop, stops_at, seen)]
+        )
+        at = round(40 * part.time)
+        assert part.time == pytest.approx(at / 40)
+        assert_same_motion(part.state, frames[at])
+    assert at == 32
+
+
+def test_a_stop_asked_for_by_a_sampler_or_progress_ends_the_run_at_the_end_of_an_epoch() -> None:
+    one = gas(2000)
+    one.run(t_end=50.0, progress=lambda time, collisions: one.stop())
+    assert 0.0 < one.time < 50.0
+    here = one.time
+    one.run(t_end=50.0, series=1000, samplers=[lambda measure: one.stop()])
+    assert here < one.time < 50.0
+    one.run(t_end=one.time + 0.01)  # an earlier stop does not end a later run
+
+
+def test_ctrl_c_during_an_epoch_takes_effect_at_its_end_and_the_gas_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one, other = gas(), gas()
+    epochs = one._engine.epochs
+    run_alone = epochs.run_alone
+
+    def interrupted(*args: Any, **options: Any) -> Any:
+        interrupt()  # as if the user pressed Ctrl-C just before the kernel runs
+        return run_alone(*args, **options)
+
+    monkeypatch.setattr(epochs, "run_alone", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        one.run(t_end=3.0)
+    monkeypatch.undo()
+    assert 0.0 < one.time <= 3.0
+    one.run(t_end=3.0)
+    other.run(t_end=3.0)
+    assert_same_motion(one.state, other.state)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_second_ctrl_c_ends_an_epoch_at_once_and_the_lost_state_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    one = gas()
+
+    def interrupted(*args: Any, **options: Any) -> Any:
+        interrupt()
+        interrupt()
+
+    monkeypatch.setattr(one._engine.epochs, "run_alone", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        one.run(t_end=3.0)
+    with pytest.raises(EngineError, match="interrupted half-way"):
+        one.run(t_end=3.0)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_second_thread_is_told_that_another_one_runs_a_simulation() -> None:
+    one = gas()
+    raised: list[BaseException] = []
+
+    def elsewhere() -> None:
+        for act in (gas, lambda: one.state, lambda: one.run(t_end=9.0)):
+            try:
+                act()
+            except EngineError as error:
+                raised.append(error)
+
+    def observer(state: State, measure: Measure) -> None:
+        thread = threading.Thread(target=elsewhere)
+        thread.start()
+        thread.join()
+
+    one.run(t_end=0.1, frames=1, observers=[observer])
+    assert len(raised) == 6
+    assert all("another thread" in str(error) and '"spawn"' in str(error) for error in raised)
+    thread = threading.Thread(target=lambda: one.run(t_end=0.2))  # one after the other they can
+    thread.start()
+    thread.join()
+    assert one.time == 0.2
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+@pytest.mark.parametrize("act", ["gas()", "one.run(t_end=2.0)", "one.state", "backend.stop()"])
+def test_a_forked_copy_of_a_process_with_a_simulation_is_refused_and_does_not_hang(act: str) -> None:
+    program = f"""
+import os, signal, sys
+sys.path[:0] = {[os.path.dirname(__file__), os.path.dirname(os.path.dirname(__file__))]!r}
+from test_ending_runs import gas
+from ifrdem import EngineError
+from ifrdem.simulation import device as backend
+one = gas()
+one.run(t_end=0.1)
+child = os.fork()
+if child == 0:
+    signal.alarm(30)
+    try:
+        {act}
+    except EngineError as error:
+        os._exit(0 if 'get_context("spawn")' in str(error) else 2)
+    os._exit(3)
+assert os.waitpid(child, 0)[1] == 0
+one.run(t_end=0.2)
+"""
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
