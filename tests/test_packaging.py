@@ -38,7 +38,7 @@ def files_on_disk() -> dict[str, Path]:
             name = path.relative_to(ROOT / folder)
             linked = any((ROOT / folder / parent).is_symlink() for parent in (name, *name.parents))
             manual = path.suffix in (".md", ".png") and name.parts[0] == "docs"
-            wanted = path.suffix in (".py", ".pyi", ".toml") or path.name == "py.typed" or manual
+            wanted = path.suffix in (".py", ".pyi", ".toml", ".csv") or path.name == "py.typed" or manual
             if wanted and path.is_file() and not linked:
                 found[f"{inside}/{name.as_posix()}"] = path
     for path in (ROOT / "validation" / "results").glob("*.md"):

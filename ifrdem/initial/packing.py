@@ -35,7 +35,7 @@ from ..model.overlaps import (
 from ..model.walls import Wall
 from ..tools import seeds
 
-sparse = lazy_loader.load("scipy.sparse")
+sparse = lazy_loader.load("scipy.sparse", suppress_warning=True)
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""

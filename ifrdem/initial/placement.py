@@ -28,7 +28,9 @@ from ..model.walls import Wall
 from ..tools import checked, seeds
 from . import lattice
 
-spatial = lazy_loader.load("scipy.spatial")  # a third of a second, where nobody may need it
+spatial = lazy_loader.load(
+    "scipy.spatial", suppress_warning=True
+)  # a third of a second, where nobody may need it
 
 SATURATION = 0.547
 """Packing fraction where random sequential addition of equal disks ends (doi:10.1103/PhysRevE.74.061308)."""

@@ -14,7 +14,9 @@ from ..tools import checked
 from .box import Box
 from .free_area import Room
 
-spatial = lazy_loader.load("scipy.spatial")  # a third of a second, where nobody may need it
+spatial = lazy_loader.load(
+    "scipy.spatial", suppress_warning=True
+)  # a third of a second, where nobody may need it
 
 TOLERANCE = 1e-9
 """Overlap, as a part of the contact distance, that counts as rounding.

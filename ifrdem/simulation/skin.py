@@ -12,7 +12,9 @@ from ..kernels.limits import CROWD
 from ..model.box import Box
 from ..model.state import Disks, State
 
-spatial = lazy_loader.load("scipy.spatial")  # a third of a second, where nobody may need it
+spatial = lazy_loader.load(
+    "scipy.spatial", suppress_warning=True
+)  # a third of a second, where nobody may need it
 
 FEW = 16  # disks that may as well list everybody, and rarely do so
 NEIGHBOURS = 4  # whose distance tells the density of an open gas

@@ -311,6 +311,34 @@ def test_case_restitution_in_small():
     assert all_passed(result)
 
 
+def test_measured_spheres_of_fig_3_are_spheres_and_no_disks(monkeypatch):
+    """1 + k = 7/2 is in reach of what was read off, 3 is not. 55 points of two digitisations are used.
+
+    By hand, Kratos at 39 and 49.6 degrees: R omega / (v - v') = 0.0025 * 595.11 / (3.875 sin(39.545) (1 - 0.7743))
+    = 2.67 and 0.0025 * 449.54 / (3.875 sin(49.604) (1 - 0.8476)) = 2.50.
+    """
+    points = restitution.measured()
+    assert sum(len(one.psi) for (_, who), one in points.items() if who in restitution.USED) == 55
+    for at, k in ((39.545, 2.67), (49.604, 2.50)):
+        centre = points["e_com", "Kratos"]
+        one = centre.within(np.isclose(np.degrees(centre.psi), at))
+        spin = points["omega", "Kratos"]
+        other = spin.within(np.abs(np.degrees(spin.psi) - at) < 2.0)
+        assert restitution._inertia("omega", one, other) == pytest.approx(1.0 + k, abs=0.01)
+    result = Result()
+    restitution._without_law(result, points)
+    restitution._residuals(result, points)
+    assert all_passed(result)
+    balances = [each for each in result.rows if each.quantity.startswith("1 + k")]
+    assert len(balances) == 3
+    for each in balances:
+        assert not replace(each, expected=3.0).passed
+    monkeypatch.setattr(restitution, "RADIUS", 1.25 * restitution.RADIUS)
+    wrong = Result()
+    restitution._without_law(wrong, points)
+    assert [each.passed for each in wrong.rows] == [False, False, True]  # the slip does not know the radius
+
+
 def test_case_rolling_in_small():
     result = Result()
     rolling._spins(result, "contact_point", 300)

@@ -223,3 +223,81 @@ def test_three_disks_pass_and_a_law_that_is_a_little_off_does_not(monkeypatch: p
     failed = [row.quantity for row in collapse.run(True, 1).rows if not row.passed]
     assert "collisions at e_n = 0.09" in failed or "collisions at e_n = 0.08" in failed
     assert any(text.startswith("largest deviation of velocities at the end") for text in failed)
+
+
+def test_free_flights_of_a_dilute_gas_are_those_of_visco_and_others() -> None:
+    """By sampling instead of integrals: flights at the rate |v - v_1| averaged over partners.
+
+    Flights begin at the rate nu(v), so that a mean over flights is E[nu ...] / E[nu] over disks.
+    """
+    from ifrdem.validation.gas import equilibrium
+
+    rng = np.random.default_rng(1)
+    v, partner = rng.normal(size=(2000, 2)), rng.normal(size=(4000, 2))
+    rate = np.array([np.mean(np.hypot(*(one - partner).T)) for one in v])
+    speed = np.hypot(*v.T)
+    mean = np.mean(rate)
+    paths = 2.0 * np.mean(speed**2 / rate) * mean / np.mean(speed) ** 2
+    times = 2.0 * np.mean(1.0 / rate) * mean
+    found = equilibrium.flights()
+    assert found[0] == pytest.approx(paths, rel=0.01)  # 2000 disks
+    assert found[1] == pytest.approx(times, rel=0.01)
+    assert min(found) > 2.05  # not exponential
+
+
+def test_diffusion_of_second_order_has_the_brackets_of_its_text() -> None:
+    """b_01 = -1/4 and b_11 = 43/16 over b_00 = 1, by a million sampled collisions: 43/42."""
+    from ifrdem.validation.gas import equilibrium
+
+    rng = np.random.default_rng(2)
+    n = 1_000_000
+    g = np.sqrt(-2.0 * np.log(rng.random(n)))
+    mean, across = 0.5 * rng.normal(size=n), math.sqrt(0.5) * rng.normal(size=n)
+    before, after = np.array([mean + 0.5 * g, across]), np.array([mean - 0.5 * g, across])
+    phi = [[one, (2.0 - np.sum(one**2, axis=0)) * one] for one in (before, after)]
+    b = [[np.mean(np.sum(phi[0][p] * (phi[0][q] - phi[1][q]), axis=0)) for q in (0, 1)] for p in (0, 1)]
+    assert 1.0 / (1.0 - b[0][1] * b[1][0] / (b[0][0] * b[1][1])) == pytest.approx(
+        equilibrium.SONINE, abs=0.002
+    )
+    # Without crowding, D = sqrt(T / (pi m)) / (2 n sigma).
+    assert equilibrium.enskog(1e-6) * 4e-6 / math.pi * 2.0 * math.sqrt(math.pi) == pytest.approx(
+        43.0 / 42.0, rel=1e-5
+    )
+
+
+def test_the_layer_at_walls_is_that_of_the_exact_profile_in_a_dilute_gas() -> None:
+    """Gamma / n^2 is the integral over z of the part of a circle of radius 1 beyond a wall at the distance z."""
+    from ifrdem.validation.gas import equilibrium
+
+    z = np.linspace(0.0, 1.0, 20_001)
+    beyond = np.arccos(z) - z * np.sqrt(1.0 - z**2)
+    exact = float(np.trapezoid(beyond, z))
+    assert exact == pytest.approx(2.0 / 3.0, rel=1e-5)
+    n, side = 4000, 1000.0
+    density = equilibrium.bulk_density(n, side, 8.0 / (3.0 * math.pi))
+    layer = (n - density * side * (side - 1.0)) / (2.0 * side)
+    assert layer / density**2 == pytest.approx(exact, rel=0.005)  # 1 + phi
+    assert equilibrium.wall_pressure(n, side, 1.0) < equilibrium.wall_pressure(n, side, 0.0)
+
+
+def test_the_expansion_of_rough_disks_has_the_smooth_and_the_perfectly_rough_ones() -> None:
+    """Smooth: a_20 by van Noije and Ernst. alpha = beta = 1: equipartition, no cumulants.
+
+    Gaussians: J of Luding et al., x by -(1 - alpha^2)/4 and what friction does, in `theory.rough_rates`.
+    """
+    from ifrdem.validation.gas import rough
+
+    for alpha in (0.6, 0.8, 0.95):
+        J = rough.changes(alpha, -1.0, 1.0)
+        a_20 = (4.0 * J[0, 0] - J[2, 0]) / (J[2, 1] - 4.0 * J[0, 1] - 4.0 * J[0, 0])
+        assert a_20 == pytest.approx(theory.cooling_sonine(alpha), rel=1e-10)
+    a, balance = rough.cumulants(1.0, 1.0, 1.0)
+    np.testing.assert_allclose(a, 0.0, atol=1e-12)
+    assert balance == pytest.approx(0.0, abs=1e-12)
+    # The ratio of Gaussians, which another module has in closed form.
+    for alpha, beta in rough.PAIRS:
+        law = rough.law_of(alpha, beta)
+        found = theory.cooling_ratio(law, 2.0)
+        J = rough.changes(alpha, beta, found)
+        assert J[0, 0] == pytest.approx(2.0 * J[1, 0], rel=1e-6)
+        assert rough.sonine(alpha, beta).theta == pytest.approx(found, rel=0.1)

@@ -1,6 +1,6 @@
 r"""Steady states: coins that kicks heat, disks that a flow heats, and a column under gravity.
 
-*Kicks.* Power per disk equals what collisions take: by `driven_theory` of a Gaussian gas, by DSMC of what distribution
+*Kicks.* Power per disk equals what collisions take: by `driven_gas` of a Gaussian gas, by DSMC of what distribution
 there is. Of smooth disks it is known how much more a gas that is not Gaussian takes: 1 + (3/16) a_2 times as much, so
 that T, whose power 3/2 the loss goes with, is less by 2/3 of that; a_2 = -0.020 at e_n = 0.9, and its next orders a
 tenth of it. Rough coins are held against DSMC alone, as nobody knows that number. Kicks feed waves too: see
@@ -128,7 +128,7 @@ def _kicked_smooth(result: Result, quick: bool, seed: int, drive: Drive, axes: A
     """Smooth disks in a dilute gas, in which waves hold little."""
     n, phi, e_n, replicas = 1600, 0.005, 0.9, 16 if quick else 40
     law = IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0)
-    gaussian, _ = driven_theory.steady_state(law, 1.0, 0.5, 2.0, phi, drive) or (math.nan, math.nan)
+    gaussian, _ = driven_gas.steady_state(law, 1.0, 0.5, 2.0, phi, drive) or (math.nan, math.nan)
     a_2 = theory.heated_sonine(e_n)
     right = gaussian * float(theory.cooling_factor(a_2)) ** (-2.0 / 3.0)
     share, off = driven_streams(law, phi, n, 0.0)

@@ -29,7 +29,10 @@ PAPER = ("angles", "velocities", "restitution", "stopping", "rolling", "reductio
 BULLET = ("bullet_pair", "bullet_anomaly", "bullet_flight", "bullet_box", "bullet_ifr", "bullet_defaults")
 """Cases that hold them against code that nobody here wrote; they need PyBullet."""
 
-GAS = ("gas_state", "gas_elastic", "gas_haff", "gas_cooling", "gas_driven", "gas_collapse", "gas_clusters")
+GAS = (
+    "gas_state", "gas_equilibrium", "gas_elastic", "gas_haff", "gas_rough", "gas_cooling", "gas_driven",
+    "gas_collapse", "gas_clusters",
+)  # fmt: skip
 """Cases that hold many disks against the literature and kinetic theory; they take minutes, and a seed."""
 
 CASES = PAPER + BULLET + GAS
@@ -44,6 +47,7 @@ ROOMS = {"paper": "paper", "bullet": "engines", "gas": "gas"}
 
 SECONDS = {
     "gas_state": (320.0, 13.0), "gas_elastic": (80.0, 26.0), "gas_haff": (240.0, 60.0), "gas_cooling": (220.0, 60.0),
+    "gas_equilibrium": (200.0, 30.0), "gas_rough": (200.0, 30.0),
     "gas_driven": (230.0, 50.0), "gas_collapse": (3.0, 5.0), "gas_clusters": (200.0, 23.0),
 }  # fmt: skip
 """What cases take, in full and quick, on one thread of the machine that README names [s]; of others a second or so."""
