@@ -13,6 +13,7 @@
 `theory`, `analysis`, `plots`          kinetic theory, analyses of arrays or files, figures of runs
 `fit`, `bullet`                        coefficients from experiments, the law in PyBullet
 `InputError`, `EngineError`            input that cannot be used; a run that cannot continue
+`TheoryWarning`                        a theory used outside of its range
 =====================================  =================================================================
 
 >>> import ifrdem
