@@ -14,7 +14,14 @@ LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11
 
 
 def absence() -> str | None:
-    """Why PyBullet cannot be used here, and what to do about it; None if it can."""
+    """Why PyBullet cannot be used here, and what to do about it; None if it can.
+
+    Examples
+    --------
+    >>> from ifrdem import bullet
+    >>> bullet.absence() is None or 'pybullet' in bullet.absence()
+    True
+    """
     if importlib.util.find_spec("pybullet") is not None:
         return None
     here = sys.version_info[:2]
@@ -27,7 +34,14 @@ def absence() -> str | None:
 
 
 def describe() -> str:
-    """PyBullet's version, or why it is absent."""
+    """PyBullet's version, or why it is absent.
+
+    Examples
+    --------
+    >>> from ifrdem import bullet
+    >>> isinstance(bullet.describe(), str)
+    True
+    """
     return absence() or f"PyBullet {version('pybullet')}"
 
 

@@ -127,6 +127,13 @@ def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -
     Disks meet with <P_n> = (1 + e_n) (m / 2) sqrt(pi T / m) at the rate nu = 8 phi chi sqrt(T / (pi m)) / sigma each
     (`theory.collision_rate`), half a collision a disk, and each passes sigma P_n / 2 to p A: together (1 + e_n) phi chi
     T a disk. Tangential impulses do not enter. Velocities are Maxwellian and without correlations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> analysis.compressibility(0.1, 1.0)  # 1 + (1 + e_n) phi chi
+    1.2
     """
     return 1.0 + (1.0 + e_n) * packing_fraction * contact
 
@@ -134,7 +141,17 @@ def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -
 def contact_from_rate(
     rate: float, *, packing_fraction: float, temperature: float, mass: float, radius: float
 ) -> float:
-    """The contact value chi that a collision rate [1/time] of equal disks shows: `theory.collision_rate` inverted."""
+    """The contact value chi that a collision rate [1/time] of equal disks shows: `theory.collision_rate` inverted.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> from ifrdem import theory
+    >>> rate = theory.collision_rate(0.1, 1.0, 1.0, 0.5, g=1.2)
+    >>> round(analysis.contact_from_rate(rate, packing_fraction=0.1, temperature=1.0, mass=1.0, radius=0.5), 6)
+    1.2
+    """
     from ..theory import collision_rate
 
     return rate / collision_rate(packing_fraction, temperature, mass, radius, g=1.0)

@@ -64,6 +64,15 @@ def hexatic(
     ------
     InputError
         For fewer than 7 disks, an unknown kind of neighbours, or without freud.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> position = ifrdem.initial.hexagonal_positions(ifrdem.Box((10.0, 10.0 * 3**0.5 / 2)), [0.5] * 100)
+    >>> round(analysis.hexatic(position, (10.0, 10.0 * 3**0.5 / 2)).local, 6)
+    1.0
     """
     if neighbours not in NEIGHBOURS:
         raise InputError(

@@ -38,7 +38,14 @@ class EnergyWarning(UserWarning):
 
 
 class Regime(IntEnum):
-    """What happened in a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not."""
+    """What happened in a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> [regime.name for regime in ifrdem.Regime]
+    ['SEPARATING', 'SLIDING', 'STICKING', 'SLIDING_ROLLING', 'STICKING_ROLLING', 'SLIDING_NONROLLING', 'STICKING_NONROLLING']
+    """
 
     SEPARATING = 0
     SLIDING = 1
@@ -152,6 +159,17 @@ class IFRLaw(CollisionLaw):
 
     The sets shrink as kbar grows, and kbar lies between k_i and k_j whatever the masses. In a collision with
     a moving wall energy is meant as seen from the wall.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> law = ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15)
+    >>> law.e_n, law.sticking
+    (0.9, 'percussion_center')
+    >>> ifrdem.IFRLaw(e_n=1.2, e_t=-0.9, mu=0.15)
+    Traceback (most recent call last):
+        ...
+    ifrdem.errors.InputError: e_n = 1.2: normal restitution must lie from 0 to 1; above 1 every collision would add energy
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")

@@ -105,6 +105,14 @@ def measure(
     ------
     InputError
         If the disks and the state differ in their number.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks = ifrdem.Disks(2, mass=2.0, radius=0.5)
+    >>> state = ifrdem.State([[1.0, 1.0], [3.0, 1.0]], [[1.0, 0.0], [-1.0, 0.0]], [0.0, 0.0])
+    >>> ifrdem.observables.measure(disks, state).temperature
+    1.0
     """
     if disks.n != state.n:
         raise InputError(f"the state has {state.n} disks, the gas has {disks.n}")

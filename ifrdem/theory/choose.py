@@ -72,6 +72,16 @@ def prediction(
     InputError
         If no theory here describes such a gas (rolling friction, a force that is not linear, a sheared mixture, forces
         in a flow), or as the theories do.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import theory
+    >>> disks = ifrdem.Disks(100, mass=1.0, radius=0.5)
+    >>> law = ifrdem.coins["1 pta"].law
+    >>> found = theory.prediction(disks, law, 0.25, 1.0, 0.0, [0.0, 1.0, 10.0])
+    >>> found.kind, found.T.round(3)
+    ('cooling', array([1.   , 0.671, 0.113]))
     """
     mixture, _ = Mixture.of(disks, law, packing_fraction)
     forces = list(forces)
