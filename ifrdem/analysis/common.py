@@ -126,8 +126,8 @@ def correlation_time(series: ArrayLike) -> float:
     >>> import numpy as np
     >>> from ifrdem import analysis
     >>> rng = np.random.default_rng(1)
-    >>> bool(abs(analysis.correlation_time(rng.normal(size=10_000)) - 1.0) < 0.3)  # independent numbers
-    False
+    >>> round(analysis.correlation_time(rng.normal(size=10_000)), 1)  # independent numbers
+    0.5
     """
     x = np.array(series, dtype=float)
     x -= x.mean()

@@ -130,9 +130,8 @@ def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -
 
     Examples
     --------
-    >>> import numpy as np
     >>> from ifrdem import analysis
-    >>> analysis.compressibility(0.1, 1.0)  # 1 + (1 + e_n) phi chi
+    >>> round(analysis.compressibility(0.1, 1.0), 12)  # 1 + (1 + e_n) phi chi
     1.2
     """
     return 1.0 + (1.0 + e_n) * packing_fraction * contact
@@ -145,10 +144,9 @@ def contact_from_rate(
 
     Examples
     --------
-    >>> import numpy as np
     >>> from ifrdem import analysis
-    >>> from ifrdem import theory
-    >>> rate = theory.collision_rate(0.1, 1.0, 1.0, 0.5, g=1.2)
+    >>> from ifrdem.theory import collision_rate
+    >>> rate = collision_rate(0.1, 1.0, 1.0, 0.5, g=1.2)
     >>> round(analysis.contact_from_rate(rate, packing_fraction=0.1, temperature=1.0, mass=1.0, radius=0.5), 6)
     1.2
     """

@@ -68,7 +68,6 @@ def hexatic(
     Examples
     --------
     >>> import ifrdem
-    >>> import numpy as np
     >>> from ifrdem import analysis
     >>> position = ifrdem.initial.hexagonal_positions(ifrdem.Box((10.0, 10.0 * 3**0.5 / 2)), [0.5] * 100)
     >>> round(analysis.hexatic(position, (10.0, 10.0 * 3**0.5 / 2)).local, 6)

@@ -83,10 +83,9 @@ def gaussian(c: ArrayLike) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from ifrdem import analysis
-    >>> analysis.gaussian(0.0)  # pi^(-1/2)
-    np.float64(0.5641895835477563)
+    >>> float(analysis.gaussian(0.0))  # pi^(-1/2)
+    0.5641895835477563
     """
     x = np.asarray(c, dtype=float)
     return np.exp(-x * x) / np.sqrt(np.pi)
@@ -100,7 +99,6 @@ def sonine_density(c: ArrayLike, a2: float) -> NDArray[np.float64]:
 
     Examples
     --------
-    >>> import numpy as np
     >>> from ifrdem import analysis
     >>> float(analysis.sonine_density(1.0, 0.0) - analysis.gaussian(1.0))
     0.0

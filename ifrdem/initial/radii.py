@@ -41,7 +41,7 @@ def uniform(n: int, *, low: float, high: float, seed: int) -> NDArray[np.float64
     Examples
     --------
     >>> from ifrdem.initial import radii
-    >>> radius = radii.uniform(1000, low=0.4, high=0.6, seed=1)
+    >>> radius = radii.uniform(10_000, low=0.4, high=0.6, seed=1)
     >>> round(float(radius.mean()), 2)
     0.5
     """
@@ -65,7 +65,7 @@ def gaussian(
     Examples
     --------
     >>> from ifrdem.initial import radii
-    >>> radius = radii.gaussian(1000, mean=0.5, deviation=0.05, seed=1)
+    >>> radius = radii.gaussian(10_000, mean=0.5, deviation=0.05, seed=1)
     >>> round(float(radius.mean()), 2)
     0.5
     """
@@ -88,9 +88,9 @@ def lognormal(
     Examples
     --------
     >>> from ifrdem.initial import radii
-    >>> radius = radii.lognormal(1000, mean=0.5, deviation=0.1, seed=1)
+    >>> radius = radii.lognormal(10_000, mean=0.5, deviation=0.1, seed=1)
     >>> round(float(radius.mean()), 2)
-    0.51
+    0.5
     """
     return sample("lognormal", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
 
@@ -108,7 +108,7 @@ def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: 
     Examples
     --------
     >>> from ifrdem.initial import radii
-    >>> radius = radii.bidisperse(1000, low=0.5, high=0.7, large_fraction=0.5, seed=1)
+    >>> radius = radii.bidisperse(10_000, low=0.5, high=0.7, large_fraction=0.5, seed=1)
     >>> round(float(radius.mean()), 2)
     0.6
     """

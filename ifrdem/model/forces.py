@@ -151,8 +151,9 @@ class RandomKicks(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> ifrdem.forces.RandomKicks(step=0.05, power=0.1)
-    <ifrdem.model.forces.RandomKicks object at 0x7f8490770e50>
+    >>> force = ifrdem.forces.RandomKicks(step=0.05, power=0.1)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [0.1, 0.0])
     """
 
     __slots__ = ()
@@ -197,8 +198,9 @@ class SpinKicks(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> ifrdem.forces.SpinKicks(step=0.05, power=0.1)
-    <ifrdem.model.forces.SpinKicks object at 0x7f84a900ad40>
+    >>> force = ifrdem.forces.SpinKicks(step=0.05, power=0.1)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [0.1, 0.0])
     """
 
     __slots__ = ()
@@ -236,8 +238,9 @@ class Langevin(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2)
-    <ifrdem.model.forces.Langevin object at 0x7f849075bc40>
+    >>> force = ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [1.0, 0.2, 1.0, 0.0])
     """
 
     __slots__ = ()
@@ -299,8 +302,9 @@ class Drag(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> ifrdem.forces.Drag(step=0.05, rate=0.2)
-    <ifrdem.model.forces.Drag object at 0x7f84a8f88160>
+    >>> force = ifrdem.forces.Drag(step=0.05, rate=0.2)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [0.2, 0.0, 0.0])
     """
 
     __slots__ = ()
@@ -352,8 +356,9 @@ class TableFriction(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> ifrdem.forces.TableFriction(step=1e-3, mu=0.2)
-    <ifrdem.model.forces.TableFriction object at 0x7f84906ee0e0>
+    >>> force = ifrdem.forces.TableFriction(step=1e-3, mu=0.2, gravity=10.0)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.001, [2.0])
     """
 
     __slots__ = ()
@@ -394,8 +399,9 @@ class Rescale(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> ifrdem.forces.Rescale(step=0.05, temperature=1.0)
-    <ifrdem.model.forces.Rescale object at 0x7f84907901f0>
+    >>> force = ifrdem.forces.Rescale(step=0.05, temperature=1.0)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [1.0, 0.0])
     """
 
     __slots__ = ()

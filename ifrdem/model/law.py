@@ -48,8 +48,9 @@ class CollisionLaw:
     ...     def collide(pair, coefficients):
     ...         return (1.0 + coefficients[0]) * pair.m_n * pair.g_n, 0.0, 0.0
     ...
-    >>> Smooth(e_n=0.9)
-    <x.Smooth object at 0x7f3e6c1be690>
+    >>> law = Smooth(e_n=0.9)
+    >>> law.coefficients
+    ('e_n',)
     """
 
     __slots__ = ("_row",)

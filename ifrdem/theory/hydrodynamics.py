@@ -115,7 +115,7 @@ def shear_viscosity(
     Examples
     --------
     >>> from ifrdem import theory
-    >>> round(theory.shear_viscosity(0.001, 1.0, 1.0, 0.5), 4)  # dilute: 1.022 (m T / pi)^(1/2) / (2 sigma) = 0.2883
+    >>> round(theory.shear_viscosity(0.001, 1.0, 1.0, 0.5), 4)  # dilute: (m T / pi)^(1/2) / (2 sigma) = 0.2821
     0.2822
     """
     checked_positive(packing_fraction=packing_fraction, T=T, mass=mass, radius=radius, k=k)
