@@ -81,6 +81,20 @@ def step(client: int, bodies: Bodies | Sequence[Disk | Wall | int], law: Laws) -
     filters do not count. Bodies should have no damping (`changeDynamics(..., linearDamping=0, angularDamping=0)`), or
     Bullet slows them down between collisions. Bodies that overlap and approach at the beginning of a step collide
     right there.
+
+    Examples
+    --------
+    >>> import pybullet
+    >>> from ifrdem import IFRLaw, bullet
+    >>> client = pybullet.connect(pybullet.DIRECT)
+    >>> pybullet.setPhysicsEngineParameter(fixedTimeStep=0.5, physicsClientId=client)
+    >>> disks = [bullet.add_disk(client, mass=1.0, radius=0.5) for _ in range(2)]
+    >>> bullet.place(client, disks[0].body, (0.0, 0.0), (1.0, 0.0), spin=0.0)
+    >>> bullet.place(client, disks[1].body, (1.25, 0.0), (0.0, 0.0), spin=0.0)
+    >>> hits = bullet.step(client, disks, IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0))
+    >>> len(hits), round(hits[0].P_n, 9)  # P_n = (1 + e_n) m_n g_n
+    (1, 0.75)
+    >>> pybullet.disconnect(client)
     """
     p = bullet_package.load()
     if not isinstance(bodies, Bodies):

@@ -62,6 +62,16 @@ def add_disk(
     ------
     InputError
         If a number is not positive and finite, or PyBullet is absent.
+
+    Examples
+    --------
+    >>> import pybullet
+    >>> from ifrdem import bullet
+    >>> client = pybullet.connect(pybullet.DIRECT)
+    >>> disk = bullet.add_disk(client, mass=1.0, radius=0.5)
+    >>> disk.radius
+    0.5
+    >>> pybullet.disconnect(client)
     """
     p = bullet_package.load()
     height = radius if height is None else height
@@ -96,6 +106,16 @@ def add_wall(
     ------
     InputError
         If the normal has no direction, or PyBullet is absent.
+
+    Examples
+    --------
+    >>> import pybullet
+    >>> from ifrdem import bullet
+    >>> client = pybullet.connect(pybullet.DIRECT)
+    >>> wall = bullet.add_wall(client, (0.0, 0.0), (0.0, 1.0))
+    >>> wall.normal
+    (0.0, 1.0)
+    >>> pybullet.disconnect(client)
     """
     p = bullet_package.load()
     length = math.hypot(*normal)
@@ -125,7 +145,19 @@ def place(
     angle: float = 0.0,
     z: float = 0.0,
 ) -> None:
-    """Put a body at a position [length] with a velocity [length/time], a spin [rad/time] and an angle [rad]."""
+    """Put a body at a position [length] with a velocity [length/time], a spin [rad/time] and an angle [rad].
+
+    Examples
+    --------
+    >>> import pybullet
+    >>> from ifrdem import bullet
+    >>> client = pybullet.connect(pybullet.DIRECT)
+    >>> disk = bullet.add_disk(client, mass=1.0, radius=0.5)
+    >>> bullet.place(client, disk.body, (1.0, 2.0), (3.0, 0.0), spin=0.0)
+    >>> pybullet.getBaseVelocity(disk.body, physicsClientId=client)[0]
+    (3.0, 0.0, 0.0)
+    >>> pybullet.disconnect(client)
+    """
     p = bullet_package.load()
     turn = [0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)]
     x, y = float(position[0]), float(position[1])

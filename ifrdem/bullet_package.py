@@ -52,6 +52,13 @@ def load() -> ModuleType:
     ------
     InputError
         If it is absent, with what to do. It is never compiled or installed on the way.
+
+    Examples
+    --------
+    >>> from ifrdem import bullet
+    >>> import pybullet
+    >>> bullet.load() is pybullet
+    True
     """
     reason = absence()
     if reason is not None:

@@ -94,6 +94,25 @@ def pressure_from_impulses(
     ------
     InputError
         If the span is empty, or a collision lies outside.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> n = np.arange(100)
+    >>> found = analysis.pressure_from_impulses(
+    ...     0.1 * n + 0.05,
+    ...     np.tile([[1.0, 0.0], [0.0, 1.0]], (50, 1)),
+    ...     np.tile([2.0, 0.0], (100, 1)),
+    ...     np.ones(100),
+    ...     span=(0.0, 10.0),
+    ...     area=100.0,
+    ...     disks=10,
+    ...     tracked=10,
+    ...     temperature=1.0,
+    ... )
+    >>> round(found.kinetic, 6), round(found.collisional, 6)  # n T; sum of P_n sigma / 2, over 2 area span
+    (0.1, 0.05)
     """
     t, n, J, sigma = (np.asarray(one, dtype=float) for one in (time, normal, impulse, distance))
     begin, end = span

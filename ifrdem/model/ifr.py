@@ -43,8 +43,8 @@ class Regime(IntEnum):
     Examples
     --------
     >>> import ifrdem
-    >>> [regime.name for regime in ifrdem.Regime]
-    ['SEPARATING', 'SLIDING', 'STICKING', 'SLIDING_ROLLING', 'STICKING_ROLLING', 'SLIDING_NONROLLING', 'STICKING_NONROLLING']
+    >>> [regime.name for regime in ifrdem.Regime][:3]
+    ['SEPARATING', 'SLIDING', 'STICKING']
     """
 
     SEPARATING = 0
@@ -169,7 +169,7 @@ class IFRLaw(CollisionLaw):
     >>> ifrdem.IFRLaw(e_n=1.2, e_t=-0.9, mu=0.15)
     Traceback (most recent call last):
         ...
-    ifrdem.errors.InputError: e_n = 1.2: normal restitution must lie from 0 to 1; above 1 every collision would add energy
+    ifrdem.errors.InputError: e_n = 1.2: normal restitution must lie from 0 to 1; ...
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
@@ -421,6 +421,7 @@ def collide(
     --------
     An aluminium coin of 1.19 g and 21 mm hits an equal one, at rest, at 45 degrees:
 
+    >>> from ifrdem import IFRLaw, Regime, collide
     >>> law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
     >>> n = [0.5**0.5, 0.5**0.5]
     >>> after = collide(law, n, [1.19e-3] * 2, [10.5e-3] * 2, [2, 2], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])

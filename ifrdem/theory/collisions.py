@@ -75,7 +75,8 @@ def mixture_collision_rates(
     Examples
     --------
     >>> from ifrdem import theory
-    >>> theory.mixture_collision_rates([1.0, 1.0], [1.0, 4.0], [0.5, 1.0], [0.1, 0.05], [[1.0, 1.0], [1.0, 1.0]]).round(3)
+    >>> chi = [[1.0, 1.0], [1.0, 1.0]]
+    >>> theory.mixture_collision_rates([1.0, 1.0], [1.0, 4.0], [0.5, 1.0], [0.1, 0.05], chi).round(3)
     array([[0.354, 0.21 ],
            [0.42 , 0.177]])
     """
