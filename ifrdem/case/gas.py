@@ -19,7 +19,6 @@ from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks, State
 from ..model.walls import Wall
-from ..run.stage import Stage
 from ..simulation import magnitudes
 from ..simulation.simulation import Simulation
 from ..tools import seeds
@@ -133,8 +132,8 @@ class Gas:
         texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
         return list(texts)
 
-    def start(self, case: Case) -> State:
-        """The state at time 0, without overlaps.
+    def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
+        """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
         Raises
         ------
@@ -142,7 +141,7 @@ class Gas:
             If the disks do not fit into the box in the way the case wants: a line with the key.
         """
         if self.given is None:
-            position = self._placed(case.start.positions, case.run.seed)
+            position = self._placed(case.start.positions, case.run.seed, progress)
         else:
             position = self.given.position
             if self.given.velocity is not None and self.given.spin is not None:
@@ -226,7 +225,7 @@ class Gas:
             raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
         return found
 
-    def _placed(self, way: str, seed: int) -> NDArray[np.float64]:
+    def _placed(self, way: str, seed: int, progress: Callable[[float], None]) -> NDArray[np.float64]:
         assert self.patch is not None  # `problems` has seen to it
         try:
             if way == "hexagonal":
@@ -237,7 +236,7 @@ class Gas:
                 )
             if way == "growth":
                 return packing.grow(
-                    self.patch, self.disks.radius, seed=seed, walls=self.walls, progress=Stage("growth")
+                    self.patch, self.disks.radius, seed=seed, walls=self.walls, progress=progress
                 )
             return placement.random_positions(self.patch, self.disks.radius, seed=seed, walls=self.walls)
         except InputError as error:

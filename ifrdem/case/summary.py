@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
-from ..run.info import describe_sides
+from ..model.box import describe_sides
 from ..simulation import device as backend
 from .case import Case
 from .estimate import OBSERVABLES, Estimate

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, nearest
-from ..run.outputs import check_apart, check_files, write_aside
+from ..tools.files import check_apart, check_files, write_aside
 from . import frame_numbers
 
 if TYPE_CHECKING:

@@ -40,7 +40,7 @@ def add_frames(parser: argparse.ArgumentParser) -> None:
 def place(options: argparse.Namespace, ending: str) -> Path:
     """The file to write, checked; its default lies beside the trajectory."""
     from ..errors import InputError
-    from ..run.outputs import check_apart, check_files
+    from ..tools.files import check_apart, check_files
 
     given = Path(options.file)
     if options.output is not None and not options.output.strip():

@@ -153,7 +153,7 @@ class FitOptions:
 
     def wrong_files(self) -> list[str]:
         """What keeps the files from being written."""
-        from ..run.outputs import check_files
+        from ..tools.files import check_files
 
         paths = [path for path in (self.json, *self.pictures, self.material) if path is not None]
         found = [f"output {path}: is the data file" for path in paths if path == self.data]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import InputError, nearest
-from ..run.outputs import check_apart, check_files
+from ..tools.files import check_apart, check_files
 from . import frame_numbers
 
 if TYPE_CHECKING:

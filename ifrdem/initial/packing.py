@@ -18,7 +18,6 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
-import lazy_loader
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -34,8 +33,6 @@ from ..model.overlaps import (
 )
 from ..model.walls import Wall
 from ..tools import seeds
-
-sparse = lazy_loader.load("scipy.sparse", suppress_warning=True)
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
@@ -208,6 +205,8 @@ class _SoftDisks:
         Row p of `difference` holds -1 at the first disk of pair p and +1 at the second; positions are not wrapped
         meanwhile, so that a pair's periodic image stays what it is.
         """
+        from scipy.sparse import csr_matrix
+
         self.x = self.box.wrap(self.x)
         pairs = close_pairs(self.box, self.radius, self.x, SKIN)
         raw = self.x[pairs[:, 1]] - self.x[pairs[:, 0]]
@@ -218,7 +217,7 @@ class _SoftDisks:
         self.at_contact = np.concatenate((self.contact, np.tile(self.radius, len(self.walls))))
         self.image = (nearest - raw)[near]
         count = len(pairs)
-        self.difference = sparse.csr_matrix(
+        self.difference = csr_matrix(
             (np.tile([-1.0, 1.0], count), pairs.ravel(), np.arange(0, 2 * count + 1, 2)),
             shape=(count, len(self.x)),
         )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import lazy_loader
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -27,10 +26,6 @@ from ..model.overlaps import (
 from ..model.walls import Wall
 from ..tools import checked, seeds
 from . import lattice
-
-spatial = lazy_loader.load(
-    "scipy.spatial", suppress_warning=True
-)  # a third of a second, where nobody may need it
 
 SATURATION = 0.547
 """Packing fraction where random sequential addition of equal disks ends (doi:10.1103/PhysRevE.74.061308)."""
@@ -52,18 +47,18 @@ def _clear_of(
     placed_radius: NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Which candidates, of these radii, overlap none of the placed disks; shape (candidates,)."""
+    from scipy.spatial import cKDTree
+
     if np.ptp(placed_radius) == 0.0:
-        near, _ = spatial.cKDTree(placed, boxsize=box.periods).query(
-            candidate
-        )  # of equal disks the nearest decides
+        near, _ = cKDTree(placed, boxsize=box.periods).query(candidate)  # of equal disks the nearest decides
         return near > (radius + placed_radius[0]) * (1.0 + TOLERANCE)
     clear = np.ones(len(candidate), dtype=bool)
     # By size class, as in `close_pairs`: candidates need not look for small disks as far as for large ones.
     for members in size_classes(placed_radius, 2.0):
         reach = float(radius.max() + placed_radius[members[0]]) * (1.0 + 2.0 * TOLERANCE)
         left = np.flatnonzero(clear)
-        tree = spatial.cKDTree(candidate[left], boxsize=box.periods)
-        others = spatial.cKDTree(placed[members], boxsize=box.periods)
+        tree = cKDTree(candidate[left], boxsize=box.periods)
+        others = cKDTree(placed[members], boxsize=box.periods)
         close = tree.sparse_distance_matrix(others, reach, output_type="ndarray")
         contact = radius[left[close["i"]]] + placed_radius[members[close["j"]]]
         clear[left[close["i"][close["v"] <= contact * (1.0 + TOLERANCE)]]] = False
@@ -78,8 +73,10 @@ def _one_by_one(
     Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
     is in its way or has placed the same disk.
     """
+    from scipy.spatial import cKDTree
+
     reach = 2.0 * float(radius.max(initial=0.0)) * (1.0 + 2.0 * TOLERANCE)
-    pairs = spatial.cKDTree(candidate, boxsize=box.periods).query_pairs(reach, output_type="ndarray")
+    pairs = cKDTree(candidate, boxsize=box.periods).query_pairs(reach, output_type="ndarray")
     distance = np.linalg.norm(box.minimum_image(candidate[pairs[:, 0]] - candidate[pairs[:, 1]]), axis=1)
     contact = radius[pairs[:, 0]] + radius[pairs[:, 1]]
     pairs = np.sort(pairs[distance <= contact * (1.0 + TOLERANCE)], axis=1)

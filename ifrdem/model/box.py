@@ -221,3 +221,14 @@ def below(length: float, dtype: DTypeLike) -> float:
     """The largest number of a type that is less than a length [length]: the last place inside a periodic box."""
     rounded = np.array(length, dtype=dtype)
     return float(np.nextafter(rounded, np.zeros_like(rounded)) if rounded >= length else rounded)
+
+
+def describe_sides(box: Box) -> str:
+    """What stands at the sides of a box, in words."""
+    if box.shear_rate:
+        return f"periodic, sheared at the rate {box.shear_rate:.6g}"
+    if box.periodic[0] == box.periodic[1]:
+        return "periodic" if box.periodic[0] else "between walls"
+    return (
+        f"periodic in {'x' if box.periodic[0] else 'y'}, between walls in {'y' if box.periodic[0] else 'x'}"
+    )

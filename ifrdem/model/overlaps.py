@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import lazy_loader
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -13,10 +12,6 @@ from ..errors import InputError
 from ..tools import checked
 from .box import Box
 from .free_area import Room
-
-spatial = lazy_loader.load(
-    "scipy.spatial", suppress_warning=True
-)  # a third of a second, where nobody may need it
 
 TOLERANCE = 1e-9
 """Overlap, as a part of the contact distance, that counts as rounding.
@@ -74,9 +69,11 @@ def close_pairs(
 
     The trees find a superset; by size class, so that small disks need not look as far as the largest reach.
     """
+    from scipy.spatial import cKDTree
+
     # A size class spans a factor 2: with more classes there are more trees, with fewer more pairs.
     classes = list(size_classes(radius, 2.0))
-    trees = [spatial.cKDTree(position[members], boxsize=box.periods) for members in classes]
+    trees = [cKDTree(position[members], boxsize=box.periods) for members in classes]
     found = [np.empty((0, 2), dtype=np.intp)]
     for a, members in enumerate(classes):
         reach = 2.0 * radius[members[0]] * (1.0 + TOLERANCE) + margin

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
-from ..run.outputs import check_apart, write_aside
+from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks

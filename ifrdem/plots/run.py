@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
-from ..run.outputs import write_aside
+from ..tools.files import write_aside
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from . import profile_data

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError, printable
-from ..model.box import Box
+from ..model.box import describe_sides
 from ..trajectory import damage, layout, views
 from ..trajectory.reader import Trajectory
 from . import status
@@ -201,14 +201,3 @@ def _bytes(count: float) -> str:
             return f"{count:.3g} {unit}"
         count /= 1000
     return f"{count:.3g} TB"
-
-
-def describe_sides(box: Box) -> str:
-    """What stands at the sides of a box, in words."""
-    if box.shear_rate:
-        return f"periodic, sheared at the rate {box.shear_rate:.6g}"
-    if box.periodic[0] == box.periodic[1]:
-        return "periodic" if box.periodic[0] else "between walls"
-    return (
-        f"periodic in {'x' if box.periodic[0] else 'y'}, between walls in {'y' if box.periodic[0] else 'x'}"
-    )

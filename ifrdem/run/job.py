@@ -35,6 +35,7 @@ from .outputs import Outputs
 from .progress import Progress
 from .recorder import Ledger, Recorder
 from .signals import Stopped, Stops
+from .stage import Stage
 from .status import Status
 
 
@@ -104,7 +105,7 @@ def run(
     for text in gas.warnings:
         warn(text)
     try:
-        state = gas.start(case)
+        state = gas.start(case, Stage("growth"))
         tracked = gas.tracked(case, state)
         simulation = gas.simulation(case, state, tracked=tracked)
     except KeyboardInterrupt:

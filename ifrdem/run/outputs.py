@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import os
-import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import InputError
-from ..tools import beside
-
-CHECKPOINT = ".checkpoint.h5"
-VIEWS = (".vtkhdf", ".nc")
-"""Endings of the files that let other programs read a trajectory (`views.py`)."""
+from ..tools.files import check_files
+from ..trajectory.layout import CHECKPOINT, checkpoint_of
+from ..trajectory.views import VIEWS
 
 
 @dataclass(frozen=True)
@@ -91,11 +88,6 @@ class Outputs:
         return [path for path in (self.trajectory, self.picture, *self.views) if path is not None]
 
 
-def checkpoint_of(trajectory: Path) -> Path:
-    """The checkpoint that belongs to a trajectory, NAME.checkpoint.h5 for NAME.h5."""
-    return trajectory.with_name(trajectory.name.removesuffix(".h5") + CHECKPOINT)
-
-
 def trajectory_in(place: Path) -> Path:
     """The trajectory that a path means: itself, or the only one in a folder.
 
@@ -138,69 +130,3 @@ def only(found: Sequence[Path], *, several: str, none: str) -> Path:
         )
         raise InputError(f"{several}: name one of {names}")
     return found[0]
-
-
-def check_apart(path: Path, trajectory: Path) -> None:
-    """Refuse an output that would replace the trajectory that it is made of.
-
-    Raises
-    ------
-    InputError
-        If both are one file.
-    """
-    if path.exists() and path.samefile(trajectory):
-        raise InputError(f"output {path}: is the trajectory itself; -o writes elsewhere")
-
-
-def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:
-    """Refuse files that exist (unless `force`) or cannot be written.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong; `elsewhere` says how to choose another place. Nothing is left behind.
-    """
-    wrong = []
-    for path in paths:
-        if special := not_a_file(path):
-            wrong.append(special)
-        elif path.exists() and not force:
-            wrong.append(f"output {path}: exists already; --force replaces it, {elsewhere}")
-    for folder in dict.fromkeys(path.parent for path in paths):
-        if not folder.exists():
-            wrong.append(f"output folder {folder}: does not exist")
-        elif not folder.is_dir():
-            wrong.append(f"output folder {folder}: is not a folder")
-        else:
-            try:  # asking for permissions would be wrong for root, and on read-only file systems
-                tempfile.TemporaryFile(dir=folder, prefix=".ifrdem-").close()
-            except OSError as error:
-                wrong.append(f"output folder {folder}: cannot be written to: {error.strerror}")
-    if wrong:
-        raise InputError("\n".join(wrong))
-
-
-def write_aside(place: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` write a file beside its place, and rename it into place: it appears whole or not at all.
-
-    Raises
-    ------
-    InputError
-        If the place is a folder, a device or a pipe, which nothing must take the place of, or cannot be written.
-    """
-    if special := not_a_file(place):
-        raise InputError(special)
-    try:
-        with beside.replacing(place) as new:
-            write(new)
-    except OSError as error:
-        raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
-
-
-def not_a_file(path: Path) -> str | None:
-    """Why something that is there can be no output; None for files and where nothing is."""
-    if path.is_dir():
-        return f"output {path}: is a folder"
-    if path.exists() and not path.is_file():
-        return f"output {path}: is a device or pipe, no file that could be replaced"
-    return None

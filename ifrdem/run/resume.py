@@ -24,8 +24,9 @@ from ..simulation.tracking import Events
 from ..tools import text_file
 from ..trajectory import writer_process
 from ..trajectory.background import QueuedWriter
+from ..trajectory.layout import CHECKPOINT, checkpoint_of
 from .job import Job, device_of, drive, finish, how
-from .outputs import CHECKPOINT, Outputs, checkpoint_in, checkpoint_of
+from .outputs import Outputs, checkpoint_in
 from .recorder import Ledger
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError, printable
-from ..tools import beside
+from ..tools import files
 from .progress import clock_face
 
 FORMAT = 1
@@ -135,7 +135,7 @@ class Status:
         self._content["updated"] = _now()
         content = _padded(self._content)
         try:
-            with beside.replacing(self.path) as new:
+            with files.replacing(self.path) as new:
                 new.write_bytes(content)
             self.trouble = None
         except OSError as error:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.state import State
-from ..tools import beside
+from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
 from ..trajectory.damage import DamageError
@@ -53,7 +53,7 @@ def write(
         left.unlink(missing_ok=True)
     text = json.dumps({**record, "versions": package_versions()})
     try:
-        with beside.replacing(place) as new:
+        with files.replacing(place) as new:
             with h5py.File(new, "w") as file:
                 # Texts of fixed length: HDF5 may loop for ever in a damaged heap, which holds the others.
                 file.attrs["kind"] = np.bytes_(_KIND)

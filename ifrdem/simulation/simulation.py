@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from ..initial.placement import check_no_overlap
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.law import CollisionLaw, checked_class
 from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, measure
+from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
 from ..model.walls import Wall, check_types, sides
 from ..tools import checked

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import math
 
-import lazy_loader
 import numpy as np
 
 from ..errors import InputError
 from ..kernels.limits import CROWD
 from ..model.box import Box
 from ..model.state import Disks, State
-
-spatial = lazy_loader.load(
-    "scipy.spatial", suppress_warning=True
-)  # a third of a second, where nobody may need it
 
 FEW = 16  # disks that may as well list everybody, and rarely do so
 NEIGHBOURS = 4  # whose distance tells the density of an open gas
@@ -78,7 +73,9 @@ def _between_neighbours(state: State, disks: Disks) -> float:
 
     The middle of what is left of a gas decides: a few disks that have flown ahead are no reason to list all others.
     """
-    near, _ = spatial.cKDTree(state.position).query(state.position, NEIGHBOURS + 1)
+    from scipy.spatial import cKDTree
+
+    near, _ = cKDTree(state.position).query(state.position, NEIGHBOURS + 1)
     distance = float(np.median(near[:, -1]))
     mean_area = math.pi * float(np.mean(disks.radius**2))
     phi = min(NEIGHBOURS * mean_area / (math.pi * distance**2), 0.8)

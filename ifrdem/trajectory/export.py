@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest, printable
-from ..run.outputs import check_apart, write_aside
+from ..tools.files import check_apart, write_aside
 from . import tables
 from .damage import FAULTS
 from .frame import SPIN

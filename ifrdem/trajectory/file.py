@@ -16,7 +16,7 @@ import h5py
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..tools import beside
+from ..tools import files
 from .ordered_file import OrderedFile
 
 LOST = "its frames are not at their place any more"
@@ -313,6 +313,6 @@ def _check_output(path: Path, given: str | os.PathLike[str], *, force: bool) -> 
 def _create_empty(path: Path, given: str | os.PathLike[str]) -> Path:
     """Create an empty file beside `path` and return its path."""
     try:
-        return beside.create(path)
+        return files.create(path)
     except OSError as error:
         raise InputError(f"output {os.fspath(given)} cannot be created: {error.strerror}") from error

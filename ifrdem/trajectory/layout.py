@@ -40,6 +40,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import h5py
@@ -52,6 +53,9 @@ from ..model.state import Disks
 from ..tools.versions import package_versions
 from . import damage, history_columns
 from .staged_group import staged
+
+CHECKPOINT = ".checkpoint.h5"
+"""Ending of the file from which a run goes on, beside its trajectory."""
 
 H5MD_VERSION = (1, 1)
 LAYOUT_VERSION = (1, 2)
@@ -360,3 +364,8 @@ def _check_series(file: h5py.File, path: str) -> None:
         if steps and (rows is None or len(rows) < steps):
             held = 0 if rows is None else len(rows)
             raise InputError(f"{path} is damaged: time series {name} holds {held} of {steps} rows")
+
+
+def checkpoint_of(trajectory: Path) -> Path:
+    """The checkpoint that belongs to a trajectory, NAME.checkpoint.h5 for NAME.h5."""
+    return trajectory.with_name(trajectory.name.removesuffix(".h5") + CHECKPOINT)

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..run.outputs import check_apart, checkpoint_of, not_a_file
-from ..tools import beside
+from ..tools import files
+from ..tools.files import check_apart, not_a_file
+from ..trajectory.layout import checkpoint_of
 from . import damage, history, layout
 from .damage import DamageError
 from .reader import Trajectory, check_file
@@ -67,7 +68,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
             except InputError as error:
                 say(f"  {error}")
         try:
-            with beside.replacing(place) as new:
+            with files.replacing(place) as new:
                 copy.write(new)
                 try:
                     _read_through(new)
@@ -355,7 +356,7 @@ def _openable(path: Path, say: Callable[[str], object]) -> Iterator[tuple[Path, 
         return
     present, meant = int(told[1]), int(told[2])
     say(f"  its end is missing: {present} of {meant} bytes are there")
-    filled = beside.create(path)
+    filled = files.create(path)
     try:
         try:
             shutil.copyfile(path, filled)

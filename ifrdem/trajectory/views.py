@@ -22,10 +22,13 @@ import h5py
 import numpy as np
 
 from ..errors import InputError
-from ..run.outputs import VIEWS, check_apart, check_files
-from ..tools import beside
+from ..tools import files
+from ..tools.files import check_apart, check_files
 from . import layout
 from .reader import Trajectory, check_file
+
+VIEWS = (".vtkhdf", ".nc")
+"""Endings of the files that let other programs read a trajectory (`views.py`)."""
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
 TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")
@@ -70,7 +73,7 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
 def _write(place: Path, trajectory: Trajectory, fill: Callable[[h5py.File, Trajectory], None]) -> None:
     try:
         # netCDF-4 wants the order of creation to be kept.
-        with beside.replacing(place) as new, h5py.File(new, "w", track_order=True) as file:
+        with files.replacing(place) as new, h5py.File(new, "w", track_order=True) as file:
             fill(file, trajectory)
     except (OSError, RuntimeError) as error:
         raise InputError(f"view {place} cannot be written: {error}") from error

@@ -20,7 +20,7 @@ from support.layout_files import BOX, add_histories, add_series, some_disks, som
 
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.run import outputs, status
+from ifrdem.run import status
 from ifrdem.simulation import checkpoint
 from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
 
@@ -474,16 +474,16 @@ def test_text_of_a_file_does_nothing_to_a_terminal(tmp_path, capsys, files):
 
 def test_a_file_that_grows_up_follows_no_link(tmp_path, monkeypatch, files):
     """Somebody who foresees the name of a file beside its place cannot have another one overwritten."""
-    from ifrdem.tools import beside
+    from ifrdem.tools import files
 
     victim = tmp_path / "victim"
     victim.write_text("mine")
     (tmp_path / ".run.h5.ab.part").symlink_to(victim)
-    monkeypatch.setattr(beside.secrets, "token_hex", lambda _: "ab")
+    monkeypatch.setattr(files.secrets, "token_hex", lambda _: "ab")
     with pytest.raises(FileExistsError):
-        beside.create(tmp_path / "run.h5")
+        files.create(tmp_path / "run.h5")
     with pytest.raises(InputError, match="cannot be written"):
-        outputs.write_aside(tmp_path / "run.h5", lambda place: place.write_text("theirs"))
+        files.write_aside(tmp_path / "run.h5", lambda place: place.write_text("theirs"))
     assert victim.read_text() == "mine"
 
 
