@@ -8,10 +8,9 @@ Sums are of whole numbers, in a unit that suits the largest loss of the epoch: t
 are, for any number of threads.
 """
 
-from .contact import ROLLS, STICKS
+from .contact import BY_FRICTION, BY_NORMAL, BY_RESTITUTION, BY_ROLLING, ROLLS, STICKS
 from .language import ti
 from .layout import HOW, N_LOG, SHIFT_BITS, SLOT, STANDS
-from .losses import BY_FRICTION, BY_NORMAL, BY_RESTITUTION, BY_ROLLING
 
 # Rows of `losses`: all so far; of the epoch, in the first column, the largest of one collision.
 ALL, EPOCH = range(2)

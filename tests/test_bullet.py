@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from support import manual
 
-from ifrdem import EngineError, IFRLaw, InputError, bullet, bullet_package, collide
+from ifrdem import EngineError, IFRLaw, InputError, bullet, collide
+from ifrdem import bullet as bullet_package
 
 ABSENT = bullet.absence()
 needs_pybullet = pytest.mark.skipif(ABSENT is not None, reason=f"PyBullet is {ABSENT}")

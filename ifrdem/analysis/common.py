@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterable, Iterator
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +12,26 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
-from . import libraries
+
+PACKAGES = {"freud": "freud-analysis", "finufft": "finufft"}
+"""Name to import -> name to install."""
+
+
+def load(name: str, purpose: str) -> ModuleType:
+    """Import one of them.
+
+    Raises
+    ------
+    InputError
+        If it is absent: the message says what needs it and how to install it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise InputError(
+            f'{purpose} needs the package {PACKAGES[name]}: `pip install "ifrdem[analysis]"` adds it ({error})'
+        ) from None
+
 
 Positions = NDArray[np.float64] | Iterable[NDArray[np.float64]]
 """One frame, shape (n, 2), or several: an array (frames, n, 2) or anything that yields frames one by one."""
@@ -70,7 +91,7 @@ def freud_frame(
     InputError
         If the reach is more than half the shortest side, where neighbours would be counted twice.
     """
-    freud = libraries.load("freud", purpose)
+    freud = load("freud", purpose)
     low, lengths = np.zeros(2), np.array(box.lengths)
     if box.is_open:
         low = position.min(axis=0)
@@ -100,7 +121,7 @@ def neighbours(
     """
     if len(position) < 2:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 2))
-    freud = libraries.load("freud", purpose)
+    freud = load("freud", purpose)
     span = 1.0 if box.is_open else max(box.lengths)
     margin = reach + 1e-6 * span
     frame = freud_frame(position, box, margin, time, purpose)

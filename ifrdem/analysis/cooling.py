@@ -2,13 +2,187 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
-from .goodness import fit
+from .common import correlation_time
+
+MODES = 5
+"""Slow waves, at most, that are looked for in what a law leaves."""
+POINTS_PER_MODE = 4
+FEWEST = 10
+"""Points that tell noise from waves."""
+CHANCE = 1e-3
+"""Probability below which waves are no chance."""
+OUTRIGHT = 2.5
+"""Times the scatter, above which waves are a misfit whatever the rest looks like. Those of T of n smooth disks that
+cool by Haff's law had 0.4 (e_n = 0.8) to 0.65 (0.5) / sqrt(n) rms, 1.0 at most in 45 runs by Monte Carlo (2026-11-21).
+"""
+ROUNDING = 1e-6
+"""Waves below this part of what is fitted are no misfit, even in exact numbers."""
+
+Law = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A law of least squares.
+
+    Attributes
+    ----------
+    values, errors : array (p,)
+        Parameters, and their standard errors: nan where the law does not describe the data.
+    rms : float
+        Root of the mean square of what is left.
+    correlation_time : float
+        Integrated autocorrelation time of what is left, in points.
+    misfit : float
+        Root of the mean square of its slow waves.
+    p_value : float
+        Probability of such waves by chance; nan where too few points are left to tell.
+    describes : bool
+        False where the waves are neither chance nor within the scatter that is allowed.
+    """
+
+    values: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    rms: float
+    correlation_time: float
+    misfit: float
+    p_value: float
+    describes: bool
+
+
+def fit(
+    law: Law,
+    data: NDArray[np.float64],
+    start: NDArray[np.float64],
+    along: NDArray[np.float64],
+    *,
+    scatter: float,
+) -> Fit:
+    """Fit a law by least squares, and test it against smooth deviations from it.
+
+    A law that holds leaves noise; one that does not leaves slow waves. What is left, r, is split by linear least
+    squares into what changed parameters can make of it, what up to `MODES` Legendre polynomials of `along` can make
+    beyond that, B z with B orthonormal, and a rest. The rest, which a misfit does not reach, tells the noise: variance
+    s^2 and correlations rho^|lag|, with rho from its correlation to the next point (less by what the modes took of it,
+    `_memory`), or from its integrated autocorrelation time if that is longer. If r is such noise, z has the covariance
+    s^2 B' R B, R_ij = rho^|i - j|, and of n points n (1 - rho) / (1 + rho) are as good as independent, so that
+
+        F = z' (s^2 B' R B)^-1 z / q
+
+    is distributed about as F with q and n (1 - rho) / (1 + rho) - d degrees of freedom, 2 at least; q are the modes
+    beyond the parameters, d the dimensions of all. The law does not describe the data where this has a probability
+    below `CHANCE` and the root mean square of the waves, |z| / sqrt(n), is above the scatter that is allowed, or where
+    it is above `OUTRIGHT` times that, if there is one. Its parameters are then those of the nearest curve of its kind:
+    they have no statistical error, and `errors` are nan.
+
+    Otherwise errors are those of independent points times sqrt(2 tau), tau of r itself.
+
+    Parameters
+    ----------
+    law : callable
+        Parameters -> values where the data are.
+    data : array (n,)
+    start : array (p,)
+        Parameters to begin with.
+    along : array (n,)
+        A coordinate in which misfits are smooth; rising.
+    scatter : float
+        Root mean square of slow waves that noise has anyway, in the units of the data; 0 if that is not known.
+    """
+    from scipy.optimize import least_squares
+
+    found = least_squares(lambda p: law(p) - data, start, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    left, n = found.fun, len(data)
+    tau, whole = correlation_time(left), float(left @ left)
+    own = _basis(found.jac)
+    z = 2.0 * (along - along[0]) / (along[-1] - along[0]) - 1.0
+    waves = np.polynomial.legendre.legvander(z, min(MODES, n // POINTS_PER_MODE))
+    beyond = _basis(waves - own @ (own.T @ waves))
+    coefficients = beyond.T @ left
+    misfit = float(np.sqrt(coefficients @ coefficients / n))
+    p_value = _chance(left - own @ (own.T @ left), own, beyond)
+    allowed = max(scatter, ROUNDING * float(np.sqrt(np.mean(data**2))))
+    describes = not (
+        (p_value < CHANCE and misfit > allowed) or (scatter > 0.0 and misfit > OUTRIGHT * allowed)
+    )
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * whole / max(n - len(start), 1) * 2.0 * tau
+    errors = np.sqrt(np.diag(covariance)) if describes else np.full(len(start), np.nan)
+    return Fit(found.x, errors, float(np.sqrt(whole / n)), tau, misfit, p_value, describes)
+
+
+def _basis(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Orthonormal columns, shape (n, d), of which these are made, to rounding."""
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 1e-10 * max(float(size.max()), 1e-300)]
+    columns = columns / np.linalg.norm(columns, axis=0)
+    basis, weight, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(basis[:, weight > 1e-8])
+
+
+def _chance(left: NDArray[np.float64], own: NDArray[np.float64], beyond: NDArray[np.float64]) -> float:
+    """Probability that noise has waves along `beyond` as large as what is left has; nan if that cannot be told."""
+    from scipy.stats import f as f_distribution
+
+    n, modes = len(left), beyond.shape[1]
+    all_modes = np.column_stack((own, beyond))
+    coefficients = beyond.T @ left
+    rest = left - beyond @ coefficients
+    rho, kept = _memory(rest, all_modes)
+    freedom = max(2.0, n * (1.0 - rho) / (1.0 + rho) - all_modes.shape[1])
+    if modes == 0 or n < FEWEST:
+        return float("nan")
+    variance = max(float(rest @ rest) / kept, 1e-300)
+    covariance = variance * beyond.T @ _correlated(beyond, rho)
+    F = float(coefficients @ np.linalg.solve(covariance, coefficients)) / modes
+    return float(f_distribution.sf(F, modes, freedom))
+
+
+def _correlated(columns: NDArray[np.float64], rho: float) -> NDArray[np.float64]:
+    """R times columns, R_ij = rho^|i - j|."""
+    from scipy.signal import lfilter
+
+    later = lfilter([1.0], [1.0, -rho], columns, axis=0)
+    earlier = lfilter([1.0], [1.0, -rho], columns[::-1], axis=0)[::-1]
+    return np.asarray(later + earlier - columns)
+
+
+def _memory(rest: NDArray[np.float64], modes: NDArray[np.float64]) -> tuple[float, float]:
+    """rho of noise of which the modes were taken off, and how many times its variance the rest's square has.
+
+    With M = (1 - B B') R (1 - B B'), the square of the rest has the mean trace M, and its product with itself one point
+    on the sum of M's entries beside the diagonal: rho is where the two are in the ratio that is seen.
+    """
+    from scipy.optimize import brentq
+
+    n = len(rest)
+
+    def means(rho: float) -> tuple[float, float]:
+        moved = _correlated(modes, rho)
+        inner = modes.T @ moved
+        square = n - float(np.sum(modes * moved))
+        beside = (n - 1) * rho - float(np.sum(modes[:-1] * moved[1:] + moved[:-1] * modes[1:]))
+        return square, beside + float(np.sum((modes[:-1] @ inner) * modes[1:]))
+
+    seen = float(rest[:-1] @ rest[1:]) / max(float(rest @ rest), 1e-300)
+
+    def excess(rho: float) -> float:
+        square, beside = means(rho)
+        return beside / square - seen
+
+    low, high = 0.0, 1.0 - 0.1 / n
+    rho = low if excess(low) >= 0.0 else high
+    if excess(low) < 0.0 < excess(high):
+        rho = float(brentq(excess, low, high, xtol=1e-6))
+    tau = correlation_time(rest)
+    rho = max(rho, (tau - 0.5) / (tau + 0.5))
+    return rho, means(rho)[0]
 
 
 @dataclass(frozen=True)

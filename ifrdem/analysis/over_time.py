@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..trajectory.reader import Trajectory
-from . import cooling, displacement, impact, pressure, stored
+from . import cooling, displacement, impact, pressure
+from . import result as stored
 from .result import NOT_STEADY, Columns, Outcome, Row, every, times, unit
 
 

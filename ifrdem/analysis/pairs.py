@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.reprs import Brief
-from . import libraries
+from . import common as libraries
 from .common import Positions, as_box, each, freud_frame, times_of
 
 CONTACT_RANGE = 0.25  # of the diameter, in which the contact value is fitted

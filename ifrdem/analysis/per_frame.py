@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
-from . import cluster, common, fields, pairs, psi6, steadiness, stored, structure, velocities
+from . import cluster, common, fields, pairs, psi6, steadiness, structure, velocities
+from . import result as stored
 from .result import Columns, Outcome, Row, kinds, latest, times, unit
 
 GAP = 0.1

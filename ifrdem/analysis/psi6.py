@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools.reprs import Brief
-from . import libraries
+from . import common as libraries
 from .common import as_box, each, freud_frame
 
 NEIGHBOURS = ("nearest", "voronoi")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.reprs import Brief
-from . import libraries
+from . import common as libraries
 from .common import Positions, as_box, each, times_of
 
 MOST_MODES = 1024

@@ -19,7 +19,7 @@ from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks, State
 from ..model.walls import Wall
-from ..simulation import magnitudes
+from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..tools import seeds
 from .case import IMPACT_SCAN, Case, is_trajectory
@@ -165,15 +165,15 @@ class Gas:
         else:
             velocity, spin = self._drawn_motion(case.run.seed)
             flow = 0.5 * abs(self.box.shear_rate) * self.box.lengths[1] if self.box.shear_rate else 0.0
-        speed = magnitudes.fastest(self.disks, velocity, spin) + flow
+        speed = checks.fastest(self.disks, velocity, spin) + flow
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
-        magnitudes.check(self.disks, self.box, speed, case.run.precision, hottest)
+        checks.check_magnitudes(self.disks, self.box, speed, case.run.precision, hottest)
         largest = {
             "a velocity": float(np.abs(velocity).max(initial=0.0)) + flow,
             "a spin": float(np.abs(spin).max(initial=0.0)),
             "a side of the box": 0.0 if self.box.is_open else max(self.box.lengths),
         }
-        magnitudes.check_stored(largest, case.output.precision)
+        checks.check_stored(largest, case.output.precision)
 
     def simulation(
         self,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..analysis import stored
+from ..analysis import result
 from ..trajectory.reader import Trajectory
 from .style import ACROSS, RATIO, ROTATION, TRANSLATION, legend_above, with_unit
 
@@ -27,11 +27,11 @@ def energy(figure: Figure, trajectory: Trajectory) -> None:
     """Translational, rotational and potential energy against time."""
     axes = figure.subplots()
     names = ["translational_energy", "rotational_energy"]
-    when, values = stored.series(trajectory, *names)
+    when, values = result.series(trajectory, *names)
     for name, value, colour, style in zip(names, values, (TRANSLATION, ROTATION), ("-", "--"), strict=True):
         axes.plot(when, value, style, color=colour, lw=1.5, label=name.replace("_", " "))
     if "potential_energy" in trajectory.observables and np.any(trajectory.observables["potential_energy"]):
-        when, (value,) = stored.series(trajectory, "potential_energy")
+        when, (value,) = result.series(trajectory, "potential_energy")
         axes.plot(when, value, "-.", color=RATIO, lw=1.5, label="potential energy")
     axes.set_ylim(bottom=0.0 if axes.get_ylim()[0] >= 0.0 or np.all(values[0] >= 0.0) else None)
     _finish(axes, trajectory, "energy")
@@ -45,16 +45,16 @@ def ledger(figure: Figure, trajectory: Trajectory) -> None:
     """
     with_residual = True
     try:
-        when_left, (residual,) = stored.series(trajectory, "ledger_residual")
+        when_left, (residual,) = result.series(trajectory, "ledger_residual")
     except ValueError:  # only runs that count every collision have it
         with_residual = False
     if with_residual:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
     else:
         upper = figure.subplots()
-    when, (present, dissipated) = stored.series(trajectory, "energy", "dissipated_energy")
+    when, (present, dissipated) = result.series(trajectory, "energy", "dissipated_energy")
     if "potential_energy" in trajectory.observables:
-        present = present + stored.series(trajectory, "potential_energy")[1][0]
+        present = present + result.series(trajectory, "potential_energy")[1][0]
     upper.plot(when, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
     upper.plot(when, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
     total = present + dissipated
@@ -64,7 +64,7 @@ def ledger(figure: Figure, trajectory: Trajectory) -> None:
         ("wall_heat", HEAT, "heat of walls"),
     ):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
-            _, (value,) = stored.series(trajectory, name)
+            _, (value,) = result.series(trajectory, name)
             upper.plot(when, value, "-.", color=colour, lw=1.5, label=label)
             total = total - value
     upper.plot(when, total, ":", color=RATIO, lw=1.8, label="present + dissipated $-$ put in")
@@ -81,7 +81,7 @@ def ledger(figure: Figure, trajectory: Trajectory) -> None:
 def mechanisms(figure: Figure, trajectory: Trajectory) -> None:
     """Energy dissipated by each mechanism against time."""
     axes = figure.subplots()
-    when, (values,) = stored.series(trajectory, "dissipated_by_mechanism")
+    when, (values,) = result.series(trajectory, "dissipated_by_mechanism")
     names = ("normal", "tangential restitution", "sliding", "sticking", "rolling", "walls")
     colours = (TRANSLATION, ROTATION, INPUT, HEAT, DISSIPATED, RATIO)
     for i, (name, colour, style) in enumerate(

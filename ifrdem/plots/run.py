@@ -11,8 +11,8 @@ from ..errors import InputError
 from ..tools.files import write_aside
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
-from . import profile_data
 from . import profiles as plot_profiles
+from . import profiles as profile_data
 from . import temperatures as plot_temperatures
 
 if TYPE_CHECKING:

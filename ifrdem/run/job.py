@@ -23,8 +23,7 @@ from ..case.gas import Gas
 from ..errors import EngineError, InputError
 from ..model.observables import MECHANISMS, Measure
 from ..simulation import device as backend
-from ..simulation.course import Course
-from ..simulation.schedule import Span
+from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..trajectory import writer_process

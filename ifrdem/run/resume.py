@@ -19,7 +19,7 @@ from ..case.file import CaseFile
 from ..case.gas import Gas
 from ..errors import InputError
 from ..simulation import checkpoint, device
-from ..simulation.course import Course
+from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file
 from ..trajectory import writer_process

@@ -76,12 +76,13 @@ from ..model.walls import Wall, sides
 from ..model.walls import check as check_walls
 from ..tools import checked, seeds
 from ..tools.buffers import Buffers
-from . import checks, device, magnitudes
+from . import checks, device
 from . import checks as engine_checks
+from . import checks as magnitudes
 from . import device as backend
 from . import skin as skins
+from .epochs import Statistics
 from .interrupts import Deferred
-from .statistics import Statistics
 from .unbounded import CELLS_PER_DISK, OpenSpace, around
 
 if TYPE_CHECKING:
@@ -361,7 +362,7 @@ class Engine:
         checks.check_motion(self.disks, state)
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
         speed = magnitudes.fastest(self.disks, state.velocity, state.spin)
-        magnitudes.check(self.disks, self.box, speed, self.precision, hottest)
+        magnitudes.check_magnitudes(self.disks, self.box, speed, self.precision, hottest)
         with self.changing():
             present = self._state()
             followed = self.tracking

@@ -25,12 +25,11 @@ from ..model.state import Disks, State
 from ..model.walls import Wall, check_types, sides
 from ..tools import checked
 from ..tools.sealed import Sealed
-from . import checkpoint, magnitudes
+from . import checkpoint, checks
 from . import device as backend
-from .course import Course, Observer, Progress, Sampler
 from .engine import Collisions, Engine
-from .schedule import MOST, Cadence, Span, earlier, refuse_endless
-from .statistics import Statistics
+from .epochs import Statistics
+from .schedule import MOST, Cadence, Course, Observer, Progress, Sampler, Span, earlier, refuse_endless
 from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
@@ -176,7 +175,7 @@ class Simulation(Sealed):
         check_energy(self._laws, disks, (wall.material for wall in [*walls, *sides(box)]))
         check_no_overlap(box, disks.radius, state.position, time=state.time)
         table = coefficient_table(self._laws)
-        magnitudes.check_coefficients(table, precision)
+        checks.check_coefficients(table, precision)
         self._tracking = self._follow_disks(tracked, disks, box, walls)
         self._has_ledger = ledger
         self._stopping = False
@@ -235,7 +234,7 @@ class Simulation(Sealed):
         kind = checked_class(laws)
         check_energy(laws, disks, (wall.material for wall in walls))
         table = coefficient_table(laws)
-        magnitudes.check_coefficients(table, self._engine.precision)
+        checks.check_coefficients(table, self._engine.precision)
         with backend.sole_use():
             if kind is not IFRLaw:
                 self._try_on(kind, table, self.state)
@@ -304,7 +303,7 @@ class Simulation(Sealed):
 
     def _try_on(self, kind: type[CollisionLaw], table: NDArray[np.float64], state: State) -> None:
         """Try a law that nobody has judged."""
-        from ..model.law_trial import try_on
+        from ..model.law_table import try_on
 
         fastest = max(
             float(np.abs(state.velocity).max(initial=0.0)),
@@ -441,7 +440,7 @@ class Simulation(Sealed):
         InputError
             If it cannot be written, the path is none, or `extra` holds what JSON does not know.
         """
-        from . import snapshot
+        from . import checkpoint as snapshot
 
         checkpoint.check_extra(path, extra, arrays)
         meta = {
@@ -465,7 +464,7 @@ class Simulation(Sealed):
         InputError
             If the file is none, or belongs to another gas.
         """
-        from . import snapshot
+        from . import checkpoint as snapshot
 
         found, meta = checkpoint.read(path)
         if meta["fingerprint"] != snapshot.fingerprint(self._engine):

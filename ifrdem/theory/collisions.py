@@ -1,13 +1,111 @@
-"""How often hard disks collide in a homogeneous gas whose velocities are Gaussian, and how far they fly between."""
+"""How often hard disks collide in a homogeneous gas whose velocities are Gaussian, and how far they fly between.
+
+What a collision by the IFR law changes on average, of two disks that differ in all but are uncorrelated.
+
+Symbols: disks i and j have masses m_i, m_j and moments of inertia I = m R^2 / k; velocities and spins are Gaussian,
+T = m <v^2> / 2, tau = I <w^2>; m_n and m_t are the effective masses of the law (`kernels/law.py`), mu, e_n, e_t its
+coefficients.
+
+*The impulses.* With h = (1 + e_t) m_t / m_n, and c m_n |g_t| what stops the slip g_t: c = 1/2 for the percussion
+centre, m_t / m_n for the contact point,
+
+    P_n = (1 + e_n) m_n g_n,    P_t = m_n sign(g_t) [h |g_t| + min(c |g_t|, mu (1 + e_n) g_n)].
+
+*Averages.* The relative velocity of the centres has the variance V = T_i/m_i + T_j/m_j per component. Colliding pairs
+are weighted by the approach speed g_n = sqrt(V) y: y has the density y exp(-y^2/2), with <y^2> = 2. The slip
+g_t = v_t + R_i w_i + R_j w_j is Gaussian with variance V S, S = 1 + (k_i tau_i/m_i + k_j tau_j/m_j) / V, because
+R^2 <w^2> = k tau / m; call it sqrt(V S) u. Then P_t = m_n sqrt(V S) sign(u) [h |u| + c min(|u|, kappa y)] with
+kappa = mu (1 + e_n) / (c sqrt S). Since P(y > a) = exp(-a^2/2), the average over y of min(|u|, kappa y) is the
+integral of exp(-z^2 / (2 kappa^2)) from 0 to |u|, and likewise for its square with 2 z in the integrand. Averaging
+over the normal u,
+
+    J_1 = <|u| min> = sqrt(2/pi) int_0^inf exp(-z^2 (1 + 1/kappa^2) / 2) dz = kappa / sqrt(1 + kappa^2)
+    J_2 = <min^2> = int_0^inf 2 z exp(-z^2 / (2 kappa^2)) erfc(z / sqrt 2) dz = 2 kappa^2 (1 - J_1),
+
+so that <P_t g_t> = m_n V S A and <P_t^2> = m_n^2 V S B, with A = h + c J_1 and B = h^2 + 2 h c J_1 + c^2 J_2; and
+<P_n g_n> = 2 (1 + e_n) m_n V, <P_n^2> = 2 (1 + e_n)^2 m_n^2 V.
+
+*Energies.* Disk i gives the impulses away: its motion gains -P_n v_in - P_t v_it + (P_n^2 + P_t^2) / (2 m_i), its spin
+-R_i w_i P_t + k_i P_t^2 / (2 m_i). All are Gaussian, so that given g_n the mean of v_in is a_i g_n, a_i = T_i/(m_i V);
+given g_t that of v_it is (a_i/S) g_t, and that of R_i w_i is (k_i tau_i / (m_i V S)) g_t. Together
+
+    <dE_i>     = m_n V [-2 (1 + e_n) a_i + (1 + e_n)^2 m_n/m_i - a_i A + (m_n/(2 m_i)) S B]
+    <dE_rot,i> = m_n V k_i [-(tau_i / (m_i V)) A + (m_n/(2 m_i)) S B].
+"""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import InputError
+from ..model.ifr import IFRLaw
 from .contact import checked_packing_fraction, checked_positive, contact_value
+
+
+class Disk(NamedTuple):
+    """One of the two: mass [mass], shape number k in I = m R^2 / k, temperatures T, T_rot [energy]; or arrays."""
+
+    mass: ArrayLike
+    k: ArrayLike
+    T: ArrayLike
+    T_rot: ArrayLike
+
+
+def checked_law(law: object) -> IFRLaw:
+    """The law, if the averages are known for it.
+
+    Raises
+    ------
+    InputError
+        If it is no IFR law, or has rolling friction.
+    """
+    if not isinstance(law, IFRLaw):
+        raise InputError(
+            f"law = {law!r}: the closed forms of kinetic theory are those of an IFRLaw; ifrdem.dsmc takes any law"
+        )
+    if law.rho != 0.0:
+        raise InputError(
+            f"rho = {law.rho}: the kinetic theory knows no rolling friction, only rho = 0; ifrdem.dsmc does"
+        )
+    return law
+
+
+def tangential_averages(
+    law: IFRLaw, inverse_a: ArrayLike, S: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A and B of the tangential impulse, at inverse_a = m_t / m_n and S = <g_t^2> / V."""
+    ratio, S = np.asarray(inverse_a, dtype=np.float64), np.asarray(S, dtype=np.float64)
+    c = {"percussion_center": np.full_like(ratio, 0.5), "contact_point": ratio}[law.sticking]
+    h = (1.0 + law.e_t) * ratio
+    kappa = law.mu * (1.0 + law.e_n) / (c * np.sqrt(S))
+    root = np.sqrt(1.0 + kappa**2)
+    J_1 = kappa / root
+    J_2 = 2.0 * kappa**2 / (root * (root + kappa))  # = 2 kappa^2 (1 - J_1), without its cancellation
+    return h + c * J_1, h**2 + 2.0 * h * c * J_1 + c**2 * J_2
+
+
+def energy_changes(law: IFRLaw, disk: Disk, other: Disk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mean energies [energy] that the motion and the spin of `disk` gain in a collision with `other`.
+
+    The two gases may have different temperatures; one at least of the two must move. Derived in the module's text.
+    """
+    m_i, k_i, T_i, tau_i = (np.asarray(value, dtype=np.float64) for value in disk)
+    m_j, k_j, T_j, tau_j = (np.asarray(value, dtype=np.float64) for value in other)
+    m_n = 1.0 / (1.0 / m_i + 1.0 / m_j)
+    m_t = 1.0 / ((1.0 + k_i) / m_i + (1.0 + k_j) / m_j)
+    V = T_i / m_i + T_j / m_j
+    S = 1.0 + (k_i * tau_i / m_i + k_j * tau_j / m_j) / V
+    A, B = tangential_averages(law, m_t / m_n, S)
+    a_i = T_i / (m_i * V)
+    half = 0.5 * (m_n / m_i) * S * B
+    both = 1.0 + law.e_n
+    translation = m_n * V * (-2.0 * both * a_i + both**2 * (m_n / m_i) - a_i * A + half)
+    rotation = m_n * V * k_i * (-tau_i / (m_i * V) * A + half)
+    return translation, rotation
 
 
 def collision_rate(

@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
-from .collision_averages import Disk, checked_law, energy_changes
-from .collisions import collision_rate
+from .collisions import Disk, checked_law, collision_rate, energy_changes
 from .contact import checked_positive
 
 

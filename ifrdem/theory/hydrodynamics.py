@@ -38,8 +38,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
-from .collision_averages import checked_law
-from .collisions import collision_rate
+from .collisions import checked_law, collision_rate
 from .contact import checked_positive, compressibility, contact_value
 from .cooling_gas import changes_per_collision
 from .sheared_gas import crowding, relaxation

@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
-from .collision_averages import Disk, checked_law, energy_changes
-from .collisions import mixture_collision_rates
+from .collisions import Disk, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, checked_packing_fraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled
 from .driven_gas import Drive

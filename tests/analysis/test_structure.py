@@ -7,7 +7,8 @@ import pytest
 from support.serial_reference import simulate
 
 from ifrdem import analysis, theory
-from ifrdem.analysis import common, libraries, structure
+from ifrdem.analysis import common, structure
+from ifrdem.analysis import common as libraries
 from ifrdem.errors import InputError
 from ifrdem.initial import placement
 from ifrdem.model.box import Box

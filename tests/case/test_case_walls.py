@@ -24,7 +24,7 @@ from ifrdem.model.collapse import Collapse
 from ifrdem.model.free_area import Room
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Wall, from_json, to_json
-from ifrdem.plots import profile_data, theory_curves
+from ifrdem.plots import profiles, theory_curves
 from ifrdem.run.info import describe
 from ifrdem.trajectory.reader import Trajectory
 
@@ -461,7 +461,7 @@ def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     words = [word for each in less for word in ("--set", each)]
     assert main(["run", "vibrated", "--no-picture", *words]) == 0
     with Trajectory("vibrated.h5") as trajectory:
-        found = profile_data.of(trajectory)
+        found = profiles.of(trajectory)
     assert found is not None
     densest = int(np.argmax(found.packing_fraction))
     assert found.packing_fraction[densest] > 0.5

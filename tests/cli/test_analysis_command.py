@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from support.figures import texts
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, observables
-from ifrdem.analysis import catalogue, stored
+from ifrdem.analysis import catalogue
 from ifrdem.analysis import result as outcome
+from ifrdem.analysis import result as stored
 from ifrdem.cli import main as cli
 from ifrdem.cli import plot_options
 from ifrdem.cli.analyse import NAMES, number

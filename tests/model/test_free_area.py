@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ifrdem.errors import InputError
-from ifrdem.initial import lattice, packing, placement
+from ifrdem.initial import packing, placement
+from ifrdem.initial import placement as lattice
 from ifrdem.model.box import Box
 from ifrdem.model.free_area import Room
 from ifrdem.model.walls import Motion, Wall, check

@@ -16,7 +16,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.plots import disks as plot_disks
-from ifrdem.plots import movie, raster
+from ifrdem.plots import movie
+from ifrdem.plots import movie as raster
 from ifrdem.trajectory import layout
 from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 

@@ -16,7 +16,7 @@ from support.figures import texts
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
-from ifrdem.plots import profile_data, run, theory_curves
+from ifrdem.plots import profiles, run, theory_curves
 from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
 
 pytestmark = pytest.mark.unoptimised
@@ -57,7 +57,7 @@ def write(
 def test_profiles_are_those_of_the_second_half(tmp_path: Path) -> None:
     write(tmp_path / "a.h5")
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profile_data.of(trajectory)
+        found = profiles.of(trajectory)
     assert found is not None
     assert (found.axis, found.times) == (1, (5.0, 9.0))
     phi = 4000 * math.pi * 0.01 / (WIDTH * HEIGHT / 2)
@@ -79,7 +79,7 @@ def test_a_disk_is_shared_out_among_strips_by_area(tmp_path: Path) -> None:
     with TrajectoryWriter(tmp_path / "a.h5", disks, box, precision="f8") as writer:
         writer.write(State(np.array([[4.0, 4.25]]), np.zeros((1, 2)), np.zeros(1)))
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profile_data.of(trajectory)
+        found = profiles.of(trajectory)
     assert found is not None
     areas = found.packing_fraction * np.diff(found.edges) * 8.0
     assert np.sum(areas) == pytest.approx(math.pi, rel=1e-12)
@@ -107,7 +107,7 @@ def test_strips_of_a_container_are_compared_with_its_own_room(tmp_path: Path) ->
     ) as writer:
         writer.write(State(position, np.zeros((n, 2)), np.zeros(n)))
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profile_data.of(trajectory)
+        found = profiles.of(trajectory)
         phi = trajectory.room.packing_fraction(disks.radius)
     assert found is not None
     assert phi == pytest.approx(n * 0.05**2 / 81.0)
@@ -136,7 +136,7 @@ def test_profiles_go_along_gravity_or_from_wall_to_wall(
 ) -> None:
     write(tmp_path / "a.h5", walls, gravity=gravity, periodic=periodic, frames=2, n=500)
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profile_data.of(trajectory)
+        found = profiles.of(trajectory)
     assert found is not None
     assert found.axis == axis
 
@@ -164,7 +164,7 @@ def test_the_picture_shows_walls_profiles_and_no_theory(tmp_path: Path, drawn: l
     assert "kinetic theory" not in shown
     assert "packing fraction between walls" in shown
     with Trajectory(tmp_path / "a.h5") as trajectory:
-        found = profile_data.of(trajectory)
+        found = profiles.of(trajectory)
         assert theory_curves.driven(trajectory)[2] == "walls: no kinetic theory here"
     assert found is not None
     density, temperatures, velocities = figure.axes[1:4]  # a surface moves, so the velocity is shown

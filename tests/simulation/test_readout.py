@@ -16,9 +16,8 @@ from ifrdem.model.forces import RandomKicks
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.observables import Measure, measure
 from ifrdem.model.state import State, StoredState
-from ifrdem.simulation.course import Course
 from ifrdem.simulation.engine import Engine
-from ifrdem.simulation.schedule import Cadence, Span
+from ifrdem.simulation.schedule import Cadence, Course, Span
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.buffers import Buffers, compact
 from ifrdem.trajectory import layout

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ... import analysis, theory
-from ...analysis import libraries
+from ...analysis import common
 from ...initial import placement
 from ...model.box import Box
 from ...model.ifr import IFRLaw
@@ -130,7 +130,7 @@ def cooled(n: int, end: float, seed: int) -> tuple[Box, list[Look]]:
 
 def transverse(state: State, box: Box, most: float) -> tuple[Array, Array]:
     """|k| of the modes up to `most`, one of k and -k, and |transverse component of sum_j v_j exp(-i k r_j)|^2 / N."""
-    finufft = libraries.load("finufft", "waves of velocities")
+    finufft = common.load("finufft", "waves of velocities")
     lengths = np.array(box.lengths)
     count = np.ceil(most * lengths / (2.0 * np.pi)).astype(int)
     x, y = np.ascontiguousarray(2.0 * np.pi * (state.position / lengths % 1.0).T - np.pi)

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from ... import analysis, theory
 from ...model.state import State
-from ...simulation.course import Observer
+from ...simulation.schedule import Observer
 from ...simulation.simulation import Simulation
 from ..report import style
 from ..report.registry import Picture, Result

@@ -19,8 +19,7 @@ from scipy.stats import quantile_test
 from ...case.gas import Gas
 from ...case.output_section import ROWS_PER_FRAME
 from ...run.recorder import Ledger, Recorder
-from ...simulation.course import Course
-from ...simulation.schedule import Cadence, Span
+from ...simulation.schedule import Cadence, Course, Span
 from ...trajectory import writer_process
 from ...trajectory.background import QueuedWriter
 from ...trajectory.writer import DEFAULT_FIELDS
