@@ -128,7 +128,7 @@ def test_the_ledger_closes_where_heavy_disks_are_slow_among_light_ones(arch, mas
     assert max(abs(residual(measures[0], each)) for each in measures) < 1e-12
 
 
-@pytest.mark.filterwarnings("ignore::ifrdem.law.EnergyWarning")
+@pytest.mark.filterwarnings("ignore::ifrdem.model.ifr.EnergyWarning")
 @pytest.mark.parametrize(("part", "speed"), [(3e7, 1.0), (1e16, 1e135)])
 def test_losses_beyond_all_energy_are_counted_as_far_as_numbers_reach_and_then_refused(arch, part, speed):
     """A law that hands out 3e7 times the impulse and more. g_n = 2 and m_n = 1/2: P_n = part takes P_n (2 - P_n)."""
@@ -145,7 +145,7 @@ def test_losses_beyond_all_energy_are_counted_as_far_as_numbers_reach_and_then_r
         assert simulation.measure().dissipated.sum() == pytest.approx(part * (2.0 - part), rel=1e-14)
 
 
-@pytest.mark.filterwarnings("ignore::ifrdem.law.EnergyWarning")
+@pytest.mark.filterwarnings("ignore::ifrdem.model.ifr.EnergyWarning")
 def test_the_ledger_closes_where_a_law_drives_spins(arch):
     """A negative T gives spins energy: a loss below 0."""
     disks = equal_disks(300)
