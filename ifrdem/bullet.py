@@ -133,7 +133,6 @@ def add_disk(
 
     Examples
     --------
-    >>> import ifrdem
     >>> import pybullet
     >>> from ifrdem import bullet
     >>> client = pybullet.connect(pybullet.DIRECT)
@@ -178,7 +177,6 @@ def add_wall(
 
     Examples
     --------
-    >>> import ifrdem
     >>> import pybullet
     >>> from ifrdem import bullet
     >>> client = pybullet.connect(pybullet.DIRECT)
@@ -219,7 +217,6 @@ def place(
 
     Examples
     --------
-    >>> import ifrdem
     >>> import pybullet
     >>> from ifrdem import bullet
     >>> client = pybullet.connect(pybullet.DIRECT)

@@ -85,6 +85,7 @@ def test_docs_shows_every_page_and_knows_near_spellings() -> None:
         assert title
         assert re.search(rf"^{topic} +{re.escape(title)}$", listing, flags=re.MULTILINE)
         assert docs.show(topic).startswith(f"# {title}\n")
+        assert "<!--" not in docs.show(topic)
     assert next(iter(docs.topics())) == "index"
     with pytest.raises(ifrdem.InputError, match="no topic 'wals' \\(did you mean 'walls'"):
         docs.show("wals")
