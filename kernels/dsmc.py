@@ -17,7 +17,7 @@ RECORD = 7
 OPEN, COLLISIONS, CUT = 0, 2, 3
 # `key`, of random numbers: number of the batch or of the kick (low, high word), seed (low, high word)
 NUMBER_LOW, NUMBER_HIGH, SEED_LOW, SEED_HIGH = range(4)
-# `crowding`: the two numbers of contact values (`contact_values.crowding_of_mixture`); the largest g_ij sigma_ij |v_i -
+# `crowding`: the two numbers of contact values (`contact.crowding_of_mixture`); the largest g_ij sigma_ij |v_i -
 # v_j| that may come; the square of the highest speed for which that holds
 FIRST, SECOND, MAJORANT, CAP = range(4)
 NONE = 1 << 30  # later than any candidate

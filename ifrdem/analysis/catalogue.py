@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import numbers
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ..trajectory.reader import Trajectory
 from . import over_time, per_frame
-from .result import Outcome
+from .result import Outcome, Row
 
 
 @dataclass(frozen=True)
@@ -32,3 +34,35 @@ ANALYSES = {
     "impact": Analysis("angles of impact and regimes", over_time.of_impact),
 }
 """Name -> analysis."""
+
+
+def report(name: str, title: str, outcome: Outcome, span: str) -> str:
+    """The table of an analysis, as text for people; `span`: of which frames and times."""
+    lines = [f"{name}: {title}, {span}", *(f"  ! {doubt}" for doubt in outcome.doubts)]
+    width = max((len(row.name) for row in outcome.rows), default=0)
+    lines += [f"  {row.name:<{width}}  {number(row)}" for row in outcome.rows]
+    lines += [f"  ({note})" for note in outcome.notes]
+    return "\n".join(lines)
+
+
+def number(row: Row) -> str:
+    """A value with its error to two digits and its unit."""
+    unit = f" {row.unit}" if row.unit else ""
+    if isinstance(row.value, numbers.Integral):
+        return f"{row.value}{unit}"
+    if not math.isfinite(row.value):
+        return "none"
+    if not math.isfinite(row.error) or row.error <= 0.0:
+        return f"{row.value:.5g}{unit}"
+    digits = 1 - math.floor(math.log10(row.error))
+    if digits <= 6 and abs(row.value) < 1e5:
+        return f"{row.value:.{max(digits, 0)}f} +- {row.error:.{max(digits, 0)}f}{unit}"
+    more = max(1, math.floor(math.log10(max(abs(row.value), row.error) / row.error)) + 1)
+    return f"{row.value:.{more}e} +- {row.error:.1e}{unit}"
+
+
+def plain(value: float) -> float | None:
+    """A number as JSON has it: counts and seeds are whole, and there is no nan."""
+    if isinstance(value, numbers.Integral):
+        return int(value)
+    return float(value) if math.isfinite(value) else None

@@ -1,23 +1,23 @@
-"""The verb `ifrdem analyse`: a table of what analyses find in a trajectory, and CSV and JSON files."""
+"""Commands `analyse` and `plot`: what analyses find in a trajectory, as tables, files and pictures."""
 
 from __future__ import annotations
 
-import argparse
-import csv
 import json
-import math
-import numbers
-from collections.abc import Callable
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from ..errors import InputError, nearest
-from ..tools.files import check_apart, check_files, write_aside
-from . import frame_numbers
+from .console import note, say
+from .options import FILE, File, Force, Frames, chosen, flag, opened, option
 
 if TYPE_CHECKING:
-    from ..analysis.result import Columns, Outcome, Row
+    from matplotlib.figure import Figure
+
+    from ..analysis.result import Columns, Outcome
     from ..trajectory.reader import Trajectory
 
 NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pressure", "cooling", "impact")
@@ -25,112 +25,113 @@ NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pre
 RUN = ("name", "seed", "started")
 """Parameters of a trajectory by which a run is told from others."""
 
-DESCRIPTION = """\
-Analyse a trajectory: prints a table with standard errors, and writes a CSV file for each analysis and one JSON file.
-
-  velocity  velocities and spins: Sonine coefficients        clusters  sizes, the largest, radius of gyration
-  g         pair correlation g(r), its value at contact      psi6      hexatic order
-  S         structure factor S(k)                            pressure  from impulses and from the rate of collisions
-  msd       mean-square displacement, diffusion              cooling   fits of Haff's law and of T_rot / T
-  vacf      velocity autocorrelation                         impact    angles of impact and regimes
-  fields    density, flow and thermal temperature
-
-Without names, all that the file allows. Analyses of single frames take up to 20 of the second half unless --frames
-says which, and fewer of large gases. A folder that is there gets the analyses that it lacks; --force replaces those
-that it has.
-"""
-
-
-def add_to(verbs: Any) -> None:
-    """Add the verb to the command line."""
-    parser = verbs.add_parser(
-        "analyse",
-        help="analyse a trajectory: distributions, g(r), S(k), diffusion, clusters, ...",
-        description=DESCRIPTION,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    parser.add_argument("file", metavar="FILE", help="a trajectory (.h5)")
-    parser.add_argument("what", metavar="WHAT", nargs="*", help="names from the list above (default: all)")
-    parser.add_argument("--frames", metavar="A:B:C", help="frames as in Python: -1, 10:, ::10")
-    parser.add_argument("-o", "--output", metavar="DIR", help="folder for the files (default: FILE-analysis)")
-    parser.add_argument("--json", action="store_true", help="print the JSON instead of the table")
-    parser.add_argument("--force", action="store_true", help="replace files that exist")
-    parser.set_defaults(act=_act)
+PICTURES = {
+    "temperatures": "both temperatures and their ratio against time, with kinetic theory where it holds",
+    "disks": "the disks of a frame, coloured by spin, or a map of density if there are many",
+    "energy": "translational, rotational and potential energy against time",
+    "ledger": "present, dissipated and put-in energy against time, and their residual",
+    "mechanisms": "energy dissipated by each mechanism",
+    "velocity": "distributions of velocities and spins beside Gaussians",
+    "g": "pair correlation g(r) and its contact value",
+    "S": "structure factor S(k)",
+    "msd": "mean-square displacement and the diffusion coefficient",
+    "vacf": "velocity autocorrelation",
+    "fields": "maps of density, flow and thermal temperature",
+    "clusters": "the largest cluster in time, and cluster sizes",
+    "psi6": "hexatic order of the disks",
+    "cooling": "Haff's law, and the approach of T_rot / T to its end",
+    "impact": "angles of impact beside molecular chaos, and regimes",
+}
+WIDE = ("velocity", "fields", "clusters", "psi6", "cooling", "impact")
+"""Pictures of two panels side by side."""
+PICTURE_LIST = "\n".join(f"{name:<{max(map(len, PICTURES))}}  {text}" for name, text in PICTURES.items())
 
 
-def _act(options: argparse.Namespace) -> int:
-    return run(options, say=lambda text: print(text, flush=True))
+def _known(kind: str, name: str, names: Sequence[str]) -> None:
+    if name not in names:
+        raise InputError(f"no {kind} is called '{name}'{nearest(name, names)}; there are: {', '.join(names)}")
 
 
-def run(options: argparse.Namespace, *, say: Callable[[str], None]) -> int:
-    """Do what the options say, and return the exit status.
+def analyse(
+    file: File,
+    /,
+    *what: Annotated[str, Parameter(name="WHAT", help="names from the list above (default: all)")],
+    frames: Frames = None,
+    output: Annotated[
+        str | None, option("DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
+    ] = None,
+    json: Annotated[bool, flag("print the JSON instead of the table")] = False,
+    force: Force = False,
+) -> None:
+    """Analyse a trajectory: distributions, g(r), S(k), diffusion, clusters.
 
-    A folder that holds analyses of the trajectory gets those that it lacks; others are replaced by --force only.
+    Prints a table with standard errors, and writes a CSV file for each analysis and one JSON file.
 
-    Raises
-    ------
-    InputError
-        For unknown names, frames that are not there, analyses and files that exist, and what the file cannot tell.
+      velocity  velocities and spins: Sonine coefficients
+      g         pair correlation g(r), its value at contact
+      S         structure factor S(k)
+      msd       mean-square displacement, diffusion
+      vacf      velocity autocorrelation
+      fields    density, flow and thermal temperature
+      clusters  sizes, the largest, radius of gyration
+      psi6      hexatic order
+      pressure  from impulses and from the rate of collisions
+      cooling   fits of Haff's law and of T_rot / T
+      impact    angles of impact and regimes
+
+    Without names, all that the file allows. Analyses of single frames take up to 20 of the second half unless
+    --frames says which, and fewer of large gases. A folder that is there gets the analyses that it lacks; --force
+    replaces those that it has.
     """
-    unknown = [name for name in options.what if name not in NAMES]
-    if unknown:
-        raise InputError(
-            f"no analysis is called '{unknown[0]}'{nearest(unknown[0], NAMES)}; there are: {', '.join(NAMES)}"
-        )
-    from ..trajectory.reader import Trajectory
+    for name in what:
+        _known("analysis", name, NAMES)
+    from ..tools.files import check_apart, check_files
 
-    with Trajectory(options.file) as trajectory:
-        chosen = (
-            None if options.frames is None else list(frame_numbers.chosen(options.frames, len(trajectory)))
-        )
+    with opened(file) as trajectory:
+        numbers = None if frames is None else list(chosen(frames, len(trajectory)))
         stem = trajectory.path.stem
-        folder = Path(options.output) if options.output else Path(f"{stem}-analysis")
+        folder = Path(output or f"{stem}-analysis")
         summary = folder / f"{stem}.json"
         _check_folder(folder, summary, trajectory.path)
-        record = _begun(trajectory, summary, force=options.force)
-        names, kept = _wanted(options, record, summary)
+        record = _begun(trajectory, summary, force=force)
+        names, kept = _wanted(what, record, summary, force=force)
 
-        from ..analysis.catalogue import ANALYSES
+        from ..analysis.catalogue import ANALYSES, report
         from ..analysis.result import span_text
 
         skipped = {}
         written: dict[Path, Columns] = {}
         for name in names:
             try:
-                outcome = ANALYSES[name].of(trajectory, chosen)
+                outcome = ANALYSES[name].of(trajectory, numbers)
             except InputError as error:
-                if options.what:
+                if what:
                     raise InputError(f"{name}: {error}") from None
                 skipped[name] = str(error)
                 continue
             files = {folder / _file(stem, name, part): table for part, table in outcome.tables.items()}
             written |= files
             record["analyses"][name] = _record(outcome, [path.name for path in files])
-            if not options.json:
+            if not json:
                 say(report(name, ANALYSES[name].title, outcome, span_text(trajectory, outcome)))
         found = set(record["analyses"])
         record["analyses"] = {name: record["analyses"][name] for name in NAMES if name in found}
-        record["not_possible"] = {
-            name: reason
-            for name, reason in {**record["not_possible"], **skipped}.items()
-            if name not in found
-        }
+        reasons = {**record["not_possible"], **skipped}
+        record["not_possible"] = {name: reason for name, reason in reasons.items() if name not in found}
         if folder.exists():
             for path in written:
                 check_apart(path, trajectory.path)
-            check_files(list(written), force=options.force, elsewhere="-o DIR writes elsewhere")
-    _write(folder, summary, record, written)
-    if options.json:
-        say(json.dumps(record, indent=2))
-        return 0
+            check_files(list(written), force=force, elsewhere="-o DIR writes elsewhere")
+    text = _write(folder, summary, record, written)
+    if json:
+        say(text)
+        return
     for name, reason in skipped.items():
         say(f"{name}: not possible: {reason}")
     for name in kept:
-        say(f"{name}: is there already, and stays as it is; --force replaces it")
+        note(f"{name}: is there already, and stays as it is; --force replaces it")
     for path in (*written, summary):
-        say(f"wrote {path}")
-    return 0
+        note(f"wrote {path}")
 
 
 def _check_folder(folder: Path, summary: Path, trajectory: Path) -> None:
@@ -139,6 +140,8 @@ def _check_folder(folder: Path, summary: Path, trajectory: Path) -> None:
         raise InputError(f"output folder {folder}: {folder.parent} does not exist")
     if folder.exists() and not folder.is_dir():
         raise InputError(f"output {folder}: is no folder")
+    from ..tools.files import check_apart, check_files
+
     if folder.exists():
         check_apart(summary, trajectory)
         check_files([summary], force=True)  # which others may be added to
@@ -152,11 +155,13 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
     InputError
         If the summary that is there is of another trajectory, or none of ours.
     """
+    from ..analysis.catalogue import plain
+
     run = {key: trajectory.parameters[key] for key in RUN if key in trajectory.parameters}
     new: dict[str, Any] = {
         "file": str(trajectory.path),
         "disks": trajectory.disks.n,
-        "run": {key: value if isinstance(value, str) else _plain(value) for key, value in run.items()},
+        "run": {key: value if isinstance(value, str) else plain(value) for key, value in run.items()},
         "analyses": {},
         "not_possible": {},
     }
@@ -182,14 +187,14 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
 
 
 def _wanted(
-    options: argparse.Namespace, record: dict[str, Any], summary: Path
+    what: Sequence[str], record: dict[str, Any], summary: Path, *, force: bool
 ) -> tuple[list[str], list[str]]:
-    """Which analyses to do, and which are there already and stay."""
-    asked = list(dict.fromkeys(options.what)) or list(NAMES)
+    """Analyses to do, and those that are there already and stay."""
+    asked = list(dict.fromkeys(what)) or list(NAMES)
     there = [name for name in asked if name in record["analyses"]]
-    if options.force or not there:
+    if force or not there:
         return asked, []
-    if options.what:
+    if what:
         raise InputError(
             f"output {summary}: holds {', '.join(there)} already; --force replaces it, -o DIR writes elsewhere"
         )
@@ -205,44 +210,14 @@ def _file(stem: str, name: str, part: str) -> str:
     return f"{stem}-{name}{f'-{part}' if part else ''}.csv"
 
 
-def report(name: str, title: str, outcome: Outcome, span: str) -> str:
-    """The table of an analysis, as text for people; `span`: of which frames and times."""
-    lines = [f"{name}: {title}, {span}", *(f"  ! {doubt}" for doubt in outcome.doubts)]
-    width = max((len(row.name) for row in outcome.rows), default=0)
-    lines += [f"  {row.name:<{width}}  {number(row)}" for row in outcome.rows]
-    lines += [f"  ({note})" for note in outcome.notes]
-    return "\n".join(lines)
-
-
-def number(row: Row) -> str:
-    """A value with its error to two digits and its unit."""
-    unit = f" {row.unit}" if row.unit else ""
-    if isinstance(row.value, numbers.Integral):
-        return f"{row.value}{unit}"
-    if not math.isfinite(row.value):
-        return "none"
-    if not math.isfinite(row.error) or row.error <= 0.0:
-        return f"{row.value:.5g}{unit}"
-    digits = 1 - math.floor(math.log10(row.error))
-    if digits <= 6 and abs(row.value) < 1e5:
-        return f"{row.value:.{max(digits, 0)}f} +- {row.error:.{max(digits, 0)}f}{unit}"
-    more = max(1, math.floor(math.log10(max(abs(row.value), row.error) / row.error)) + 1)
-    return f"{row.value:.{more}e} +- {row.error:.1e}{unit}"
-
-
-def _plain(value: float) -> float | None:
-    """A number as JSON has it: counts and seeds are whole, and there is no nan."""
-    if isinstance(value, numbers.Integral):
-        return int(value)
-    return float(value) if math.isfinite(value) else None
-
-
 def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
+    from ..analysis.catalogue import plain
+
     return {
         "frames": outcome.frames,
         "times": list(outcome.times),
         "values": {
-            row.name: {"value": _plain(row.value), "error": _plain(row.error), "unit": row.unit}
+            row.name: {"value": plain(row.value), "error": plain(row.error), "unit": row.unit}
             for row in outcome.rows
         },
         "doubts": outcome.doubts,
@@ -251,8 +226,11 @@ def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
     }
 
 
-def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Path, Columns]) -> None:
-    """Write the tables, then the summary that names them, each whole or not at all."""
+def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Path, Columns]) -> str:
+    """Write the tables, then the summary that names them, each whole or not at all; returns the summary."""
+    import csv
+
+    from ..tools.files import write_aside
 
     def write_table(path: Path, table: Columns) -> None:
         with path.open("w", newline="", encoding="utf-8") as file:
@@ -266,5 +244,111 @@ def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Pat
         raise InputError(f"output {folder}: cannot be made: {error.strerror}") from error
     for path, table in tables.items():
         write_aside(path, partial(write_table, table=table))
-    text = json.dumps(record, indent=2) + "\n"
-    write_aside(summary, lambda aside: aside.write_text(text, encoding="utf-8"))
+    text = json.dumps(record, indent=2)
+    write_aside(summary, lambda aside: aside.write_text(f"{text}\n", encoding="utf-8"))
+    return text
+
+
+def plot(
+    file: Annotated[str | None, FILE] = None,
+    what: Annotated[str | None, Parameter(name="WHAT", help="a name from `ifrdem plot --list`")] = None,
+    /,
+    *,
+    list: Annotated[bool, flag("list the names and draw nothing")] = False,
+    frames: Frames = None,
+    output: Annotated[
+        str | None,
+        option("PNG", "the picture, NAME.png or NAME (default: FILE-WHAT.png)", "--output", "-o"),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Draw a trajectory: temperatures, disks, velocity, g, S, msd."""
+    if list:
+        say(PICTURE_LIST)
+        return
+    if file is None or what is None:
+        raise InputError(
+            "a trajectory and what to draw of it are needed: `ifrdem plot --list` says what there is"
+        )
+    _known("picture", what, tuple(PICTURES))
+    from ..tools.files import check_apart, check_files
+
+    with opened(file) as trajectory:
+        numbers = None if frames is None else [*chosen(frames, len(trajectory))]
+        path = Path(output or f"{trajectory.path.stem}-{what}.png")
+        check_apart(path, trajectory.path)
+        path = _as_png(path)
+        check_apart(path, trajectory.path)
+        check_files([path], force=force)
+        from ..plots import run
+
+        run.save(draw(trajectory, what, numbers), path)
+    note(f"wrote {path}")
+
+
+def _as_png(path: Path) -> Path:
+    """The file of a picture: with .png behind a name that has no ending, as in NAME of `ifrdem fit --picture`.
+
+    Raises
+    ------
+    InputError
+        If the ending is that of another format.
+    """
+    if path.suffix.lower() == ".png" or path.is_dir() or (path.exists() and not path.is_file()):
+        return path  # the latter two are refused by `check_files`
+    # Behind "mu0.21" there is no ending: what follows its point is no word.
+    if path.suffix[1:].isalpha():
+        raise InputError(f"-o {path}: pictures are PNG files: the name must end in .png, or have no ending")
+    return path.with_name(f"{path.name}.png")
+
+
+def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> Figure:
+    """A figure by its name in `PICTURES`, of the frames chosen, or of those that suit it.
+
+    Raises
+    ------
+    InputError
+        If the file does not hold what it takes.
+    """
+    from matplotlib.figure import Figure
+
+    from ..analysis.catalogue import ANALYSES
+    from ..analysis.result import NOT_STEADY, span_text
+    from ..plots import analyses, disks, energies
+    from ..plots import run as plot
+
+    if len(trajectory) == 0:
+        raise InputError(f"{trajectory.path}: no frame to draw")
+    title = plot.title(trajectory)
+    size = (12.0, 5.2) if what in WIDE else (7.5, 6.2)
+    figure = Figure(figsize=size, dpi=200, layout="constrained")
+    if what == "temperatures":
+        _temperatures(figure, trajectory)
+    elif what == "disks":
+        disks.last_frame(figure, figure.subplots(), trajectory, chosen[-1] if chosen else -1)
+    elif what in ("energy", "ledger", "mechanisms"):
+        getattr(energies, what)(figure, trajectory)
+    else:
+        outcome = ANALYSES[what].of(trajectory, chosen)
+        analyses.PANELS[what](figure, trajectory, outcome)
+        title += f"\n{span_text(trajectory, outcome)}"
+        if any(doubt.startswith(NOT_STEADY) for doubt in outcome.doubts):
+            title += f"; {NOT_STEADY}: `ifrdem analyse` says how it changes"
+    figure.suptitle(title, fontsize="medium")
+    return figure
+
+
+def _temperatures(figure: Figure, trajectory: Trajectory) -> None:
+    """With the theory that belongs to the run: sheared, driven or cooling; none between walls."""
+    from ..plots import temperatures
+
+    if trajectory.room.all_walls:
+        temperatures.walled(figure.subplots(), trajectory)
+        return
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
+    if trajectory.box.shear_rate:
+        temperatures.sheared(upper, lower, trajectory)
+    elif trajectory.record("forces", bool, "[]"):
+        temperatures.driven(upper, lower, trajectory)
+    else:
+        temperatures.cooling(upper, lower, trajectory)

@@ -52,7 +52,7 @@ class Data:
     psi : array (n,)
         Impact angles from the line of centres [deg], from 0 to below 90.
     measured : mapping of str to array (n,)
-        What was measured after the impact, by the names of `fit_model.MEASURED`; angles in degrees.
+        What was measured after the impact, by the names of `model.MEASURED`; angles in degrees.
     errors : mapping of str to array (n,)
         Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A
         single number stands for all impacts.
@@ -122,7 +122,7 @@ class Data:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The quantities measured, in the order of `fit_model.MEASURED`."""
+        """The quantities measured, in the order of `model.MEASURED`."""
         return tuple(name for name in MEASURED if name in self.measured)
 
 

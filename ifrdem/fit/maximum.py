@@ -5,7 +5,7 @@
     print(fit.table(found))
 
 Maximum likelihood with Gaussian errors in all measured values and in the impact angle, whose true values are nuisance
-parameters (`fit_likelihood` derives it), for both kinds of sticking; intervals by profile likelihood. Equations: A.
+parameters (`likelihood` derives it), for both kinds of sticking; intervals by profile likelihood. Equations: A.
 Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions".
 
 Notes

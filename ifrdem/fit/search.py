@@ -1,4 +1,4 @@
-"""Maximum likelihood and profile likelihood of `fit_likelihood.Likelihood`, for many starts or data sets at once.
+"""Maximum likelihood and profile likelihood of `likelihood.Likelihood`, for many starts or data sets at once.
 
 chi2 can have several minima, because points may be shared out between sticking and sliding in several ways. So the
 angle of transition, not mu, is the coordinate that is searched, from starts all over its range; Levenberg-Marquardt

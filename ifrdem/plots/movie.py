@@ -138,7 +138,7 @@ DPI = 100
 class Scene:
     """The picture of which every frame is a variant: axes, colour bar and walls are drawn once.
 
-    Up to `plot_disks.MOST_DISKS` disks are drawn as disks, coloured by spin or by the temperature of each, m c^2 / 2
+    Up to `disks.MOST_DISKS` disks are drawn as disks, coloured by spin or by the temperature of each, m c^2 / 2
     with the velocity c relative to the mean flow of a sheared box; of more than that a map of the area fraction. The
     range of the colours is that of the whole movie.
 

@@ -46,7 +46,7 @@ def driven(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) ->
     """Draw a driven gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
     The theory is `theory.prediction` from the first frame on, of one kind of disks or of a mixture, and of one kind
-    `driven_theory.steady_state`. Where they do not hold (more than `curves.MOST_KINDS` kinds of disks, rolling
+    `driven_gas.steady_state`. Where they do not hold (more than `curves.MOST_KINDS` kinds of disks, rolling
     friction, a force that is not linear), the picture says so.
 
     Parameters
@@ -104,7 +104,7 @@ def walled(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) ->
 def sheared(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
     """Draw a sheared gas: its temperatures against time beside kinetic theory, its flow, and its disks at the end.
 
-    The theory is `theory.prediction` from the first frame on, and `shear_theory.steady_state`. Where they do not
+    The theory is `theory.prediction` from the first frame on, and `sheared_gas.steady_state`. Where they do not
     hold (several kinds of disks, rolling friction, forces), the picture says so. The flow is the mean velocity along x
     in slabs, over the second half of the frames.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import time
@@ -71,7 +72,8 @@ class Progress:
         self._first: tuple[float, float, int] | None = None
         self._latest: tuple[float, float, int] | None = None
         self._printed: tuple[float, float, int] | None = None
-        self._columns = _columns(self._stream) if self._stream.isatty() else 0
+        self._quiet = quiet()
+        self._columns = _columns(self._stream) if self._stream.isatty() and not self._quiet else 0
         self._bar: Any = self._open_bar() if self._columns >= NARROWEST else None
 
     def __enter__(self) -> Progress:
@@ -140,6 +142,8 @@ class Progress:
 
     def _line(self) -> None:
         assert self._latest is not None
+        if self._quiet:
+            return
         # Between two lines the recent rate says more than the mean; the ETA goes by the mean.
         time = f"t = {self._latest[1]:.4g} {self._unit}".rstrip()
         rate = f"{self._rate_since(self._printed):.3g} collisions/s"
@@ -181,6 +185,11 @@ def _columns(stream: TextIO) -> int:
         return os.get_terminal_size(stream.fileno()).columns
     except (OSError, ValueError):  # no file, or not that of a terminal
         return 0
+
+
+def quiet() -> bool:
+    """Whether the logger `ifrdem` is set to warnings and errors only, as by `--quiet`."""
+    return logging.getLogger("ifrdem").level > logging.INFO
 
 
 def clock_face(seconds: float) -> str:

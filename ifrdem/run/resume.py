@@ -57,7 +57,7 @@ def find(place: str | os.PathLike[str]) -> Path:
 def resume(
     place: str | os.PathLike[str],
     *,
-    as_begun: bool = False,
+    ignore_case_changes: bool = False,
     threads: int | None = None,
     max_hours: float | None = None,
     picture: bool = True,
@@ -72,7 +72,7 @@ def resume(
     ----------
     place : path
         The trajectory, its checkpoint, or the folder that holds the only one.
-    as_begun : bool
+    ignore_case_changes : bool
         Go on as the run began though its case file has changed since.
     threads : int, optional
         CPU threads, another number than before; the result does not depend on it.
@@ -97,7 +97,7 @@ def resume(
             raise InputError(
                 f"{path}: a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
             )
-        if not as_begun:
+        if not ignore_case_changes:
             _refuse_changed(path, extra)
         case = Case.model_validate_json(extra["case_as_set"])
         trajectory = path.with_name(extra["trajectory"])
@@ -172,6 +172,6 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
     more = f" (and {len(lines) - 6} lines more)" if len(lines) > 6 else ""
     raise InputError(
         f"{path}: the case file {case} has changed since the run began: {'; '.join(lines[:6])}{more}. A run goes on "
-        "only as it began: put the file back, or --as-begun goes on with the case as it was; for a new case, begin a "
-        f'new run from a stored frame: start.positions = "{extra["trajectory"]}"'
+        "only as it began: put the file back, or --ignore-case-changes goes on with the case as it was; for a new "
+        f'case, begin a new run from a stored frame: start.positions = "{extra["trajectory"]}"'
     )

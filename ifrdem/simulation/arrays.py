@@ -128,7 +128,7 @@ class DeviceArrays:
     origin : two floats
         Lower left corner of the user's box in this one [length]; only forces are told places in that.
     collision_law : kernels.layout.Law
-        What is compiled in of the law (`collision_law.compiled`); the IFR law without it.
+        What is compiled in of the law (`law.compiled`); the IFR law without it.
     cells_per_disk : int
         Cells, at most.
     tallied : bool

@@ -7,6 +7,7 @@ import contextlib
 import ctypes
 import gc
 import io
+import logging
 import os
 import shutil
 import tempfile
@@ -22,6 +23,7 @@ from ..errors import EngineError, InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
+LOG = logging.getLogger("ifrdem")
 
 
 @dataclass(frozen=True)
@@ -295,6 +297,7 @@ def start(
     if _running is not None and _running in good_enough and ti.lang.impl.get_runtime().prog is not None:
         return _running
     _release_all()
+    cache = _kernel_cache()
     with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
         ti.init(
             arch=getattr(ti, arch),
@@ -303,13 +306,15 @@ def start(
             fast_math=False,  # with it, contact times lose bits and collisions are missed
             cpu_max_num_threads=wanted.threads,
             offline_cache=True,
-            offline_cache_file_path=_kernel_cache(),
+            offline_cache_file_path=cache,
             log_level=ti.WARN,
             enable_fallback=False,
             cfg_optimization=False,  # the same bits and speed, a quarter of the time to compile
             kernel_profiler=profile,
         )
     _running, _process = wanted, os.getpid()
+    LOG.debug("device %s, %d threads, %s", arch, wanted.threads, precision)
+    LOG.debug("kernel cache %s", cache)
     return wanted
 
 

@@ -172,9 +172,9 @@ class DSMC(Sealed):
         What disks are summed up together; by default those of one material.
     drive : Drive, optional
         Power, spin power and linear friction of every disk, whatever its mass: white noise, or a heat bath
-        (`driven_theory.Drive`). The total momentum is then not kept. The same for all masses.
+        (`driven_gas.Drive`). The total momentum is then not kept. The same for all masses.
     contact : {"virial", "henderson", "dilute"}
-        Contact values (`contact_values.crowding_of_mixture`); "dilute" solves Boltzmann's equation.
+        Contact values (`contact.crowding_of_mixture`); "dilute" solves Boltzmann's equation.
     arch, threads, precision
         As for `Simulation`. What comes out is the same to the last bit for any number of threads.
 

@@ -1,10 +1,10 @@
-"""Kinetic theory of homogeneous gases of rough disks: the names that users need, from the modules that hold them.
+"""Kinetic theory of homogeneous gases of rough disks.
 
-`contact_values` and `collision_rates`: crowding, pressure, how often disks meet. `collision_averages`: what a collision
-by the IFR law changes on average. `cooling_theory`: equal disks that cool, Haff's law. `mixture_theory`: any number of
-species. `driven_theory`, `shear_theory`: what heats, what flows. `sonine_theory`: how far from Gaussian.
-`hydrodynamics`: for how long, and in which boxes, a cooling gas stays homogeneous. `prediction`: what belongs to a gas.
-Which laws can add energy: `IFRLaw.admissibility`.
+`contact`: contact values, equations of state. `collisions`: collision rates, and what a collision by the IFR law changes
+on average. `cooling_gas`: equal disks that cool, Haff's law. `mixtures`: any number of species. `driven_gas`,
+`sheared_gas`: steady states of heated and sheared gases. `sonine`: departures from Gaussian velocities.
+`hydrodynamics`: shear waves, and for how long a cooling gas stays homogeneous. `choose`: the theory that belongs to a
+gas. Which laws can add energy: `IFRLaw.admissibility`.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ def prediction(
     Parameters
     ----------
     disks : Disks
-        Disks are of one species if mass, radius, k and material agree; `mixture_theory.MOST_SPECIES` at most.
+        Disks are of one species if mass, radius, k and material agree; `mixtures.MOST_SPECIES` at most.
     law : IFRLaw or sequence of sequences of IFRLaw
         One for all, or a table `[material][material]`.
     packing_fraction : float
@@ -63,7 +63,7 @@ def prediction(
     times : array_like (steps,)
         Times since the start [time].
     forces : iterable of mappings
-        Forces as a case has them (`driven_theory.Drive.of`).
+        Forces as a case has them (`driven_gas.Drive.of`).
     shear_rate : float
         Of a mean flow [1/time].
 

@@ -78,7 +78,7 @@ def cooling_rates(
 
     Notes
     -----
-    `collision_averages` gives what a collision changes. For equal disks m_n = m/2, V = 2 T / m and a_i = 1/2; with
+    `collisions` gives what a collision changes. For equal disks m_n = m/2, V = 2 T / m and a_i = 1/2; with
     theta = T_rot / T, S = 1 + k theta, c = 1/2 (percussion centre) or 1 / (1 + k) (contact point), and halves of its
     averages, gamma = c/2, eta = h/2 = (1 + e_t) / (2 (1 + k)),
 

@@ -44,7 +44,7 @@ class Drive:
 
     @classmethod
     def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Drive | None:
-        """The drive of the forces of a case (`case_forces.py`) on equal disks; None where a force is not linear.
+        """The drive of the forces of a case (`forces_section.py`) on equal disks; None where a force is not linear.
 
         Parameters
         ----------

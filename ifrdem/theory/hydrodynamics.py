@@ -1,10 +1,10 @@
 r"""Hydrodynamics of a cooling gas of equal disks: viscosity, and the lengths above which a homogeneous gas is unstable.
 
 Symbols: nu collision rate of a disk; z nu the rate at which T falls, l nu that at which collisions make velocities
-isotropic (`shear_theory.relaxation`); g contact value; n, m, R as everywhere.
+isotropic (`sheared_gas.relaxation`); g contact value; n, m, R as everywhere.
 
 *Viscosity.* The kinetic stress of a gas with a velocity gradient G obeys d p_xy/dt = -G c_1 n T - l nu p_xy, c_1 being
-what crowding adds (`shear_theory.crowding`). In a gas that cools p_xy = -eta G falls like sqrt(T), at z nu / 2:
+what crowding adds (`sheared_gas.crowding`). In a gas that cools p_xy = -eta G falls like sqrt(T), at z nu / 2:
 eta = (n T / nu) [c_1^2 / (l - z/2) + c_2], with c_2 from disks that touch. For elastic smooth disks it is Enskog's, in
 the first Sonine approximation,
 
@@ -94,7 +94,7 @@ def shear_viscosity(
     Parameters
     ----------
     packing_fraction, T, mass, radius
-        As for `collision_rates.collision_rate`; the packing fraction above 0.
+        As for `collisions.collision_rate`; the packing fraction above 0.
     law : IFRLaw
         Without rolling friction.
     k : float
@@ -143,7 +143,7 @@ def thermal_conductivity(packing_fraction: float, T: float, mass: float, radius:
     Parameters
     ----------
     packing_fraction, T, mass, radius
-        As for `collision_rates.collision_rate`; the packing fraction above 0.
+        As for `collisions.collision_rate`; the packing fraction above 0.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Kinetic theory of a homogeneous gas of several species of disks: their temperatures as it cools, or is driven.
 
-The picture of `cooling_theory`, with a translational and a rotational temperature for every species: nothing makes
-them agree where collisions dissipate. `collision_averages` says what a collision changes, `collision_rates` how often
+The picture of `cooling_gas`, with a translational and a rotational temperature for every species: nothing makes
+them agree where collisions dissipate. `collisions` says what a collision changes, `collisions` how often
 species meet; every disk of species i then has
 
     dT_i/dt = sum_j w_ij <dE_i>_j,    dT_rot,i/dt = 2 sum_j w_ij <dE_rot,i>_j.
@@ -58,7 +58,7 @@ class Mixture:
     fraction : array_like (s,), optional
         What part of all disks each species is, in any unit (numbers of disks do); equal parts without it.
     contact : {"virial", "henderson", "dilute"}
-        Contact values: see `contact_values.crowding_of_mixture`.
+        Contact values: see `contact.crowding_of_mixture`.
 
     Raises
     ------

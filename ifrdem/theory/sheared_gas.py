@@ -187,7 +187,7 @@ def collisional_changes(
     In units m = sigma = 1. Let n = (cos a, sin a) point from a disk to the other and t = (-sin a, cos a). The relative
     velocity of two Gaussian disks has the covariance C = 2 p in the basis (n, t), its slip 2 k tau more, which is
     R^2 times the variance of both spins; the flow adds -g n_x n_y to the approach g_n and g n_y^2 + W to the slip g_t.
-    With g_n = r cos b and g_t = r sqrt(S) sin b the impulses of `collision_averages` are r times functions of b, with a
+    With g_n = r cos b and g_t = r sqrt(S) sin b the impulses of `collisions` are r times functions of b, with a
     kink where tan b = kappa, and the changes of a pair are quadratic in r: integrals over r > 0 of
     r^p exp(-q (r - h)^2 / 2) are known, those over a and b are sums. Of the velocity that goes with g_n and g_t, c_n is
     g_n less the flow's part, and the mean of c_t linear in both. Pairs come at the rate 8 phi chi times the average of

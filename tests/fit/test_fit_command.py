@@ -144,7 +144,7 @@ def test_law_that_adds_energy_is_shown_but_gives_no_material(
         (["data.csv", "--M", "1", "--json", "no/f.json"], ["output folder no: does not exist"]),
         (["data.csv", "--M", "1", "--json", "data.csv"], ["is the data file", "exists already"]),
         (["data.csv", "--M", "1", "--json", "a", "--write-material", "a"], ["output a: is asked for twice"]),
-        (["data.csv", "--M", "1", "--jsn", "a"], [r"unrecognized arguments: --jsn.*did you mean '--json'"]),
+        (["data.csv", "--M", "1", "--jsn", "a"], [r"unknown option --jsn.*did you mean '--json'"]),
         (["data.cvs", "--M", "1"], [r"data.cvs: there is no such file \(did you mean 'data.csv'"]),
         (["data.csv", "--M", "1"], [r"psi: no error", r"delta_1: no error", r"delta_2: no error"]),
         (["data.csv", "--M", "1", "--error", "1", "--rolling", "--R-1", "1", "--R-2", "1"], ["Rw_2 or e_t_apparent"]),
@@ -169,8 +169,8 @@ def test_existing_files_are_kept_unless_forced(folder: Path, capsys: pytest.Capt
 
 def test_help_and_refusals_start_no_heavy_import(folder: Path) -> None:
     code = (
-        "import sys\nfrom ifrdem.cli import main\n"
-        "try:\n    status = main(['fit', *sys.argv[1:]])\nexcept SystemExit as end:\n    status = end.code\n"
+        "import sys\nfrom ifrdem.cli.main import main\n"
+        "status = main(['fit', *sys.argv[1:]])\n"
         "assert not {'taichi', 'scipy', 'matplotlib'} & set(sys.modules)\nsys.exit(status)\n"
     )
     for arguments, status in ((["--help"], 0), (["data.csv", "--M", "0"], 2)):
@@ -189,7 +189,6 @@ def test_readme_example_works(folder: Path, capsys: pytest.CaptureFixture[str]) 
     assert "preferred by the data" in shown
     options = re.findall(r"`(--[\w-]+)", manual.page("fit.md"))
     assert len(options) > 10
-    with pytest.raises(SystemExit):
-        main(["fit", "--help"])
+    assert main(["fit", "--help"]) == 0
     shown = capsys.readouterr().out
     assert [option for option in options if option not in shown] == []

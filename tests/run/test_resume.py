@@ -283,8 +283,8 @@ def test_a_changed_case_is_refused_with_what_changed(whole, tmp_path, stopping, 
     assert cli.main(["resume", str(tmp_path)]) == 2
     told = capsys.readouterr().err
     assert "-mu = 0.21; +mu = 0.3" in told
-    assert "--as-begun" in told
-    assert cli.main(["resume", str(tmp_path), "--as-begun"]) == 0
+    assert "--ignore-case-changes" in told
+    assert cli.main(["resume", str(tmp_path), "--ignore-case-changes"]) == 0
     same(tmp_path / "gas.h5", whole)
 
 

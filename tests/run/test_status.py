@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import errno
 import json
 import math
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ifrdem.cli import tail_options
+from ifrdem.cli.main import main
 from ifrdem.errors import InputError
 from ifrdem.run import status
 from ifrdem.run.status import Status
@@ -177,17 +176,14 @@ def test_tail_prints_a_line_at_each_news_until_the_run_ends(tmp_path):
 
 
 @pytest.mark.parametrize(("state", "well"), [("running", True), ("done", True), ("full disk", False)])
-def test_the_verb_prints_once_and_tells_how_it_ended(tmp_path, state, well):
+def test_the_command_prints_once_and_tells_how_it_ended(tmp_path, capsys, state, well):
     one = Status(tmp_path / "gas.h5", name="gas")
     one.finish(state)
-    parser = argparse.ArgumentParser()
-    tail_options.add_to(parser)
-    lines: list[str] = []
-    assert tail_options.run(parser.parse_args([str(tmp_path), "--once"]), say=lines.append) is well
-    assert len(lines) == 2
+    assert main(["tail", str(tmp_path), "--once"]) == (0 if well else 1)
+    assert len(capsys.readouterr().out.splitlines()) == 2
     for interval in ("0", "soon", "nan"):
-        with pytest.raises(InputError, match=f"--interval {interval}: "):
-            tail_options.run(parser.parse_args([str(tmp_path), "--interval", interval]), say=lines.append)
+        assert main(["tail", str(tmp_path), "--interval", interval]) == 2
+        assert f"--interval {interval}: " in capsys.readouterr().err
 
 
 @pytest.fixture

@@ -102,7 +102,7 @@ def test_young_coins_cool_by_the_closed_form() -> None:
 
 
 def test_smooth_disks_follow_haff_with_the_cumulant_that_theory_says() -> None:
-    """e = 0.8: a_2 = -0.0260 (`sonine_theory`), and losses that are 1 + 3/16 a_2 of a Gaussian's."""
+    """e = 0.8: a_2 = -0.0260 (`sonine`), and losses that are 1 + 3/16 a_2 of a Gaussian's."""
     n = 20_000
     found = gas(n, SMOOTH).run(collisions_per_disk=30.0, samples=30)
     later = found.collisions_per_disk > 8.0

@@ -82,7 +82,7 @@ def test_one_polynomial_by_quadrature_is_the_first_order_of_nearly_elastic_disks
 
 
 def test_polynomials_of_higher_order_change_a_2_as_a_simulation_of_a_million_disks_found() -> None:
-    """-0.0305(5) at e_n = 0.9 (`sonine_theory`); to first order it would be -0.0269."""
+    """-0.0305(5) at e_n = 0.9 (`sonine`); to first order it would be -0.0269."""
     a_2, off = series_sonine(0.9)
     assert a_2 == pytest.approx(-0.0305, abs=0.001)
     assert off < 1e-4

@@ -14,8 +14,8 @@ import pytest
 from support.layout_files import BOX, some_disks, some_state, write
 from test_frame import flip
 
-from ifrdem.cli.frame_numbers import chosen, counted
 from ifrdem.cli.main import main
+from ifrdem.cli.options import chosen, counted
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State

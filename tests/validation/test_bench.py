@@ -126,8 +126,7 @@ def test_every_option_that_the_manual_lists_exists(capsys: pytest.CaptureFixture
     section = manual.page("performance.md").split("## Benchmark")[1].split("\n## ")[0]
     listed = set(re.findall(r"--[a-z][a-z-]*", section))
     assert len(listed) > 10
-    with pytest.raises(SystemExit):
-        cli.main(["bench", "--help"])
+    assert cli.main(["bench", "--help"]) == 0
     assert listed <= set(re.findall(r"--[a-z][a-z-]*", capsys.readouterr().out))
 
 
@@ -233,7 +232,7 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--case", "x.toml", "--phi", "0.2"], "--set changes the case's box.packing_fraction"),
         (["--case", "nowhere.toml"], "nowhere.toml: there is no such file"),
         (["--case", "x.toml", "--after", "-1"], "--after -1: a number of collisions per disk, 0 or more, is"),
-        (["--prot"], "unrecognized arguments: --prot (did you mean '--profile'?)"),
+        (["--prot"], "unknown option --prot (did you mean '--profile'?)"),
     ],
 )
 def test_what_cannot_be_is_refused(

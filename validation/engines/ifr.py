@@ -103,7 +103,7 @@ class Course:
 
 
 def in_bullet(begin: State, law: IFRLaw, step: float, times: Array) -> Course:
-    """The box of `bullet_box` with the IFR law in PyBullet."""
+    """The box of `box` with the IFR law in PyBullet."""
     states, hits, count = [], [], 0
     with BulletWorld(box.DISKS, NO_RESPONSE, walls=sides(box.BOX), time_step=step) as world:
         world.place(begin.position, begin.velocity, begin.spin)

@@ -6,7 +6,7 @@ tau = 20, or until waves hold some percent of T: both are theories of homogeneou
 depends on density.
 
 *What the closed form leaves out.* Spins and velocities are soon correlated, and spins grow tails: the table lists DSMC
-over closed form. *What DSMC leaves out*: correlations of places. Waves slow the cooling by a factor that `gas_waves`
+over closed form. *What DSMC leaves out*: correlations of places. Waves slow the cooling by a factor that `waves`
 derives, with its uncertainty: it is proportional to density and losses, nothing in the dilute gas and some percent at
 packing fraction 0.3. Disks that meet again have spins that know of each other, which slows the decay of hot spins at
 0.3 by up to a tenth in theta (the table): theta is not held against DSMC there, nor where waves hold more than a
@@ -68,7 +68,7 @@ class Cooling(NamedTuple):
 
     @property
     def theta(self) -> Array:
-        """T_rot / T, as `gas_sample.ratio` has it."""
+        """T_rot / T, as `sample.ratio` has it."""
         each = [ratio(a, b) for a, b in zip(self.T_rot.T, self.T.T, strict=True)]
         return np.array(each).T
 

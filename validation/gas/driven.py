@@ -4,9 +4,9 @@ r"""Steady states: coins that kicks heat, disks that a flow heats, and a column 
 there is. Of smooth disks it is known how much more a gas that is not Gaussian takes: 1 + (3/16) a_2 times as much, so
 that T, whose power 3/2 the loss goes with, is less by 2/3 of that; a_2 = -0.020 at e_n = 0.9, and its next orders a
 tenth of it. Rough coins are held against DSMC alone, as nobody knows that number. Kicks feed waves too: see
-`gas_waves.driven_streams`.
+`waves.driven_streams`.
 
-*Flow.* Lees and Edwards' sides, against `shear_theory`: velocities that are Gaussian but not isotropic. That they are
+*Flow.* Lees and Edwards' sides, against `sheared_gas`: velocities that are Gaussian but not isotropic. That they are
 not quite Gaussian is worth up to 3 % of T at e_n = 0.8, phi = 0.1 and below, by Monte Carlo of Enskog's equation.
 
 *Gravity.* dP/dy = -m g rho with the local pressure P = rho T Z(phi), Z of Kolafa and Rottner (`gas_state`): the

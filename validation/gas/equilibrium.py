@@ -5,7 +5,7 @@ equation of state of Kolafa and Rottner (`gas_state.compressibility`), chi = (Z 
 
 *Velocities* (J. C. Maxwell, Phil. Mag. 19, 19 (1860), doi:10.1080/14786446008642818). All disks start with one speed.
 x = m v^2 / (2 T) must become exponential: the test of Kolmogorov and Smirnov, and <x^2> / 2 = 1 + a_2 = N / (N + 1)
-of N disks that share their energy (`sonine_theory.sonine_coefficient`).
+of N disks that share their energy (`sonine.sonine_coefficient`).
 
 *Free paths* (P. Visco, F. van Wijland and E. Trizac, Phys. Rev. E 77, 041117 (2008), doi:10.1103/PhysRevE.77.041117).
 A disk of speed v collides at the rate nu(v) = 2 n sigma chi <|v - v_1|>, v_1 Maxwellian,

@@ -13,7 +13,7 @@ for theta, a_20, a_02 and a_11. All J are integrals of polynomials over Gaussian
 g exp(-g^2/2), of the eighth degree at most: Gauss' rules of 5 nodes, and of 3 in g^2/2, are exact. For smooth disks
 a_20 is that of van Noije and Ernst.
 
-First order leaves out a tenth to a fifth of a cumulant (`sonine_theory`).
+First order leaves out a tenth to a fifth of a cumulant (`sonine`).
 """
 
 from __future__ import annotations

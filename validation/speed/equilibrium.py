@@ -33,7 +33,7 @@ def elastic_gas(
             "material": [{"name": "elastic", "e_n": 1.0, "e_t": -1.0, "mu": 0.0}],
             "species": [{"name": "disks", "number": n, "material": "elastic", **disk}],
             "start": {"positions": "hexagonal"},
-            "output": {"ledger": False},  # the engine alone; `bench_output.py` times output
+            "output": {"ledger": False},  # the engine alone; `output_cost.py` times output
         }
     )
 

@@ -1,0 +1,96 @@
+"""Commands about cases and devices: `check`, `new`, `cases`, `backends`."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ..errors import InputError
+from .console import note, say, warn
+from .options import Case, Force, Set, option
+
+
+def check(case: Case, /, *, set: Set = None) -> None:
+    """Look at a case without running it.
+
+    Reports the mistakes of a case, all of a kind at once; of a good one its packing fraction, mean free paths,
+    whether its laws can add energy, its file size and memory.
+    """
+    from ..case import file as case_file
+    from ..case import shipped, summary
+    from ..case.estimate import Estimate
+    from ..case.gas import Gas
+
+    file = case_file.read(shipped.find(case), set or [])
+    gas = Gas.from_case(file.case, file.folder)
+    estimate = Estimate.of(gas, file.case)
+    summary.refuse_cadences(file.case, gas, estimate)
+    say(summary.report(file.case, gas, estimate))
+    try:
+        summary.refuse_beyond_disk(estimate.file_bytes, Path())
+    except InputError as error:  # it may run elsewhere
+        warn(f"{error}: `ifrdem run` would refuse it here")
+
+
+KIND = "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), or cases/NAME.toml"
+
+
+def new(
+    kind: Annotated[str, Parameter(name="KIND", help=KIND)],
+    /,
+    *,
+    output: Annotated[
+        str | None,
+        option(
+            "FILE",
+            "file to write (default: KIND.toml; - prints it)",
+            "--output",
+            "-o",
+            allow_leading_hyphen=True,
+        ),
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Write a commented case file to start from.
+
+    A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
+    """
+    from ..case import shipped
+
+    text = shipped.new(kind)
+    if output == "-":
+        print(text, end="")
+        return
+    path = Path(output or f"{Path(kind).stem}.toml")
+    try:
+        with path.open("w" if force else "x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise InputError(f"{path}: exists already; --force replaces it, -o writes elsewhere") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    quoted = shlex.quote(str(path))
+    note(f"wrote {path}: look at it with `ifrdem check {quoted}`, run it with `ifrdem run {quoted}`")
+
+
+def cases() -> None:
+    """List the shipped cases."""
+    from ..case import shipped
+
+    say(shipped.listing())
+
+
+def backends() -> None:
+    """List the devices that can compute."""
+    from .. import bullet
+    from ..simulation import device
+
+    for each in device.available():
+        say(f"{each.arch:<8} {each.description}")
+    absence = device.cuda_absence()
+    if absence is not None:
+        say(f"cuda     not usable: {absence}")
+    say(f"pybullet {bullet.describe()}")

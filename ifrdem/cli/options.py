@@ -1,0 +1,235 @@
+"""Options that several commands have, and the values of options from their texts."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar
+
+from cyclopts import Parameter
+
+from ..errors import InputError, nearest
+from . import console
+
+if TYPE_CHECKING:
+    from cyclopts import Token
+
+    from ..trajectory.reader import Trajectory
+
+T = TypeVar("T")
+
+
+def option(metavar: str, text: str, *names: str, **more: Any) -> Parameter:
+    """An option that takes a value: its word in `--help`, its help, its names where they differ."""
+    return Parameter(name=names or None, metavar=metavar, help=text, **more)
+
+
+def flag(text: str, *names: str, **more: Any) -> Parameter:
+    """An option without a value."""
+    return Parameter(name=names or None, help=text, **more)
+
+
+def _trajectory(kind: object, tokens: Sequence[Token]) -> str:
+    """A trajectory as the command line names it: itself, or the only one of a folder."""
+    from ..run.outputs import trajectory_in
+
+    return os.fspath(trajectory_in(Path(tokens[0].value)))
+
+
+CASE = "a case file (TOML), or a shipped case (`ifrdem cases`); `ifrdem new cooling` writes one"
+FILE = Parameter(
+    name="FILE", help="a trajectory (.h5), or the folder that it is in", converter=_trajectory, n_tokens=1
+)
+Case = Annotated[str, Parameter(name="CASE", help=CASE)]
+File = Annotated[str, FILE]
+Set = Annotated[
+    list[str] | None,
+    option(
+        "KEY=VALUE",
+        "override a key of the case, such as run.seed=3 or species[0].number=100; repeatable. KEY= without a value "
+        "removes the key",
+        "--set",
+    ),
+]
+Arch = Annotated[str | None, option("ARCH", "device: cpu or cuda (see `ifrdem backends`); sets run.arch")]
+Seed = Annotated[str | None, option("N", "seed of the random numbers; sets run.seed")]
+Threads = Annotated[str | None, option("N", "CPU threads (default: all cores); sets run.threads")]
+Precision = Annotated[str | None, option("P", "f64 or f32; sets run.precision")]
+MaxHours = Annotated[
+    str | None,
+    option(
+        "HOURS",
+        f"stop after so many hours, with a checkpoint and exit status {console.UNFINISHED}; `ifrdem resume` goes on",
+    ),
+]
+NoPicture = Annotated[bool, flag("draw no picture at the end")]
+Frames = Annotated[
+    str | None,
+    option(
+        "A:B:C",
+        "which frames: one number, or from A to before B, every C-th, as in Python, such as -5: for the last five "
+        "(default: all that suit)",
+    ),
+]
+Output = Annotated[
+    str | None, option("OUT", "file to write (default: FILE with another ending)", "--output", "-o")
+]
+Force = Annotated[bool, flag("replace files that exist")]
+
+
+def overrides(given: list[str] | None, **run: str | None) -> list[str]:
+    """Changes of a case by the command line, the options with a name of their own included."""
+    found = list(given or ())
+    for key, value in run.items():
+        if value is not None:
+            # Texts are quoted, so that the model says what is wrong with "--arch 3" or an empty value.
+            text = key in ("arch", "precision") or not value
+            found.append(f"run.{key}={json.dumps(value) if text else value}")
+    return found
+
+
+def number(option: str, text: str, need: str, right: Callable[[float], bool]) -> float:
+    """The value of an option as a number; InputError names the option and what is needed."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not right(value):
+        raise InputError(f"{option} {text}: {need} is needed")
+    return value
+
+
+def whole(option: str, text: str, least: int, most: int, noun: str = "whole number") -> int:
+    """The value of an option as a whole number from `least` to `most`."""
+    from ..tools.arguments import as_whole
+
+    value = as_whole(text)
+    if value is None or not least <= value <= most:
+        raise InputError(f"{option} {text}: a {noun} from {least} to {most} is needed")
+    return value
+
+
+def one_of(option: str, text: str, allowed: Iterable[str]) -> str:
+    """The value of an option, one of some words."""
+    if text not in allowed:
+        raise InputError(f"{option} {text}: allowed are {', '.join(allowed)}{nearest(text, allowed)}")
+    return text
+
+
+class Wrong(list[str]):
+    """Lines on options that are wrong, told all at once."""
+
+    def take(self, default: T, read: Callable[..., T], option: str, text: str | None, *more: object) -> T:
+        """The value that is read from a text, or the default without one; what is wrong is taken note of."""
+        try:
+            return default if text is None else read(option, text, *more)
+        except InputError as error:
+            self += str(error).splitlines()
+            return default
+
+    def end(self) -> None:
+        """Raise InputError if anything is wrong."""
+        if self:
+            raise InputError("\n".join(self))
+
+
+def max_hours(text: str | None) -> float | None:
+    """The value of `--maxh`."""
+    need = "a positive number of hours"
+    return None if text is None else number("--maxh", text, need, lambda hours: 0.0 < hours < math.inf)
+
+
+def opened(file: str) -> Trajectory:
+    """A trajectory, opened."""
+    from ..trajectory.reader import Trajectory
+
+    return Trajectory(file)
+
+
+def place(file: str, output: str | None, ending: str, *, force: bool) -> Path:
+    """The file to write, checked; without a name for it, one beside the trajectory."""
+    from ..tools.files import check_apart, check_files
+
+    given = Path(file)
+    if output is not None and not output.strip():
+        raise InputError("-o: an empty text is no file")
+    found = given.with_name(given.name.removesuffix(".h5") + ending) if output is None else Path(output)
+    if given.exists():
+        check_apart(found, given)
+    check_files([found], force=force)
+    return found
+
+
+def chosen(text: str | None, frames: int) -> range:
+    """Numbers of the frames that `--frames` names among so many.
+
+    Parameters
+    ----------
+    text : str or None
+        One number, or a:b:c as in Python: from a (or the first) to before b (or the last), every c-th; negative
+        numbers count from the end. None for all.
+    frames : int
+        Number of frames that are there.
+
+    Raises
+    ------
+    InputError
+        If the text is none of these, or names no frame that is there.
+    """
+    if text is None:
+        return range(frames)
+    try:
+        parts = [int(part) if part.strip() else None for part in text.split(":")]
+        if not 1 <= len(parts) <= 3 or parts == [None]:
+            raise ValueError
+        if len(parts) == 1:
+            number = parts[0]
+            assert number is not None
+            found = range(frames)[number : number + 1 or None]
+        else:
+            found = range(frames)[slice(*parts)]
+    except ValueError:
+        raise InputError(
+            f"--frames {text}: a number or a:b:c is needed, such as 10, 0:100, -5: or ::10"
+        ) from None
+    if len(found) == 0:
+        span = f"0 to {frames - 1}" if frames else "none"
+        raise InputError(f"--frames {text}: names none of the {frames} frames ({span})")
+    return found
+
+
+def counted(
+    what: str,
+    *,
+    stream: TextIO | None = None,
+    interval: float = 5.0,
+    clock: Callable[[], float] = time.perf_counter,
+) -> Callable[[Sequence[int]], Iterable[int]]:
+    """Progress through frames: a bar on a terminal, elsewhere a line every `interval` seconds; none by `--quiet`."""
+    from ..run.progress import clock_face, quiet
+
+    out = sys.stderr if stream is None else stream
+
+    def bar(frames: Sequence[int]) -> Iterable[int]:
+        from tqdm import tqdm
+
+        return tqdm(frames, desc=what, unit="frame", leave=False, file=out)
+
+    def lines(frames: Sequence[int]) -> Iterator[int]:
+        began = printed = clock()
+        for done, frame in enumerate(frames):
+            now = clock()
+            if now - printed >= interval and done:
+                left = clock_face((now - began) / done * (len(frames) - done))
+                print(f"{what}: {done} of {len(frames)} frames, ETA {left}", file=out, flush=True)
+                printed = now
+            yield frame
+
+    if quiet():
+        return iter
+    return bar if out.isatty() else lines

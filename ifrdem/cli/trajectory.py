@@ -1,0 +1,230 @@
+"""Commands about trajectories: `info`, `history`, `views`, `export`, `movie`, `repair`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+from ..errors import InputError
+from .console import note, say
+from .options import File, Force, Frames, Output, chosen, counted, flag, one_of, opened, option, place
+
+SHOWN = 10
+"""Collisions of a history that are printed."""
+LEAST, MOST = 160, 7680
+"""Width and height of a movie, in pixels."""
+
+
+def info(file: File, /) -> None:
+    """Say what a trajectory holds."""
+    from ..run.info import describe
+
+    say(describe(file))
+
+
+def views(file: File, /) -> None:
+    """Let ParaView, OVITO, xarray and ASE open a trajectory.
+
+    Writes NAME.vtkhdf (ParaView, PyVista, VTK) and NAME.nc (OVITO, xarray, ASE) beside NAME.h5. They point at its data
+    and copy none: keep the three files together, and write them again when the run has added frames. Existing views
+    are replaced.
+    """
+    from ..trajectory.views import write_views
+
+    for path in write_views(file):
+        note(f"wrote {path}")
+
+
+def export(
+    file: File,
+    /,
+    *,
+    to: Annotated[str, option("FORMAT", "gsd, extxyz or csv")],
+    frames: Frames = None,
+    output: Output = None,
+    force: Force = False,
+) -> None:
+    """Copy a trajectory into another format.
+
+    Copies frames into a file of another format: gsd (HOOMD, OVITO, freud; single precision, origin in the middle of
+    the box), extxyz (ASE, OVITO) or csv (a line a disk and frame). To open a trajectory in ParaView, OVITO, xarray or
+    ASE without a copy, see `ifrdem views`.
+    """
+    from ..trajectory import export as exporting
+
+    one_of("--to", to, exporting.FORMATS)
+    with opened(file) as trajectory:
+        numbers = chosen(frames, len(trajectory))
+        out = place(file, output, f".{to}", force=force)
+        exporting.export(trajectory, out, to, numbers, progress=counted("export"))
+    note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
+
+
+def movie(
+    file: File,
+    /,
+    *,
+    frames: Frames = None,
+    fps: Annotated[str, option("N", "pictures a second (default: 25)")] = "25",
+    size: Annotated[str, option("WxH", "pixels, even numbers (default: 1200x1080)")] = "1200x1080",
+    colour: Annotated[str, option("BY", "spin or temperature (default: spin)")] = "spin",
+    output: Output = None,
+    force: Force = False,
+) -> None:
+    """Make a movie of a trajectory.
+
+    Writes NAME.mp4: the disks of each frame, coloured by spin or temperature; of more than 1e5 disks a map of the area
+    fraction. Needs the extra: pip install "ifrdem[movie]".
+    """
+    from ..plots import movie as making
+    from ..tools.arguments import whole
+
+    rate = whole("--fps", fps, 1, 240)
+    pixels = _pixels(size)
+    one_of("--colour", colour, making.COLOURS)
+    with opened(file) as trajectory:
+        numbers = chosen(frames, len(trajectory))
+        out = place(file, output, ".mp4", force=force)
+        making.write(
+            trajectory, out, numbers, fps=rate, size=pixels, colour=colour, progress=counted("movie")
+        )
+    note(f"wrote {out}: {len(numbers)} pictures, {len(numbers) / rate:.3g} s")
+
+
+def _pixels(text: str) -> tuple[int, int]:
+    try:
+        width, height = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        width = height = 0
+    if not all(LEAST <= side <= MOST and side % 2 == 0 for side in (width, height)):
+        raise InputError(
+            f"--size {text}: width x height in pixels are needed, even numbers from {LEAST} to {MOST}, such as 1280x720"
+        )
+    return width, height
+
+
+def repair(
+    file: File,
+    /,
+    *,
+    output: Annotated[
+        str | None, option("OUT", "file to write (default: NAME.repaired.h5)", "--output", "-o")
+    ] = None,
+    in_place: Annotated[bool, flag("replace FILE by what is whole of it")] = False,
+    force: Annotated[bool, flag("replace OUT if it exists")] = False,
+) -> None:
+    """Make a trajectory that opens out of a damaged one.
+
+    Says what is wrong with a trajectory, and writes what is whole of it to NAME.repaired.h5: frames that can be read,
+    series and histories up to their first damaged part. Uncommitted ends are cut off. Views that are missing or stale
+    are written again. Compressed data tell when they are damaged; uncompressed ones do not.
+    """
+    from ..trajectory import repair as repairing
+    from ..trajectory.views import write_views
+
+    given = Path(file)
+    if in_place and (output is not None or force):
+        raise InputError("--in-place: not beside -o or --force, which write another file")
+    if not given.exists():
+        raise InputError(f"{given}: there is no such file")
+    if in_place:  # a link stays one: what it points to is replaced
+        given = out = Path(os.path.realpath(given))
+    else:
+        out = place(file, output, ".repaired.h5", force=force)
+    say(f"{given}:")
+    wrote = repairing.repair(given, out, say=say)
+    if wrote:
+        note(f"wrote {out}")
+    else:
+        say("  nothing is wrong")
+    whole = out if wrote else given
+    if repairing.stale_views(whole):
+        try:
+            made = write_views(whole)
+        except InputError as error:  # such as one without positions, which has nothing to show
+            say(f"  no views: {error}")
+        else:
+            note(f"wrote {', '.join(map(str, made))}")
+
+
+def history(
+    file: File,
+    /,
+    *,
+    id: Annotated[str, option("ID", "id of the disk, from 0")],
+    output: Annotated[
+        str | None, option("CSV", "file to write: a line an event, every digit", "--output", "-o")
+    ] = None,
+    force: Force = False,
+) -> None:
+    """Show the collisions of a tracked disk.
+
+    The history of a disk of a run with output.histories: its collisions with times, partners, places, velocities,
+    spins, impulses, angles and regimes. Prints a summary and the latest ten, and writes all with -o.
+    """
+    from ..tools.arguments import whole
+    from ..trajectory.export import write_history
+
+    disk = whole("--id", id, 0)
+    with opened(file) as trajectory:
+        found = trajectory.history(disk)
+        out = None if output is None else place(file, output, ".csv", force=force)
+        for line in summary(trajectory, found):
+            say(line)
+    if out is not None:
+        write_history(found, out)
+        note(f"wrote {out}: {len(found)} events")
+
+
+def summary(trajectory: Any, history: Any) -> list[str]:
+    """Lines on the history of a disk."""
+    import numpy as np
+
+    from ..trajectory.history import KICK
+
+    def time(value: float) -> str:
+        return str(trajectory.with_unit(f"{value:.6g}", "time"))
+
+    kicks = len(history) - history.collisions
+    walls = int((history.partner < KICK).sum())
+    lines = [
+        f"disk {history.disk}: {history.collisions} collisions from t = {history.start:.6g} to {time(history.end)}"
+        + (f", {walls} of them with walls" if walls else "")
+        + (f"; {kicks} kicks by forces" if kicks else "")
+    ]
+    if history.collisions > 1:
+        lines.append(f"  mean free time {time(history.mean_free_time)}")
+    # Kicks would fill the list of a driven disk.
+    shown = np.flatnonzero(history.partner != KICK)[-SHOWN:]
+    if len(shown):
+        if len(shown) < history.collisions:
+            lines.append(f"  the latest {len(shown)} (-o writes all; psi in rad):")
+        header = f"  {'time':>14} {'partner':>8} {'regime':<20} {'psi':>7} {'P_n':>11} {'P_t':>11} {'spin after':>12}"
+        lines.append(header)
+        units = trajectory.units
+        if "time" in units:
+            momentum, angle = (f"({units[one]})" if one in units else "" for one in ("momentum", "angle"))
+            time_unit, spin = f"({units['time']})", f"({units.get('angle', 'rad')}/{units['time']})"
+            lines.append(
+                f"  {time_unit:>14} {'':>8} {'':<20} {angle:>7} {momentum:>11} {momentum:>11} {spin:>12}"
+            )
+    for i in shown:
+        partner = int(history.partner[i])
+        who = str(partner) if partner >= 0 else f"wall {-2 - partner}"
+        impulse = history.impulse[i]
+        lines.append(
+            f"  {history.time[i]:>14.8g} {who:>8} {regime(int(history.regime[i])):<20} {history.psi[i]:>7.4f} "
+            f"{impulse[0]:>11.4g} {impulse[1]:>11.4g} {history.columns['spin_after'][i]:>12.5g}"
+        )
+    return lines
+
+
+def regime(number: int) -> str:
+    """Words for a regime."""
+    from ..model.ifr import Regime
+
+    special = {-1: "not known", 0: "-", 9: "elastic"}
+    if number not in special and number not in [*Regime]:
+        return f"{number}?"
+    return special.get(number) or Regime(number).name.lower().replace("_", " ")

@@ -1,0 +1,114 @@
+"""`--quiet` and `--verbose`, `--help` in a pipe, shell completion, and `python -m ifrdem`."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.layout_files import write
+
+from ifrdem.cli.main import app, main
+
+pytestmark = pytest.mark.unoptimised
+
+CASE = """
+[run]
+name = "tiny"
+collisions_per_disk = 2.0
+threads = 1
+[box]
+packing_fraction = 0.2
+[[species]]
+name = "coins"
+coin = "1 pta"
+number = 64
+speed_rms = 1.0
+[output]
+frames = 2
+picture = false
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "tiny.toml").write_text(CASE, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def commands() -> list[str]:
+    return [name for name in app if not name.startswith("-")]
+
+
+def test_a_quiet_run_says_nothing_and_a_verbose_one_names_device_cache_and_time(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words in (["--quiet", "run", "tiny.toml"], ["run", "tiny.toml", "-q", "--force"]):
+        assert main(words) == 0
+        shown = capsys.readouterr()
+        assert (shown.out, shown.err) == ("", "")
+    from ifrdem.simulation import device
+
+    device.stop()
+    assert main(["run", "tiny.toml", "--verbose", "--force"]) == 0
+    shown = capsys.readouterr()
+    for text in ("ifrdem: device cpu, 1 threads, f64\n", "ifrdem: kernel cache ", "ifrdem: done in "):
+        assert shown.err.count(text) == 1
+    assert "ifrdem:" not in shown.out
+
+
+def test_quiet_leaves_results_warnings_and_errors(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "tiny.toml", "--quiet"]) == 0
+    assert "packing fraction       0.2" in capsys.readouterr().out
+    write(folder / "run.h5", n=9)
+    assert main(["--quiet", "export", "run.h5", "--to", "csv"]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main(["export", "run.h5", "--to", "csv", "--force"]) == 0
+    assert capsys.readouterr().out.startswith("wrote run.csv: ")
+    assert main(["--quiet", "export", "run.h5", "--to", "csv"]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_a_call_leaves_the_logger_as_it_was(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    logger = logging.getLogger("ifrdem")
+    before = (logger.level, logger.propagate, list(logger.handlers))
+    assert main(["cases", "--verbose"]) == 0
+    assert main(["--quiet", "rum"]) == 2
+    assert (logger.level, logger.propagate, list(logger.handlers)) == before
+
+
+@pytest.mark.parametrize("command", commands())
+def test_help_is_plain_text_of_at_most_a_hundred_columns_that_names_every_option(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([command, "--help"]) == 0
+    shown = capsys.readouterr()
+    assert shown.err == ""
+    lines = shown.out.splitlines()
+    assert lines[0].startswith(f"Usage: ifrdem {command}")
+    assert max(map(len, lines)) <= 100
+    assert not set("│╭╰─\x1b") & set(shown.out)
+    for argument in app[command].assemble_argument_collection(default_parameter=app.default_parameter):
+        assert argument.parameter.help
+        for name in argument.names:
+            assert f"{name}" in shown.out
+    assert "--quiet, -q" in shown.out
+
+
+def test_python_m_shows_the_same_help_as_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "ifrdem", "--help"], capture_output=True, text=True, check=True
+    )
+    assert main(["--help"]) == 0
+    assert done.stdout == capsys.readouterr().out
+    assert [name for name in commands() if f"\n  {name} " not in done.stdout] == []
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_knows_commands_and_options(shell: str) -> None:
+    script = app.generate_completion(shell=shell)
+    for word in (*commands(), "no-picture", "in-place", "write-material"):
+        assert word in script
