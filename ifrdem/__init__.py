@@ -1,20 +1,43 @@
 """Event-exact simulation of granular gases of rough disks with the independent friction-restitution law.
 
-A gas is `Disks` in a `Box` with a law (`IFRLaw`, the paper's `coins`) and a `State` (`ifrdem.initial` makes one);
-`Simulation` moves it collision by collision, `DSMC` solves its kinetic equation. `TrajectoryWriter` and `Trajectory`
-write and read H5MD files. `theory`, `analysis`, `fit` and `plots` say what to expect, what came out, which
-coefficients an experiment has, and how it looks; `forces` act between collisions, `bullet` brings the law to PyBullet.
-From a shell: `ifrdem --help`; the manual: `ifrdem docs`.
+=====================================  =================================================================
+`Disks`, `Box`, `State`                constant properties of disks, the space they move in, their motion
+`Wall`, `Motion`, `forces`             walls at rest, moving, thermal; forces between collisions
+`IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a law of your own
+`collide`, `Regime`, `EnergyWarning`   a single collision, its regime; a law that could add energy
+`initial`                              positions, velocities, spins and radii to start from
+`Simulation`, `DSMC`                   collision by collision; the kinetic equation of a homogeneous gas
+`observables`, `Ledger`                temperatures and energies of a state; energy by mechanism
+`TrajectoryWriter`, `Trajectory`       write and read H5MD files
+`History`                              every collision of a tracked disk
+`theory`, `analysis`, `plots`          kinetic theory, analyses of arrays or files, figures of runs
+`fit`, `bullet`                        coefficients from experiments, the law in PyBullet
+`InputError`, `EngineError`            input that cannot be used; a run that cannot continue
+`TheoryWarning`                        a theory used outside of its range
+=====================================  =================================================================
 
-Names are imported when they are first used (`__init__.pyi` lists them), so that `import ifrdem` is quick.
+>>> import ifrdem
+>>> coin = ifrdem.coins["1 pta"]
+>>> disks = ifrdem.Disks(100, mass=coin.mass, radius=coin.radius, k=coin.k)
+>>> box = ifrdem.Box.from_packing_fraction(disks.radius, 0.25)
+>>> position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
+>>> velocity = ifrdem.initial.maxwellian(disks.mass, speed_rms=1.0, seed=1)
+>>> gas = ifrdem.Simulation(disks, box, coin.law, ifrdem.State(position, velocity, spin=[0.0] * 100))
+>>> gas.run(collisions_per_disk=2)
+>>> gas.collisions
+100
+
+`help(ifrdem.Box)` and others have units, shapes and examples. The manual: `ifrdem docs`; the commands: `ifrdem
+--help`. Names are imported when they are first used (`__init__.pyi` lists them), so that `import ifrdem` is quick.
 """
 
-import os
+import os as _os
 
-import lazy_loader
+import lazy_loader as _lazy_loader
 
 # Taichi, imported later by whomever, prints a banner unless told not to, and in a notebook a line for each kernel.
-os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
-os.environ.setdefault("TI_ENABLE_PYBUF", "0")
+_os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
+_os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+# There is no __all__: with it, `help(ifrdem)` would print every class in full, 2,500 lines.
+__getattr__, __dir__, _ = _lazy_loader.attach_stub(__name__, __file__)

@@ -29,7 +29,14 @@ LAST_PYTHON = (3, 11)  # PyBullet publishes wheels for Python 3.9 to 3.11
 
 
 def absence() -> str | None:
-    """Why PyBullet cannot be used here, and what to do about it; None if it can."""
+    """Why PyBullet cannot be used here, and what to do about it; None if it can.
+
+    Examples
+    --------
+    >>> from ifrdem import bullet
+    >>> bullet.absence() is None or 'pybullet' in bullet.absence()
+    True
+    """
     if importlib.util.find_spec("pybullet") is not None:
         return None
     here = sys.version_info[:2]
@@ -42,7 +49,14 @@ def absence() -> str | None:
 
 
 def describe() -> str:
-    """PyBullet's version, or why it is absent."""
+    """PyBullet's version, or why it is absent.
+
+    Examples
+    --------
+    >>> from ifrdem import bullet
+    >>> isinstance(bullet.describe(), str)
+    True
+    """
     return absence() or f"PyBullet {version('pybullet')}"
 
 
@@ -53,6 +67,13 @@ def load() -> ModuleType:
     ------
     InputError
         If it is absent, with what to do. It is never compiled or installed on the way.
+
+    Examples
+    --------
+    >>> from ifrdem import bullet
+    >>> import pybullet
+    >>> bullet.load() is pybullet
+    True
     """
     reason = absence()
     if reason is not None:
@@ -109,6 +130,16 @@ def add_disk(
     ------
     InputError
         If a number is not positive and finite, or PyBullet is absent.
+
+    Examples
+    --------
+    >>> import pybullet
+    >>> from ifrdem import bullet
+    >>> client = pybullet.connect(pybullet.DIRECT)
+    >>> disk = bullet.add_disk(client, mass=1.0, radius=0.5)
+    >>> disk.radius
+    0.5
+    >>> pybullet.disconnect(client)
     """
     p = load()
     height = radius if height is None else height
@@ -143,6 +174,16 @@ def add_wall(
     ------
     InputError
         If the normal has no direction, or PyBullet is absent.
+
+    Examples
+    --------
+    >>> import pybullet
+    >>> from ifrdem import bullet
+    >>> client = pybullet.connect(pybullet.DIRECT)
+    >>> wall = bullet.add_wall(client, (0.0, 0.0), (0.0, 1.0))
+    >>> wall.normal
+    (0.0, 1.0)
+    >>> pybullet.disconnect(client)
     """
     p = load()
     length = math.hypot(*normal)
@@ -172,7 +213,19 @@ def place(
     angle: float = 0.0,
     z: float = 0.0,
 ) -> None:
-    """Put a body at a position [length] with a velocity [length/time], a spin [rad/time] and an angle [rad]."""
+    """Put a body at a position [length] with a velocity [length/time], a spin [rad/time] and an angle [rad].
+
+    Examples
+    --------
+    >>> import pybullet
+    >>> from ifrdem import bullet
+    >>> client = pybullet.connect(pybullet.DIRECT)
+    >>> disk = bullet.add_disk(client, mass=1.0, radius=0.5)
+    >>> bullet.place(client, disk.body, (1.0, 2.0), (3.0, 0.0), spin=0.0)
+    >>> pybullet.getBaseVelocity(disk.body, physicsClientId=client)[0]
+    (3.0, 0.0, 0.0)
+    >>> pybullet.disconnect(client)
+    """
     p = load()
     turn = [0.0, 0.0, math.sin(0.5 * angle), math.cos(0.5 * angle)]
     x, y = float(position[0]), float(position[1])
@@ -330,6 +383,21 @@ def step(client: int, bodies: Bodies | Sequence[Disk | Wall | int], law: Laws) -
     filters do not count. Bodies should have no damping (`changeDynamics(..., linearDamping=0, angularDamping=0)`), or
     Bullet slows them down between collisions. Bodies that overlap and approach at the beginning of a step collide
     right there.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import pybullet
+    >>> from ifrdem import bullet
+    >>> client = pybullet.connect(pybullet.DIRECT)
+    >>> pybullet.setPhysicsEngineParameter(fixedTimeStep=0.5, physicsClientId=client)
+    >>> disks = [bullet.add_disk(client, mass=1.0, radius=0.5) for _ in range(2)]
+    >>> bullet.place(client, disks[0].body, (0.0, 0.0), (1.0, 0.0), spin=0.0)
+    >>> bullet.place(client, disks[1].body, (1.25, 0.0), (0.0, 0.0), spin=0.0)
+    >>> hits = bullet.step(client, disks, ifrdem.IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0))
+    >>> len(hits), round(hits[0].P_n, 9)  # P_n = (1 + e_n) m_n g_n
+    (1, 0.75)
+    >>> pybullet.disconnect(client)
     """
     p = load()
     if not isinstance(bodies, Bodies):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import math
-import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support import manual
 
 from ifrdem import IFRLaw, InelasticCollapse, InputError, bullet, collide
 from ifrdem import bullet as bullet_package
@@ -226,11 +226,9 @@ def test_bodies_that_are_no_disks_are_refused_by_name(client: int) -> None:
 
 
 @needs_pybullet
-def test_readme_example_keeps_its_coins_between_the_walls(capsys: pytest.CaptureFixture[str]) -> None:
-    found = re.search(r"<!-- bullet -->\n```\w+\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
-    assert found is not None
+def test_example_of_the_manual_keeps_its_coins_between_the_walls(capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {}
-    exec(compile(found.group(1), "README.md", "exec"), names)
+    exec(compile(manual.block("bullet"), "validation.md", "exec"), names)
     hits, energy = capsys.readouterr().out.split()[-2:]
     assert int(hits) > 10
     assert 0.0 < float(energy) < 1.0

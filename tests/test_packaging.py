@@ -37,9 +37,12 @@ def files_on_disk() -> dict[str, Path]:
         for path in sorted((ROOT / folder).rglob("*")):
             name = path.relative_to(ROOT / folder)
             linked = any((ROOT / folder / parent).is_symlink() for parent in (name, *name.parents))
-            wanted = path.suffix in (".py", ".pyi", ".toml", ".csv") or path.name == "py.typed"
+            manual = path.suffix in (".md", ".png") and name.parts[0] == "docs"
+            wanted = path.suffix in (".py", ".pyi", ".toml", ".csv") or path.name == "py.typed" or manual
             if wanted and path.is_file() and not linked:
                 found[f"{inside}/{name.as_posix()}"] = path
+    for path in (ROOT / "validation" / "results").glob("*.md"):
+        found[f"ifrdem/docs/results/{path.name}"] = path
     return found
 
 
@@ -47,7 +50,7 @@ def files_on_disk() -> dict[str, Path]:
 def wheel(tmp_path_factory) -> dict[str, bytes]:
     """Contents of the wheel that is built from a copy of the tree, by name."""
     source = tmp_path_factory.mktemp("source") / "tree"
-    unwanted = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "*.h5", "*.png")
+    unwanted = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "build", "dist", "*.h5")
     shutil.copytree(ROOT, source, symlinks=True, ignore=unwanted)
     out = tmp_path_factory.mktemp("dist")
     built = subprocess.run(
@@ -101,6 +104,8 @@ def test_a_bare_clone_finds_the_folders_by_relative_links():
         link = ROOT / "ifrdem" / folder
         assert os.readlink(link) == f"../{folder}"
         assert link.resolve() == ROOT / folder
+    results = ROOT / "ifrdem" / "docs" / "results"
+    assert os.readlink(results) == "../../validation/results"
 
 
 def test_version_is_the_same_in_code_and_metadata():

@@ -1,8 +1,9 @@
-"""What the README shows works, and says what the program does."""
+"""README and manual: every block of code runs, every command exists, every link leads somewhere."""
 
 from __future__ import annotations
 
 import math
+import pydoc
 import re
 import runpy
 import tomllib
@@ -12,12 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 from support import layout_files
+from support.manual import block, blocks, page
 
 import ifrdem
 from ifrdem import EnergyWarning, Trajectory, analysis
-from ifrdem.case import summary, template
+from ifrdem.case import shipped, summary, template
 from ifrdem.case.case import Case
 from ifrdem.case.gas import Gas
+from ifrdem.cases import gallery
+from ifrdem.cli import docs
 from ifrdem.cli import main as cli
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Wall
@@ -28,13 +32,99 @@ pytestmark = pytest.mark.unoptimised
 ROOT = Path(__file__).parents[1]
 
 
-def block(marker: str) -> str:
-    """The code block after <!-- marker --> in the README."""
-    found = re.search(
-        rf"<!-- {marker} -->\n```\w+\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL
-    )
-    assert found is not None
-    return found.group(1)
+@pytest.mark.parametrize(("marker", "language", "code"), [each for each in blocks() if each[1] == "python"])
+def test_every_block_of_python_has_a_marker_and_a_test(marker: str, language: str, code: str) -> None:
+    tests = "".join(path.read_text() for path in (ROOT / "tests").rglob("test_*.py"))
+    assert f'block("{marker}")' in tests
+
+
+def test_unmarked_blocks_are_case_files_or_commands_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = [(language, code) for marker, language, code in blocks() if not marker]
+    assert {language for language, _ in shown} == {"toml", "sh"}
+    known = commands(capsys)
+    for language, code in shown:
+        if language == "toml":
+            assert tomllib.loads(code)
+            continue
+        for line in code.splitlines():
+            program, command, *rest = line.partition("#")[0].split()
+            assert program == "ifrdem"
+            assert command in known
+            if command == "run" and not rest[0].endswith(".toml"):
+                assert rest[0] in shipped.names()
+
+
+def commands(capsys: pytest.CaptureFixture[str]) -> set[str]:
+    """Commands in the table of the manual, each of which `--help` names."""
+    listed = set(re.findall(r"^\| `ifrdem (\w+)", page("cli.md"), flags=re.MULTILINE))
+    assert cli.main(["--help"]) == 0
+    shown = capsys.readouterr().out
+    assert [command for command in listed if not re.search(rf"\b{command}\b", shown)] == []
+    return listed
+
+
+def test_readme_and_manual_list_the_same_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = set(re.findall(r"^\| `ifrdem (\w+)", (ROOT / "README.md").read_text(), flags=re.MULTILINE))
+    assert len(listed) >= 19
+    assert listed == commands(capsys)
+
+
+def test_readme_is_short_and_its_links_lead_to_files() -> None:
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) < 220
+    targets = [target for target in re.findall(r"\]\(([^)]+)\)", text) if not target.startswith("https://")]
+    assert len(targets) > 20
+    assert [target for target in targets if not (ROOT / target).is_file()] == []
+
+
+def test_docs_shows_every_page_and_knows_near_spellings() -> None:
+    listing = docs.show(None)
+    for topic, title in docs.topics().items():
+        assert title
+        assert re.search(rf"^{topic} +{re.escape(title)}$", listing, flags=re.MULTILINE)
+        assert docs.show(topic).startswith(f"# {title}\n")
+        assert "<!--" not in docs.show(topic)
+    assert next(iter(docs.topics())) == "index"
+    with pytest.raises(ifrdem.InputError, match="no topic 'wals' \\(did you mean 'walls'"):
+        docs.show("wals")
+
+
+def test_docs_is_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["docs", "glossary"]) == 0
+    assert capsys.readouterr().out.startswith("# Glossary\n")
+
+
+def test_measured_figures_have_a_date_and_the_command_that_repeats_them() -> None:
+    pages = sorted((ROOT / "validation" / "results").glob("*.md"))
+    assert len(pages) > 5
+    for each in pages:
+        text = each.read_text()
+        assert re.search(r"\b20\d\d-\d\d-\d\d\b", text), each
+        assert re.search(r"`[^`]*\b(ifrdem|pytest)\b[^`]*`|README's", text), each
+
+
+def test_gallery_has_a_small_picture_of_every_shipped_case() -> None:
+    text = page("gallery.md")
+    assert re.findall(r"\]\(gallery/(\w+)\.png\)", text) == list(gallery.ORDER)
+    assert sorted(gallery.ORDER) == shipped.names()
+    assert text == gallery.page()
+    for name in gallery.ORDER:
+        assert 1000 < (ROOT / "ifrdem" / "docs" / "gallery" / f"{name}.png").stat().st_size < 60_000
+
+
+def test_small_case_runs_as_the_tutorial_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    case = block("small case")
+    assert len(case.splitlines()) <= 15
+    (tmp_path / "small.toml").write_text(case)
+    less = ["species[0].number=200", "run.collisions_per_disk=4"]
+    for line in block("tutorial").splitlines():
+        words = line.split()[1:]
+        small = [word for one in less for word in ("--set", one)] if words[0] in ("check", "run") else []
+        assert cli.main([*words, *small]) == 0
+    assert {"small.h5", "small.png", "small-analysis", "small-temperatures.png"} <= {
+        each.name for each in tmp_path.iterdir()
+    }
 
 
 def test_python_example_is_the_case_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -88,10 +178,8 @@ def test_from_file_to_figure_runs_as_shown(
     assert (tmp_path / "velocities.png").is_file()
 
 
-def test_readme_table_of_analyses_lists_what_there_is() -> None:
-    shown = re.search(
-        r"\| `ifrdem.analysis` \| finds \|\n(.*?)\n\n", (ROOT / "README.md").read_text(), flags=re.DOTALL
-    )
+def test_table_of_analyses_lists_what_there_is() -> None:
+    shown = re.search(r"\| `ifrdem.analysis` \| finds \|\n(.*?)\n\n", page("analysis.md"), flags=re.DOTALL)
     assert shown is not None
     for row in shown[1].splitlines()[1:]:
         for name in re.findall(r"`(\w+)`", row.split("|")[1]):
@@ -181,15 +269,6 @@ def test_commands_install_from_the_clone_and_run_the_shipped_case() -> None:
     )
 
 
-def test_every_verb_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[str]) -> None:
-    listed = re.findall(r"^\| `ifrdem (\w+)", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
-    assert len(listed) >= 5
-    assert cli.main(["--help"]) == 0
-    shown = capsys.readouterr().out
-    for verb in listed:
-        assert re.search(rf"^  {verb} ", shown, flags=re.MULTILINE)
-
-
 def test_shear_example_prints_a_temperature_and_a_negative_shear_stress(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -211,9 +290,10 @@ def test_mixture_example_runs() -> None:
 
 
 def test_costs_of_a_size_ratio_are_those_that_check_prints() -> None:
-    row = re.search(r"^\| N = 1e4, relative \|(.*)\|$", (ROOT / "README.md").read_text(), flags=re.MULTILINE)
-    assert row is not None
-    assert [float(cell) for cell in row[1].split("|")] == list(summary.COST_OF_RATIO.values())
+    for name in ("starts.md", "results/size_ratio.md"):
+        row = re.search(r"^\| N = 1e4, relative \|(.*)\|$", page(name), flags=re.MULTILINE)
+        assert row is not None
+        assert [float(cell) for cell in row[1].split("|")] == list(summary.COST_OF_RATIO.values())
 
 
 def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,3 +325,10 @@ def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         "cooling.vtkhdf", "cooling.nc", "cooling.gsd", "cooling.mp4", "seven.csv", "cooling.repaired.h5",
         "cooling.repaired.vtkhdf", "cooling.repaired.nc",
     }  # fmt: skip
+
+
+def test_help_of_the_package_is_a_page() -> None:
+    shown = pydoc.plain(pydoc.render_doc(ifrdem)).splitlines()
+    assert len(shown) < 90
+    text = "\n".join(shown)
+    assert [name for name in dir(ifrdem) if name not in text and name != "__version__"] == []

@@ -71,6 +71,14 @@ def clusters(
     ------
     InputError
         If the gap is negative, or so long that disks would see themselves through periodic sides.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> position = np.array([[1.0, 1.0], [2.05, 1.0], [6.0, 6.0]])
+    >>> analysis.clusters(position, (10.0, 10.0), radius=0.5, gap=0.1).sizes
+    array([2, 1])
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import breadth_first_order, connected_components

@@ -141,6 +141,14 @@ def correlation_time(series: ArrayLike) -> float:
 
     The sum of the autocorrelation, stopped at the first lag above five times itself (Madras and Sokal, J. Stat. Phys.
     50, 109 (1988), doi:10.1007/BF01022990).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> round(analysis.correlation_time(rng.normal(size=10_000)), 1)  # independent numbers
+    0.5
     """
     x = np.array(series, dtype=float)
     x -= x.mean()
@@ -156,7 +164,17 @@ def correlation_time(series: ArrayLike) -> float:
 
 
 def mean_with_error(series: ArrayLike) -> tuple[float, float]:
-    """Mean of a series and its standard error by `correlation_time`; nan for one value."""
+    """Mean of a series and its standard error by `correlation_time`; nan for one value.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> mean, error = analysis.mean_with_error(rng.normal(5.0, 1.0, size=10_000))
+    >>> bool(abs(mean - 5.0) < 4.0 * error), round(error, 2)
+    (True, 0.01)
+    """
     x = np.asarray(series, dtype=float)
     if len(x) < 2:
         return float(x.mean()), float("nan")

@@ -277,6 +277,16 @@ def haff_fit(
     ------
     InputError
         For fewer than 4 points, temperatures that are not positive, or a gas that does not cool.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> time = np.linspace(0.0, 20.0, 200)
+    >>> found = analysis.haff_fit(time, 3.0 * (1.0 + time / 2.0) ** -2 * (1.0 + 0.01 * rng.normal(size=200)))
+    >>> bool(abs(found.t_H - 2.0) < 0.05), bool(abs(found.T0 - 3.0) < 0.05)
+    (True, True)
     """
     t, T = _window(time, temperature, first, last, 4, "Haff's law")
     if np.any(T <= 0.0):
@@ -335,6 +345,16 @@ def ratio_fit(
     ------
     InputError
         For fewer than 6 points, or a ratio that does not change.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> tau = np.linspace(0.0, 20.0, 200)
+    >>> found = analysis.ratio_fit(tau, 0.6 - 0.6 * np.exp(-tau / 3.0) + 0.002 * rng.normal(size=200))
+    >>> round(found.theta_end, 2), round(found.lag, 1)
+    (0.6, 3.0)
     """
     at, ratio = _window(x, theta, first, last, 6, "the ratio of temperatures")
     if np.ptp(ratio) == 0.0:

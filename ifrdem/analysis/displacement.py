@@ -87,6 +87,14 @@ def unwrap(
     ------
     InputError
         If steps are too long, or a sheared box has no images.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> position = np.array([[[9.5, 5.0]], [[0.5, 5.0]]])  # one disk at two times, across a side
+    >>> analysis.unwrap(position, (10.0, 10.0))[:, 0, 0]
+    array([ 9.5, 10.5])
     """
     box = as_box(box)
     x = np.array(position, dtype=np.float64)
@@ -198,6 +206,17 @@ def mean_square_displacement(
     ------
     InputError
         If times are not even for "all", or shapes do not match.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> times = np.arange(200.0)
+    >>> paths = np.cumsum(rng.normal(size=(200, 100, 2)), axis=0)
+    >>> msd = analysis.mean_square_displacement(times, paths)
+    >>> bool(abs(msd.value[msd.lag == 10.0][0] / 20.0 - 1.0) < 0.1)  # a random walk of unit steps: 2 t
+    True
     """
     lag = _lags(times, "paths", paths, origins, most_lags)
     means, components = _Means(len(lag)), 0
@@ -226,6 +245,15 @@ def velocity_autocorrelation(
     """<v(s) . v(s + t)> over disks, and over all frames s or the first only [length^2/time^2]; not normalised.
 
     `velocity` as `paths` of `mean_square_displacement` [length/time]; the rest as there.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> found = analysis.velocity_autocorrelation(np.arange(50.0), rng.normal(size=(50, 1000, 2)))
+    >>> found.value[:2].round(1) + 0.0
+    array([2., 0.])
     """
     lag = _lags(times, "velocity", velocity, origins, most_lags)
     means, components = _Means(len(lag)), 0
@@ -273,6 +301,18 @@ def diffusion_coefficient(
     ------
     InputError
         If fewer than 3 lags lie between.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> times = np.arange(200.0)
+    >>> paths = np.cumsum(rng.normal(size=(200, 100, 2)), axis=0)
+    >>> msd = analysis.mean_square_displacement(times, paths)
+    >>> found = analysis.diffusion_coefficient(msd)
+    >>> bool(abs(found.D - 0.5) < 4.0 * found.error + 0.05)
+    True
     """
     longest = float(msd.lag[-1])
     share = (0.1, 0.5) if msd.origins == "all" else (0.5, 1.0)

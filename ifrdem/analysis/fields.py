@@ -86,6 +86,16 @@ def coarse_grain(
     InputError
         If shapes do not match, cells are not positive, the width is below half a cell, or Gaussians are asked for in a
         sheared box.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> position = 10.0 * rng.random((1000, 2))
+    >>> fields = analysis.coarse_grain(position, rng.normal(size=(1000, 2)), box=(10.0, 10.0), cells=(2, 2))
+    >>> fields.number.shape, float(fields.number.sum())
+    ((2, 2), 40.0)
     """
     box = as_box(box)
     (x,), (v,) = each(position), each(velocity)

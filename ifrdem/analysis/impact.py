@@ -81,6 +81,15 @@ def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None
     ------
     InputError
         Without collisions, or if an angle is outside of 0 to pi / 2.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> found = analysis.impacts(np.arcsin(rng.uniform(0.0, 1.0, size=10_000)))
+    >>> bool(abs(found.mean_b - 0.5) < 4.0 * found.mean_b_error)
+    True
     """
     from scipy.stats import kstest
 

@@ -93,6 +93,15 @@ def pair_correlation(
     ------
     InputError
         If the box is open, r_max is too long, there are fewer than 2 disks, or freud is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> found = analysis.pair_correlation(100.0 * rng.random((5000, 2)), (100.0, 100.0), r_max=10.0, bins=10)
+    >>> bool(abs(found.g[-1] - 1.0) < 0.05)  # points at random: 1
+    True
     """
     box = as_box(box)
     if box.is_open:
@@ -147,6 +156,18 @@ def contact_value(
     ------
     InputError
         As `pair_correlation`; if radii differ, or too few pairs are near contact for a fit.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> radius = np.full(2000, 0.5)
+    >>> box = ifrdem.Box.from_packing_fraction(radius, 0.05)
+    >>> position = ifrdem.initial.random_positions(box, radius, seed=1)
+    >>> found = analysis.contact_value(position, box, radius=radius)
+    >>> bool(abs(found.g - 1.0) < 4.0 * found.error + 0.1)
+    True
     """
     radii = np.atleast_1d(np.asarray(radius, dtype=float))
     if np.ptp(radii) > 1e-9 * radii[0]:

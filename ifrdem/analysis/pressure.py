@@ -94,6 +94,25 @@ def pressure_from_impulses(
     ------
     InputError
         If the span is empty, or a collision lies outside.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> n = np.arange(100)
+    >>> found = analysis.pressure_from_impulses(
+    ...     0.1 * n + 0.05,
+    ...     np.tile([[1.0, 0.0], [0.0, 1.0]], (50, 1)),
+    ...     np.tile([2.0, 0.0], (100, 1)),
+    ...     np.ones(100),
+    ...     span=(0.0, 10.0),
+    ...     area=100.0,
+    ...     disks=10,
+    ...     tracked=10,
+    ...     temperature=1.0,
+    ... )
+    >>> round(found.kinetic, 6), round(found.collisional, 6)  # n T; sum of P_n sigma / 2, over 2 area span
+    (0.1, 0.05)
     """
     t, n, J, sigma = (np.asarray(one, dtype=float) for one in (time, normal, impulse, distance))
     begin, end = span
@@ -127,6 +146,12 @@ def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -
     Disks meet with <P_n> = (1 + e_n) (m / 2) sqrt(pi T / m) at the rate nu = 8 phi chi sqrt(T / (pi m)) / sigma each
     (`theory.collision_rate`), half a collision a disk, and each passes sigma P_n / 2 to p A: together (1 + e_n) phi chi
     T a disk. Tangential impulses do not enter. Velocities are Maxwellian and without correlations.
+
+    Examples
+    --------
+    >>> from ifrdem import analysis
+    >>> round(analysis.compressibility(0.1, 1.0), 12)  # 1 + (1 + e_n) phi chi
+    1.2
     """
     return 1.0 + (1.0 + e_n) * packing_fraction * contact
 
@@ -134,7 +159,16 @@ def compressibility(packing_fraction: float, contact: float, e_n: float = 1.0) -
 def contact_from_rate(
     rate: float, *, packing_fraction: float, temperature: float, mass: float, radius: float
 ) -> float:
-    """The contact value chi that a collision rate [1/time] of equal disks shows: `theory.collision_rate` inverted."""
+    """The contact value chi that a collision rate [1/time] of equal disks shows: `theory.collision_rate` inverted.
+
+    Examples
+    --------
+    >>> from ifrdem import analysis
+    >>> from ifrdem.theory import collision_rate
+    >>> rate = collision_rate(0.1, 1.0, 1.0, 0.5, g=1.2)
+    >>> round(analysis.contact_from_rate(rate, packing_fraction=0.1, temperature=1.0, mass=1.0, radius=0.5), 6)
+    1.2
+    """
     from ..theory import collision_rate
 
     return rate / collision_rate(packing_fraction, temperature, mass, radius, g=1.0)

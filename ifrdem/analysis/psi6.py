@@ -64,6 +64,14 @@ def hexatic(
     ------
     InputError
         For fewer than 7 disks, an unknown kind of neighbours, or without freud.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import analysis
+    >>> position = ifrdem.initial.hexagonal_positions(ifrdem.Box((10.0, 10.0 * 3**0.5 / 2)), [0.5] * 100)
+    >>> round(analysis.hexatic(position, (10.0, 10.0 * 3**0.5 / 2)).local, 6)
+    1.0
     """
     if neighbours not in NEIGHBOURS:
         raise InputError(

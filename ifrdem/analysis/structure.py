@@ -99,6 +99,15 @@ def structure_factor(
     ------
     InputError
         If the box is not periodic, k_max is below 2 pi / L, or finufft is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> found = analysis.structure_factor(20.0 * rng.random((2000, 2)), (20.0, 20.0), k_max=10.0, rings=10)
+    >>> bool(abs(found.S[-1] - 1.0) < 0.2)  # points at random: 1
+    True
     """
     box = as_box(box)
     if box.is_open or not all(box.periodic):

@@ -79,7 +79,14 @@ class VelocityDistribution(Brief):
 
 
 def gaussian(c: ArrayLike) -> NDArray[np.float64]:
-    """Density of a component c over its thermal speed in a Gaussian gas: exp(-c^2) / sqrt(pi)."""
+    """Density of a component c over its thermal speed in a Gaussian gas: exp(-c^2) / sqrt(pi).
+
+    Examples
+    --------
+    >>> from ifrdem import analysis
+    >>> float(analysis.gaussian(0.0))  # pi^(-1/2)
+    0.5641895835477563
+    """
     x = np.asarray(c, dtype=float)
     return np.exp(-x * x) / np.sqrt(np.pi)
 
@@ -89,6 +96,12 @@ def sonine_density(c: ArrayLike, a2: float) -> NDArray[np.float64]:
 
     That is L_2^(-1/2)(c^2), of a spin with a02 and, because L_2^(0)(c_x^2 + c_y^2) leaves it when c_y is integrated
     out, of a velocity component with a20.
+
+    Examples
+    --------
+    >>> from ifrdem import analysis
+    >>> float(analysis.sonine_density(1.0, 0.0) - analysis.gaussian(1.0))
+    0.0
     """
     x = np.asarray(c, dtype=float) ** 2
     return gaussian(c) * (1.0 + a2 * (0.5 * x * x - 1.5 * x + 0.375))
@@ -123,6 +136,15 @@ def velocity_distribution(
     ------
     InputError
         If shapes do not match, there are no frames, fewer than 2 disks, or nothing moves.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ifrdem import analysis
+    >>> rng = np.random.default_rng(1)
+    >>> found = analysis.velocity_distribution(rng.normal(size=(20_000, 2)), rng.normal(size=20_000))
+    >>> bool(abs(found.sonine.a20) < 4.0 * found.sonine.a20_error)  # Gaussian
+    True
     """
     edges = np.linspace(-widest, widest, bins + 1)
     counts, spin_counts = np.zeros(bins), np.zeros(bins)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from ..errors import InputError, nearest
@@ -38,4 +39,5 @@ def show(topic: str | None) -> str:
         raise InputError(
             f"the manual has no topic '{topic}'{nearest(topic, known)}; there are: {', '.join(known)}"
         )
-    return (FOLDER / f"{topic}.md").read_text(encoding="utf-8")
+    text = (FOLDER / f"{topic}.md").read_text(encoding="utf-8")
+    return re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site

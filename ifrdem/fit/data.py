@@ -147,6 +147,15 @@ def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
     InputError
         With a line for each thing that is wrong: columns first, then values by line and column, then errors that
         are missing.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> from pathlib import Path
+    >>> _ = Path("data.csv").write_text(fit.example())
+    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> sorted(data.measured)
+    ['delta_1', 'delta_2']
     """
     path = Path(path)
     try:
@@ -218,7 +227,14 @@ def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
 
 
 def example(seed: int = 1) -> str:
-    """A small CSV file of synthetic impacts, which says so and with which coefficients."""
+    """A small CSV file of synthetic impacts, which says so and with which coefficients.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> fit.example(seed=1).splitlines()[0][:1]
+    '#'
+    """
     from .model import Model, Pair
 
     rng = np.random.default_rng(seed)

@@ -98,6 +98,16 @@ def fit(
     ------
     InputError
         If the pair is impossible, the data are too few, or what rolling friction needs is missing.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> from pathlib import Path
+    >>> _ = Path("data.csv").write_text(fit.example())
+    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> found = fit.fit(data, M=1.0)
+    >>> found.best
+    'percussion_center'
     """
     pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
     _check(data, pair, rolling, sticking, bootstrap)

@@ -98,6 +98,13 @@ class Pair:
     ------
     InputError
         With a line for each value that is not positive and finite, or if one radius is given alone.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> pair = fit.Pair(M=1.0)
+    >>> pair.M, pair.k_1
+    (1.0, 2.0)
     """
 
     M: float

@@ -21,7 +21,17 @@ _DIGITS = 6  # of the coefficients in a material, after the point
 
 
 def table(fit: Fit) -> str:
-    """The figures of both kinds of sticking as text."""
+    """The figures of both kinds of sticking as text.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> from pathlib import Path
+    >>> _ = Path("data.csv").write_text(fit.example())
+    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> fit.table(fit.fit(data, M=1.0)).splitlines()[0]
+    'data.csv: 18 impacts, psi 4.24 to 71.43 degrees; fitted: delta_1, delta_2'
+    """
     data, pair = fit.data, fit.pair
     angles = "" if not pair.has_radii else f", R_1 = {pair.R_1:g}, R_2 = {pair.R_2:g}"
     lines = [
@@ -163,7 +173,18 @@ def figures(fit: Fit) -> dict[str, Any]:
 
 
 def as_json(fit: Fit) -> str:
-    """`figures` as JSON text."""
+    """`figures` as JSON text.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> from pathlib import Path
+    >>> _ = Path("data.csv").write_text(fit.example())
+    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> import json
+    >>> sorted(json.loads(fit.as_json(fit.fit(data, M=1.0))))[:3]
+    ['best', 'closures', 'data']
+    """
     return json.dumps(figures(fit), indent=2, allow_nan=False) + "\n"
 
 
@@ -187,6 +208,15 @@ def material(fit: Fit, name: str) -> str:
     ------
     InputError
         If the fitted law can add energy in collisions of the fitted pair: no case would take it.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> from pathlib import Path
+    >>> _ = Path("data.csv").write_text(fit.example())
+    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> fit.material(fit.fit(data, M=1.0), "coins").splitlines()[0]
+    '# Fitted to 18 impacts of data.csv (delta_1, delta_2) by `ifrdem fit`; M = 1, k = 2 and 2.'
     """
     closure = fit.closures[fit.best]
     if not closure.admissibility.admissible:

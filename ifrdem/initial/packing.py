@@ -88,6 +88,14 @@ def grow(
     ------
     InputError
         If they do not fit; the message says which packing fraction the same disks reached.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> radius = [0.5] * 100
+    >>> box = ifrdem.Box.from_packing_fraction(radius, 0.7)
+    >>> ifrdem.initial.grow(box, radius, seed=1).shape
+    (100, 2)
     """
     radii = checked_radii(radius)
     n = len(radii)
@@ -135,6 +143,14 @@ def separate(
     ------
     InputError
         If overlaps remain: names the worst of them.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> box = ifrdem.Box((10.0, 10.0))
+    >>> apart = ifrdem.initial.separate(box, [0.5, 0.5], [[4.0, 5.0], [4.99999, 5.0]])
+    >>> bool(apart[1, 0] - apart[0, 0] >= 1.0)
+    True
     """
     radii, centres = checked_radii(radius), np.asarray(position, dtype=np.float64)
     soft = _SoftDisks(Room(box, tuple(walls)), radii, centres, margin=1e-9)

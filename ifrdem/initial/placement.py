@@ -187,6 +187,14 @@ def random_positions(
     InputError
         If the disks do not fit: equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when
         the attempts are used up (400 per disk; equal disks reach about 0.53). The message says how far it came.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> radius = [0.5] * 100
+    >>> box = ifrdem.Box.from_packing_fraction(radius, 0.3)
+    >>> ifrdem.initial.random_positions(box, radius, seed=1).shape
+    (100, 2)
     """
     radii = checked_radii(radius)
     n = len(radii)
@@ -293,6 +301,12 @@ def hexagonal_positions(
     ------
     InputError
         If the lattice does not fit; the message says how many disks of that size would.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> ifrdem.initial.hexagonal_positions(ifrdem.Box((4.0, 4.0)), [0.5] * 12).shape
+    (12, 2)
     """
     radii = checked_radii(radius)
     n = len(radii)
@@ -381,6 +395,13 @@ def maxwellian(
     ------
     InputError
         If not exactly one of `speed_rms` and `temperature` is given, or a value is negative or not finite.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> velocity = ifrdem.initial.maxwellian([1.0] * 1000, temperature=2.0, seed=1)
+    >>> round(float((velocity**2).sum(axis=1).mean() / 2), 12)
+    2.0
     """
     masses = checked.array("mass", mass)
     if masses.ndim != 1 or not np.all(np.isfinite(masses) & (masses > 0.0)):
@@ -407,6 +428,13 @@ def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> NDArray[np.float64]
     ------
     InputError
         If `spin_rms` is negative or not finite.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> spin = ifrdem.initial.gaussian_spins(1000, spin_rms=3.0, seed=1)
+    >>> round(float((spin**2).mean()), 12)
+    9.0
     """
     wanted = _size_of("spin_rms", spin_rms)
     spin = seeds.stream(seed, seeds.SPINS).standard_normal(n)

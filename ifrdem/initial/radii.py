@@ -37,6 +37,13 @@ def uniform(n: int, *, low: float, high: float, seed: int) -> NDArray[np.float64
     ------
     InputError
         If not 0 < low < high, or a number is not finite.
+
+    Examples
+    --------
+    >>> from ifrdem.initial import radii
+    >>> radius = radii.uniform(10_000, low=0.4, high=0.6, seed=1)
+    >>> round(float(radius.mean()), 2)
+    0.5
     """
     return sample("uniform", n, seed=seed, low=low, high=high)
 
@@ -54,6 +61,13 @@ def gaussian(
     InputError
         If a number is not positive and finite, the lower end is not positive (a deviation above a third of the
         mean needs a `low`), or hardly anything of the distribution lies between the ends.
+
+    Examples
+    --------
+    >>> from ifrdem.initial import radii
+    >>> radius = radii.gaussian(10_000, mean=0.5, deviation=0.05, seed=1)
+    >>> round(float(radius.mean()), 2)
+    0.5
     """
     return sample("gaussian", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
 
@@ -70,6 +84,13 @@ def lognormal(
     ------
     InputError
         If a number is not positive and finite, or hardly anything of the distribution lies between the ends.
+
+    Examples
+    --------
+    >>> from ifrdem.initial import radii
+    >>> radius = radii.lognormal(10_000, mean=0.5, deviation=0.1, seed=1)
+    >>> round(float(radius.mean()), 2)
+    0.5
     """
     return sample("lognormal", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
 
@@ -83,6 +104,13 @@ def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: 
     ------
     InputError
         If not 0 < low < high, or the fraction is not between 0 and 1.
+
+    Examples
+    --------
+    >>> from ifrdem.initial import radii
+    >>> radius = radii.bidisperse(10_000, low=0.5, high=0.7, large_fraction=0.5, seed=1)
+    >>> round(float(radius.mean()), 2)
+    0.6
     """
     return sample("bidisperse", n, seed=seed, low=low, high=high, large_fraction=large_fraction)
 
@@ -94,6 +122,12 @@ def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) 
     ------
     InputError
         As `check`.
+
+    Examples
+    --------
+    >>> from ifrdem.initial import radii
+    >>> radii.sample("uniform", 3, low=0.4, high=0.6, seed=1).round(3)
+    array([0.522, 0.477, 0.569])
     """
     check(distribution, **parameters)
     given = {name: float(value) for name, value in parameters.items() if value is not None}
@@ -123,6 +157,14 @@ def check(distribution: str, **parameters: float | None) -> None:
     InputError
         If the name is unknown, a parameter is missing or foreign to it, not positive and finite, or the ends
         contradict each other or the rest.
+
+    Examples
+    --------
+    >>> from ifrdem.initial import radii
+    >>> radii.check("uniform", low=0.6, high=0.4)
+    Traceback (most recent call last):
+        ...
+    ifrdem.errors.InputError: low = 0.6: must lie below high = 0.4
     """
     if distribution not in PARAMETERS:
         known = ", ".join(PARAMETERS)
@@ -156,7 +198,14 @@ def check(distribution: str, **parameters: float | None) -> None:
 
 
 def wrong_parameters(distribution: str, given: Mapping[str, object]) -> str | None:
-    """What is missing of the parameters of a known distribution, or foreign to it; None if nothing is."""
+    """What is missing of the parameters of a known distribution, or foreign to it; None if nothing is.
+
+    Examples
+    --------
+    >>> from ifrdem.initial import radii
+    >>> radii.wrong_parameters("uniform", {"low": 0.4})
+    '"uniform" needs low, high; missing: high'
+    """
     needed, also = PARAMETERS[distribution]
     missing = [name for name in needed if name not in given]
     foreign = [name for name in given if name not in needed + also]

@@ -42,6 +42,17 @@ class Box:
     -----
     Velocities are those in the lab everywhere (as in LAMMPS and DynamO); less `flow` they are *peculiar*, which is
     what temperatures are made of.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> box = ifrdem.Box((4.0, 2.0))
+    >>> box.area
+    8.0
+    >>> round(ifrdem.Box.from_packing_fraction([0.5] * 100, 0.25).packing_fraction([0.5] * 100), 12)
+    0.25
+    >>> ifrdem.Box.open()
+    Box(lengths=(inf, inf), periodic=(False, False), shear_rate=0.0)
     """
 
     lengths: tuple[float, float]

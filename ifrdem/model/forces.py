@@ -64,6 +64,17 @@ class Force:
     order in dt at least, what it would do to a disk during dt if nothing else happened. Random numbers must come from
     `normals(step.random, number)` or `uniforms(step.random, number)`, pairs of them, one pair for each number 0 to
     65535: they depend on the seed, the disk, the step and the place of the force in the list, and on nothing else.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> class Uniform(ifrdem.forces.Force):
+    ...     @staticmethod
+    ...     def act(disk, step, parameters):
+    ...         return disk.vx + parameters[0] * step.dt, disk.vy, disk.spin
+    ...
+    >>> Uniform(step=0.05, parameters=[0.3]).step
+    0.05
     """
 
     __slots__ = ("_parameters", "_step")  # a misspelt attribute is refused; classes of one's own may have any
@@ -136,6 +147,13 @@ class RandomKicks(Force):
         Energy that each disk gets per time, on average [energy/time].
     diffusion : float
         Instead of it, D [length^2/time^3], the same for all masses (then right to a part in N for unequal masses).
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> force = ifrdem.forces.RandomKicks(step=0.05, power=0.1)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [0.1, 0.0])
     """
 
     __slots__ = ()
@@ -176,6 +194,13 @@ class SpinKicks(Force):
         Energy that each disk gets per time, on average [energy/time].
     diffusion : float
         Instead of it, D [rad^2/time^3], the same for all disks.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> force = ifrdem.forces.SpinKicks(step=0.05, power=0.1)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [0.1, 0.0])
     """
 
     __slots__ = ()
@@ -209,6 +234,13 @@ class Langevin(Force):
         Of the bath for spins [energy]; `temperature` without it.
     spin_rate : float
         Friction rate of spins [1/time]; 0, the default, leaves them alone.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> force = ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [1.0, 0.2, 1.0, 0.0])
     """
 
     __slots__ = ()
@@ -266,6 +298,13 @@ class Drag(Force):
         Quadratic drag over mass [1/length], as by a fast flow.
     spin_rate : float
         Of the spins' linear drag [1/time].
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> force = ifrdem.forces.Drag(step=0.05, rate=0.2)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [0.2, 0.0, 0.0])
     """
 
     __slots__ = ()
@@ -313,6 +352,13 @@ class TableFriction(Force):
     it: a stopping distance is off by mu g step^2 / 8 at most. A disk that collides does so with a velocity that is off
     by up to mu g step / 2, early or late in the step by turns: a single collision errs by the step itself, and the mean
     over many by its square.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> force = ifrdem.forces.TableFriction(step=1e-3, mu=0.2, gravity=10.0)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.001, [2.0])
     """
 
     __slots__ = ()
@@ -349,6 +395,13 @@ class Rescale(Force):
     energy : float
         Instead of it, kinetic energy of a disk after each, spins included, mean over all [energy]; spins are
         multiplied too.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> force = ifrdem.forces.Rescale(step=0.05, temperature=1.0)
+    >>> force.step, [float(value) for value in force.parameters]
+    (0.05, [1.0, 0.0])
     """
 
     __slots__ = ()

@@ -38,7 +38,14 @@ class EnergyWarning(UserWarning):
 
 
 class Regime(IntEnum):
-    """What happened in a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not."""
+    """What happened in a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> [regime.name for regime in ifrdem.Regime][:3]
+    ['SEPARATING', 'SLIDING', 'STICKING']
+    """
 
     SEPARATING = 0
     SLIDING = 1
@@ -152,6 +159,17 @@ class IFRLaw(CollisionLaw):
 
     The sets shrink as kbar grows, and kbar lies between k_i and k_j whatever the masses. In a collision with
     a moving wall energy is meant as seen from the wall.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> law = ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.15)
+    >>> law.e_n, law.sticking
+    (0.9, 'percussion_center')
+    >>> ifrdem.IFRLaw(e_n=1.2, e_t=-0.9, mu=0.15)
+    Traceback (most recent call last):
+        ...
+    ifrdem.errors.InputError: e_n = 1.2: normal restitution must lie from 0 to 1; ...
     """
 
     coefficients: ClassVar[tuple[str, ...]] = ("e_n", "e_t", "mu", "contact_point", "rho")
@@ -403,6 +421,7 @@ def collide(
     --------
     An aluminium coin of 1.19 g and 21 mm hits an equal one, at rest, at 45 degrees:
 
+    >>> from ifrdem import IFRLaw, Regime, collide
     >>> law = IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
     >>> n = [0.5**0.5, 0.5**0.5]
     >>> after = collide(law, n, [1.19e-3] * 2, [10.5e-3] * 2, [2, 2], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0])

@@ -38,6 +38,19 @@ class CollisionLaw:
     T, the angular momentum. Whether the law can add energy is *not* known beforehand, as it is for the IFR law: a
     simulation tries it on random pairs and warns (`EnergyWarning`), and `Simulation.dissipated_energy` tells what
     became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of materials.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> class Smooth(ifrdem.CollisionLaw):
+    ...     coefficients = ("e_n",)
+    ...     @staticmethod
+    ...     def collide(pair, coefficients):
+    ...         return (1.0 + coefficients[0]) * pair.m_n * pair.g_n, 0.0, 0.0
+    ...
+    >>> law = Smooth(e_n=0.9)
+    >>> law.coefficients
+    ('e_n',)
     """
 
     __slots__ = ("_row",)

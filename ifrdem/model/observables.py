@@ -105,6 +105,14 @@ def measure(
     ------
     InputError
         If the disks and the state differ in their number.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks = ifrdem.Disks(2, mass=2.0, radius=0.5)
+    >>> state = ifrdem.State([[1.0, 1.0], [3.0, 1.0]], [[1.0, 0.0], [-1.0, 0.0]], [0.0, 0.0])
+    >>> ifrdem.observables.measure(disks, state).temperature
+    1.0
     """
     if disks.n != state.n:
         raise InputError(f"the state has {state.n} disks, the gas has {disks.n}")
@@ -139,7 +147,18 @@ def measure(
 def from_totals(
     disks: Disks, totals: NDArray[np.float64], time: float, wall_hits: int, **put_in: Any
 ) -> Measure:
-    """The same of sums over all disks (`kernels/totals.py`), which `Engine.totals` gives."""
+    """The same of sums over all disks (`kernels/totals.py`), which `Engine.totals` gives.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+    >>> totals = np.array([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 4.0, 0.0])
+    >>> found = ifrdem.observables.from_totals(disks, totals, time=1.0, wall_hits=0)
+    >>> found.temperature, found.collisions
+    (0.5, 2)
+    """
     translational, rotational, momentum_x, momentum_y, shear_pressure, fall, events, _ = totals.tolist()
     n = max(int(np.count_nonzero(disks.movable)), 1)
     return Measure(

@@ -52,6 +52,13 @@ class Disks(Brief):
     ------
     InputError
         If n is negative, or a mass, radius or k is not a positive finite number (a mass may be infinite).
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks = ifrdem.Disks(3, mass=[1.0, 1.0, 4.0], radius=[0.5, 0.5, 1.0])
+    >>> disks.inertia
+    array([0.125, 0.125, 2.   ])
     """
 
     n: int
@@ -127,6 +134,13 @@ class State(Brief, Sealed):
     ------
     InputError
         If shapes do not fit or a value is not finite (the first such disk is named).
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> state = ifrdem.State([[0.0, 0.0], [1.5, 0.0]], [[1.0, 0.0], [0.0, 0.0]], spin=[0.0, 2.0])
+    >>> state.time, state.velocity.shape
+    (0.0, (2, 2))
     """
 
     assignable: ClassVar[frozenset[str]] = frozenset(

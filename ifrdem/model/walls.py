@@ -67,6 +67,13 @@ class Motion:
     ------
     InputError
         If a number is not finite or out of its range.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> floor = ifrdem.Motion("sine", amplitude=0.01, frequency=20.0)
+    >>> floor.kind, floor.direction
+    ('sine', (0.0, 1.0))
     """
 
     kind: str = "still"
@@ -168,6 +175,15 @@ class Wall:
     a Gaussian v_n would cool it (Tehver et al. 1998, doi:10.1103/PhysRevE.57.R17). On average disks leave with
     m <v^2> / 2 = 3 T / 2: they are faster than those inside. Neither material nor remedies for collapse matter at
     such a wall. Smooth disks get spins from it too.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> floor = ifrdem.Wall.line((0.0, 0.01), (0.0, 1.0))
+    >>> drum = ifrdem.Wall.container((0.5, 0.5), 0.4, surface_speed=0.2)
+    >>> hot = ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0), temperature=2.0)
+    >>> floor.shape, drum.radius, hot.temperature
+    ('line', 0.4, 2.0)
     """
 
     shape: Literal["line", "segment", "container", "post"]

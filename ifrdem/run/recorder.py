@@ -34,6 +34,15 @@ class Ledger:
         Those in the trajectory.
     frames : int
         How many it has.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks = ifrdem.Disks(1, mass=2.0, radius=0.5)
+    >>> state = ifrdem.State([[1.0, 1.0]], [[3.0, 0.0]], [0.0])
+    >>> row = ifrdem.Ledger().observables(ifrdem.observables.measure(disks, state))
+    >>> float(row["energy"]), sorted(row)[:3]
+    (9.0, ['collisions', 'dissipated_energy', 'energy'])
     """
 
     first: Measure | None = None

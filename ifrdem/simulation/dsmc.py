@@ -194,6 +194,16 @@ class DSMC(Sealed):
     A drive acts over half a batch before and after its collisions, so that its error is of second order in a batch of
     0.1 collisions per disk; without one there is no error but that of a finite number of disks, and of rounding.
     Disks of very different sizes or speeds make most drawn pairs come to nothing: right, but slow.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks = ifrdem.Disks(2000, mass=1.0, radius=0.5)
+    >>> law = ifrdem.IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    >>> velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
+    >>> found = ifrdem.DSMC(disks, law, 0.1, velocity, seed=1).run(collisions_per_disk=5, samples=5)
+    >>> found.T.shape, bool(found.T[-1] < 0.7)
+    ((6,), True)
     """
 
     disks: Disks

@@ -67,7 +67,7 @@ class Simulation(Sealed):
         In a sheared box there can be no walls and no immovable disks; forces act on peculiar velocities, relative to
         the flow, and see places in the lab.
     law : CollisionLaw or sequence of sequences of CollisionLaw
-        One law for all pairs, or a symmetric table [material][material]: an `IFRLaw`, or a law of one's own.
+        One law for all pairs, or a symmetric table `[material][material]`: an `IFRLaw`, or a law of one's own.
     state : State
         Start: positions [length], velocities [length/time], spins [rad/time]. In a sheared box velocities are those
         in the lab, such as `placement.maxwellian(...) + box.flow(position)`, and its `time` tells how far the images
@@ -123,6 +123,19 @@ class Simulation(Sealed):
     Limits: disks of similar size for speed (the largest sets the grid). Inelastic collapse (smooth disks, e_n well
     below 0.7) takes very many collisions without a remedy; touching disks that approach more slowly than 1e-14 of their
     velocities count as at rest, which ends it, and a run that gains no time at all ends with InelasticCollapse.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+    >>> start = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], np.zeros(2))
+    >>> gas = ifrdem.Simulation(disks, ifrdem.Box((10.0, 10.0)), ifrdem.IFRLaw(e_n=0.5, e_t=-1.0, mu=0.0), start)
+    >>> gas.run(t_end=4.0)
+    >>> gas.collisions, gas.dissipated_energy
+    (1, 0.1875)
+    >>> gas.state.velocity[:, 0]
+    array([0.25, 0.75])
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Kinetic theory of homogeneous gases of rough disks.
 
-`contact`: contact values, equations of state. `collisions`: collision rates, and changes by a collision of the IFR law
-on average. `cooling_gas`: equal disks that cool, Haff's law. `mixtures`: any number of species. `driven_gas`,
+`contact`: contact values, equations of state. `collisions`: collision rates, and what a collision by the IFR law
+changes on average. `cooling_gas`: equal disks that cool, Haff's law. `mixtures`: any number of species. `driven_gas`,
 `sheared_gas`: steady states of heated and sheared gases. `sonine`: departures from Gaussian velocities.
 `hydrodynamics`: shear waves, and for how long a cooling gas stays homogeneous. `choose`: the theory that belongs to a
 gas. Which laws can add energy: `IFRLaw.admissibility`.

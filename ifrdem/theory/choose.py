@@ -56,7 +56,7 @@ def prediction(
     disks : Disks
         Disks are of one species if mass, radius, k and material agree; `mixtures.MOST_SPECIES` at most.
     law : IFRLaw or sequence of sequences of IFRLaw
-        One for all, or a table [material][material].
+        One for all, or a table `[material][material]`.
     packing_fraction : float
     T0, T_rot0 : float or array_like (s,)
         Temperatures at time 0 [energy], of all or of each species in the order of `Mixture.of`.
@@ -72,6 +72,16 @@ def prediction(
     InputError
         If no theory here describes such a gas (rolling friction, a force that is not linear, a sheared mixture, forces
         in a flow), or as the theories do.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import theory
+    >>> disks = ifrdem.Disks(100, mass=1.0, radius=0.5)
+    >>> law = ifrdem.coins["1 pta"].law
+    >>> found = theory.prediction(disks, law, 0.25, 1.0, 0.0, [0.0, 1.0, 10.0])
+    >>> found.kind, found.T.round(3)
+    ('cooling', array([1.   , 0.671, 0.113]))
     """
     mixture, _ = Mixture.of(disks, law, packing_fraction)
     forces = list(forces)

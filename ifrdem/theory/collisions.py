@@ -124,6 +124,12 @@ def collision_rate(
     ------
     InputError
         If T, mass or radius is not positive, or for an impossible packing fraction.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.collision_rate(0.1, 1.0, 1.0, 0.5, g=1.0), 4)  # 2 sigma n (pi T / m)^(1/2), n = 0.1 / (pi / 4)
+    0.4514
     """
     checked_positive(T=T, mass=mass, radius=radius)
     phi = checked_packing_fraction(packing_fraction)
@@ -135,6 +141,12 @@ def mean_free_path(packing_fraction: float, radius: float) -> float:
     """Mean speed over collision rate of equal disks in equilibrium [length]: pi sigma / (8 sqrt(2) phi g).
 
     The mean speed is sqrt(pi T / (2 m)). Infinite at packing fraction 0.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.mean_free_path(0.01, 0.5), 2)
+    27.33
     """
     checked_positive(radius=radius)
     phi = checked_packing_fraction(packing_fraction)
@@ -157,6 +169,14 @@ def mixture_collision_rates(
         Temperatures m <v^2> / 2 [energy], masses [mass], radii [length], disks per area [1/length^2].
     g : array_like (s, s)
         Contact values (`mixture_contact_values`).
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> chi = [[1.0, 1.0], [1.0, 1.0]]
+    >>> theory.mixture_collision_rates([1.0, 1.0], [1.0, 4.0], [0.5, 1.0], [0.1, 0.05], chi).round(3)
+    array([[0.354, 0.21 ],
+           [0.42 , 0.177]])
     """
     R, n = np.asarray(radius, dtype=np.float64), np.asarray(number_density, dtype=np.float64)
     variance = np.asarray(T, dtype=np.float64) / np.asarray(mass, dtype=np.float64)

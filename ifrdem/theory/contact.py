@@ -61,6 +61,12 @@ def contact_value(packing_fraction: float) -> float:
     ------
     InputError
         If the packing fraction is not between 0 and 0.9069.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.contact_value(0.3), 3)
+    1.772
     """
     phi = checked_packing_fraction(packing_fraction)
     return float(np.polynomial.polynomial.polyval(2.0 * phi, _RESUMMED)) / (1.0 - phi) ** 2
@@ -75,6 +81,12 @@ def henderson(packing_fraction: float) -> float:
     ------
     InputError
         As `contact_value`.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.henderson(0.3), 4)  # (1 - 7 phi / 16) / (1 - phi)^2
+    1.773
     """
     phi = checked_packing_fraction(packing_fraction)
     return (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
@@ -146,7 +158,15 @@ def mixture_contact_values(
     fraction: ArrayLike | None = None,
     contact: Contact = "virial",
 ) -> NDArray[np.float64]:
-    """Contact values g_ij of hard disks of different sizes, shape (s, s); see `crowding_of_mixture`."""
+    """Contact values g_ij of hard disks of different sizes, shape (s, s); see `crowding_of_mixture`.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> theory.mixture_contact_values(0.2, [0.5, 1.0]).round(3)
+    array([[1.356, 1.391],
+           [1.391, 1.461]])
+    """
     a, b = crowding_of_mixture(packing_fraction, radius, fraction, contact)
     R = np.asarray(radius, dtype=np.float64)
     return a + b * R[:, None] * R / (R[:, None] + R)
@@ -166,6 +186,12 @@ def compressibility(
     ----------
     packing_fraction, radius, fraction, contact
         As for `crowding_of_mixture`; without radii, equal disks.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.compressibility(0.01), 4)  # 1 + 2 phi + ...
+    1.0203
     """
     R = np.asarray(radius, dtype=np.float64)
     x = np.full(len(R), 1.0) if fraction is None else np.asarray(fraction, dtype=np.float64)

@@ -30,6 +30,13 @@ def changes_per_collision(
     """Relative changes (dT / T, dT_rot / T) per collision of a disk, at theta = T_rot / T.
 
     Derived in `cooling_rates`.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+    >>> [float(change) for change in theory.changes_per_collision(0.5, law, 2.0)]
+    [0.0, 0.0]
     """
     disk = Disk(1.0, k, 1.0, np.asarray(theta, dtype=np.float64))
     translation, rotation = energy_changes(law, disk, disk)
@@ -81,6 +88,14 @@ def cooling_rates(
     Each disk collides at the rate nu and has the energies T and T_rot / 2:
 
         dT/dt = (nu/2) T [-(1 - e_n^2) - 2 A + 2 S B],   dT_rot/dt = 2 k nu T [S B - theta A].
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0)
+    >>> dT, dT_rot = theory.cooling_rates(1.0, 0.5, law=law, mass=1.0, radius=0.5, k=2.0, number_density=0.1)
+    >>> float(dT), float(dT_rot)
+    (0.0, 0.0)
     """
     _check(law, mass, radius, k)
     translational = np.asarray(T, dtype=np.float64)
@@ -93,7 +108,18 @@ def cooling_rates(
 
 
 def checked_times(times: ArrayLike) -> NDArray[np.float64]:
-    """Times [time] as an array of shape (steps,); InputError unless they are finite, 0 or more, and do not decrease."""
+    """Times [time] as an array of shape (steps,); InputError unless they are finite, 0 or more, and do not decrease.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> theory.checked_times([0.0, 1.0])
+    array([0., 1.])
+    >>> theory.checked_times([0.0, -1.0])
+    Traceback (most recent call last):
+        ...
+    ifrdem.errors.InputError: times: finite numbers of 0 or more in increasing order are needed, shape (steps,)
+    """
     when = np.asarray(times, dtype=np.float64)
     if when.ndim != 1 or not np.all(np.isfinite(when)) or np.any(np.diff(when, prepend=0.0) < 0.0):
         raise InputError("times: finite numbers of 0 or more in increasing order are needed, shape (steps,)")
@@ -159,6 +185,14 @@ def cooling(
     ------
     InputError
         As `cooling_rates`, or if the times decrease or are negative.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    >>> T, T_rot, collisions_per_disk = theory.cooling(law, 1.0, 0.5, 2.0, 0.1, 1.0, 0.0, [0.0, 10.0])
+    >>> T.round(3), T_rot
+    (array([1.   , 0.637]), array([0., 0.]))
     """
     _check(law, mass, radius, k)
     when = checked_times(times)
@@ -190,6 +224,12 @@ def haff_time(e_n: float, rate0: float) -> float:
     ----------
     rate0 : float
         Collisions per disk and time at time 0 [1/time], from `collision_rate`.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.haff_time(0.9, 1.0), 6)  # 4 / ((1 - e_n^2) rate0)
+    21.052632
     """
     return math.inf if e_n == 1.0 else 4.0 / ((1.0 - e_n**2) * rate0)
 
@@ -198,6 +238,12 @@ def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> NDArray[np.fl
     """Temperature of smooth equal disks [energy]: Haff's law T0 / (1 + t / t_H)^2, shape of `times`.
 
     The special case mu = 0, e_t = -1 of `cooling_rates`; t_H and rate0 as in `haff_time`.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> theory.haff(1.0, 0.9, 1.0, [0.0, theory.haff_time(0.9, 1.0)])
+    array([1.  , 0.25])
     """
     return T0 / (1.0 + np.asarray(times, dtype=np.float64) / haff_time(e_n, rate0)) ** 2
 
@@ -212,6 +258,12 @@ def rough_rates(
     pairs <g_t^2> = 2 (T + k T_rot) / m, <g_t v_t> = 2 T / m and <g_t R (w_i + w_j)> = 2 k T_rot / m, the pair's motion
     gains P_t^2/m - P_t v_t and its spins k P_t^2/m - P_t R (w_i + w_j) beside the normal loss (1 - e_n^2) T. These are
     the equations of S. Luding, M. Huthmann, S. McNamara and A. Zippelius, Phys. Rev. E 58, 3416 (1998).
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> [float(rate) for rate in theory.rough_rates(1.0, 1.0, 1.0, 2.0)]  # perfectly rough, at equipartition
+    [0.0, 0.0]
     """
     theta = np.asarray(theta, dtype=np.float64)
     q = (1.0 + beta) / (2.0 * (1.0 + k))
@@ -251,6 +303,14 @@ def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
     theta changes at a rate that is, times r, a polynomial in d, because S = d (d + 2 f) and
 
         r A = gamma f + eta r,    r S B = S (eta^2 r + 2 eta gamma f) + 2 gamma^2 f^2 d.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import theory
+    >>> coin = ifrdem.coins["1 pta"]
+    >>> [(round(found.theta, 3), found.stable) for found in theory.cooling_ratios(coin.law, coin.k)]
+    [(0.619, True)]
     """
     checked_positive(k=k)
     checked_law(law)
@@ -277,6 +337,14 @@ def cooling_ratio(law: IFRLaw, k: float, theta0: float) -> float:
     ------
     InputError
         As `cooling_ratios`, or if theta0 is not a finite number of 0 or more.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import theory
+    >>> coin = ifrdem.coins["1 pta"]
+    >>> round(theory.cooling_ratio(coin.law, coin.k, 0.0), 3)
+    0.619
     """
     if not (math.isfinite(theta0) and theta0 >= 0.0):
         raise InputError(f"theta0 = {theta0}: a finite number of 0 or more is needed")

@@ -110,6 +110,12 @@ def shear_viscosity(
     Notes
     -----
     That crowding acts as in a gas of nearly elastic disks is assumed; friction enters through l and z only.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.shear_viscosity(0.001, 1.0, 1.0, 0.5), 4)  # dilute: (m T / pi)^(1/2) / (2 sigma) = 0.2821
+    0.2822
     """
     checked_positive(packing_fraction=packing_fraction, T=T, mass=mass, radius=radius, k=k)
     z, ell = _losses(law, k, _theta(law, theta))
@@ -138,6 +144,12 @@ def thermal_conductivity(packing_fraction: float, T: float, mass: float, radius:
     ----------
     packing_fraction, T, mass, radius
         As for `collisions.collision_rate`; the packing fraction above 0.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.thermal_conductivity(0.1, 1.0, 1.0, 0.5), 3)
+    1.341
     """
     checked_positive(packing_fraction=packing_fraction, T=T, mass=mass, radius=radius)
     g, phi = contact_value(packing_fraction), packing_fraction
@@ -157,6 +169,13 @@ def shear_length(
     ----------
     law, radius, packing_fraction, k, theta
         As for `shear_viscosity`.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    >>> round(theory.shear_length(law, 0.5, 0.2), 2)
+    30.51
     """
     z, _ = _losses(law, k, _theta(law, theta))
     if z <= 0.0:
@@ -183,6 +202,12 @@ def clustering_length(e_n: float, radius: float, packing_fraction: float) -> flo
     InputError
         If e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do not
         lose more (0.5 and above).
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.clustering_length(0.9, 0.5, 0.2), 2)
+    70.72
     """
     z = -float(changes_per_collision(0.0, IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), 2.0)[0])
     checked_positive(radius=radius, packing_fraction=packing_fraction)
@@ -300,6 +325,13 @@ def shear_mode_energy(
     ------
     InputError
         As `shear_length`; if a side of the box is not positive.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    >>> [round(theory.shear_mode_energy(tau, law, 0.5, 0.2, (100.0, 100.0), theta0=0.0), 5) for tau in (0.0, 20.0)]
+    [0.0, 0.02246]
     """
     if collisions_per_disk == 0.0:
         return 0.0
@@ -367,6 +399,14 @@ def shear_mode_time(
     ------
     InputError
         As `shear_mode_energy`; if the mass, T0 or the share is not positive.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    >>> modes = theory.shear_mode_time(law, 1.0, 0.5, 0.2, (100.0, 100.0), 1.0, theta0=0.0)
+    >>> round(modes.collisions_per_disk, 1)
+    18.6
     """
     checked_positive(share=share)
     nu0 = collision_rate(packing_fraction, T0, mass, radius)

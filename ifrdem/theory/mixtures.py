@@ -50,7 +50,7 @@ class Mixture:
     mass, radius : array_like (s,)
         Of one disk of each species [mass], [length].
     law : IFRLaw or sequence of sequences of IFRLaw
-        One for all pairs, or a symmetric table [species][species]. Without rolling friction.
+        One for all pairs, or a symmetric table `[species][species]`. Without rolling friction.
     packing_fraction : float
         Part of the area that all disks together cover.
     k : array_like (s,)
@@ -64,7 +64,15 @@ class Mixture:
     ------
     InputError
         If a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`, has
-        rolling friction, or differs between [i][j] and [j][i]; or the packing fraction or `contact` is impossible.
+        rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    >>> mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], law, 0.2, fraction=[0.8, 0.2])
+    >>> mixture.fraction
+    array([0.8, 0.2])
     """
 
     mass: NDArray[np.float64]
@@ -205,6 +213,14 @@ def mixture_cooling_rates(
     ------
     InputError
         If shapes do not fit or a temperature is negative.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> mixture = theory.Mixture([1.0, 1.0], [0.5, 0.5], IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), 0.2)
+    >>> dT, dT_rot = theory.mixture_cooling_rates(mixture, [1.0, 1.0], [0.0, 0.0])
+    >>> bool(abs(dT).max() < 1e-12)  # elastic
+    True
     """
     T, T_rot = _temperatures(mixture, T, T_rot)
     return _rates(mixture, T, T_rot, mixture.collision_rates(T))
@@ -259,6 +275,15 @@ def mixture_cooling(
     ------
     InputError
         As `mixture_cooling_rates`, if nothing moves, or if the times decrease or are negative.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    >>> mixture = theory.Mixture([1.0, 4.0], [0.5, 1.0], law, 0.2)
+    >>> found = theory.mixture_cooling(mixture, 1.0, 0.0, [0.0, 10.0])
+    >>> found.T.shape, bool(found.T[1, 1] > found.T[1, 0])
+    ((2, 2), True)
     """
     when = checked_times(times)
     T0, T_rot0 = _temperatures(mixture, T0, T_rot0)
@@ -299,6 +324,16 @@ def mixture_driven(
     ------
     InputError
         As `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
+
+    Examples
+    --------
+    >>> from ifrdem import IFRLaw, theory
+    >>> from ifrdem.theory.driven_gas import Drive
+    >>> mixture = theory.Mixture([1.0, 1.0], [0.5, 0.5], IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0), 0.1)
+    >>> drives = [Drive(power=0.1), Drive(power=0.1)]
+    >>> theory.mixture_driven(mixture, drives, 1.0, 0.0, [0.0, 10.0]).T.round(6)  # elastic: T = T0 + power t
+    array([[1., 1.],
+           [2., 2.]])
     """
     from scipy.integrate import solve_ivp
 

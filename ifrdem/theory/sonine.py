@@ -33,6 +33,14 @@ def sonine_coefficient(velocity: ArrayLike) -> float:
     Of n independent Gaussian velocities it scatters by 1 / sqrt(n), around 1 + a_2 = n / (n + 1). To see it, let
     x = c^2, which has the density exp(-x): to first order in the scatter, a_2 is the mean of x^2/2 - 2 x + 1, of
     variance 1; and shares x_i / sum x are Dirichlet's, with mean squares 2 / (n (n + 1)).
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import theory
+    >>> velocity = ifrdem.initial.maxwellian([1.0] * 100_000, temperature=1.0, seed=1)
+    >>> abs(theory.sonine_coefficient(velocity)) < 0.02  # Gaussian: 0
+    True
     """
     v = np.asarray(velocity, dtype=np.float64)
     v2 = np.sum(v**2, axis=-1)
@@ -59,6 +67,12 @@ def cooling_sonine(e_n: float) -> float:
     ------
     InputError
         If e_n is not from 0 to 1.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.cooling_sonine(0.9), 4)
+    -0.0269
     """
     return _solved(e_n, 1.0)
 
@@ -70,6 +84,12 @@ def heated_sonine(e_n: float) -> float:
     ------
     InputError
         If e_n is not from 0 to 1.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> round(theory.heated_sonine(0.9), 4)
+    -0.0199
     """
     return _solved(e_n, 0.0)
 
@@ -79,6 +99,12 @@ def cooling_factor(a_2: ArrayLike) -> NDArray[np.float64]:
 
     The relative velocity of two disks has a_2 / 2 of its own; the mean of its cube, to which the loss per time is
     proportional, is 1 + (3/8) (a_2 / 2) times a Gaussian's.
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> float(theory.cooling_factor(0.0))
+    1.0
     """
     return np.asarray(1.0 + 3.0 / 16.0 * np.asarray(a_2, dtype=np.float64))
 
@@ -87,5 +113,11 @@ def collision_factor(a_2: ArrayLike) -> NDArray[np.float64]:
     """By how much more often smooth disks collide than Gaussian ones at the same T: 1 - a_2 / 16.
 
     As at `cooling_factor`, with the mean relative speed instead of its cube: 1 - (1/8) (a_2 / 2).
+
+    Examples
+    --------
+    >>> from ifrdem import theory
+    >>> float(theory.collision_factor(0.0))
+    1.0
     """
     return np.asarray(1.0 - np.asarray(a_2, dtype=np.float64) / 16.0)

@@ -131,6 +131,21 @@ class Trajectory(Sealed, Sequence[Frame]):
     ------
     InputError
         If the file is not there, not HDF5, damaged, not H5MD, or not ours; the message says what is missing.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+    >>> box = ifrdem.Box((10.0, 10.0))
+    >>> state = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], np.zeros(2))
+    >>> with ifrdem.TrajectoryWriter("pair.h5", disks, box) as file:
+    ...     file.write(state, {"temperature": 0.25})
+    ...
+    >>> with ifrdem.Trajectory("pair.h5") as file:
+    ...     print(file[-1].position[0], file.observables["temperature"])
+    ...
+    [1. 5.] [0.25]
     """
 
     path: Path

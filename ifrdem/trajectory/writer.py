@@ -77,6 +77,19 @@ class TrajectoryWriter(Sealed):
     InputError
         If a choice or name is unknown, `hdf5plugin` is missing for zstd, the path exists and `force` is not given,
         it is not a regular file, or the file cannot be created there. Nothing is left behind then.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> disks = ifrdem.Disks(2, mass=1.0, radius=0.5)
+    >>> box = ifrdem.Box((10.0, 10.0))
+    >>> state = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], np.zeros(2))
+    >>> with ifrdem.TrajectoryWriter("two.h5", disks, box) as file:
+    ...     file.write(state, {"temperature": 0.25})
+    ...
+    >>> len(ifrdem.Trajectory("two.h5"))
+    1
     """
 
     path: Path

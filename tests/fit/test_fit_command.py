@@ -10,6 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from support import manual
 
 from ifrdem import fit
 from ifrdem.cli.main import main
@@ -180,15 +181,13 @@ def test_help_and_refusals_start_no_heavy_import(folder: Path) -> None:
 
 
 def test_readme_example_works(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from test_readme import block
 
-    for line in block("fit").splitlines():
+    for line in manual.block("fit").splitlines():
         words = line.removeprefix(".venv/bin/ifrdem ").split(" > ")[0].split()
         assert main(words) == 0
     shown = capsys.readouterr().out
     assert "preferred by the data" in shown
-    section = (ROOT / "README.md").read_text(encoding="utf-8").split("## Fit the")[1].split("\n## ")[0]
-    options = re.findall(r"`(--[\w-]+)", section)
+    options = re.findall(r"`(--[\w-]+)", manual.page("fit.md"))
     assert len(options) > 10
     assert main(["fit", "--help"]) == 0
     shown = capsys.readouterr().out

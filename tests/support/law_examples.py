@@ -9,7 +9,7 @@ from ifrdem.model.law import CollisionLaw
 
 
 class Viscoelastic(CollisionLaw):
-    """The README's, which the kernel cache then has: e_n = 1 - c g_n^(1/5); with c = 0 it is an IFR law."""
+    """The manual's, which the kernel cache then has: e_n = 1 - c g_n^(1/5); with c = 0 it is an IFR law."""
 
     coefficients = ("c", "e_t", "mu")
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from support import manual
 
 import ifrdem
 from ifrdem.case import summary
@@ -118,11 +119,9 @@ def test_report_names_what_was_measured(capsys: pytest.CaptureFixture[str]) -> N
     assert "2 runs" in text
 
 
-def test_every_option_that_the_readme_lists_exists(capsys: pytest.CaptureFixture[str]) -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    section = readme.split("### Benchmark")[1].split("\n##")[0]
-    rows = "\n".join(line for line in section.splitlines() if line.startswith("| `--"))
-    listed = set(re.findall(r"--[a-z][a-z-]*", rows))
+def test_every_option_that_the_manual_lists_exists(capsys: pytest.CaptureFixture[str]) -> None:
+    section = manual.page("performance.md").split("## Benchmark")[1].split("\n## ")[0]
+    listed = set(re.findall(r"--[a-z][a-z-]*", section))
     assert len(listed) >= 9
     assert cli.main(["bench", "--help"]) == 0
     assert listed <= set(re.findall(r"--[a-z][a-z-]*", capsys.readouterr().out))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import manual
 
 from ifrdem import Box, Disks, IFRLaw, Simulation, State, bullet
 from ifrdem.cli import main as cli
@@ -161,9 +162,8 @@ def test_without_pymunk_the_report_says_that_it_was_not_measured(monkeypatch: py
     assert any("pymunk is not installed: `pip install" in table.note for table in result.tables)
 
 
-def test_readme_has_the_command_and_the_picture() -> None:
-    root = Path(__file__).parents[2]
-    text = (root / "README.md").read_text(encoding="utf-8")
+def test_manual_has_the_command_and_the_picture() -> None:
+    text = manual.page("validation.md")
     assert "pip install -e '.[bullet]' && .venv/bin/ifrdem validate bullet -o bullet-report\n" in text
-    assert "](validation/bullet.png)" in text
-    assert (root / "validation" / "bullet.png").read_bytes().startswith(b"\x89PNG")
+    assert "](gallery/bullet.png)" in text
+    assert (manual.DOCS / "gallery" / "bullet.png").read_bytes().startswith(b"\x89PNG")

@@ -1,4 +1,4 @@
-"""No disk gets through a wall, of any kind; the long run is `python -m ifrdem.validation.escape`."""
+"""No disk gets through a wall, of any kind; the long run is `python -m ifrdem.validation.gas.escape`."""
 
 from __future__ import annotations
 

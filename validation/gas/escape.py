@@ -1,4 +1,4 @@
-"""Does any disk ever get through a wall? `python -m ifrdem.validation.escape --hits 1e7`
+"""Does any disk ever get through a wall? `python -m ifrdem.validation.gas.escape --hits 1e7`
 
 A few disks in a room of every kind of wall: four sides, one of them thermal; a container around them that cuts the
 corners off, with a turning surface; a floor that moves as a sine and a wall that moves as a sawtooth; posts at rest, in
@@ -114,7 +114,7 @@ def run(hits: int, order: str = "alone", *, seed: int = 1) -> Outcome:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run and print; returns 0, 1 (a disk escaped) or 2 (bad input)."""
-    parser = Parser(prog="python -m ifrdem.validation.escape", description=__doc__, allow_abbrev=False)
+    parser = Parser(prog="python -m ifrdem.validation.gas.escape", description=__doc__, allow_abbrev=False)
     parser.add_argument("--hits", metavar="H", default="1e7", help="wall hits (1e7)")
     parser.add_argument("--order", metavar="ORDER", default="alone", help=f"{', '.join(ORDERS)} (alone)")
     parser.add_argument("--seed", metavar="S", default="1", help="seed (1)")

@@ -1,4 +1,4 @@
-"""Other codes on the same gas, on the same machine, in the same run: `python -m ifrdem.validation.peers`.
+"""Other codes on the same gas, on the same machine, in the same run: `python -m ifrdem.validation.speed.peers`.
 
 The gas: equal smooth disks of mass and diameter 1 (e_n given, e_t = -1, mu = 0) in a square periodic box. It starts
 from a hexagonal lattice with Maxwellian velocities and 20 elastic collisions per disk, by ifrdem, that mix it. Every
@@ -169,7 +169,7 @@ def parse(arguments: Sequence[str]) -> tuple[Options, bool]:
         Names the option, its value and what is allowed.
     """
     parser = Parser(
-        prog="python -m ifrdem.validation.peers",
+        prog="python -m ifrdem.validation.speed.peers",
         description="Time ifrdem, a serial event-driven code and LAMMPS (soft disks) on the same gas, in turn.",
         epilog=f"The peers are optional: {soft_disks.INSTALL}",
         allow_abbrev=False,

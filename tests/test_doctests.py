@@ -1,0 +1,74 @@
+"""Every public function and class has an example in its docstring, which prints what it says."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+import ifrdem
+from ifrdem import analysis, bullet, fit, forces, initial, observables, theory
+from ifrdem.initial import radii
+
+pytestmark = pytest.mark.unoptimised
+
+FACES: list[ModuleType] = [ifrdem, initial, radii, forces, observables, theory, analysis, fit, bullet]
+
+MADE_BY_FUNCTIONS = {
+    "Measure", "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
+    "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "PairCorrelation", "Pressure", "RatioFit",
+    "SonineCoefficients", "StructureFactor", "VelocityDistribution", "Closure", "Data", "Estimate", "Fit", "Interval",
+    "History", "Bodies", "Disk", "Hit", "Wall",
+}  # fmt: skip
+"""Results: the function that returns one shows it."""
+
+OF_TAICHI = {"normals", "uniforms"}
+"""Functions for use inside of a force, which only runs in a simulation: the manual's page on forces has an example."""
+
+
+def public() -> dict[str, Any]:
+    """Public classes and functions by name, which have an example of their own."""
+    found = {}
+    for face in FACES:
+        names = dir(face) if face is ifrdem else getattr(face, "__all__", None)
+        if names is None:
+            names = [
+                name
+                for name, value in vars(face).items()
+                if getattr(value, "__module__", "") == face.__name__
+            ]
+        for name in names:
+            value = getattr(face, name)
+            if not (inspect.isclass(value) or inspect.isfunction(value)) or name.startswith("_"):
+                continue
+            if inspect.isclass(value) and (
+                issubclass(value, Exception) or name in MADE_BY_FUNCTIONS - {"Wall"}
+            ):
+                continue
+            if name not in OF_TAICHI and value is not getattr(bullet, "Wall", None):
+                found[f"{value.__module__}.{name}"] = value
+    return found
+
+
+def examples(of: object, name: str) -> doctest.DocTest:
+    """The examples in an object's own docstring."""
+    parser = doctest.DocTestParser()
+    return parser.get_doctest(inspect.getdoc(of) or "", {"__name__": "example"}, name, None, 0)
+
+
+@pytest.mark.parametrize("name", [*public(), "ifrdem"])
+def test_example_in_the_docstring_prints_what_it_says(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    test = examples(public().get(name, ifrdem), name)
+    assert test.examples, f"{name} has no example"
+    if any("import pybullet" in example.source for example in test.examples):
+        pytest.importorskip("pybullet", reason="the extra `bullet`, of Python 3.11 and older")
+    said: list[str] = []
+    doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(test, out=said.append)
+    assert not said, "".join(said)
