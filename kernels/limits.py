@@ -1,7 +1,5 @@
 """Sizes and bounds of the engine, which estimates need too without starting it."""
 
-from __future__ import annotations
-
 # Columns of the arrays (`kernels/layout.py`).
 FLIGHT, KIND, LINK, META, IMAGE, LISTS = 8, 6, 8, 3, 2, 5
 LOG_REAL, LOG_INT, LOG_LOSS = 11, 8, 4

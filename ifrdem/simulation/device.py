@@ -298,6 +298,7 @@ def start(
         return _running
     _release_all()
     cache = _kernel_cache()
+    ti.set_logging_level(ti.ERROR)  # it would warn of variables of the environment that arguments override
     with contextlib.redirect_stdout(io.StringIO()):  # Taichi announces itself on stdout, where results go
         ti.init(
             arch=getattr(ti, arch),
