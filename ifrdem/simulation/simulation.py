@@ -440,7 +440,7 @@ class Simulation(Sealed):
         InputError
             If it cannot be written, the path is none, or `extra` holds what JSON does not know.
         """
-        from . import checkpoint as snapshot
+        from . import snapshot
 
         checkpoint.check_extra(path, extra, arrays)
         meta = {
@@ -464,7 +464,7 @@ class Simulation(Sealed):
         InputError
             If the file is none, or belongs to another gas.
         """
-        from . import checkpoint as snapshot
+        from . import snapshot
 
         found, meta = checkpoint.read(path)
         if meta["fingerprint"] != snapshot.fingerprint(self._engine):

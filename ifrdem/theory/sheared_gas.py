@@ -235,7 +235,10 @@ def collisional_changes(
     I_2 = h * I_1 + I_0 / q
     I_3 = h * I_2 + 2.0 * I_1 / q
     I_4 = h * I_3 + 3.0 * I_2 / q
-    weight = np.exp(0.5 * (q * h**2 - fixed)) * root_S / (2.0 * math.pi * np.sqrt(det)) * g_n
+    exponent = np.minimum(
+        0.5 * (q * h**2 - fixed), 0.0
+    )  # Cauchy and Schwarz; rounding of fast flows may say else
+    weight = np.exp(exponent) * root_S / (2.0 * math.pi * np.sqrt(det)) * g_n
     weight = weight * (half * _FEW_WEIGHTS).ravel()
 
     by_n, by_t = C_nt * nn + C_tt * nt, C_nt * nt + C_tt * tt
@@ -412,7 +415,13 @@ def sheared(
                 f"time {when[-1]:g}"
             )
         state = _Flow._make((*(float(one) for one in y[:4]), max(float(y[4]), 0.0)))
-        rates, often = state.rates(law, k, packing_fraction, shear_rate / unit)
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                rates, often = state.rates(law, k, packing_fraction, shear_rate / unit)
+        except FloatingPointError as error:
+            raise TheoryError(
+                f"the equations of the sheared gas leave the range of numbers: {error}"
+            ) from None
         return (*rates, often)
 
     with warnings.catch_warnings():

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from support import manual
 from support.gases import equal_disks, equilibrated, start
 
-import ifrdem.validation
+import ifrdem.validation.speed
 from ifrdem import IFRLaw, InputError, Simulation, State
 from ifrdem.model.observables import measure
 from ifrdem.validation.speed import peers, serial_events, soft_disks
@@ -62,7 +62,9 @@ def test_serial_peer_has_the_collisions_of_the_engine_in_order(
                 lambda name, *rest: None if name == "numba" else find(name, *rest),
             )
             patch.delitem(sys.modules, "ifrdem.validation.speed.serial_events")
-            patch.setattr(ifrdem.validation, "serial_events", serial_events)  # to be put back afterwards
+            patch.setattr(
+                ifrdem.validation.speed, "serial_events", serial_events
+            )  # to be put back afterwards
         module = importlib.import_module("ifrdem.validation.speed.serial_events")
         assert compiled == module.COMPILED
     events = module.SerialEvents(box, 1.0, e_n, state)
