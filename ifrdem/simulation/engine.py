@@ -80,8 +80,8 @@ from . import checks as engine_checks
 from . import checks as magnitudes
 from . import device as backend
 from . import skin as skins
-from .epochs import Statistics
 from .interrupts import Deferred
+from .tracking import Statistics
 from .unbounded import CELLS_PER_DISK, OpenSpace, around
 
 if TYPE_CHECKING:

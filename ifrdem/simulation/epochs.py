@@ -64,22 +64,7 @@ from ..kernels.sort import settle
 from ..kernels.tiles import run_in_order, run_tiles
 from ..kernels.totals import totals
 from .arrays import DeviceArrays
-
-
-@dataclass
-class Statistics:
-    """What the engine has done since it was made; `in_order` are the epochs of tiles that were left to one thread."""
-
-    epochs: int = 0
-    in_order: int = 0
-    rounds: int = 0
-    undone: int = 0
-    violations: int = 0
-    cut_for_speed: int = 0
-    cut_for_log: int = 0
-    cut_for_rounds: int = 0
-    elastic: int = 0
-
+from .tracking import Statistics
 
 LAUNCH_SECONDS = 0.2  # how long one launch of whole epochs should take, to see to progress and interrupts
 # Of the collisions in a window, how many undone ones make windows shorter or longer, and how short they get at most.

@@ -28,13 +28,13 @@ from ..tools.sealed import Sealed
 from . import checkpoint, checks
 from . import device as backend
 from .engine import Collisions, Engine
-from .epochs import Statistics
 from .schedule import MOST, Cadence, Course, Observer, Progress, Sampler, Span, earlier, refuse_endless
 from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
     from ..model.forces import Force
     from .readout import Passing
+    from .tracking import Statistics
 
 
 Called = TypeVar("Called")

@@ -19,7 +19,7 @@ from ..kernels.layout import CELLS_X, CELLS_Y, LOG_CAPACITY, SPIN, TILES_X, TILE
 from ..kernels.layout import ROW as ROW_LENGTH
 from ..model.box import Box
 from ..model.state import State
-from .epochs import Statistics
+from .tracking import Statistics
 
 if TYPE_CHECKING:
     from .engine import Engine

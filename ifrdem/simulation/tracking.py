@@ -321,3 +321,18 @@ def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+@dataclass
+class Statistics:
+    """What the engine has done since it was made; `in_order` are the epochs of tiles that were left to one thread."""
+
+    epochs: int = 0
+    in_order: int = 0
+    rounds: int = 0
+    undone: int = 0
+    violations: int = 0
+    cut_for_speed: int = 0
+    cut_for_log: int = 0
+    cut_for_rounds: int = 0
+    elastic: int = 0
