@@ -13,6 +13,8 @@
 `theory`, `analysis`, `plots`          kinetic theory, analyses of arrays or files, figures of runs
 `fit`, `bullet`                        coefficients from experiments, the law in PyBullet
 `InputError`, `EngineError`            input that cannot be used; a run that cannot continue
+`InelasticCollapse`                    an EngineError: collisions without end
+`NoMoreCollisions`                     an EngineError: no disk will meet another one
 `TheoryWarning`                        a theory used outside of its range
 =====================================  =================================================================
 

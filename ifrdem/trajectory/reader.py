@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import math
@@ -537,6 +538,10 @@ def _open(path: Path) -> tuple[h5py.File, bool]:
         try:
             return h5py.File(path, "r"), False
         except BlockingIOError:  # a run is writing it
+            for _ in range(_ATTEMPTS - 1):
+                with contextlib.suppress(OSError):  # it has grown between two looks of HDF5 at its size
+                    return h5py.File(path, "r", locking=False), True
+                time.sleep(_PAUSE)
             return h5py.File(path, "r", locking=False), True
     except OSError as error:
         if error.errno:

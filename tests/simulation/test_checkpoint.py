@@ -177,9 +177,9 @@ def test_a_checkpoint_appears_whole_or_not_at_all(tmp_path, monkeypatch):
 @pytest.mark.parametrize("package", ["ifrdem", "taichi"])
 def test_the_checkpoint_of_another_version_is_refused_with_both(tmp_path, monkeypatch, package):
     path = tmp_path / "a.h5"
-    versions = checkpoint.h5md.package_versions()
+    versions = checkpoint.package_versions()
     present = versions[package]
-    monkeypatch.setattr(checkpoint.h5md, "package_versions", lambda: {**versions, package: "0.0.1"})
+    monkeypatch.setattr(checkpoint, "package_versions", lambda: {**versions, package: "0.0.1"})
     checkpoint.write(path, {"a": np.arange(3)}, {"n": 1})
     monkeypatch.undo()
     _, record = checkpoint.read(path)
