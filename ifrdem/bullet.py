@@ -34,7 +34,7 @@ def absence() -> str | None:
     Examples
     --------
     >>> from ifrdem import bullet
-    >>> bullet.absence() is None or 'pybullet' in bullet.absence()
+    >>> bullet.absence() is None or 'not installed' in bullet.absence()
     True
     """
     if importlib.util.find_spec("pybullet") is not None:
