@@ -237,7 +237,7 @@ def place(
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """What collides: disks and walls, with what PyBullet knows of them, read once.
+    """Colliding bodies: disks and walls, with their properties in PyBullet, read once.
 
     Attributes
     ----------

@@ -88,7 +88,7 @@ def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], li
 
 
 def _measured(name: str) -> str:
-    """Where Python has a whole-gas quantity."""
+    """Name of a whole-gas quantity in Python."""
     known = name in Measure.__dataclass_fields__ or hasattr(Measure, name)
     return f"measure.{name}" if known else "..."
 

@@ -312,7 +312,7 @@ class StartSection(Section):
 
     @property
     def placed(self) -> bool:
-        """Whether disks are placed in the box, neither read from a file nor paired for a scan."""
+        """True if disks are placed in the box, neither read from a file nor paired for a scan."""
         return self.file is None and self.positions in PLACED
 
     @property
@@ -351,7 +351,7 @@ class Case(Section):
 
     @property
     def sets_in_motion(self) -> bool:
-        """Whether a flow, a force, a wall or gravity moves disks that are at rest, or may."""
+        """True if a flow, a force, a wall or gravity moves disks that are at rest, or may."""
         kicked = (
             each.kind in ("kicks", "langevin") and each.temperature != 0.0 and each.rate != 0.0
             for each in self.force

@@ -1,4 +1,4 @@
-"""What a case will be like before it runs: mean free paths, collisions, bytes.
+"""Estimates of a case before it runs: mean free paths, collisions, bytes.
 
 A trajectory file holds its data in whole chunks, HDF5's trees of chunks, and groups. In HDF5's default format ("File
 Format Specification", version 1 of its B-trees) a chunk is stored whole, however few rows of it are used; the tree of a

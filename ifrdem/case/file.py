@@ -115,7 +115,7 @@ def mistakes(raw: Mapping[str, Any], folder: Path) -> list[Problem]:
 
 
 def _judged(raw: Mapping[str, Any], folder: Path) -> tuple[list[Problem], Findings | None]:
-    """What is wrong with a parsed case, and the findings of the rules if they could be applied."""
+    """Mistakes of a parsed case, and the findings of the rules if they could be applied."""
     case, found = _validated(raw)
     if case is None:
         return found, None

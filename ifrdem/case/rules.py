@@ -223,7 +223,7 @@ def _wrong_walls(
 
 
 def _outside(wall: Wall, box: Box) -> bool:
-    """Whether a post or segment is out of reach of the box; a line or container so placed leaves no room."""
+    """True if a post or segment is out of reach of the box; a line or container so placed leaves no room."""
     if wall.shape not in ("post", "segment") or wall.motion.kind == "steady":
         return False
     reach = wall.radius + wall.motion.extent
@@ -310,7 +310,7 @@ def _wrong_room(
 
 
 def _attainable(species: Sequence[Species], radius: NDArray[np.float64], room: Room) -> str:
-    """How many of one kind of disks would find room, by area."""
+    """Number of disks of one kind that would find room, by area."""
     if len(species) > 1 or np.ptp(radius) > 0.0:
         return ""
     most = int(placement.SATURATION * len(radius) / room.packing_fraction(radius))

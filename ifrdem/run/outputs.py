@@ -8,9 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import InputError
-from ..tools.files import check_files
-from ..trajectory.layout import CHECKPOINT, checkpoint_of
-from ..trajectory.views import VIEWS
+from ..tools.files import CHECKPOINT, VIEWS, check_files, checkpoint_of
 
 
 @dataclass(frozen=True)

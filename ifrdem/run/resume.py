@@ -23,8 +23,8 @@ from ..simulation import checkpoint, device
 from ..simulation.schedule import Course
 from ..simulation.tracking import Events
 from ..tools import text_file
+from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory.background import QueuedWriter
-from ..trajectory.layout import CHECKPOINT, checkpoint_of
 from ..trajectory.writer import TrajectoryWriter
 from .job import Job, device_of, drive, finish, how
 from .outputs import Outputs, checkpoint_in

@@ -11,6 +11,11 @@ from pathlib import Path
 
 from ..errors import InputError
 
+CHECKPOINT = ".checkpoint.h5"
+"""Ending of the file from which a run goes on, beside its trajectory."""
+VIEWS = (".vtkhdf", ".nc")
+"""Endings of the files that let other programs read a trajectory (`views.py`)."""
+
 
 def create(place: Path) -> Path:
     """Create an empty file beside a place, which nothing that is there can be or lead to; returns its path.
@@ -101,3 +106,8 @@ def not_a_file(path: Path) -> str | None:
     if path.exists() and not path.is_file():
         return f"output {path}: is a device or pipe, no file that could be replaced"
     return None
+
+
+def checkpoint_of(trajectory: Path) -> Path:
+    """The checkpoint that belongs to a trajectory, NAME.checkpoint.h5 for NAME.h5."""
+    return trajectory.with_name(trajectory.name.removesuffix(".h5") + CHECKPOINT)

@@ -48,7 +48,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import h5py
@@ -61,9 +60,6 @@ from ..model.state import Disks
 from ..tools.versions import package_versions
 from . import damage
 from .file import staged
-
-CHECKPOINT = ".checkpoint.h5"
-"""Ending of the file from which a run goes on, beside its trajectory."""
 
 H5MD_VERSION = (1, 1)
 LAYOUT_VERSION = (1, 2)
@@ -547,8 +543,3 @@ def _check_histories(file: h5py.File, path: str) -> None:
 
 def _counts(column: Column) -> bool:
     return np.dtype(column.dtype).kind == "i"
-
-
-def checkpoint_of(trajectory: Path) -> Path:
-    """The checkpoint that belongs to a trajectory, NAME.checkpoint.h5 for NAME.h5."""
-    return trajectory.with_name(trajectory.name.removesuffix(".h5") + CHECKPOINT)

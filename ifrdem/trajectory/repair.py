@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..tools import files
-from ..tools.files import check_apart, not_a_file
-from ..trajectory.layout import checkpoint_of
+from ..tools.files import check_apart, checkpoint_of, not_a_file
 from . import damage, history, layout
 from .damage import DamageError
 from .reader import Trajectory, check_file

@@ -23,12 +23,9 @@ import numpy as np
 
 from ..errors import InputError
 from ..tools import files
-from ..tools.files import check_apart, check_files
+from ..tools.files import VIEWS, check_apart, check_files
 from . import layout
 from .reader import Trajectory, check_file
-
-VIEWS = (".vtkhdf", ".nc")
-"""Endings of the files that let other programs read a trajectory (`views.py`)."""
 
 CONSTANT = ("radius", "mass", "material")  # constant properties that tools are shown
 TOPOLOGIES = ("Vertices", "Lines", "Strips", "Polygons")
