@@ -12,7 +12,6 @@ from pydantic_core import PydanticCustomError
 from ..errors import InputError
 from ..simulation.schedule import MOST as MOST_FRAMES
 from ..simulation.schedule import Cadence
-from ..trajectory.layout import need_zstd
 from .section import Section
 
 FieldName = Literal[
@@ -134,6 +133,8 @@ class OutputSection(Section):
     @classmethod
     def _available(cls, compression: str) -> str:
         if compression == "zstd":
+            from ..trajectory.layout import need_zstd  # imports h5py
+
             try:
                 need_zstd("this compression")
             except InputError as error:
