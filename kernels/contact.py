@@ -17,7 +17,7 @@ depend on the frame, and their sum is what the pair loses, to rounding.
 
 from .language import ti
 from .law import after_impulses, inverse_masses, relative_motion
-from .layout import CONTACT_TIME, CUTOFF, HEAD, ID, TIME, Cube, GasArrays, N, Table, Uses
+from .layout import CUTOFF, Cube, GasArrays, Table, Uses
 
 # Columns of `log_loss`.
 BY_NORMAL, BY_RESTITUTION, BY_FRICTION, BY_ROLLING = range(4)
@@ -58,18 +58,6 @@ def losses_of(P_n, P_t, T, P_et, pair: ti.template()):
 # Bits in HOW: the collision was elastic by one of the two; with a ledger, whether friction stopped the slip, and
 # whether the rolling torque was its greatest.
 STICKS, ROLLS, ELASTIC = 1, 2, 4
-
-
-@ti.func
-def just_collided(i, t, gas: ti.template()):
-    """1 if disk i's latest collision was less than the contact time before time t of the epoch, else 0."""
-    head = gas.link[i][HEAD]
-    since = ti.cast(t, ti.f64)
-    if head >= 0:
-        since -= gas.log_real[head][TIME]
-    else:
-        since += gas.latest[gas.grid[N]] - gas.latest[gas.meta[i][ID]]
-    return ti.cast(since < gas.scale[CONTACT_TIME], ti.i32)
 
 
 @ti.func

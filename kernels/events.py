@@ -1,323 +1,400 @@
-"""What happens to one disk in a round: it collides, predicts, is marked, is rolled back.
+"""The serial core: the events of one region of disks, in order, from the beginning of a window to its end.
 
-The order of these steps and what they guarantee is told in `rounds.py`.
+Disks lie in cells at least as wide as the largest of them, so that disks that touch are in adjacent cells. Each has one
+event: its collision or, before that, its way into the next cell. Bins over the time of the window are the queue.
+
+Only the disk that predicts a collision stores it. A partner that has collided since makes it stale: then the disk
+predicts again. None is missed: whenever the motion of a disk changes it looks at all its neighbours, and when it enters a
+cell, at those that become neighbours; so of any two that will meet, the one that looked last knows of it, or has an
+earlier event, at which it looks again.
+
+Places and clocks of disks change at collisions only, never at crossings, and are rounded to the grid then. So histories
+depend neither on the cells nor on the region: only on who is there.
 """
 
-from .contact import ELASTIC, collided, just_collided
-from .flights import id_at, id_of, meeting_time, precedes, shift_by, sooner
-from .history import flight_between, previous, record, side_of
+from .contact import ELASTIC, ROLLS, STICKS, collided
+from .flights import contact_delay, rounding
 from .language import ti
 from .layout import (
-    ACTIVE,
-    AFFECTED,
-    AFFECTED_ROW,
-    BEFORE,
-    CHANGED_ROW,
-    DIRTY,
-    FAR,
-    FIRST_WALL,
-    HEAD,
-    HORIZON,
-    HOW,
-    ID,
-    INVERSE_MASS,
-    KIND,
-    LATCHED,
-    LENGTH,
-    MATERIAL,
-    N_ELASTIC,
-    N_LOG,
-    N_STANDING,
-    N_UNDONE,
-    N_VIOLATIONS,
-    N_WALL_HITS,
-    NEVER,
-    NUMBER,
-    PARTNER,
-    PREVIOUS,
-    RADIUS,
-    ROLL_BACK,
-    ROLLED_BACK,
-    ROUND,
-    ROW,
-    SAME_FRAME,
-    SEQ,
-    SHIFT_BITS,
-    SLOT,
-    SPIN,
-    STANDS,
-    TAU,
-    TE,
-    TIME,
-    UNDO,
-    UNDO_ROW,
-    VX,
-    VY,
-    K,
-    X,
-    Y,
-    n_others,
-    n_own,
-    push,
-)
-from .levels import limit_if_too_fast
+    ASIDE, AT_END, AT_MOMENT, BINS, CELL, COLLISIONS, DRIFT, ELASTICALLY, ELASTICS, FAR, FIRST_WALL,
+    FLOW_WORK, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL,
+    MOMENT_IN, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NUMBER, N_EVENTS, OWN, PARTNER, PARTNER_NUMBER, PLACES,
+    PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT,
+    T_LEAVE, VX, VY, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
+)  # fmt: skip
+from .places import add, came_to, just_collided, kind_of, note_speed, radius_of, remember
+from .tiles import write
 from .walls import first_wall, hit_wall
+
+EMPTY = -1  # of bins and cells
+NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
+MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
+# Columns of losses and regimes in the tally.
 
 
 @ti.func
-def collide_at(entry, t, a, b, shift, gas: ti.template()):
-    """Collide slots a < b at time t, b lying one `shift` from a, and log it as record `entry`."""
+def take_out(i, bins, gas: ti.template()):
+    """Take a disk out of its bin."""
+    before, after = gas.link[i][PREVIOUS], gas.link[i][NEXT]
+    if before != NOT_QUEUED:
+        if before < NOT_QUEUED:
+            gas.bin[bins - 2 - before] = after
+        else:
+            gas.link[before][NEXT] = after
+        if after >= 0:
+            gas.link[after][PREVIOUS] = before
+        gas.link[i][PREVIOUS] = NOT_QUEUED
+
+
+@ti.func
+def put_in(i, t, present, bins, n_bins, gas: ti.template()):
+    """Put a disk whose event is at t into its bin, none before the `present` one; into none beyond the window."""
+    if t < gas.scale[WINDOW]:
+        b = ti.cast(t * (n_bins / gas.scale[WINDOW]), ti.i32)
+        b = ti.min(ti.max(b, present), n_bins - 1)
+        after = gas.bin[bins + b]
+        gas.link[i][NEXT] = after
+        gas.link[i][PREVIOUS] = -2 - b
+        if after >= 0:
+            gas.link[after][PREVIOUS] = i
+        gas.bin[bins + b] = i
+
+
+@ti.func
+def precedes(i, k, gas: ti.template()):
+    """1 if the event of the disk at place i, at the same time as that at place k, comes first: the smaller pair of ids."""
+    a, b, c, d = gas.link[i][WHO], gas.link[i][WHO], gas.link[k][WHO], gas.link[k][WHO]
+    if gas.link[i][PARTNER] >= 0 and gas.work[i][T_HIT] <= gas.work[i][T_LEAVE]:
+        b = gas.link[gas.link[i][PARTNER]][WHO]
+    if gas.link[k][PARTNER] >= 0 and gas.work[k][T_HIT] <= gas.work[k][T_LEAVE]:
+        d = gas.link[gas.link[k][PARTNER]][WHO]
+    low_1, high_1 = ti.min(a, b), ti.max(a, b)
+    low_2, high_2 = ti.min(c, d), ti.max(c, d)
+    return low_1 < low_2 or (low_1 == low_2 and high_1 < high_2)
+
+
+@ti.func
+def leaving(i, region: ti.template(), gas: ti.template()):
+    """When the disk at place i leaves its cell, and whereto: steps in x and y.
+
+    Cells at an end of the region that is no periodic side have no end there.
+    """
+    cx = gas.link[i][CELL] // region.ny
+    cy = gas.link[i][CELL] - cx * region.ny
+    x, y, vx, vy = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY]
+    if ti.static(gas.uses.sheared):
+        row = gas.link[i][ROW]
+        if row != 0:  # in the frame of the region
+            vx += row * gas.scale[DRIFT]
+            x += row * (gas.scale[ASIDE] + gas.scale[DRIFT] * gas.work[i][TAU])
+    t_x, t_y = FAR + 0.0 * x, FAR + 0.0 * x
+    step_x, step_y = 0, 0
+    if vx > 0.0 and (cx < region.nx - 1 or region.wrap_x == 1):
+        t_x, step_x = (region.x + (cx + 1) * region.side_x - x) / vx, 1
+    if vx < 0.0 and (cx > 0 or region.wrap_x == 1):
+        t_x, step_x = (region.x + cx * region.side_x - x) / vx, -1
+    if vy > 0.0 and (cy < region.ny - 1 or region.wrap_y == 1):
+        t_y, step_y = (region.y + (cy + 1) * region.side_y - y) / vy, 1
+    if vy < 0.0 and (cy > 0 or region.wrap_y == 1):
+        t_y, step_y = (region.y + cy * region.side_y - y) / vy, -1
+    if t_x <= t_y:
+        step_y = 0
+    else:
+        step_x = 0
+    return gas.work[i][TAU] + ti.max(ti.min(t_x, t_y), 0.0), step_x, step_y
+
+
+@ti.func
+def leave(i, step_x, step_y, region: ti.template(), gas: ti.template()):
+    """Move the disk at place i into the next cell; round the box where that is periodic."""
+    cell = gas.link[i][CELL]
+    if gas.head[region.cells + cell] == i:
+        gas.head[region.cells + cell] = gas.link[i][NEXT_IN_CELL]
+    else:
+        k = gas.head[region.cells + cell]
+        while gas.link[k][NEXT_IN_CELL] != i:
+            k = gas.link[k][NEXT_IN_CELL]
+        gas.link[k][NEXT_IN_CELL] = gas.link[i][NEXT_IN_CELL]
+    cx = cell // region.ny + step_x
+    cy = cell - (cell // region.ny) * region.ny + step_y
+    if cx < 0 or cx >= region.nx:
+        cx -= step_x * region.nx
+        gas.work[i][X] = gas.work[i][X] - step_x * gas.scale[LENGTH_X]
+        gas.mark[i][LAP_X] = gas.mark[i][LAP_X] + step_x
+    if cy < 0 or cy >= region.ny:
+        cy -= step_y * region.ny
+        gas.work[i][Y] = gas.work[i][Y] - step_y * gas.scale[LENGTH_Y]
+        gas.mark[i][LAP_Y] = gas.mark[i][LAP_Y] + step_y
+    cell = cx * region.ny + cy
+    gas.link[i][CELL] = cell
+    gas.link[i][NEXT_IN_CELL] = gas.head[region.cells + cell]
+    gas.head[region.cells + cell] = i
+
+
+@ti.func
+def nearest(d, length, wraps):
+    """The shift by a box length that brings a separation nearest to 0, across a periodic side."""
+    shift = 0.0 * d
+    if wraps == 1:
+        if d > 0.5 * length:
+            shift = -length
+        elif d < -0.5 * length:
+            shift = length
+    return shift
+
+
+@ti.func
+def enter_losses(tile, how, lost, gas: ti.template()):
+    """Enter what a collision of two disks took, and its regime, into the ledger."""
+    sticks = how % ROLLS == STICKS
+    add(tile, LOSSES + NORMAL, lost[0], gas)
+    add(tile, LOSSES + RESTITUTION, lost[1], gas)
+    column = LOSSES + SLIDING_LOSS
+    if sticks:
+        column = LOSSES + STICKING_LOSS
+    add(tile, column, lost[2], gas)
+    add(tile, LOSSES + ROLLING_LOSS, lost[3], gas)
+    add(tile, REGIMES + ti.min(how, ELASTICALLY), 1.0, gas)
+
+
+@ti.func
+def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
+    """Collide the disks at places i and j at time t, the smaller id first: the same bits from either side."""
+    a, b = i, j
+    if gas.link[j][WHO] < gas.link[i][WHO]:
+        a, b = j, i
     lasting = 0
     if ti.static(gas.uses.remembers):
         lasting = ti.max(just_collided(a, t, gas), just_collided(b, t, gas))
-    gas.log_real[entry][TIME] = t
-    record(entry, 0, a, gas)
-    record(entry, 1, b, gas)
-    x_a = gas.flight[a][X] + gas.flight[a][VX] * (t - gas.flight[a][TAU])
-    y_a = gas.flight[a][Y] + gas.flight[a][VY] * (t - gas.flight[a][TAU])
-    x_b = gas.flight[b][X] + gas.flight[b][VX] * (t - gas.flight[b][TAU])
-    y_b = gas.flight[b][Y] + gas.flight[b][VY] * (t - gas.flight[b][TAU])
-    shift_x, shift_y, drift = shift_by(shift, gas)
-    vx_b = gas.flight[b][VX]
+        gas.since[a] = t
+        gas.since[b] = t
+    came_to(a, t, gas)
+    came_to(b, t, gas)
+    rx = gas.work[b][X] - gas.work[a][X]
+    ry = gas.work[b][Y] - gas.work[a][Y]
+    vx_b = gas.work[b][VX]
+    faster = 0.0 * t
     if ti.static(gas.uses.sheared):
         # In the frame of a's row, where b is faster.
-        shift_x += drift * t
-        vx_b += drift
-    rx = x_b - x_a + shift_x
-    ry = y_b - y_a + shift_y
+        rows = gas.link[b][ROW] - gas.link[a][ROW]
+        faster = rows * gas.scale[DRIFT]
+        rx += rows * gas.scale[ASIDE] + faster * t
+        vx_b += faster
+    rx += nearest(rx, gas.scale[LENGTH_X], region.wrap_x)
+    ry += nearest(ry, gas.scale[LENGTH_Y], region.wrap_y)
     r = ti.sqrt(rx * rx + ry * ry)
-    kind_a = gas.meta[a][KIND]
-    kind_b = gas.meta[b][KIND]
+    kind_a, kind_b = kind_of(a, gas), kind_of(b, gas)
     p = ti.cast(gas.kinds[kind_a][MATERIAL], ti.i32)
     q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
-    nx, ny = rx / r, ry / r
-    vx_a, vy_a, w_a, vx_b, vy_b, w_b, how, lost = collided(
-        p, q, nx, ny,
-        gas.kinds[kind_a][INVERSE_MASS], gas.flight[a][RADIUS], gas.kinds[kind_a][K],
-        gas.flight[a][VX], gas.flight[a][VY], gas.flight[a][SPIN],
-        gas.kinds[kind_b][INVERSE_MASS], gas.flight[b][RADIUS], gas.kinds[kind_b][K],
-        vx_b, gas.flight[b][VY], gas.flight[b][SPIN],
+    vx_a = gas.work[a][VX]
+    new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, how, lost = collided(
+        p, q, rx / r, ry / r,
+        gas.kinds[kind_a][INVERSE_MASS], gas.kinds[kind_a][KIND_RADIUS], gas.kinds[kind_a][K],
+        vx_a, gas.work[a][VY], gas.work[a][W_SPIN],
+        gas.kinds[kind_b][INVERSE_MASS], gas.kinds[kind_b][KIND_RADIUS], gas.kinds[kind_b][K],
+        vx_b, gas.work[b][VY], gas.work[b][W_SPIN],
         lasting, gas,
     )  # fmt: skip
-    gas.flight[a][X] = x_a
-    gas.flight[a][Y] = y_a
-    gas.flight[a][VX] = vx_a
-    gas.flight[a][VY] = vy_a
-    gas.flight[a][TAU] = t
-    gas.flight[a][SPIN] = w_a
-    gas.flight[b][X] = x_b
-    gas.flight[b][Y] = y_b
-    if ti.static(gas.uses.sheared):
-        vx_b -= drift
-    gas.flight[b][VX] = vx_b
-    gas.flight[b][VY] = vy_b
-    gas.flight[b][TAU] = t
-    gas.flight[b][SPIN] = w_b
-    gas.log_int[entry][HOW] = how + SHIFT_BITS * shift
-    if ti.static(gas.uses.tallied):
-        gas.log_loss[entry] = lost
-    if how >= ELASTIC:
-        ti.atomic_add(gas.counter[N_ELASTIC], 1)
-    gas.log_int[entry][STANDS] = 1
-    limit_if_too_fast(a, t, gas)
-    limit_if_too_fast(b, t, gas)
+    gas.work[a][VX], gas.work[a][VY], gas.work[a][W_SPIN] = new_vx_a, vy_a, w_a
+    gas.work[b][VX], gas.work[b][VY], gas.work[b][W_SPIN] = new_vx_b - faster, vy_b, w_b
+    remember(a, t, gas.link[b][WHO], gas)
+    remember(b, t, gas.link[a][WHO], gas)
+    note_speed(a, gas)
+    note_speed(b, gas)
+    gas.link[a][LAST] = b
+    gas.link[b][LAST] = a
+    if gas.link[a][OWN] == 1:
+        add(tile, COLLISIONS, 1.0, gas)
+        if how >= ELASTIC:
+            add(tile, ELASTICS, 1.0, gas)
+        if ti.static(gas.uses.tallied):
+            enter_losses(tile, how, lost, gas)
+        if ti.static(gas.uses.sheared):
+            if rows != 0:
+                # a got the momentum m dv, and b, in a frame that is faster, the opposite.
+                gained = ti.cast((new_vx_a - vx_a) * faster, ti.f64)
+                add(tile, FLOW_WORK, gained / gas.kinds[kind_a][INVERSE_MASS], gas)
 
 
 @ti.func
-def collide(i, everybody, gas: ti.template()):
-    """Step 1 for disk i: collide with its partner, if they name each other and the event is due.
+def sooner(t, j, best, partner, gas: ti.template()):
+    """1 if a meeting at t with the disk at place j comes before the one at `best`; exact ties fall to the smaller id."""
+    before = t < best
+    if t == best and t < FAR:
+        if partner >= 0:
+            before = gas.link[j][WHO] < gas.link[partner][WHO]
+        else:
+            before = partner <= FIRST_WALL  # walls come after all disks
+    return before
 
-    Both members of a pair may be active; the lower slot then does the work. `everybody` > 0 says that all are.
+
+@ti.func
+def find(
+    i, x_low, x_high, y_low, y_high, half, best, partner, region: ti.template(), gas: ti.template()
+):  # fmt: skip
+    """The earliest meeting of the disk at place i with those of the cells around its own, before `best`: time, partner.
+
+    Cells from (x_low, y_low) to (x_high, y_high) steps away. If `half`, only every other cell of the nine, so that each
+    pair is looked at once.
     """
-    code = gas.link[i][PARTNER]
-    t = gas.flight[i][TE]
-    if code >= 0 and t < gas.limit[LATCHED]:
-        j = code // 9
-        shift = code - 9 * j
-        round_ = gas.counter[ROUND]
-        mutual = gas.link[j][PARTNER] == 9 * i + 8 - shift and gas.flight[j][TE] == t
-        mine = i < j
-        if everybody == 0 and gas.link[j][ACTIVE] != round_:
-            mine = True
-        if mutual and mine:
-            # Always from the lower slot to the higher, whoever does it: the same bits.
-            a = ti.min(i, j)
-            b = ti.max(i, j)
-            if i != a:
-                shift = 8 - shift
-            entry = ti.atomic_add(gas.counter[N_LOG], 1)
-            ti.atomic_add(gas.counter[N_STANDING], 1)
-            collide_at(entry, t, a, b, shift, gas)
-            gas.link[a][DIRTY] = round_
-            gas.link[b][DIRTY] = round_
-            row = CHANGED_ROW + round_ % 2
-            push(row, a, gas)
-            push(row, b, gas)
-    if ti.static(gas.uses.walled):
-        if code <= FIRST_WALL and t < gas.limit[LATCHED]:
-            hit_wall(ti.atomic_add(gas.counter[N_LOG], 1), t, i, gas)
-            gas.link[i][DIRTY] = gas.counter[ROUND]
-            push(CHANGED_ROW + gas.counter[ROUND] % 2, i, gas)
+    cx = gas.link[i][CELL] // region.ny
+    cy = gas.link[i][CELL] - cx * region.ny
+    x, y, vx, vy, tau = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU]
+    last = gas.link[i][LAST]
+    radius = gas.scale[WIDEST] * 0.5
+    if ti.static(gas.uses.mixed):
+        radius = radius_of(i, gas)
+    size = ti.abs(vx) + ti.abs(vy)
+    for step_x in range(x_low, x_high + 1):
+        ax = cx + step_x
+        shift_x = 0.0 * x
+        if ax < 0:
+            ax = ti.select(region.wrap_x == 1, ax + region.nx, -1)
+            shift_x = -gas.scale[LENGTH_X]
+        elif ax >= region.nx:
+            ax = ti.select(region.wrap_x == 1, ax - region.nx, -1)
+            shift_x = gas.scale[LENGTH_X]
+        if ax >= 0:
+            for step_y in range(y_low, y_high + 1):
+                ay = cy + step_y
+                shift_y = 0.0 * x
+                if ay < 0:
+                    ay = ti.select(region.wrap_y == 1, ay + region.ny, -1)
+                    shift_y = -gas.scale[LENGTH_Y]
+                elif ay >= region.ny:
+                    ay = ti.select(region.wrap_y == 1, ay - region.ny, -1)
+                    shift_y = gas.scale[LENGTH_Y]
+                j = -1
+                if ay >= 0:
+                    j = gas.head[region.cells + ax * region.ny + ay]
+                    if half == 1 and step_x == 0:
+                        if step_y == 0:
+                            j = gas.link[i][NEXT_IN_CELL]
+                        elif step_y < 0:
+                            j = -1
+                while j >= 0:
+                    following = gas.link[j][NEXT_IN_CELL]
+                    if j != i and (j != last or gas.link[j][LAST] != i):
+                        tau_j = gas.work[j][TAU]
+                        start = ti.max(tau, tau_j)
+                        vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
+                        from_i, from_j = start - tau, start - tau_j
+                        # Differences of places are exact. Seen from j, every term only changes its sign.
+                        rx = ((gas.work[j][X] - x) + shift_x) + (vx_j * from_j - vx * from_i)
+                        ry = ((gas.work[j][Y] - y) + shift_y) + (vy_j * from_j - vy * from_i)
+                        ux, uy = vx_j - vx, vy_j - vy
+                        if ti.static(gas.uses.sheared):
+                            rows = gas.link[j][ROW] - gas.link[i][ROW]
+                            if rows != 0:
+                                rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
+                                ux += rows * gas.scale[DRIFT]
+                        sigma = gas.scale[WIDEST]
+                        if ti.static(gas.uses.mixed):
+                            sigma = radius + radius_of(j, gas)
+                        noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
+                        t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
+                        if sooner(t, j, best, partner, gas):
+                            best = t
+                            partner = j
+                    j = following
+    return best, partner
 
 
 @ti.func
-def neighbour_code(i, q, lengths, row, gas: ti.template()):
-    """The q-th neighbour of disk i as a code: those in the same frame first, then the others."""
-    own = n_own(lengths)
-    code = 0
-    if q < own:
-        code = 9 * gas.neighbour[row * i + q] + SAME_FRAME
-    else:
-        code = gas.neighbour[row * i + row - 1 - (q - own)]
-    return code
+def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.template()):
+    """All events of a window in a region of n disks at places from `places` on, which gather has laid out.
 
-
-@ti.func
-def mark(i, number, gas: ti.template()):
-    """Undo disk i's collisions from that number on."""
-    if ti.atomic_min(gas.link[i][UNDO], number) == NEVER:
-        push(UNDO_ROW, i, gas)
-
-
-@ti.func
-def predict(i, changed: ti.template(), gas: ti.template()):
-    """Steps 2 and 3 (`changed`) or 5 for disk i: its earliest event, whom it affects, who collided too early."""
-    round_ = gas.counter[ROUND]
-    x, y, vx, vy = gas.flight[i][X], gas.flight[i][Y], gas.flight[i][VX], gas.flight[i][VY]
-    tau, radius = gas.flight[i][TAU], gas.flight[i][RADIUS]
-    head = gas.link[i][HEAD]
-    horizon = gas.scale[HORIZON]
-    lengths = gas.link[i][LENGTH]
-    earliest = FAR
-    partner = -1
-    for q in range(n_own(lengths) + n_others(lengths)):
-        code = neighbour_code(i, q, lengths, gas.grid[ROW], gas)
-        j = code // 9
-        shift = code - 9 * j
-        shift_x, shift_y, drift = shift_by(shift, gas)
-        sigma = radius + gas.flight[j][RADIUS]
-        head_j = gas.link[j][HEAD]
-        t = FAR
-        # A pair whose latest collision was with each other separates: it cannot meet again in straight flight.
-        if head < 0 or head != head_j:
-            t = meeting_time(
-                x, y, vx, vy, tau,
-                gas.flight[j][X], gas.flight[j][Y], gas.flight[j][VX], gas.flight[j][VY], gas.flight[j][TAU],
-                shift_x, shift_y, drift, sigma, horizon, gas,
-            )  # fmt: skip
-        if ti.static(changed):
-            # Causality: walk back over the neighbour's flights that ended after this disk's began.
-            undo = NEVER
-            entry = head_j
-            while entry >= 0:
-                before = previous(entry, j, gas)
-                xj, yj, vxj, vyj, began, ended, number, other = flight_between(j, before, entry, horizon, gas)
-                if ended <= tau:
-                    entry = -1
+    Own disks are written to their slots, from `base` on, as they are at the moment that is asked for, and at the end.
+    """
+    places, bins = lane * gas.grid[PLACES], lane * gas.grid[BINS]
+    window = gas.scale[WINDOW]
+    moment = gas.scale[MOMENT_IN]
+    for b in range(n_bins):
+        gas.bin[bins + b] = EMPTY
+    present, fresh, told, going = 0, 0, 0, 1
+    if not moment < FAR:
+        told = 1
+    events, checked, checked_at = 0, 0, 0.0 * window
+    patience = MANY_EVENTS + 20 * n
+    while going == 1:
+        # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
+        looking, first, second, half = 0, 0, 0, 0
+        x_low, x_high, y_low, y_high = -1, 1, -1, 1
+        keeps = 0
+        if fresh < n:
+            first, looking, half, x_low = places + fresh, 1, 1, 0
+            fresh += 1
+        else:
+            i = EMPTY
+            t = window
+            while i < 0 and present < n_bins:
+                i = gas.bin[bins + present]
+                if i < 0:
+                    present += 1
+            if i >= 0:
+                t = ti.min(gas.work[i][T_HIT], gas.work[i][T_LEAVE])
+                k = gas.link[i][NEXT]
+                while k >= 0:
+                    t_k = ti.min(gas.work[k][T_HIT], gas.work[k][T_LEAVE])
+                    if t_k < t:
+                        i, t = k, t_k
+                    elif t_k == t:
+                        if precedes(k, i, gas):
+                            i, t = k, t_k
+                    k = gas.link[k][NEXT]
+            writing = -1
+            if told == 0 and (i < 0 or t > moment):
+                writing, told = AT_MOMENT, 1
+            elif i < 0:
+                writing, going = AT_END, 0
+            if writing >= 0:
+                write(n, places, tile, base, writing, region, gas)
+            else:
+                events += 1
+                take_out(i, bins, gas)
+                first, looking = i, 1
+                partner = gas.link[i][PARTNER]
+                if gas.work[i][T_LEAVE] < gas.work[i][T_HIT]:
+                    _at, step_x, step_y = leaving(i, region, gas)
+                    leave(i, step_x, step_y, region, gas)
+                    keeps = 1
+                    if step_x != 0:
+                        x_low, x_high = step_x, step_x
+                    else:
+                        y_low, y_high = step_y, step_y
+                elif partner >= 0:
+                    if gas.link[partner][NUMBER] == gas.link[i][PARTNER_NUMBER]:
+                        take_out(partner, bins, gas)
+                        collide(i, partner, t, tile, region, gas)
+                        second, looking = partner, 2
                 else:
-                    if began < ended and (head < 0 or before != head):
-                        crossing = meeting_time(
-                            x, y, vx, vy, tau, xj, yj, vxj, vyj, began,
-                            shift_x, shift_y, drift, sigma, ended, gas,
-                        )  # fmt: skip
-                        if crossing <= ended:
-                            early = crossing < ended
-                            if crossing == ended:
-                                # An exact tie falls to the smaller pair of ids.
-                                early = precedes(
-                                    gas.meta[i][ID], gas.meta[j][ID], id_at(other, gas), gas.meta[j][ID]
-                                )
-                            if early:
-                                undo = number
-                                t = crossing
-                    entry = before
-            if undo < NEVER and gas.grid[ROLL_BACK] == 1:
-                ti.atomic_add(gas.counter[N_VIOLATIONS], 1)
-                mark(j, undo, gas)
-            if gas.link[j][DIRTY] != round_:
-                partner_j = gas.link[j][PARTNER]
-                affected = False
-                if partner_j >= 0:
-                    affected = partner_j // 9 == i
-                if t < horizon:
-                    if t < gas.flight[j][TE]:
-                        affected = True
-                    elif t == gas.flight[j][TE]:
-                        affected = affected or gas.meta[i][ID] < id_of(partner_j, gas)
-                if affected:  # nested: Taichi evaluates both sides of `and`
-                    if ti.atomic_max(gas.link[j][AFFECTED], round_) < round_:
-                        push(AFFECTED_ROW + round_ % 2, j, gas)
-        if sooner(t, j, earliest, partner, horizon, gas):
-            earliest = t
-            partner = code
-    if ti.static(gas.uses.walled):
-        t, code = first_wall(i, gas)
-        if t < earliest:
-            earliest = t
-            partner = code
-    gas.flight[i][TE] = earliest
-    gas.link[i][PARTNER] = partner
-    gas.link[i][ACTIVE] = round_ + 1
-
-
-@ti.func
-def propagate(gas: ti.template()):
-    """Step 3: carry the marks to partners until nothing changes. A minimum, so the result is unique."""
-    moved = 1
-    while moved == 1:
-        moved = 0
-        q = 0
-        while q < gas.counter[UNDO_ROW]:
-            i = gas.lists[UNDO_ROW, q]
-            entry = gas.link[i][HEAD]
-            while entry >= 0:
-                side = side_of(entry, i, gas)
-                if gas.log_int[entry][NUMBER + side] >= gas.link[i][UNDO]:
-                    j = gas.log_int[entry][SLOT + 1 - side]
-                    number = gas.log_int[entry][NUMBER + 1 - side]
-                    if j >= 0:  # not a wall
-                        if number < gas.link[j][UNDO]:
-                            if gas.link[j][UNDO] == NEVER:
-                                push(UNDO_ROW, j, gas)
-                            gas.link[j][UNDO] = number
-                            moved = 1
-                    entry = gas.log_int[entry][PREVIOUS + side]
-                else:
-                    entry = -1
-            q += 1
-
-
-@ti.func
-def restore(i, gas: ti.template()):
-    """Step 4: put disk i back to the state before its first undone collision. It names nobody until it predicts."""
-    undo = gas.link[i][UNDO]
-    entry = gas.link[i][HEAD]
-    found = 0
-    while found == 0:
-        side = side_of(entry, i, gas)
-        gas.log_int[entry][STANDS] = 0
-        before = gas.log_int[entry][PREVIOUS + side]
-        if side == 0 and gas.log_int[entry][HOW] % SHIFT_BITS >= ELASTIC:
-            ti.atomic_sub(gas.counter[N_ELASTIC], 1)
-        if gas.log_int[entry][SLOT + 1] < 0:
-            ti.atomic_sub(gas.counter[N_WALL_HITS], 1)
-        elif side == 0:
-            ti.atomic_add(gas.counter[N_UNDONE], 1)
-            ti.atomic_sub(gas.counter[N_STANDING], 1)
-        if gas.log_int[entry][NUMBER + side] == undo:
-            first = BEFORE + 5 * side
-            gas.flight[i][X] = gas.log_real[entry][first]
-            gas.flight[i][Y] = gas.log_real[entry][first + 1]
-            gas.flight[i][VX] = gas.log_real[entry][first + 2]
-            gas.flight[i][VY] = gas.log_real[entry][first + 3]
-            gas.flight[i][SPIN] = gas.log_real[entry][first + 4]
-            gas.flight[i][TAU] = 0.0
-            if before >= 0:
-                gas.flight[i][TAU] = gas.log_real[before][TIME]
-            found = 1
-        entry = before
-    gas.link[i][HEAD] = entry
-    gas.link[i][SEQ] = undo
-    gas.link[i][UNDO] = NEVER
-    gas.link[i][PARTNER] = ROLLED_BACK
-    gas.flight[i][TE] = FAR
+                    if ti.static(gas.uses.walled):
+                        hit_wall(i, t, tile, region, gas)
+                if events - checked > patience:
+                    # So many events without progress of time have no end.
+                    if t - checked_at < 1e-9 * window:
+                        ti.atomic_max(gas.counter[STALLED], 1)
+                        going = 0
+                    checked, checked_at = events, t
+        for q in range(looking):
+            i = first
+            if q == 1:
+                i = second
+            best, partner = window, NOBODY
+            if keeps == 1:
+                if gas.link[i][PARTNER] != NOBODY:
+                    best, partner = gas.work[i][T_HIT], gas.link[i][PARTNER]
+            before = partner
+            best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
+            if ti.static(gas.uses.walled):
+                best, partner = first_wall(i, best, partner, lane, region, gas)
+            if partner == NOBODY:
+                best = FAR + 0.0 * window
+            elif partner >= 0 and partner != before:
+                gas.link[i][PARTNER_NUMBER] = gas.link[partner][NUMBER]
+            gas.work[i][T_HIT] = best
+            gas.link[i][PARTNER] = partner
+            leaves, _x, _y = leaving(i, region, gas)
+            gas.work[i][T_LEAVE] = leaves
+            put_in(i, ti.min(best, leaves), present, bins, n_bins, gas)
+    ti.atomic_add(gas.counter[N_EVENTS], events)

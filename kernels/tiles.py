@@ -1,343 +1,429 @@
-"""The collisions inside one tile, in their order, by one thread; then what tiles must settle with each other.
+"""Tiles with halos: who is gathered for a window, what is written at its end, and the test that it is exact.
 
-A tile runs like a serial event-driven code: the earliest event of its disks is next. Bins over the window's time
-take the place of a heap. What involves a disk of another tile is left alone: a disk whose earliest event is with one
-is *held*, and so is every disk whose earliest event is with a held one. Meetings with disks of other tiles that came
-up only in this run are not looked for; `join_tiles` does that afterwards, undoes what happened too early, and
-opens the rounds, which do the rest.
+*Gather.* A tile takes all disks that lie in it (its own) or within its halo, from its list and those of the eight tiles
+around it. Disks have flown since they were listed, at most over the sides of their tile. A tile owns a disk for a
+window because that begins there.
+
+*Write.* Own disks go into the tile's new list. For each, the hash of its history (times and partners) and a bound on its
+way are noted; for each copy of another tile's disk a *claim*: the hash of the history that the copy had here.
+
+*Verify.* A tile is good if
+
+1. its halo is as wide as the largest diameter, as its own disks came beyond its sides, and as any disk around came at
+   all: whoever was not gathered did not matter;
+2. of each copy with another history than the disk had in its own tile, neither the disk nor the copy can have come into
+   touch with an own disk: circles around their first places with their ways as radii do not meet.
+
+Proof. Suppose all tiles are good, and let t be the first time at which the histories that tiles found for their own disks
+leave the true motion. Then an own disk i meets, or misses, some k wrongly at t. Until t, i and k moved truly, so by 1
+there is a copy of k in the tile of i, and it or k came into touch with i, so by 2 the copy has the history that k has in
+its own tile, which is true before t. The tile of i then computed the meeting from true motions: a contradiction.
+
+Bad tiles are run again, from the same beginning, with wider halos. Nothing is ever undone.
 """
 
-from .events import collide_at
-from .extend import LATER, extend, raise_level
-from .flights import id_of, meeting_time, precedes, shift_by, sooner
+from .flights import on_grid
 from .language import ti
 from .layout import (
-    AFFECTED,
-    BEGIN,
-    CELLS_X,
-    CELLS_Y,
-    END,
-    FAR,
-    FIRST_WALL,
-    HEAD,
-    HORIZON,
-    ID,
-    LENGTH,
-    LOG_CAPACITY,
-    LOG_FULL,
-    MOST_NEIGHBOURS,
-    N_LOG,
-    N_STANDING,
-    NEXT,
-    PARTNER,
-    PREVIOUS_IN_BIN,
-    RADIUS,
-    RESTING,
-    ROLLED_BACK,
-    ROW,
-    SAME_FRAME,
-    SPREAD,
-    STANDS,
-    TAU,
-    TE,
-    TILES_X,
-    TILES_Y,
-    VX,
-    VY,
-    WINDOW,
-    Cube,
-    GasArrays,
-    N,
-    Rows,
-    X,
-    Y,
-    n_others,
-    n_own,
-)
-from .levels import too_fast
-from .walls import first_wall, hit_wall
+    ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BOXES_ASIDE, CELL, CELLS, CELL_SIDE,
+    CLAIMS, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL, FULL_CLAIMS, FURTHEST, GX, GY, HALO,
+    HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS, KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST,
+    LENGTH_X, LENGTH_Y, MOMENT_IN, MOST_CLAIMS, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, OWN,
+    PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, ROOM, ROW, SLOT, SPIN, SQUARES, SQUARE_UNIT,
+    START, TALLY, TAU, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, VX, VY, WALL_HITS, WHO, WIDEST, WINDOW,
+    W_SPIN, X, Y,
+)  # fmt: skip
+from .places import add, kind_of, largest_speed, note_speed
 
-CHUNK = 32  # log records that a tile takes at a time
-# In place of the disk before in a bin: nobody knows of this disk; it is held; it is the first of bin FIRST - b.
-OUT, HELD, FIRST = -1, -2, -3
-# What the earliest event is: a collision with a disk or a wall; one that must wait; none any more.
-WITH_DISK, WITH_WALL, WITH_HELD, NOT_DUE = range(4)
-UNSURE = -2  # in place of a stamp: this disk predicted without looking at other tiles
+ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
 
 
 @ti.func
-def enqueue(i, low, bins, begin, rate, window, gas: ti.template()):
-    """Put disk i into the bin of its event, if that lies in the window."""
-    t = gas.flight[i][TE]
-    gas.link[i][PREVIOUS_IN_BIN] = OUT
-    if t < window:
-        b = low + ti.min(ti.cast((t - begin) * rate, ti.i32), bins - 1)
-        first = gas.order[b]
-        gas.link[i][NEXT] = first
-        gas.link[i][PREVIOUS_IN_BIN] = FIRST - b
-        if first >= 0:
-            gas.link[first][PREVIOUS_IN_BIN] = i
-        gas.order[b] = i
+def beside(index, count, periodic):
+    """A column or row of tiles as one of the box, how many boxes away; -1 beyond an end."""
+    found, boxes = index, 0
+    if periodic == 1:
+        boxes = ti.floor(ti.cast(index, ti.f64) / ti.cast(count, ti.f64), ti.i32)
+        found = index - boxes * count
+    elif index < 0 or index >= count:
+        found = -1
+    return found, boxes
 
 
 @ti.func
-def dequeue(i, gas: ti.template()):
-    """Take disk i out of its bin, if it is in one."""
-    before = gas.link[i][PREVIOUS_IN_BIN]
-    if before >= 0 or before <= FIRST:
-        after = gas.link[i][NEXT]
-        if before >= 0:
-            gas.link[before][NEXT] = after
-        else:
-            gas.order[FIRST - before] = after
-        if after >= 0:
-            gas.link[after][PREVIOUS_IN_BIN] = before
-        gas.link[i][PREVIOUS_IN_BIN] = OUT
+def sides_of(tile, gas: ti.template()):
+    """Width and height of a tile."""
+    tx = tile // gas.grid[TILES_Y]
+    ty = tile - tx * gas.grid[TILES_Y]
+    return (
+        ti.cast(gas.edge_x[tx + 1] - gas.edge_x[tx], float),
+        ti.cast(gas.edge_y[ty + 1] - gas.edge_y[ty], float),
+    )
 
 
 @ti.func
-def earliest_of_bin(b, gas: ti.template()):
-    """The disk with the earliest event of a bin; -1 if that is empty. Ties fall to the smaller pair of ids."""
-    best = gas.order[b]
-    if best >= 0:
-        t = gas.flight[best][TE]
-        j = gas.link[best][NEXT]
-        while j >= 0:
-            t_j = gas.flight[j][TE]
-            if t_j < t:
-                best = j
-                t = t_j
-            elif t_j == t:
-                p, q = id_of(gas.link[best][PARTNER], gas), id_of(gas.link[j][PARTNER], gas)
-                if precedes(gas.meta[j][ID], q, gas.meta[best][ID], p):
-                    best = j
-            j = gas.link[j][NEXT]
-    return best
+def lies_in(x, y, margin, tile, gas: ti.template()):
+    """1 if a place (from the tile's corner) is in the tile or within a margin of it, where ends have no end; else 0."""
+    tx = tile // gas.grid[TILES_Y]
+    ty = tile - tx * gas.grid[TILES_Y]
+    width, height = sides_of(tile, gas)
+    low_x = gas.grid[PERIODIC_X] == 0 and tx == 0
+    high_x = gas.grid[PERIODIC_X] == 0 and tx == gas.grid[TILES_X] - 1
+    low_y = gas.grid[PERIODIC_Y] == 0 and ty == 0
+    high_y = gas.grid[PERIODIC_Y] == 0 and ty == gas.grid[TILES_Y] - 1
+    inside_x = (low_x or x >= -margin) and (high_x or x < width + margin)
+    inside_y = (low_y or y >= -margin) and (high_y or y < height + margin)
+    return inside_x and inside_y
 
 
 @ti.func
-def predict_in_order(i, now, low, high, begin, rate, gas: ti.template()):
-    """Disk i's earliest event with a disk of its tile; whoever it meets earlier than his own event takes that one."""
-    x, y, vx, vy = gas.flight[i][X], gas.flight[i][Y], gas.flight[i][VX], gas.flight[i][VY]
-    tau, radius = gas.flight[i][TAU], gas.flight[i][RADIUS]
-    head = gas.link[i][HEAD]
-    horizon = gas.scale[HORIZON]
-    row = gas.grid[ROW]
-    lengths = gas.link[i][LENGTH]
-    own = n_own(lengths)
-    if n_others(lengths) > 0:
-        gas.link[i][AFFECTED] = UNSURE
-    earliest = FAR
-    partner = -1
-    for q in range(own + n_others(lengths)):
-        j = 0
-        shift = SAME_FRAME
-        shift_x = 0.0
-        shift_y = 0.0
-        drift = 0.0
-        if q < own:
-            j = gas.neighbour[row * i + q]
-        else:
-            code = gas.neighbour[row * i + row - 1 - (q - own)]
-            j = code // 9
-            shift = code - 9 * j
-            shift_x, shift_y, drift = shift_by(shift, gas)
-        if j >= low and j < high:
-            before = ti.min(horizon, ti.max(earliest, gas.flight[j][TE]))
-            t = meeting_time(
-                x, y, vx, vy, tau,
-                gas.flight[j][X], gas.flight[j][Y], gas.flight[j][VX], gas.flight[j][VY], gas.flight[j][TAU],
-                shift_x, shift_y, drift, radius + gas.flight[j][RADIUS], before, gas,
-            )  # fmt: skip
-            if t <= before:
-                # A pair whose latest collision was with each other separates: it cannot meet again.
-                if head < 0 or head != gas.link[j][HEAD]:
-                    if sooner(t, j, earliest, partner, horizon, gas):
-                        earliest = t
-                        partner = 9 * j + shift
-                    if t <= gas.flight[j][TE]:
-                        if gas.link[j][PREVIOUS_IN_BIN] != HELD and sooner(
-                            t, i, gas.flight[j][TE], gas.link[j][PARTNER], horizon, gas
-                        ):
-                            dequeue(j, gas)
-                            gas.flight[j][TE] = t
-                            gas.link[j][PARTNER] = 9 * i + 8 - shift
-                            enqueue(j, low, high - low, begin, rate, gas.scale[WINDOW], gas)
-    if ti.static(gas.uses.walled):
-        t, code = first_wall(i, gas)
-        if t < earliest:
-            earliest = t
-            partner = code
-    gas.flight[i][TE] = earliest
-    gas.link[i][PARTNER] = partner
-    if earliest < now:
-        # Only a held disk, which does not tell anybody where it flies, can have been met already.
-        gas.link[i][PREVIOUS_IN_BIN] = HELD
-    else:
-        enqueue(i, low, high - low, begin, rate, gas.scale[WINDOW], gas)
+def cell_at(x, y, region: ti.template()):
+    """Cell of a place; those at the ends of the region have no end."""
+    cx = ti.cast(ti.floor((x - region.x) / region.side_x), ti.i32)
+    cy = ti.cast(ti.floor((y - region.y) / region.side_y), ti.i32)
+    cx = ti.min(ti.max(cx, 0), region.nx - 1)
+    cy = ti.min(ti.max(cy, 0), region.ny - 1)
+    return cx * region.ny + cy
 
 
 @ti.func
-def run_tile(low, high, alone: ti.template(), most, gas: ti.template()):
-    """All collisions of slots [low, high) in the window, in order.
+def region_of(tile, lane, gas: ti.template()):
+    """Cells of the tile and its halo, or of the whole box: corner, number and sides; places are from the tile's corner."""
+    width, height = sides_of(tile, gas)
+    halo = gas.reach[tile][HALO]
+    wrap_x, wrap_y = 0, 0
+    if gas.grid[ALONE] == 1:
+        halo = 0.0 * halo
+        wrap_x, wrap_y = gas.grid[PERIODIC_X], gas.grid[PERIODIC_Y]
+    width += 2.0 * halo
+    height += 2.0 * halo
+    nx = ti.max(ti.cast(width / gas.scale[CELL_SIDE], ti.i32), 1)
+    ny = ti.max(ti.cast(height / gas.scale[CELL_SIDE], ti.i32), 1)
+    tx = tile // gas.grid[TILES_Y]
+    ty = tile - tx * gas.grid[TILES_Y]
+    return ti.Struct(
+        x=-halo, y=-halo, nx=nx, ny=ny, side_x=width / nx, side_y=height / ny, wrap_x=wrap_x, wrap_y=wrap_y,
+        cells=lane * gas.grid[CELLS], width=width - 2.0 * halo, height=height - 2.0 * halo,
+        corner_x=ti.cast(gas.edge_x[tx], float), corner_y=ti.cast(gas.edge_y[ty], float),
+    )  # fmt: skip
 
-    `alone`: this tile is the whole gas. It then stops by itself at the end of the epoch (or when a disk becomes too
-    fast), when the log is full, or after `most` collisions, and sets the epoch's end to where it stopped.
+
+@ti.func
+def neighbour(tile, step_x, step_y, gas: ti.template()):
+    """The tile so many columns and rows away, or -1; how far its corner is; how many boxes it is away.
+
+    Exact: corners and lengths are on the grid. In a sheared gas all tiles are alike, and rows above have moved on by
+    TILES_ASIDE tiles (and by ASIDE, which is not in this).
     """
-    bins = high - low
-    begin = gas.scale[BEGIN]
-    window = gas.scale[WINDOW]
-    rate = bins / (window - begin)
-    for b in range(low, high):
-        gas.order[b] = -1
-    for i in range(low, high):
-        enqueue(i, low, bins, begin, rate, window, gas)
-    done = 0
-    free = 0
-    chunk_end = 0
-    b = low
-    while b < high:
-        i = earliest_of_bin(b, gas)
-        if i < 0:
-            b += 1
-        else:
-            t = gas.flight[i][TE]
-            code = gas.link[i][PARTNER]
-            j = code // 9
-            shift = code - 9 * j
-            if ti.static(alone):
-                if t >= gas.limit[END]:
-                    b = high
-            if b < high:
-                due = NOT_DUE
-                if code <= FIRST_WALL:
-                    due = WITH_WALL
-                elif j >= low and j < high:
-                    if gas.link[j][PARTNER] == 9 * i + 8 - shift and gas.flight[j][TE] == t:
-                        due = WITH_DISK
-                    elif gas.link[j][PREVIOUS_IN_BIN] == HELD:
-                        due = WITH_HELD
-                else:
-                    due = WITH_HELD
-                members = 0  # disks that predict: i, and then j
-                if due == WITH_HELD:
-                    dequeue(i, gas)
-                    gas.link[i][PREVIOUS_IN_BIN] = HELD
-                elif due == NOT_DUE:
-                    # The partner has changed meanwhile.
-                    dequeue(i, gas)
-                    members = 1
-                else:
-                    if free == chunk_end:
-                        free = ti.atomic_add(gas.counter[N_LOG], CHUNK)
-                        chunk_end = free + CHUNK
-                        if chunk_end > gas.grid[LOG_CAPACITY]:
-                            ti.atomic_sub(gas.counter[N_LOG], CHUNK)
-                            gas.counter[LOG_FULL] = 2
-                            chunk_end = free
-                            b = high
-                            if ti.static(alone):
-                                gas.limit[END] = t
-                    if b < high:
-                        dequeue(i, gas)
-                        members = 1
-                        if ti.static(gas.uses.walled):
-                            if due == WITH_WALL:
-                                hit_wall(free, t, i, gas)
-                        if due == WITH_DISK:
-                            dequeue(j, gas)
-                            if i > j:
-                                shift = 8 - shift
-                            collide_at(free, t, ti.min(i, j), ti.max(i, j), shift, gas)
-                            done += 1
-                            members = 2
-                        free += 1
-                for member in range(members):
-                    m = i + member * (j - i)
-                    level = too_fast(m, gas)
-                    if ti.static(alone):
-                        if level > 0:
-                            raise_level(m, level, LATER, gas)
-                            extend(m, LATER, gas)
-                            if gas.counter[MOST_NEIGHBOURS] > 0:
-                                b = high
-                            level = 0
-                    if level > 0:
-                        # Its list may need disks of other tiles: the rounds see to it.
-                        gas.flight[m][TE] = FAR
-                        gas.link[m][PARTNER] = ROLLED_BACK
-                        gas.link[m][AFFECTED] = UNSURE
-                        gas.link[m][PREVIOUS_IN_BIN] = HELD
-                    else:
-                        predict_in_order(m, t, low, high, begin, rate, gas)
-                if ti.static(alone):
-                    # Collisions asked for are those of two disks: a wall does not stop the count from being reached.
-                    if members == 2:
-                        if done == most:
-                            gas.limit[END] = t
-                            b = high
-                    if gas.counter[RESTING] > 0:
-                        gas.limit[END] = t
-                        b = high
-    for entry in range(free, chunk_end):
-        gas.log_int[entry][STANDS] = 0
-    ti.atomic_add(gas.counter[N_STANDING], done)
-    # Whom the tiles' meeting must look at: those at a border, and those that still wait.
-    last = low
-    if ti.static(not alone):
-        for i in range(low, high):
-            gas.link[i][NEXT] = -1  # these columns now serve the rounds again
-            gas.link[i][PREVIOUS_IN_BIN] = -1
-            if (
-                n_others(gas.link[i][LENGTH]) > 0
-                or gas.flight[i][TE] < window
-                or gas.link[i][PARTNER] == ROLLED_BACK
-            ):
-                gas.order[last] = i
-                last += 1
-    return last - low
+    tx = tile // gas.grid[TILES_Y]
+    ty = tile - tx * gas.grid[TILES_Y]
+    ax = tx + step_x
+    if ti.static(gas.uses.sheared):
+        ax -= step_y * gas.grid[TILES_ASIDE]
+    bx, boxes_x = beside(ax, gas.grid[TILES_X], gas.grid[PERIODIC_X])
+    by, boxes_y = beside(ty + step_y, gas.grid[TILES_Y], gas.grid[PERIODIC_Y])
+    other = -1
+    shift_x, shift_y = 0.0 * gas.scale[WINDOW], 0.0 * gas.scale[WINDOW]
+    if bx >= 0 and by >= 0:
+        other = bx * gas.grid[TILES_Y] + by
+        far_x = gas.edge_x[bx] - gas.edge_x[tx] + boxes_x * gas.edge_x[gas.grid[TILES_X]]
+        far_y = gas.edge_y[by] - gas.edge_y[ty] + boxes_y * gas.edge_y[gas.grid[TILES_Y]]
+        if ti.static(gas.uses.sheared):
+            far_x += step_y * gas.grid[TILES_ASIDE] * gas.edge_x[1]
+        shift_x, shift_y = ti.cast(far_x, float), ti.cast(far_y, float)
+    if ti.static(gas.uses.sheared):
+        boxes_x -= step_y * gas.grid[BOXES_ASIDE]
+    return other, shift_x, shift_y, boxes_x, boxes_y
 
 
-@ti.kernel
-def run_tiles(
-    uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows, meta: Rows, cell: Rows,
-    start: Rows, fill: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows, log_real: Rows,
-    log_int: Rows, log_loss: Rows, law: Cube, walls: Rows, near_walls: Rows, latest: Rows,
-):  # fmt: skip
-    """All tiles at once, one thread each, up to the end of the window.
+@ti.func
+def seen(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
+    """Place of a listed disk from the corner of the tile that gathers, boxes that it went round, row of tiles it is in."""
+    x, y = gas.disk[s][X] + shift_x, gas.disk[s][Y] + shift_y
+    lap_x, lap_y, row = 0, 0, 0
+    if ti.static(gas.uses.sheared):
+        x += step_y * gas.scale[ASIDE]
+        height = ti.cast(gas.edge_y[1], float)
+        row = step_y + ti.cast(ti.floor((gas.disk[s][Y]) / height), ti.i32)
+    if region.wrap_x == 1:
+        if x < 0.0:
+            x += gas.scale[LENGTH_X]
+            lap_x = -1
+        elif x >= gas.scale[LENGTH_X]:
+            x -= gas.scale[LENGTH_X]
+            lap_x = 1
+    if region.wrap_y == 1:
+        if y < 0.0:
+            y += gas.scale[LENGTH_Y]
+            lap_y = -1
+        elif y >= gas.scale[LENGTH_Y]:
+            y -= gas.scale[LENGTH_Y]
+            lap_y = 1
+    return x, y, lap_x, lap_y, row
 
-    `order` and `fill` get, from each tile's first slot on, the disks that `join_tiles` must look at, and their number.
+
+@ti.func
+def choose(tile, lane, region: ti.template(), gas: ti.template()):
+    """Note slots, cells and neighbouring tiles of the disks in a tile and its halo, and count them by cell.
+
+    Returns how many there are, and how many of them are its own.
     """
-    gas = ti.static(GasArrays(
-        grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
-        fill=fill, order=order, neighbour=neighbour, counter=counter, limit=limit, log_real=log_real,
-        log_int=log_int, log_loss=log_loss, law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
-    ))  # fmt: skip
-    for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
-        if item % SPREAD == 0:
-            cells = gas.grid[CELLS_X] * gas.grid[CELLS_Y]
-            low = gas.start[item // SPREAD * cells]
-            high = gas.start[(item // SPREAD + 1) * cells]
-            if high > low:
-                gas.fill[item // SPREAD] = run_tile(low, high, False, 0, gas)
+    part = gas.grid[PART]
+    room = gas.grid[PLACES]
+    places = lane * room
+    for c in range(region.nx * region.ny):
+        gas.head[region.cells + c] = 0
+    n, own_disks = 0, 0
+    halo = gas.reach[tile][HALO]
+    alone = gas.grid[ALONE] == 1
+    for step_x in range(-1, 2):
+        for step_y in range(-1, 2):
+            other, shift_x, shift_y, _x, _y = neighbour(tile, step_x, step_y, gas)
+            if alone and (step_x != 0 or step_y != 0):
+                other = -1
+            if other >= 0:
+                first = part * gas.grid[ROOM] + gas.tile[other][START + part]
+                for s in range(first, first + gas.tile[other][COUNT + part]):
+                    x, y, _lap_x, _lap_y, _row = seen(s, step_y, shift_x, shift_y, region, gas)
+                    near = alone or lies_in(x, y, halo, tile, gas)
+                    if near:
+                        own = alone or lies_in(x, y, 0.0 * x, tile, gas)
+                        if n < room:
+                            c = cell_at(x, y, region)
+                            gas.chosen[places + n][0] = s
+                            gas.chosen[places + n][1] = c
+                            gas.chosen[places + n][2] = (3 * step_x + step_y + 4) * 2 + ti.cast(own, ti.i32)
+                            gas.head[region.cells + c] = gas.head[region.cells + c] + 1
+                        n += 1
+                        own_disks += ti.cast(own, ti.i32)
+    return n, own_disks
+
+
+@ti.func
+def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
+    """Lay out the disks that were chosen in the lane's places, sorted by cell."""
+    part = gas.grid[PART]
+    places = lane * gas.grid[PLACES]
+    cells = region.nx * region.ny
+    before = 0
+    for c in range(cells):
+        here = gas.head[region.cells + c]
+        gas.head[region.cells + c] = before
+        before += here
+    for m in range(n):
+        s, c, code = gas.chosen[places + m][0], gas.chosen[places + m][1], gas.chosen[places + m][2]
+        i = places + gas.head[region.cells + c]
+        gas.head[region.cells + c] = gas.head[region.cells + c] + 1
+        step_x, step_y = code // 6 - 1, (code // 2) % 3 - 1
+        _other, shift_x, shift_y, boxes_x, boxes_y = neighbour(tile, step_x, step_y, gas)
+        x, y, lap_x, lap_y, row = seen(s, step_y, shift_x, shift_y, region, gas)
+        vx, vy = gas.disk[s][VX], gas.disk[s][VY]
+        gas.mark[i][SLOT] = s - part * gas.grid[ROOM]
+        gas.link[i][WHO] = gas.meta[s][ID]
+        gas.link[i][OWN] = code % 2
+        gas.mark[i][LAP_X], gas.mark[i][LAP_Y] = lap_x - boxes_x, lap_y - boxes_y
+        gas.link[i][ROW] = row
+        gas.link[i][AT_WALLS] = 0
+        gas.mark[i][BEFORE] = gas.meta[s][EVENTS]
+        if ti.static(gas.uses.mixed):
+            gas.link[i][KIND] = gas.kind[gas.meta[s][ID]]
+        if ti.static(gas.uses.remembers):
+            gas.since[i] = ti.cast(gas.past[s][LATEST], float)
+        if ti.static(gas.uses.turned):
+            gas.turn[i] = 0.0
+        if ti.static(gas.uses.sheared):
+            # Into the frame of the row that it is in now.
+            crossed = row - step_y
+            if crossed != 0:
+                faster = crossed * gas.scale[DRIFT]
+                if code % 2 == 1:
+                    work = ti.cast(faster * (0.5 * faster - vx), ti.f64)
+                    kind = kind_of(i, gas)
+                    add(tile, FLOW_WORK, work / gas.kinds[kind][INVERSE_MASS], gas)
+                vx -= faster
+            x -= row * gas.scale[ASIDE]
+        gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY] = x, y, vx, vy
+        gas.work[i][TAU] = 0.0
+        gas.work[i][W_SPIN] = gas.disk[s][SPIN]
+        gas.link[i][HASH_1], gas.link[i][HASH_2], gas.link[i][TOP] = 0, 0, 0
+        note_speed(i, gas)
+        gas.begun[i][0], gas.begun[i][1] = x + row * gas.scale[ASIDE], y
+    i = places
+    for c in range(cells):
+        end = places + gas.head[region.cells + c]
+        gas.head[region.cells + c] = -1
+        if i < end:
+            gas.head[region.cells + c] = i
+        while i < end:
+            gas.link[i][PARTNER] = NOBODY
+            gas.link[i][CELL] = c
+            gas.link[i][NUMBER] = 0
+            gas.link[i][PREVIOUS] = -1
+            gas.link[i][LAST] = NOBODY
+            gas.link[i][NEXT_IN_CELL] = i + 1
+            i += 1
+            if i == end:
+                gas.link[i - 1][NEXT_IN_CELL] = -1
+
+
+@ti.func
+def inside(x, y, tile, gas: ti.template()):
+    """How far inside the sides of its tile a place is; negative outside. Ends of the box that are open are no sides."""
+    tx = tile // gas.grid[TILES_Y]
+    ty = tile - tx * gas.grid[TILES_Y]
+    width, height = sides_of(tile, gas)
+    left, right, below, above = x, width - x, y, height - y
+    if gas.grid[PERIODIC_X] == 0:
+        left = ti.select(tx == 0, ENDLESS, left)
+        right = ti.select(tx == gas.grid[TILES_X] - 1, ENDLESS, right)
+    if gas.grid[PERIODIC_Y] == 0:
+        below = ti.select(ty == 0, ENDLESS, below)
+        above = ti.select(ty == gas.grid[TILES_Y] - 1, ENDLESS, above)
+    return ti.min(ti.min(left, right), ti.min(below, above))
+
+
+@ti.func
+def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()):
+    """Write own disks to their slots from `base` on, as they are at the window's end, or at the moment asked for.
+
+    At the end, where a window begins next, places are on the grid; and histories and claims are written.
+    """
+    part = 1 - gas.grid[PART]
+    time = gas.scale[WINDOW]
+    if when == AT_MOMENT:
+        part = TOLD
+        time = gas.scale[MOMENT_IN]
+        for column in range(TALLY):
+            gas.tally[tile, AT_MOMENT, column] = gas.tally[tile, AT_END, column]
+        if ti.static(gas.uses.thermal):
+            for column in range(gas.heat.shape[2]):
+                gas.heat[tile, AT_MOMENT, column] = gas.heat[tile, AT_END, column]
+    fall_x, fall_y = gas.scale[GX] * time, gas.scale[GY] * time
+    slot = part * gas.grid[ROOM] + base
+    begun = gas.grid[PART] * gas.grid[ROOM]
+    claims, beyond, furthest = 0, -ENDLESS + 0.0 * time, 0.0 * time
+    fastest, squares = 0.0 * time, ti.cast(0.0, ti.f64)
+    for i in range(places, places + n):
+        way = largest_speed(i, gas) * time
+        if gas.link[i][OWN] == 1:
+            s = begun + gas.mark[i][SLOT]
+            dt = time - gas.work[i][TAU]
+            vx, vy = gas.work[i][VX], gas.work[i][VY]
+            x, y = gas.work[i][X], gas.work[i][Y]
+            if when == AT_MOMENT:
+                x += vx * dt + 0.5 * fall_x * time
+                y += vy * dt + 0.5 * fall_y * time
             else:
-                gas.fill[item // SPREAD] = 0
+                x += on_grid(vx * dt + 0.5 * fall_x * time, gas)
+                y += on_grid(vy * dt + 0.5 * fall_y * time, gas)
+                gas.trail[gas.mark[i][SLOT]][0], gas.trail[gas.mark[i][SLOT]][1] = (
+                    gas.link[i][HASH_1],
+                    gas.link[i][HASH_2],
+                )
+                gas.way[gas.mark[i][SLOT]] = way
+                gas.back[slot - part * gas.grid[ROOM]] = gas.mark[i][SLOT]
+                furthest = ti.max(furthest, way)
+                beyond = ti.max(beyond, way - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, tile, gas))
+                speed2 = (vx + fall_x) * (vx + fall_x) + (vy + fall_y) * (vy + fall_y)
+                fastest = ti.max(fastest, speed2)
+                squares += ti.floor(ti.cast(speed2, ti.f64) / ti.cast(gas.scale[SQUARE_UNIT], ti.f64))
+            gas.disk[slot][X], gas.disk[slot][Y] = x, y
+            gas.disk[slot][VX], gas.disk[slot][VY] = vx + fall_x, vy + fall_y
+            gas.disk[slot][SPIN] = gas.work[i][W_SPIN]
+            gas.meta[slot][ID] = gas.link[i][WHO]
+            gas.meta[slot][EVENTS] = gas.meta[s][EVENTS] + gas.link[i][NUMBER]
+            gas.meta[slot][IMAGE_X] = gas.meta[s][IMAGE_X] + gas.mark[i][LAP_X]
+            gas.meta[slot][IMAGE_Y] = gas.meta[s][IMAGE_Y] + gas.mark[i][LAP_Y]
+            if ti.static(gas.uses.remembers):
+                gas.past[slot][LATEST] = ti.cast(gas.since[i], ti.f64)
+                if when == AT_END:
+                    gas.past[slot][LATEST] = ti.cast(gas.since[i], ti.f64) - ti.cast(time, ti.f64)
+            if ti.static(gas.uses.turned):
+                turned = ti.cast(gas.work[i][W_SPIN], ti.f64) * ti.cast(dt, ti.f64) + gas.turn[i]
+                gas.past[slot][ANGLE] = gas.past[s][ANGLE] + turned
+            if ti.static(gas.uses.walled):
+                gas.hits[slot][WALL_HITS] = gas.hits[s][WALL_HITS] + gas.link[i][AT_WALLS]
+            if ti.static(gas.uses.partnered):
+                partner = gas.hits[s][LAST_PARTNER]
+                last = gas.link[i][LAST]
+                if last >= 0:
+                    partner = gas.link[last][WHO]
+                elif last <= FIRST_WALL:
+                    partner = -2 - (FIRST_WALL - last)
+                gas.hits[slot][LAST_PARTNER] = partner
+            slot += 1
+        else:
+            claims += 1
+    if when == AT_END:
+        gas.tally[tile, AT_END, FASTEST] = ti.cast(fastest, ti.f64)
+        gas.tally[tile, AT_END, SQUARES] = squares
+        gas.reach[tile][BEYOND], gas.reach[tile][FURTHEST] = beyond, furthest
+        gas.tile[tile][N_CLAIMS] = claims
+        if claims > 0:
+            claim = ti.atomic_add(gas.counter[N_CLAIMED], claims)
+            gas.tile[tile][CLAIMS] = claim
+            if claim + claims > gas.grid[MOST_CLAIMS]:
+                ti.atomic_or(gas.counter[FULL], FULL_CLAIMS)
+            else:
+                for i in range(places, places + n):
+                    if gas.link[i][OWN] == 0:
+                        gas.claim[claim][0] = gas.mark[i][SLOT]
+                        gas.claim[claim][1], gas.claim[claim][2] = gas.link[i][HASH_1], gas.link[i][HASH_2]
+                        faster = 0.0 * time
+                        if ti.static(gas.uses.sheared):
+                            faster = ti.abs(gas.link[i][ROW] * gas.scale[DRIFT])
+                        gas.claim_at[claim][0], gas.claim_at[claim][1] = gas.begun[i][0], gas.begun[i][1]
+                        gas.claim_at[claim][2] = (largest_speed(i, gas) + faster) * time
+                        claim += 1
 
 
-@ti.kernel
-def run_in_order(
-    most: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, flight: Rows, kinds: Rows, link: Rows,
-    meta: Rows, cell: Rows, start: Rows, order: Rows, neighbour: Rows, counter: Rows, limit: Rows,
-    log_real: Rows, log_int: Rows, log_loss: Rows, law: Cube, walls: Rows, near_walls: Rows, latest: Rows,
-):  # fmt: skip
-    """All tiles as one, by one thread, up to the end of the epoch or to `most` collisions.
 
-    Nothing is ever undone: where tiles that run ahead of each other have to undo too much, this is faster.
+
+@ti.func
+def touches(claim, tile, gas: ti.template()):
+    """1 if the disk of a claim, or its copy, may have touched an own disk of the tile that made it, else 0.
+
+    All that either passed lies in a circle around its first place. All that an own disk passed lies in one around its
+    last place, with its way as the radius.
     """
-    gas = ti.static(GasArrays(
-        grid=grid, scale=scale, flight=flight, kinds=kinds, link=link, meta=meta, cell=cell, start=start,
-        order=order, neighbour=neighbour, counter=counter, limit=limit, log_real=log_real, log_int=log_int,
-        log_loss=log_loss, law=law, walls=walls, near_walls=near_walls, latest=latest, uses=uses,
-    ))  # fmt: skip
-    for _ in range(1):
-        run_tile(0, gas.grid[N], True, most, gas)
+    x, y = gas.claim_at[claim][0], gas.claim_at[claim][1]
+    way = ti.max(gas.claim_at[claim][2], gas.way[gas.claim[claim][0]]) + gas.scale[WIDEST]
+    if ti.static(gas.uses.sheared):
+        way += ti.abs(gas.scale[DRIFT]) * gas.scale[WINDOW]
+    found = 0
+    if -inside(x, y, tile, gas) <= way + gas.reach[tile][BEYOND]:
+        part = 1 - gas.grid[PART]
+        fall_x = 0.5 * gas.scale[GX] * gas.scale[WINDOW] * gas.scale[WINDOW]
+        fall_y = 0.5 * gas.scale[GY] * gas.scale[WINDOW] * gas.scale[WINDOW]
+        k, end = gas.tile[tile][START + part], gas.tile[tile][START + part] + gas.tile[tile][COUNT + part]
+        while k < end:
+            s = part * gas.grid[ROOM] + k
+            dx, dy = gas.disk[s][X] - fall_x - x, gas.disk[s][Y] - fall_y - y
+            both = way + gas.way[gas.back[k]]
+            k += 1
+            if dx * dx + dy * dy <= both * both:
+                found, k = 1, end
+    return found
+
+
+@ti.func
+def is_bad(tile, gas: ti.template()):
+    """1 if the window of a tile may not be exact (see above), else 0."""
+    bad = 0
+    furthest = 0.0 * gas.scale[WINDOW]
+    for step_x in range(-1, 2):
+        for step_y in range(-1, 2):
+            other, _x, _y, _bx, _by = neighbour(tile, step_x, step_y, gas)
+            if other >= 0 and (step_x != 0 or step_y != 0):
+                furthest = ti.max(furthest, gas.reach[other][FURTHEST])
+    if ti.static(gas.uses.sheared):
+        furthest += ti.abs(gas.scale[DRIFT]) * gas.scale[WINDOW]
+    if gas.reach[tile][HALO] < gas.scale[WIDEST] + ti.max(gas.reach[tile][BEYOND], 0.0) + furthest:
+        bad = 1
+    claim, end = gas.tile[tile][CLAIMS], gas.tile[tile][CLAIMS] + gas.tile[tile][N_CLAIMS]
+    while claim < end and bad == 0:
+        s = gas.claim[claim][0]
+        if gas.claim[claim][1] != gas.trail[s][0] or gas.claim[claim][2] != gas.trail[s][1]:
+            bad = touches(claim, tile, gas)
+        claim += 1
+    return bad

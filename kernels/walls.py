@@ -1,8 +1,8 @@
 """Walls: when a disk meets one, and what happens then.
 
 A wall is a disk of infinite mass to the law. Between collisions a disk moves in a frame that falls freely from the
-beginning of the epoch on: there all flights are straight, and pairs never notice gravity. Only walls, which do not
-fall, see parabolas; here times are those of the epoch, positions those of the box, and velocities those of the lab.
+beginning of the window on: there all flights are straight, and pairs never notice gravity. Only walls, which do not
+fall, see parabolas; here times are those of the window, positions those of the box, and velocities those of the lab.
 
 The *gap* f(t) between a disk and a wall is positive while they are apart. Its first root is found by steps that cannot
 pass it: from t, with a lower bound c of f'' until the horizon, f(t + s) >= f + f' s + c s^2 / 2, and the next t is the
@@ -26,7 +26,7 @@ PHASE           at t = 0 of the run, in radians (SINE) or periods (SAWTOOTH)
 RISE            part of its period in which SAWTOOTH rises, from -AMPLITUDE to AMPLITUDE
 SURFACE         speed of the wall's surface along its tangent, (-n_y, n_x) of the normal towards the disk
 WALL_MATERIAL   row of the law's table
-NOW_0           what MOTION needs to know of the beginning of the epoch: displacement (STEADY), phase
+NOW_0           what MOTION needs to know of the beginning of the window: displacement (STEADY), phase
 TEMPERATURE     of a thermal wall [energy], which does not follow the law (`thermal.py`); else 0
 HEAT            column of `wall_heat` of a thermal wall, else -1
 ==============  ==========================================================================================
@@ -42,76 +42,40 @@ wall just what it gets back, and stays what it is. R. Tehver et al., Phys. Rev. 
 doi:10.1103/PhysRevE.57.R17, tell what goes wrong with other densities.
 """
 
-from .contact import ELASTIC, collided, just_collided
+from .contact import ELASTIC, collided
 from .flights import rounding
-from .history import record
 from .language import ti
 from .layout import (
-    CELLS_X,
-    CELLS_Y,
-    EVENTS,
-    FAR,
-    FIRST_WALL,
-    GX,
-    GY,
-    HORIZON,
-    HOW,
-    ID,
-    INVERSE_MASS,
-    KIND,
-    MATERIAL,
-    N_ELASTIC,
-    N_WALL_HITS,
-    NOW,
-    NUMBER,
-    PARTNER,
-    PREVIOUS,
-    RADIUS,
-    RESTING,
-    SEED_HIGH,
-    SEED_LOW,
-    SLOT,
-    SPIN,
-    STANDS,
-    TAU,
-    TE,
-    TILE_X,
-    TILE_Y,
-    TILES_Y,
-    TIME,
-    VX,
-    VY,
-    WALLS,
-    K,
-    X,
-    Y,
-)
-from .levels import limit_if_too_fast
+    AT_END, AT_WALLS, BEFORE, BEGIN, BY_WALLS, CELL, CELLS, ELASTICS, FAR, FIRST_WALL, FULL, FULL_WALLS, GX,
+    GY, INVERSE_MASS, ITEMS, KIND_RADIUS, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, NEEDED, NUMBER, OWN,
+    PARTNER, PERIODIC_X, PERIODIC_Y, RESTING, SEED_HIGH, SEED_LOW, TAU, VX, VY, WALLS, WALL_COLLISIONS,
+    WALL_WORK, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
+)  # fmt: skip
+from .places import add, came_to, just_collided, kind_of, note_speed, radius_of, remember
 from .random import DRAWS, normals, rayleigh
 
 PLACE = 0xFFFF * DRAWS  # in streams of random numbers: the index that no force has
 
 
 @ti.func
-def thermal_velocity(i, number, temperature, nx, ny, ux, uy, gas: ti.template()):
-    """Velocity and spin of disk i after its collision `number` of the epoch, with a wall of this temperature [energy].
+def thermal_velocity(i, temperature, nx, ny, ux, uy, gas: ti.template()):
+    """Velocity and spin of the disk at place i after a collision with a wall of this temperature [energy].
 
     (nx, ny) is the wall's normal towards the disk, (ux, uy) the velocity of its surface.
 
-    The random numbers depend on the seed, the disk, and how many collisions it has had before, with disks and walls,
-    in the epoch and before: on nothing that threads, cuts or rollbacks change.
+    The random numbers depend on the seed, the disk, and how many collisions it has had before, with disks and walls.
     """
     stream = ti.Vector([
-        ti.cast(gas.meta[i][ID], ti.u32), ti.cast(gas.meta[i][EVENTS] + number, ti.u32), ti.u32(0),
+        ti.cast(gas.link[i][WHO], ti.u32), ti.cast(gas.mark[i][BEFORE] + gas.link[i][NUMBER] - 1, ti.u32), ti.u32(0),
         ti.u32(PLACE), ti.cast(gas.grid[SEED_LOW], ti.u32), ti.cast(gas.grid[SEED_HIGH], ti.u32),
     ], ti.u32)  # fmt: skip
-    kind = gas.meta[i][KIND]
+    kind = kind_of(i, gas)
     spread = ti.sqrt(temperature * gas.kinds[kind][INVERSE_MASS])
     v_n = spread * rayleigh(stream, 0)
     along = normals(stream, 1)
     v_t = spread * along[0]
     # sqrt(T/I), I = m R^2 / k
-    spin = spread * ti.sqrt(gas.kinds[kind][K]) / gas.flight[i][RADIUS] * along[1]
+    spin = spread * ti.sqrt(gas.kinds[kind][K]) / gas.kinds[kind][KIND_RADIUS] * along[1]
     return ux + v_n * nx - v_t * ny, uy + v_n * ny + v_t * nx, spin
 
 
@@ -125,10 +89,10 @@ TWO_PI = 6.283185307179586
 
 @ti.func
 def wall_phases(gas: ti.template()):
-    """At the beginning of an epoch: where every wall is in its motion. In double precision, for long runs."""
+    """At the beginning of a window: where every wall is in its motion. In double precision, for long runs."""
     for w in range(gas.grid[WALLS]):
         motion = ti.cast(gas.walls[w][MOTION], ti.i32)
-        now = ti.cast(gas.clock[NOW], ti.f64)
+        now = ti.cast(gas.clock[BEGIN], ti.f64)
         rate = ti.cast(gas.walls[w][RATE], ti.f64)
         phase = ti.cast(gas.walls[w][PHASE], ti.f64)
         at = ti.cast(gas.walls[w][AMPLITUDE], ti.f64) * now
@@ -143,7 +107,7 @@ def wall_phases(gas: ti.template()):
 
 @ti.func
 def wall_motion(w, t, gas: ti.template()):
-    """Displacement of wall w along its direction at time t of the epoch, its speed, a bound of the magnitude of its
+    """Displacement of wall w along its direction at time t of the window, its speed, a bound of the magnitude of its
     acceleration, and the time until which all three hold."""
     motion = ti.cast(gas.walls[w][MOTION], ti.i32)
     amplitude = gas.walls[w][AMPLITUDE]
@@ -230,7 +194,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
     steps = 0
     while going == 1:
         steps += 1
-        # A fall since the beginning of the epoch.
+        # A fall since the beginning of the window.
         at_x = x + vx * (t - tau) + 0.5 * gx * t * t
         at_y = y + vy * (t - tau) + 0.5 * gy * t * t
         s, speed, bound, until = wall_motion(w, t, gas)
@@ -296,127 +260,175 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
 
 
 @ti.func
-def corner_of(i, gas: ti.template()):
-    """Lower left corner of disk i's tile."""
-    return corner_of_tile(gas.cell[i] // (gas.grid[CELLS_X] * gas.grid[CELLS_Y]), gas)
+def wall_reach(w, gas: ti.template()):
+    """How far from a wall, as it is when the window begins, the centre of a disk may be that touches it in the window."""
+    window = gas.scale[WINDOW]
+    _s, speed, bound, _until = wall_motion(w, 0.0 * window, gas)
+    way = ti.abs(speed) * window + 0.5 * bound * window * window
+    if ti.cast(gas.walls[w][MOTION], ti.i32) == SAWTOOTH:
+        way = 2.0 * ti.abs(gas.walls[w][AMPLITUDE])
+    fall = 0.5 * ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2) * window * window
+    return way + 2.0 * fall + 0.5 * gas.scale[WIDEST]
 
 
 @ti.func
-def corner_of_tile(tile, gas: ti.template()):
-    """Lower left corner of a tile."""
-    tx = tile // gas.grid[TILES_Y]
-    return tx * gas.scale[TILE_X], (tile - tx * gas.grid[TILES_Y]) * gas.scale[TILE_Y]
+def span(low, high, corner, side, count):
+    """First and last cell of those that a stretch may meet, cells at the ends of the region without an end."""
+    first = ti.cast(ti.floor(ti.max((low - corner) / side, -1.0)), ti.i32)
+    last = ti.cast(ti.floor(ti.min((high - corner) / side, count + 0.0)), ti.i32)
+    return ti.min(ti.max(first, 0), count - 1), ti.min(ti.max(last, 0), count - 1)
 
 
 @ti.func
-def note_walls(i, x, y, reach, gas: ti.template()):
-    """Note which walls disk i, at (x, y) at the beginning of the epoch, can touch while it moves no further than its
-    reach in the falling frame."""
-    corner_x, corner_y = corner_of(i, gas)
-    horizon = gas.scale[HORIZON]
-    fall = 0.5 * ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2) * horizon * horizon
-    near = 0
-    for w in range(gas.grid[WALLS]):
-        s, speed, bound, _ = wall_motion(w, 0.0 * horizon, gas)
-        way = ti.abs(speed) * horizon + 0.5 * bound * horizon * horizon
-        if ti.cast(gas.walls[w][MOTION], ti.i32) == SAWTOOTH:
-            way = 2.0 * ti.abs(gas.walls[w][AMPLITUDE])
-        _, _, distance = wall_vector(w, corner_x + x, corner_y + y, s, gas)
-        if distance - gas.flight[i][RADIUS] <= 1.001 * (reach + fall + way):
-            near |= 1 << w
-    gas.near_walls[i] = near
+def place_walls(lane, region: ti.template(), gas: ti.template()):
+    """Note for each cell of a region the walls that a disk in it may touch, and through which periodic side.
 
-
-@ti.func
-def first_wall(i, gas: ti.template()):
-    """Disk i's earliest meeting with a wall: its time and code; FAR and -1 if there is none."""
-    earliest = FAR + 0.0 * gas.scale[HORIZON]
-    code = -1
-    near = gas.near_walls[i]
-    if near != 0:
-        corner_x, corner_y = corner_of(i, gas)
+    Twice over the walls: the first time counts, the second enters. An item is 9 * wall + 3 * box + box, a box being 0 to 2
+    for the one before, this one and the next.
+    """
+    cells, items = region.nx * region.ny, lane * gas.grid[ITEMS]
+    starts = lane * (gas.grid[CELLS] + 1)
+    for c in range(cells + 1):
+        gas.wall_start[starts + c] = 0
+    for turn in range(2):
         for w in range(gas.grid[WALLS]):
-            if ((near >> w) & 1) == 1:
-                t, resting = wall_time(
-                    w, corner_x + gas.flight[i][X], corner_y + gas.flight[i][Y],
-                    gas.flight[i][VX], gas.flight[i][VY], gas.flight[i][TAU], gas.flight[i][RADIUS],
-                    ti.min(gas.scale[HORIZON], earliest), gas,
-                )  # fmt: skip
-                if resting == 1:
-                    gas.counter[RESTING] = 1
-                if t < earliest:
-                    earliest = t
-                    code = FIRST_WALL - w
-    return earliest, code
+            kind = ti.cast(gas.walls[w][TYPE], ti.i32)
+            s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale[WINDOW], gas)
+            reach = 1.001 * wall_reach(w, gas)
+            around = reach + 0.5 * ti.sqrt(region.side_x**2 + region.side_y**2)
+            images = ti.cast(kind == SEGMENT or kind == POST, ti.i32)
+            boxes_x, boxes_y = images * gas.grid[PERIODIC_X], images * gas.grid[PERIODIC_Y]
+            for box_x in range(-boxes_x, boxes_x + 1):
+                for box_y in range(-boxes_y, boxes_y + 1):
+                    # The wall's image, from the corner of the region's tile.
+                    off_x = box_x * gas.scale[LENGTH_X] - region.corner_x
+                    off_y = box_y * gas.scale[LENGTH_Y] - region.corner_y
+                    px = gas.walls[w][PX] + gas.walls[w][UX] * s + off_x
+                    py = gas.walls[w][PY] + gas.walls[w][UY] * s + off_y
+                    low_x, high_x, low_y, high_y = px, px, py, py
+                    if kind == SEGMENT:
+                        low_x, high_x = ti.min(px, px + gas.walls[w][QX]), ti.max(px, px + gas.walls[w][QX])
+                        low_y, high_y = ti.min(py, py + gas.walls[w][QY]), ti.max(py, py + gas.walls[w][QY])
+                    if kind == LINE:
+                        if gas.walls[w][QX] != 0.0:
+                            low_y, high_y = -FAR + 0.0 * px, FAR + 0.0 * px
+                        if gas.walls[w][QY] != 0.0:
+                            low_x, high_x = -FAR + 0.0 * px, FAR + 0.0 * px
+                    extent = reach + gas.walls[w][CIRCLE]
+                    first_x, last_x = span(low_x - extent, high_x + extent, region.x, region.side_x, region.nx)
+                    first_y, last_y = span(low_y - extent, high_y + extent, region.y, region.side_y, region.ny)
+                    for cx in range(first_x, last_x + 1):
+                        for cy in range(first_y, last_y + 1):
+                            x = region.x + (cx + 0.5) * region.side_x - off_x
+                            y = region.y + (cy + 0.5) * region.side_y - off_y
+                            _nx, _ny, distance = wall_vector(w, x, y, s, gas)
+                            if distance <= around:
+                                c = starts + cx * region.ny + cy
+                                if turn == 1:
+                                    item = gas.wall_start[c]
+                                    if item < gas.grid[ITEMS]:
+                                        gas.wall_item[items + item] = 9 * w + 3 * (box_x + 1) + box_y + 1
+                                gas.wall_start[c] = gas.wall_start[c] + 1
+        before = 0
+        if turn == 0:
+            for c in range(cells + 1):
+                here = gas.wall_start[starts + c]
+                gas.wall_start[starts + c] = before
+                before += here
+            if before > gas.grid[ITEMS]:
+                ti.atomic_or(gas.counter[FULL], FULL_WALLS)
+                ti.atomic_max(gas.counter[NEEDED], before)
+        else:
+            # Each start has become the end: the start of the next one.
+            for back in range(cells):
+                c = starts + cells - back
+                gas.wall_start[c] = gas.wall_start[c - 1]
+            gas.wall_start[starts] = 0
 
 
 @ti.func
-def offer_wall(i, gas: ti.template()):
-    """Make disk i's earliest meeting with a wall its event, if it comes before the one it has."""
-    t, code = first_wall(i, gas)
-    if t < gas.flight[i][TE] and t < gas.scale[HORIZON]:
-        gas.flight[i][TE] = t
-        gas.link[i][PARTNER] = code
+def first_wall(i, best, partner, lane, region: ti.template(), gas: ti.template()):
+    """The earlier of the meeting at `best` with `partner` and the first one with a wall near the disk at place i."""
+    cell = lane * (gas.grid[CELLS] + 1) + gas.link[i][CELL]
+    for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
+        code = gas.wall_item[lane * gas.grid[ITEMS] + item]
+        w = code // 9
+        t, resting = wall_time(
+            w,
+            region.corner_x + gas.work[i][X] - ((code // 3) % 3 - 1) * gas.scale[LENGTH_X],
+            region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y],
+            gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU], radius_of(i, gas), best, gas,
+        )  # fmt: skip
+        if resting == 1 and gas.link[i][OWN] == 1:
+            gas.counter[RESTING] = 1
+        if t < best:
+            best = t
+            partner = FIRST_WALL - code
+    return best, partner
 
 
 @ti.func
-def wall_met(i, w, x, y, t, gas: ti.template()):
-    """Wall w as disk i, at (x, y) in the falling frame, meets it at t: unit vector to the disk, its velocity there."""
-    corner_x, corner_y = corner_of(i, gas)
-    s, speed, _, _ = wall_motion(w, t, gas)
-    nx, ny, _ = wall_vector(
-        w, corner_x + x + 0.5 * gas.scale[GX] * t * t, corner_y + y + 0.5 * gas.scale[GY] * t * t, s, gas
-    )
-    ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
-    uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
-    return nx, ny, ux, uy
-
-
-@ti.func
-def hit_wall(entry, t, i, gas: ti.template()):
-    """Collide disk i with the wall that it names, at time t; log it as record `entry`, the second disk being -1 - w."""
-    w = FIRST_WALL - gas.link[i][PARTNER]
+def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
+    """Collide the disk at place i at time t with the wall that it meets, at rest in the lab; disks are in a frame that falls."""
+    code = FIRST_WALL - gas.link[i][PARTNER]
+    w = code // 9
     lasting = 0
     if ti.static(gas.uses.remembers):
         lasting = just_collided(i, t, gas)
-    gas.log_real[entry][TIME] = t
-    record(entry, 0, i, gas)
-    gas.log_int[entry][SLOT + 1] = -1 - w
-    gas.log_int[entry][PREVIOUS + 1] = -1
-    gas.log_int[entry][NUMBER + 1] = 0
-    tau = gas.flight[i][TAU]
-    x = gas.flight[i][X] + gas.flight[i][VX] * (t - tau)
-    y = gas.flight[i][Y] + gas.flight[i][VY] * (t - tau)
+        gas.since[i] = t
+    came_to(i, t, gas)
     gx, gy = gas.scale[GX], gas.scale[GY]
-    nx, ny, ux, uy = wall_met(i, w, x, y, t, gas)
-    kind = gas.meta[i][KIND]
+    s, speed, _bound, _until = wall_motion(w, t, gas)
+    nx, ny, _distance = wall_vector(
+        w,
+        region.corner_x + gas.work[i][X] - ((code // 3) % 3 - 1) * gas.scale[LENGTH_X] + 0.5 * gx * t * t,
+        region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y] + 0.5 * gy * t * t,
+        s, gas,
+    )  # fmt: skip
+    ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
+    uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
+    kind = kind_of(i, gas)
+    inverse_mass, radius = gas.kinds[kind][INVERSE_MASS], gas.kinds[kind][KIND_RADIUS]
     p = ti.cast(gas.kinds[kind][MATERIAL], ti.i32)
     q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
-    radius = gas.flight[i][RADIUS]
-    vx, vy = gas.flight[i][VX] + gx * t, gas.flight[i][VY] + gy * t
+    vx_0, vy_0, spin_0 = gas.work[i][VX] + gx * t, gas.work[i][VY] + gy * t, gas.work[i][W_SPIN]
     vx, vy, spin, _, _, _, how, lost = collided(
-        p, q, -nx, -ny,
-        gas.kinds[kind][INVERSE_MASS], radius, gas.kinds[kind][K], vx, vy, gas.flight[i][SPIN],
+        p, q, -nx, -ny, inverse_mass, radius, gas.kinds[kind][K], vx_0, vy_0, spin_0,
         0.0, radius, 1.0, ux, uy, 0.0, lasting, gas,
     )  # fmt: skip
     if ti.static(gas.uses.thermal):
         if gas.walls[w][TEMPERATURE] > 0.0:
-            vx, vy, spin = thermal_velocity(
-                i, gas.log_int[entry][NUMBER], gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas
-            )
+            vx, vy, spin = thermal_velocity(i, gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas)
             how = 0
             lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
-    gas.flight[i][X] = x
-    gas.flight[i][Y] = y
-    gas.flight[i][VX] = vx - gx * t
-    gas.flight[i][VY] = vy - gy * t
-    gas.flight[i][TAU] = t
-    gas.flight[i][SPIN] = spin
-    gas.log_int[entry][HOW] = how
-    if ti.static(gas.uses.tallied):
-        gas.log_loss[entry] = lost
-    if how >= ELASTIC:
-        ti.atomic_add(gas.counter[N_ELASTIC], 1)
-    gas.log_int[entry][STANDS] = 1
-    ti.atomic_add(gas.counter[N_WALL_HITS], 1)
-    limit_if_too_fast(i, t, gas)
+    gas.work[i][VX], gas.work[i][VY], gas.work[i][W_SPIN] = vx - gx * t, vy - gy * t, spin
+    remember(i, t, -1 - w, gas)
+    note_speed(i, gas)
+    gas.link[i][LAST] = FIRST_WALL - w
+    gas.link[i][AT_WALLS] = gas.link[i][AT_WALLS] + 1
+    if gas.link[i][OWN] == 1:
+        add(tile, WALL_COLLISIONS, 1.0, gas)
+        if how >= ELASTIC:
+            add(tile, ELASTICS, 1.0, gas)
+        # A wall works on what it pushes: the impulse times its own velocity.
+        add(tile, WALL_WORK, ti.cast(((vx - vx_0) * ux + (vy - vy_0) * uy) / inverse_mass, ti.f64), gas)
+        if ti.static(gas.uses.tallied):
+            add(tile, LOSSES + BY_WALLS, lost.sum(), gas)
+        if ti.static(gas.uses.thermal):
+            column = ti.cast(gas.walls[w][HEAT], ti.i32)
+            if column >= 0:
+                heat = heat_given(kind, vx - ux, vy - uy, spin, vx_0 - ux, vy_0 - uy, spin_0, gas)
+                gas.heat[tile, AT_END, column] = gas.heat[tile, AT_END, column] + heat
+
+
+@ti.func
+def heat_given(kind, vx, vy, spin, vx_0, vy_0, spin_0, gas: ti.template()):
+    """Kinetic energy after less that before, of a disk with velocities in the wall's frame. In double precision."""
+    mass = 1.0 / ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
+    radius = ti.cast(gas.kinds[kind][KIND_RADIUS], ti.f64)
+    inertia = mass * radius * radius / ti.cast(gas.kinds[kind][K], ti.f64)
+    # Each difference of squares as a product.
+    along_x = ti.cast(vx - vx_0, ti.f64) * ti.cast(vx + vx_0, ti.f64)
+    along_y = ti.cast(vy - vy_0, ti.f64) * ti.cast(vy + vy_0, ti.f64)
+    turning = ti.cast(spin - spin_0, ti.f64) * ti.cast(spin + spin_0, ti.f64)
+    return 0.5 * (mass * (along_x + along_y) + inertia * turning)
