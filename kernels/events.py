@@ -16,11 +16,11 @@ from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
 from .language import ti
 from .layout import (
-    ASIDE, AT_END, AT_MOMENT, BINS, CELL, COLLISIONS, DRIFT, ELASTICALLY, ELASTICS, FAR, FIRST_WALL,
-    FLOW_WORK, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL,
-    MOMENT_IN, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NUMBER, N_EVENTS, OWN, PARTNER, PARTNER_NUMBER, PLACES,
-    PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT,
-    T_LEAVE, VX, VY, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
+    ASIDE, AT_END, AT_MOMENT, BINS, CELL, COLLISIONS, DIRECTION, DRIFT, ELASTICALLY, ELASTICS, FAR,
+    FIRST_WALL, FLOW_WORK, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES,
+    MATERIAL, MOMENT_IN, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NUMBER, N_EVENTS, OWN, PARTNER, PARTNER_NUMBER,
+    PLACES, PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU,
+    T_HIT, T_LEAVE, VX, VY, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
 )  # fmt: skip
 from .places import add, came_to, just_collided, kind_of, note_speed, radius_of, remember
 from .tiles import write
@@ -47,17 +47,23 @@ def take_out(i, bins, gas: ti.template()):
 
 
 @ti.func
-def put_in(i, t, present, bins, n_bins, gas: ti.template()):
+def put_in(i, t, present, bins, n_bins, rate, gas: ti.template()):
     """Put a disk whose event is at t into its bin, none before the `present` one; into none beyond the window."""
-    if t < gas.scale[WINDOW]:
-        b = ti.cast(t * (n_bins / gas.scale[WINDOW]), ti.i32)
-        b = ti.min(ti.max(b, present), n_bins - 1)
+    if t * rate < n_bins:
+        b = ti.min(ti.max(ti.cast(t * rate, ti.i32), present), n_bins - 1)
         after = gas.bin[bins + b]
         gas.link[i][NEXT] = after
         gas.link[i][PREVIOUS] = -2 - b
         if after >= 0:
             gas.link[after][PREVIOUS] = i
         gas.bin[bins + b] = i
+
+
+@ti.func
+def next_event(i, gas: ti.template()):
+    """When the disk at place i collides or leaves its cell."""
+    hit, leaves = gas.work[i][T_HIT], gas.work[i][T_LEAVE]
+    return ti.select(leaves < hit, leaves, hit)
 
 
 @ti.func
@@ -75,60 +81,66 @@ def precedes(i, k, gas: ti.template()):
 
 @ti.func
 def leaving(i, region: ti.template(), gas: ti.template()):
-    """When the disk at place i leaves its cell, and whereto: steps in x and y.
+    """When the disk at place i leaves its cell, and over which side: 1 left, 2 right, 3 below, 4 above.
 
     Cells at an end of the region that is no periodic side have no end there.
     """
-    cx = gas.link[i][CELL] // region.ny
-    cy = gas.link[i][CELL] - cx * region.ny
+    cx, cy = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
     x, y, vx, vy = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY]
     if ti.static(gas.uses.sheared):
         row = gas.link[i][ROW]
         if row != 0:  # in the frame of the region
             vx += row * gas.scale[DRIFT]
             x += row * (gas.scale[ASIDE] + gas.scale[DRIFT] * gas.work[i][TAU])
-    t_x, t_y = FAR + 0.0 * x, FAR + 0.0 * x
-    step_x, step_y = 0, 0
-    if vx > 0.0 and (cx < region.nx - 1 or region.wrap_x == 1):
-        t_x, step_x = (region.x + (cx + 1) * region.side_x - x) / vx, 1
-    if vx < 0.0 and (cx > 0 or region.wrap_x == 1):
-        t_x, step_x = (region.x + cx * region.side_x - x) / vx, -1
-    if vy > 0.0 and (cy < region.ny - 1 or region.wrap_y == 1):
-        t_y, step_y = (region.y + (cy + 1) * region.side_y - y) / vy, 1
-    if vy < 0.0 and (cy > 0 or region.wrap_y == 1):
-        t_y, step_y = (region.y + cy * region.side_y - y) / vy, -1
-    if t_x <= t_y:
-        step_y = 0
-    else:
-        step_x = 0
-    return gas.work[i][TAU] + ti.max(ti.min(t_x, t_y), 0.0), step_x, step_y
+    soonest, side = FAR + 0.0 * x, 0
+    if vx > 0.0:
+        if cx < region.nx - 1 or region.wrap_x == 1:
+            soonest, side = (region.x + (cx + 1) * region.side_x - x) / vx, 2
+    elif vx < 0.0:
+        if cx > 0 or region.wrap_x == 1:
+            soonest, side = (region.x + cx * region.side_x - x) / vx, 1
+    ahead = 0.0 * x  # to the side in y; the quotient is needed only if it comes first
+    if vy > 0.0:
+        ahead = region.y + (cy + 1) * region.side_y - y
+        if (cy < region.ny - 1 or region.wrap_y == 1) and ahead < soonest * vy:
+            soonest, side = ahead / vy, 4
+    elif vy < 0.0:
+        ahead = region.y + cy * region.side_y - y
+        if (cy > 0 or region.wrap_y == 1) and ahead > soonest * vy:
+            soonest, side = ahead / vy, 3
+    return gas.work[i][TAU] + ti.select(soonest > 0.0, soonest, 0.0 * x), side
 
 
 @ti.func
-def leave(i, step_x, step_y, region: ti.template(), gas: ti.template()):
-    """Move the disk at place i into the next cell; round the box where that is periodic."""
-    cell = gas.link[i][CELL]
-    if gas.head[region.cells + cell] == i:
-        gas.head[region.cells + cell] = gas.link[i][NEXT_IN_CELL]
+def leave(i, side, region: ti.template(), gas: ti.template()):
+    """Move the disk at place i into the next cell over a side; round the box where that is periodic."""
+    cx, cy = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
+    cell = region.cells + cx * region.ny + cy
+    k = gas.head[cell]
+    if k == i:
+        gas.head[cell] = gas.link[i][NEXT_IN_CELL]
     else:
-        k = gas.head[region.cells + cell]
         while gas.link[k][NEXT_IN_CELL] != i:
             k = gas.link[k][NEXT_IN_CELL]
         gas.link[k][NEXT_IN_CELL] = gas.link[i][NEXT_IN_CELL]
-    cx = cell // region.ny + step_x
-    cy = cell - (cell // region.ny) * region.ny + step_y
-    if cx < 0 or cx >= region.nx:
-        cx -= step_x * region.nx
-        gas.work[i][X] = gas.work[i][X] - step_x * gas.scale[LENGTH_X]
-        gas.mark[i][LAP_X] = gas.mark[i][LAP_X] + step_x
-    if cy < 0 or cy >= region.ny:
-        cy -= step_y * region.ny
-        gas.work[i][Y] = gas.work[i][Y] - step_y * gas.scale[LENGTH_Y]
-        gas.mark[i][LAP_Y] = gas.mark[i][LAP_Y] + step_y
-    cell = cx * region.ny + cy
-    gas.link[i][CELL] = cell
-    gas.link[i][NEXT_IN_CELL] = gas.head[region.cells + cell]
-    gas.head[region.cells + cell] = i
+    if side <= 2:
+        step = 2 * side - 3
+        cx += step
+        if cx < 0 or cx >= region.nx:
+            cx -= step * region.nx
+            gas.work[i][X] = gas.work[i][X] - step * gas.scale[LENGTH_X]
+            gas.mark[i][LAP_X] = gas.mark[i][LAP_X] + step
+    else:
+        step = 2 * side - 7
+        cy += step
+        if cy < 0 or cy >= region.ny:
+            cy -= step * region.ny
+            gas.work[i][Y] = gas.work[i][Y] - step * gas.scale[LENGTH_Y]
+            gas.mark[i][LAP_Y] = gas.mark[i][LAP_Y] + step
+    gas.link[i][CELL] = (cx << 16) + cy
+    cell = region.cells + cx * region.ny + cy
+    gas.link[i][NEXT_IN_CELL] = gas.head[cell]
+    gas.head[cell] = i
 
 
 @ti.func
@@ -237,66 +249,68 @@ def find(
     Cells from (x_low, y_low) to (x_high, y_high) steps away. If `half`, only every other cell of the nine, so that each
     pair is looked at once.
     """
-    cx = gas.link[i][CELL] // region.ny
-    cy = gas.link[i][CELL] - cx * region.ny
+    cx, cy = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
     x, y, vx, vy, tau = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU]
     last = gas.link[i][LAST]
     radius = gas.scale[WIDEST] * 0.5
     if ti.static(gas.uses.mixed):
         radius = radius_of(i, gas)
     size = ti.abs(vx) + ti.abs(vy)
-    for step_x in range(x_low, x_high + 1):
-        ax = cx + step_x
+    low_x, high_x, low_y, high_y = cx + x_low, cx + x_high, cy + y_low, cy + y_high
+    if region.wrap_x == 0:
+        low_x, high_x = ti.max(low_x, 0), ti.min(high_x, region.nx - 1)
+    if region.wrap_y == 0:
+        low_y, high_y = ti.max(low_y, 0), ti.min(high_y, region.ny - 1)
+    for column in range(low_x, high_x + 1):
+        ax = column
         shift_x = 0.0 * x
         if ax < 0:
-            ax = ti.select(region.wrap_x == 1, ax + region.nx, -1)
+            ax += region.nx
             shift_x = -gas.scale[LENGTH_X]
         elif ax >= region.nx:
-            ax = ti.select(region.wrap_x == 1, ax - region.nx, -1)
+            ax -= region.nx
             shift_x = gas.scale[LENGTH_X]
-        if ax >= 0:
-            for step_y in range(y_low, y_high + 1):
-                ay = cy + step_y
-                shift_y = 0.0 * x
-                if ay < 0:
-                    ay = ti.select(region.wrap_y == 1, ay + region.ny, -1)
-                    shift_y = -gas.scale[LENGTH_Y]
-                elif ay >= region.ny:
-                    ay = ti.select(region.wrap_y == 1, ay - region.ny, -1)
-                    shift_y = gas.scale[LENGTH_Y]
-                j = -1
-                if ay >= 0:
-                    j = gas.head[region.cells + ax * region.ny + ay]
-                    if half == 1 and step_x == 0:
-                        if step_y == 0:
-                            j = gas.link[i][NEXT_IN_CELL]
-                        elif step_y < 0:
-                            j = -1
-                while j >= 0:
-                    following = gas.link[j][NEXT_IN_CELL]
-                    if j != i and (j != last or gas.link[j][LAST] != i):
-                        tau_j = gas.work[j][TAU]
-                        start = ti.max(tau, tau_j)
-                        vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
-                        from_i, from_j = start - tau, start - tau_j
-                        # Differences of places are exact. Seen from j, every term only changes its sign.
-                        rx = ((gas.work[j][X] - x) + shift_x) + (vx_j * from_j - vx * from_i)
-                        ry = ((gas.work[j][Y] - y) + shift_y) + (vy_j * from_j - vy * from_i)
-                        ux, uy = vx_j - vx, vy_j - vy
-                        if ti.static(gas.uses.sheared):
-                            rows = gas.link[j][ROW] - gas.link[i][ROW]
-                            if rows != 0:
-                                rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
-                                ux += rows * gas.scale[DRIFT]
-                        sigma = gas.scale[WIDEST]
-                        if ti.static(gas.uses.mixed):
-                            sigma = radius + radius_of(j, gas)
-                        noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
-                        t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
-                        if sooner(t, j, best, partner, gas):
-                            best = t
-                            partner = j
-                    j = following
+        first_y = low_y
+        if half == 1 and column == cx:
+            first_y = cy
+        cells = region.cells + ax * region.ny
+        for row_of_cells in range(first_y, high_y + 1):
+            ay = row_of_cells
+            shift_y = 0.0 * x
+            if ay < 0:
+                ay += region.ny
+                shift_y = -gas.scale[LENGTH_Y]
+            elif ay >= region.ny:
+                ay -= region.ny
+                shift_y = gas.scale[LENGTH_Y]
+            j = gas.head[cells + ay]
+            if half == 1 and column == cx and row_of_cells == cy:
+                j = gas.link[i][NEXT_IN_CELL]
+            while j >= 0:
+                following = gas.link[j][NEXT_IN_CELL]
+                if j != i and (j != last or gas.link[j][LAST] != i):
+                    tau_j = gas.work[j][TAU]
+                    start = ti.select(tau_j > tau, tau_j, tau)
+                    vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
+                    from_i, from_j = start - tau, start - tau_j
+                    # Differences of places are exact. Seen from j, every term only changes its sign.
+                    rx = ((gas.work[j][X] - x) + shift_x) + (vx_j * from_j - vx * from_i)
+                    ry = ((gas.work[j][Y] - y) + shift_y) + (vy_j * from_j - vy * from_i)
+                    ux, uy = vx_j - vx, vy_j - vy
+                    if ti.static(gas.uses.sheared):
+                        rows = gas.link[j][ROW] - gas.link[i][ROW]
+                        if rows != 0:
+                            rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
+                            ux += rows * gas.scale[DRIFT]
+                    sigma = gas.scale[WIDEST]
+                    if ti.static(gas.uses.mixed):
+                        sigma = radius + radius_of(j, gas)
+                    noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
+                    t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
+                    if sooner(t, j, best, partner, gas):
+                        best = t
+                        partner = j
+                j = following
     return best, partner
 
 
@@ -316,6 +330,7 @@ def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.templ
         told = 1
     events, checked, checked_at = 0, 0, 0.0 * window
     patience = MANY_EVENTS + 20 * n
+    rate = n_bins / window
     while going == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
         looking, first, second, half = 0, 0, 0, 0
@@ -332,10 +347,10 @@ def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.templ
                 if i < 0:
                     present += 1
             if i >= 0:
-                t = ti.min(gas.work[i][T_HIT], gas.work[i][T_LEAVE])
+                t = next_event(i, gas)
                 k = gas.link[i][NEXT]
                 while k >= 0:
-                    t_k = ti.min(gas.work[k][T_HIT], gas.work[k][T_LEAVE])
+                    t_k = next_event(k, gas)
                     if t_k < t:
                         i, t = k, t_k
                     elif t_k == t:
@@ -355,13 +370,13 @@ def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.templ
                 first, looking = i, 1
                 partner = gas.link[i][PARTNER]
                 if gas.work[i][T_LEAVE] < gas.work[i][T_HIT]:
-                    _at, step_x, step_y = leaving(i, region, gas)
-                    leave(i, step_x, step_y, region, gas)
+                    side = gas.link[i][DIRECTION]
+                    leave(i, side, region, gas)
                     keeps = 1
-                    if step_x != 0:
-                        x_low, x_high = step_x, step_x
+                    if side <= 2:
+                        x_low, x_high = 2 * side - 3, 2 * side - 3
                     else:
-                        y_low, y_high = step_y, step_y
+                        y_low, y_high = 2 * side - 7, 2 * side - 7
                 elif partner >= 0:
                     if gas.link[partner][NUMBER] == gas.link[i][PARTNER_NUMBER]:
                         take_out(partner, bins, gas)
@@ -394,7 +409,7 @@ def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.templ
                 gas.link[i][PARTNER_NUMBER] = gas.link[partner][NUMBER]
             gas.work[i][T_HIT] = best
             gas.link[i][PARTNER] = partner
-            leaves, _x, _y = leaving(i, region, gas)
-            gas.work[i][T_LEAVE] = leaves
-            put_in(i, ti.min(best, leaves), present, bins, n_bins, gas)
+            leaves, side = leaving(i, region, gas)
+            gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
+            put_in(i, ti.select(best < leaves, best, leaves), present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter[N_EVENTS], events)

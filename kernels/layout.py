@@ -58,13 +58,13 @@ W_SPIN = 7
 # link: whom it hits next (another place, a wall, nobody); cell; collisions so far; those of the partner when that was
 # predicted; neighbours in the list of its bin; next in the list of its cell; whom it hit last in this window; id; 1 for
 # own disks; hash of its history; bits of the largest square of its speed, f32; kind; row of tiles against the own one;
-# collisions with walls. A line of the cache.
+# over which side it leaves its cell. A line of the cache.
 (
     PARTNER, CELL, NUMBER, PARTNER_NUMBER, PREVIOUS, NEXT, NEXT_IN_CELL, LAST, WHO, OWN, HASH_1, HASH_2, TOP, KIND, ROW,
-    AT_WALLS,
+    DIRECTION,
 ) = range(16)  # fmt: skip
-# mark: slot at the window's beginning; boxes travelled in this window; collisions before it
-SLOT, LAP_X, LAP_Y, BEFORE = range(4)
+# mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it
+SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS = range(5)
 # counter: next tile to be run; claims used; why a launch ended early; slots used; what was needed; 1: a disk came to rest
 # on a wall, events without progress; bad tiles; events; windows
 NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS = range(10)

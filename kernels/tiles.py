@@ -223,7 +223,7 @@ def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
         gas.link[i][OWN] = code % 2
         gas.mark[i][LAP_X], gas.mark[i][LAP_Y] = lap_x - boxes_x, lap_y - boxes_y
         gas.link[i][ROW] = row
-        gas.link[i][AT_WALLS] = 0
+        gas.mark[i][AT_WALLS] = 0
         gas.mark[i][BEFORE] = gas.meta[s][EVENTS]
         if ti.static(gas.uses.mixed):
             gas.link[i][KIND] = gas.kind[gas.meta[s][ID]]
@@ -249,6 +249,7 @@ def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
         note_speed(i, gas)
         gas.begun[i][0], gas.begun[i][1] = x + row * gas.scale[ASIDE], y
     i = places
+    cx, cy = 0, 0
     for c in range(cells):
         end = places + gas.head[region.cells + c]
         gas.head[region.cells + c] = -1
@@ -256,7 +257,7 @@ def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
             gas.head[region.cells + c] = i
         while i < end:
             gas.link[i][PARTNER] = NOBODY
-            gas.link[i][CELL] = c
+            gas.link[i][CELL] = (cx << 16) + cy
             gas.link[i][NUMBER] = 0
             gas.link[i][PREVIOUS] = -1
             gas.link[i][LAST] = NOBODY
@@ -264,6 +265,9 @@ def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
             i += 1
             if i == end:
                 gas.link[i - 1][NEXT_IN_CELL] = -1
+        cy += 1
+        if cy == region.ny:
+            cx, cy = cx + 1, 0
 
 
 @ti.func
@@ -342,7 +346,7 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
                 turned = ti.cast(gas.work[i][W_SPIN], ti.f64) * ti.cast(dt, ti.f64) + gas.turn[i]
                 gas.past[slot][ANGLE] = gas.past[s][ANGLE] + turned
             if ti.static(gas.uses.walled):
-                gas.hits[slot][WALL_HITS] = gas.hits[s][WALL_HITS] + gas.link[i][AT_WALLS]
+                gas.hits[slot][WALL_HITS] = gas.hits[s][WALL_HITS] + gas.mark[i][AT_WALLS]
             if ti.static(gas.uses.partnered):
                 partner = gas.hits[s][LAST_PARTNER]
                 last = gas.link[i][LAST]

@@ -349,7 +349,7 @@ def place_walls(lane, region: ti.template(), gas: ti.template()):
 @ti.func
 def first_wall(i, best, partner, lane, region: ti.template(), gas: ti.template()):
     """The earlier of the meeting at `best` with `partner` and the first one with a wall near the disk at place i."""
-    cell = lane * (gas.grid[CELLS] + 1) + gas.link[i][CELL]
+    cell = lane * (gas.grid[CELLS] + 1) + (gas.link[i][CELL] >> 16) * region.ny + (gas.link[i][CELL] & 0xFFFF)
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
         code = gas.wall_item[lane * gas.grid[ITEMS] + item]
         w = code // 9
@@ -405,7 +405,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     remember(i, t, -1 - w, gas)
     note_speed(i, gas)
     gas.link[i][LAST] = FIRST_WALL - w
-    gas.link[i][AT_WALLS] = gas.link[i][AT_WALLS] + 1
+    gas.mark[i][AT_WALLS] = gas.mark[i][AT_WALLS] + 1
     if gas.link[i][OWN] == 1:
         add(tile, WALL_COLLISIONS, 1.0, gas)
         if how >= ELASTIC:

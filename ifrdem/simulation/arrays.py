@@ -203,7 +203,7 @@ class DeviceArrays:
         self.grid[k.PLACES], self.grid[k.CELLS], self.grid[k.BINS], self.grid[k.ITEMS] = places, cells, bins, items
         self._replace("work", self._vectors(8, self._type, rows))
         self._replace("link", self._vectors(16, ti.i32, rows))
-        self._replace("mark", self._vectors(4, ti.i32, rows))
+        self._replace("mark", self._vectors(5, ti.i32, rows))
         self._replace("begun", self._vectors(2, self._type, rows))
         self._replace("chosen", self._vectors(3, ti.i32, rows))
         self._replace("since", self._array(self._type, rows if uses.remembers else 1))
@@ -262,6 +262,8 @@ class DeviceArrays:
         for axis in range(2):
             if self.box.periodic[axis]:
                 crossed[:, axis] = np.floor(state.position[:, axis] / self.box.lengths[axis])
+        # First onto the grid: differences are exact then, whatever the tiles.
+        position = np.round(position / self.spacing) * self.spacing
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
         index = np.stack(
             [np.clip(np.searchsorted(self.edges[a], position[:, a], side="right") - 1, 0, counts[a] - 1) for a in (0, 1)],
@@ -270,7 +272,6 @@ class DeviceArrays:
         tile = index[:, 0] * counts[1] + index[:, 1]
         order = np.argsort(tile, kind="stable")
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
-        local = np.round(local / self.spacing) * self.spacing
         disk = np.zeros((self.parts * self.room, 5), dtype=self.real)
         disk[:n, 0:2] = local[order]
         disk[:n, 2:4] = state.velocity[order]
