@@ -16,13 +16,14 @@ from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
 from .language import ti
 from .layout import (
-    ASIDE, AT_END, AT_MOMENT, BINS, CELL, COLLISIONS, DIRECTION, DRIFT, ELASTICALLY, ELASTICS, FAR,
-    FIRST_WALL, FLOW_WORK, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES,
-    MATERIAL, MOMENT_IN, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NUMBER, N_EVENTS, OWN, PARTNER, PARTNER_NUMBER,
-    PLACES, PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU,
-    T_HIT, T_LEAVE, VX, VY, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
+    ASIDE, AT, AT_END, AT_MOMENT, BINS, BY_LAW, BY_REMEDY, CELL, COLLISIONS, DIRECTION, DRIFT, ELASTICALLY,
+    ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK, FULL,
+    FULL_WATCHED, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL,
+    MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS, N_WATCHED, OWN,
+    PAIRS, PARTNER, PARTNER_NUMBER, PLACES, PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS,
+    STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY, WATCHING, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
 )  # fmt: skip
-from .places import add, came_to, just_collided, kind_of, note_speed, radius_of, remember
+from .places import add, watched_row, write_motion, came_to, just_collided, kind_of, note_speed, radius_of, remember
 from .tiles import write
 from .walls import first_wall, hit_wall
 
@@ -199,6 +200,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     p = ti.cast(gas.kinds[kind_a][MATERIAL], ti.i32)
     q = ti.cast(gas.kinds[kind_b][MATERIAL], ti.i32)
     vx_a = gas.work[a][VX]
+    vy_a_0, w_a_0, vy_b_0, w_b_0 = gas.work[a][VY], gas.work[a][W_SPIN], gas.work[b][VY], gas.work[b][W_SPIN]
     new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b, how, lost = collided(
         p, q, rx / r, ry / r,
         gas.kinds[kind_a][INVERSE_MASS], gas.kinds[kind_a][KIND_RADIUS], gas.kinds[kind_a][K],
@@ -215,6 +217,27 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     note_speed(b, gas)
     gas.link[a][LAST] = b
     gas.link[b][LAST] = a
+    if gas.grid[WATCHING] == PAIRS and gas.link[a][OWN] == 1:
+        row = ti.atomic_add(gas.counter[N_WATCHED], 1)
+        if row < gas.grid[MOST_EVENTS]:
+            gas.event[row][AT] = t
+            gas.event_int[row][EVENT_TILE] = tile
+            gas.event_int[row][EVENT_ID], gas.event_int[row][EVENT_PARTNER] = gas.link[a][WHO], gas.link[b][WHO]
+        else:
+            ti.atomic_or(gas.counter[FULL], FULL_WATCHED)
+    if ti.static(gas.uses.watched):
+        before = ti.Vector([vx_a, vy_a_0, w_a_0, vx_b, vy_b_0, w_b_0])
+        after = ti.Vector([new_vx_a, vy_a, w_a, new_vx_b, vy_b, w_b])
+        for side in ti.static(range(2)):
+            one, other, sign = a, b, 1.0
+            if ti.static(side == 1):
+                one, other, sign = b, a, -1.0
+            row = watched_row(one, t, tile, region, gas)
+            if row >= 0:
+                gas.event[row][NORMAL_X], gas.event[row][NORMAL_X + 1] = sign * rx / r, sign * ry / r
+                write_motion(row, t, 3 * side, before, after, gas)
+                gas.event_int[row][EVENT_PARTNER] = gas.link[other][WHO]
+                gas.event_int[row][EVENT_HOW] = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
     if gas.link[a][OWN] == 1:
         add(tile, COLLISIONS, 1.0, gas)
         if how >= ELASTIC:
@@ -402,7 +425,7 @@ def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.templ
             before = partner
             best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
             if ti.static(gas.uses.walled):
-                best, partner = first_wall(i, best, partner, lane, region, gas)
+                best, partner = first_wall(i, best, partner, region, gas)
             if partner == NOBODY:
                 best = FAR + 0.0 * window
             elif partner >= 0 and partner != before:

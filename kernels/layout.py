@@ -18,13 +18,17 @@ kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
 way          (room,)              bound on how far it came
 back         (room,)              slot at the window's beginning of the one at its end
-tile         (tiles,) of 8        where its lists begin and how long they are, by part; claims; state
-reach        (tiles,) of 4        halo, how far its own disks came beyond its sides, the largest way
+tile         (tiles, 8)           where its lists begin and how long they are, by part; claims; state
+reach        (tiles, 4)           halo; bound on how far its own disks came beyond its sides; the largest way; how far they
+                                  are beyond its sides at the end
 edge_x/y     (tiles + 1,)         sides of the columns and rows of tiles, on the grid of places
 tally        (tiles, 2, TALLY)    sums over the window to its end, and to the moment that was asked for, f64
 heat         (tiles, 2, thermal)  heat that thermal walls gave, likewise
 claim        (claims,) of 3       slot of a copy at the window's beginning; hash of its history here
 claim_at     (claims,) of 3       its place then, from the corner of the tile that made it; bound on how far it came
+event        (events,) of 17      what happened to watched disks (columns below)
+event_int    (events,) of 8       who was it
+watched      (n,)                 1 for disks whose collisions are written down, by id
 work, ...    (lanes * places,)    the scratch space of a lane, which runs one tile after another
 ===========  ===================  =====================================================================================
 """
@@ -43,7 +47,7 @@ TOLD = 2  # the part that holds the moment asked for
 # tile: first slot (within its part) and number of disks at the window's beginning and end (column + part); claims
 START, COUNT, CLAIMS, N_CLAIMS, BAD = 0, 2, 4, 5, 6
 # reach
-HALO, BEYOND, FURTHEST = range(3)
+HALO, BEYOND, FURTHEST, PROTRUDES = range(4)
 # tally: whole numbers are exact up to 2^53
 COLLISIONS, WALL_COLLISIONS, ELASTICS, REGIMES, LOSSES = 0, 1, 2, 3, 8
 WALL_WORK, FLOW_WORK, FASTEST, SQUARES = 14, 15, 16, 17
@@ -63,28 +67,40 @@ W_SPIN = 7
     PARTNER, CELL, NUMBER, PARTNER_NUMBER, PREVIOUS, NEXT, NEXT_IN_CELL, LAST, WHO, OWN, HASH_1, HASH_2, TOP, KIND, ROW,
     DIRECTION,
 ) = range(16)  # fmt: skip
-# mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it
-SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS = range(5)
+# mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile
+# that lists it
+SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
 # counter: next tile to be run; claims used; why a launch ended early; slots used; what was needed; 1: a disk came to rest
-# on a wall, events without progress; bad tiles; events; windows
-NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS = range(10)
-FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS = 1, 2, 4, 8
+# on a wall, events without progress; bad tiles; events; windows; rows of
+# events; 1 where only the listed tiles are run
+NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN = range(12)
+FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions of the launch), to pause, when a force acts; what
-# sets the length of windows: a path, the side of a tile, the speed of walls
-BEGIN, END, STOP, WANTED, PAUSE, PAUSE_AFTER, KICK, PATH, TILE_SIDE, WALL_SPEED = range(10)
+# sets the length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds
+BEGIN, END, STOP, WANTED, PAUSE, PAUSE_AFTER, KICK, PATH, TILE_SIDE, WALL_SPEED, SQUARE_UNIT = range(11)
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on
 (
     N, TILES_X, TILES_Y, LANES, PLACES, CELLS, BINS, ITEMS, PART, PERIODIC_X, PERIODIC_Y, WALLS, SEED_LOW, SEED_HIGH,
-    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM,
-) = range(19)  # fmt: skip
+    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS,
+) = range(21)  # fmt: skip
 # scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off; contact
-# time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; unit of squares of
-# speeds; a 0 no compiler knows
+# time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; a 0 no compiler
+# knows
 (
     LENGTH_X, LENGTH_Y, CELL_SIDE, WINDOW, MOMENT_IN, WIDEST, ROUNDER, GX, GY, CUTOFF, CONTACT_TIME, SHEAR, DRIFT, ASIDE,
-    SQUARE_UNIT, NOTHING,
-) = range(16)  # fmt: skip
+    NOTHING,
+) = range(15)  # fmt: skip
+# event: time, place, normal, velocity before and after, spin before and after; the same of the partner
+AT, PLACE, NORMAL_X, V_BEFORE, V_AFTER, W_BEFORE, W_AFTER, U_BEFORE, U_AFTER, S_BEFORE, S_AFTER = (
+    0, 1, 3, 5, 7, 9, 10, 11, 13, 15, 16,
+)  # fmt: skip
+REALS = 17
+# event_int: tile; the disk's id; the partner's, or -2 - wall; boxes travelled; how it was; the disk's number of collisions
+EVENT_TILE, EVENT_ID, EVENT_PARTNER, EVENT_BOX, EVENT_HOW, EVENT_NUMBER = 0, 1, 2, 3, 5, 6
+INTEGERS = 8
+BY_LAW, BY_REMEDY, BY_HEAT = range(3)
+PAIRS, TRACKED = 1, 2  # what is watched: times of all pairs, or all that happens to some disks
 SPREAD = 512  # Taichi hands a thread at least so many items of a loop: loops over few, long items are spread out
 BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
@@ -169,7 +185,7 @@ class GasArrays(NamedTuple):
     wall_item: Any = None
     walls: Any = None
     law: Any = None
-    tracked: Any = None
+    watched: Any = None
     event: Any = None
     event_int: Any = None
     uses: Uses = Uses()

@@ -3,7 +3,10 @@
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    AT_END, CONTACT_TIME, HASH_1, HASH_2, KIND, KIND_RADIUS, NUMBER, TAU, TOP, VX, VY, W_SPIN, X, Y,
+    AT, AT_END, CONTACT_TIME, EVENT_BOX, EVENT_ID, EVENT_NUMBER, EVENT_TILE, FULL, FULL_WATCHED, GX, GY,
+    HASH_1, HASH_2, IMAGE_X, IMAGE_Y, KIND, KIND_RADIUS, LAP_X, LAP_Y, MOST_EVENTS, NUMBER, N_WATCHED, OWN,
+    PART, PLACE, ROOM, SLOT, S_AFTER, S_BEFORE, TAU, TOP, TRACKED, U_AFTER, U_BEFORE, VX, VY, V_AFTER,
+    V_BEFORE, WATCHING, WHO, W_AFTER, W_BEFORE, W_SPIN, X, Y,
 )  # fmt: skip
 
 
@@ -80,3 +83,39 @@ def came_to(i, t, gas: ti.template()):
 def add(tile, column, value, gas: ti.template()):
     """Add to the tally of a tile."""
     gas.tally[tile, AT_END, column] = gas.tally[tile, AT_END, column] + value
+
+
+@ti.func
+def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
+    """Begin a row of `event` for a collision of the disk at place i at time t; -1 if nobody watches it, or no room."""
+    row = -1
+    if gas.grid[WATCHING] == TRACKED and gas.link[i][OWN] == 1:
+        if gas.watched[gas.link[i][WHO]] > 0:
+            row = ti.atomic_add(gas.counter[N_WATCHED], 1)
+            if row >= gas.grid[MOST_EVENTS]:
+                ti.atomic_or(gas.counter[FULL], FULL_WATCHED)
+                row = -1
+            else:
+                gas.event[row][AT] = t
+                gas.event[row][PLACE] = region.corner_x + gas.work[i][X] + 0.5 * gas.scale[GX] * t * t
+                gas.event[row][PLACE + 1] = region.corner_y + gas.work[i][Y] + 0.5 * gas.scale[GY] * t * t
+                gas.event_int[row][EVENT_TILE] = tile
+                gas.event_int[row][EVENT_ID] = gas.link[i][WHO]
+                s = gas.grid[PART] * gas.grid[ROOM] + gas.mark[i][SLOT]
+                gas.event_int[row][EVENT_BOX] = gas.meta[s][IMAGE_X] + gas.mark[i][LAP_X]
+                gas.event_int[row][EVENT_BOX + 1] = gas.meta[s][IMAGE_Y] + gas.mark[i][LAP_Y]
+                gas.event_int[row][EVENT_NUMBER] = gas.link[i][NUMBER]
+    return row
+
+
+@ti.func
+def write_motion(row, t, first: ti.template(), before, after, gas: ti.template()):
+    """Write velocities and spins (vx, vy, spin of both partners) before and after, the disk's from `first` on."""
+    fall_x, fall_y = gas.scale[GX] * t, gas.scale[GY] * t
+    other = ti.static(3 - first)
+    gas.event[row][V_BEFORE], gas.event[row][V_BEFORE + 1] = before[first] + fall_x, before[first + 1] + fall_y
+    gas.event[row][V_AFTER], gas.event[row][V_AFTER + 1] = after[first] + fall_x, after[first + 1] + fall_y
+    gas.event[row][W_BEFORE], gas.event[row][W_AFTER] = before[first + 2], after[first + 2]
+    gas.event[row][U_BEFORE], gas.event[row][U_BEFORE + 1] = before[other] + fall_x, before[other + 1] + fall_y
+    gas.event[row][U_AFTER], gas.event[row][U_AFTER + 1] = after[other] + fall_x, after[other + 1] + fall_y
+    gas.event[row][S_BEFORE], gas.event[row][S_AFTER] = before[other + 2], after[other + 2]

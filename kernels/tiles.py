@@ -28,10 +28,10 @@ from .layout import (
     ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BOXES_ASIDE, CELL, CELLS, CELL_SIDE,
     CLAIMS, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL, FULL_CLAIMS, FURTHEST, GX, GY, HALO,
     HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS, KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST,
-    LENGTH_X, LENGTH_Y, MOMENT_IN, MOST_CLAIMS, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, OWN,
-    PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, ROOM, ROW, SLOT, SPIN, SQUARES, SQUARE_UNIT,
-    START, TALLY, TAU, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, VX, VY, WALL_HITS, WHO, WIDEST, WINDOW,
-    W_SPIN, X, Y,
+    LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS,
+    OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN, SQUARES,
+    SQUARE_UNIT, START, TALLY, TAU, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, VX, VY, WALL_HITS, WHO,
+    WIDEST, WINDOW, W_SPIN, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, largest_speed, note_speed
 
@@ -90,11 +90,12 @@ def cell_at(x, y, region: ti.template()):
 def region_of(tile, lane, gas: ti.template()):
     """Cells of the tile and its halo, or of the whole box: corner, number and sides; places are from the tile's corner."""
     width, height = sides_of(tile, gas)
-    halo = gas.reach[tile][HALO]
+    halo = gas.reach[tile, HALO]
     wrap_x, wrap_y = 0, 0
     if gas.grid[ALONE] == 1:
         halo = 0.0 * halo
         wrap_x, wrap_y = gas.grid[PERIODIC_X], gas.grid[PERIODIC_Y]
+        width, height = gas.scale[LENGTH_X], gas.scale[LENGTH_Y]
     width += 2.0 * halo
     height += 2.0 * halo
     nx = ti.max(ti.cast(width / gas.scale[CELL_SIDE], ti.i32), 1)
@@ -103,7 +104,7 @@ def region_of(tile, lane, gas: ti.template()):
     ty = tile - tx * gas.grid[TILES_Y]
     return ti.Struct(
         x=-halo, y=-halo, nx=nx, ny=ny, side_x=width / nx, side_y=height / ny, wrap_x=wrap_x, wrap_y=wrap_y,
-        cells=lane * gas.grid[CELLS], width=width - 2.0 * halo, height=height - 2.0 * halo,
+        cells=lane * gas.grid[CELLS], lane=lane,
         corner_x=ti.cast(gas.edge_x[tx], float), corner_y=ti.cast(gas.edge_y[ty], float),
     )  # fmt: skip
 
@@ -134,6 +135,23 @@ def neighbour(tile, step_x, step_y, gas: ti.template()):
     if ti.static(gas.uses.sheared):
         boxes_x -= step_y * gas.grid[BOXES_ASIDE]
     return other, shift_x, shift_y, boxes_x, boxes_y
+
+
+@ti.func
+def source(tile, step, gas: ti.template()):
+    """One of the tiles that a tile gathers from, as `neighbour` tells it, and how many rows up it is.
+
+    The nine around it, or all where one region is the whole box.
+    """
+    other, step_y, boxes_x, boxes_y = step, 0, 0, 0
+    shift_x, shift_y = 0.0 * gas.scale[WINDOW], 0.0 * gas.scale[WINDOW]
+    if gas.grid[ALONE] == 1:
+        shift_x = ti.cast(gas.edge_x[step // gas.grid[TILES_Y]] - gas.edge_x[0], float)
+        shift_y = ti.cast(gas.edge_y[step % gas.grid[TILES_Y]] - gas.edge_y[0], float)
+    else:
+        step_y = step % 3 - 1
+        other, shift_x, shift_y, boxes_x, boxes_y = neighbour(tile, step // 3 - 1, step_y, gas)
+    return other, step_y, shift_x, shift_y, boxes_x, boxes_y
 
 
 @ti.func
@@ -174,28 +192,28 @@ def choose(tile, lane, region: ti.template(), gas: ti.template()):
     for c in range(region.nx * region.ny):
         gas.head[region.cells + c] = 0
     n, own_disks = 0, 0
-    halo = gas.reach[tile][HALO]
+    halo = gas.reach[tile, HALO]
     alone = gas.grid[ALONE] == 1
-    for step_x in range(-1, 2):
-        for step_y in range(-1, 2):
-            other, shift_x, shift_y, _x, _y = neighbour(tile, step_x, step_y, gas)
-            if alone and (step_x != 0 or step_y != 0):
-                other = -1
-            if other >= 0:
-                first = part * gas.grid[ROOM] + gas.tile[other][START + part]
-                for s in range(first, first + gas.tile[other][COUNT + part]):
-                    x, y, _lap_x, _lap_y, _row = seen(s, step_y, shift_x, shift_y, region, gas)
-                    near = alone or lies_in(x, y, halo, tile, gas)
-                    if near:
-                        own = alone or lies_in(x, y, 0.0 * x, tile, gas)
-                        if n < room:
-                            c = cell_at(x, y, region)
-                            gas.chosen[places + n][0] = s
-                            gas.chosen[places + n][1] = c
-                            gas.chosen[places + n][2] = (3 * step_x + step_y + 4) * 2 + ti.cast(own, ti.i32)
-                            gas.head[region.cells + c] = gas.head[region.cells + c] + 1
-                        n += 1
-                        own_disks += ti.cast(own, ti.i32)
+    steps = 9
+    if alone:
+        steps = gas.grid[TILES_X] * gas.grid[TILES_Y]
+    for step in range(steps):
+        other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = source(tile, step, gas)
+        if other >= 0:
+            first = part * gas.grid[ROOM] + gas.tile[other, START + part]
+            for s in range(first, first + gas.tile[other, COUNT + part]):
+                x, y, _lap_x, _lap_y, _row = seen(s, step_y, shift_x, shift_y, region, gas)
+                near = alone or lies_in(x, y, halo, tile, gas)
+                if near:
+                    own = alone or lies_in(x, y, 0.0 * x, tile, gas)
+                    if n < room:
+                        c = cell_at(x, y, region)
+                        gas.chosen[places + n][0] = s
+                        gas.chosen[places + n][1] = c
+                        gas.chosen[places + n][2] = 2 * step + ti.cast(own, ti.i32)
+                        gas.head[region.cells + c] = gas.head[region.cells + c] + 1
+                    n += 1
+                    own_disks += ti.cast(own, ti.i32)
     return n, own_disks
 
 
@@ -214,10 +232,10 @@ def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
         s, c, code = gas.chosen[places + m][0], gas.chosen[places + m][1], gas.chosen[places + m][2]
         i = places + gas.head[region.cells + c]
         gas.head[region.cells + c] = gas.head[region.cells + c] + 1
-        step_x, step_y = code // 6 - 1, (code // 2) % 3 - 1
-        _other, shift_x, shift_y, boxes_x, boxes_y = neighbour(tile, step_x, step_y, gas)
+        other, step_y, shift_x, shift_y, boxes_x, boxes_y = source(tile, code // 2, gas)
         x, y, lap_x, lap_y, row = seen(s, step_y, shift_x, shift_y, region, gas)
         vx, vy = gas.disk[s][VX], gas.disk[s][VY]
+        gas.mark[i][LISTED] = other
         gas.mark[i][SLOT] = s - part * gas.grid[ROOM]
         gas.link[i][WHO] = gas.meta[s][ID]
         gas.link[i][OWN] = code % 2
@@ -307,6 +325,8 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
     begun = gas.grid[PART] * gas.grid[ROOM]
     claims, beyond, furthest = 0, -ENDLESS + 0.0 * time, 0.0 * time
     fastest, squares = 0.0 * time, ti.cast(0.0, ti.f64)
+    in_place = gas.grid[ALONE] == 1 and gas.grid[TILES_X] * gas.grid[TILES_Y] > 1
+    protrudes = 0.0 * time
     for i in range(places, places + n):
         way = largest_speed(i, gas) * time
         if gas.link[i][OWN] == 1:
@@ -314,6 +334,11 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
             dt = time - gas.work[i][TAU]
             vx, vy = gas.work[i][VX], gas.work[i][VY]
             x, y = gas.work[i][X], gas.work[i][Y]
+            if in_place:  # the lists stay as they are
+                slot = part * gas.grid[ROOM] + gas.mark[i][SLOT]
+                listed = gas.mark[i][LISTED]
+                x -= ti.cast(gas.edge_x[listed // gas.grid[TILES_Y]] - gas.edge_x[0], float)
+                y -= ti.cast(gas.edge_y[listed % gas.grid[TILES_Y]] - gas.edge_y[0], float)
             if when == AT_MOMENT:
                 x += vx * dt + 0.5 * fall_x * time
                 y += vy * dt + 0.5 * fall_y * time
@@ -327,10 +352,14 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
                 gas.way[gas.mark[i][SLOT]] = way
                 gas.back[slot - part * gas.grid[ROOM]] = gas.mark[i][SLOT]
                 furthest = ti.max(furthest, way)
-                beyond = ti.max(beyond, way - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, tile, gas))
+                listed = tile
+                if in_place:
+                    listed = gas.mark[i][LISTED]
+                beyond = ti.max(beyond, way - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas))
+                protrudes = ti.max(protrudes, -inside(x, y, listed, gas))
                 speed2 = (vx + fall_x) * (vx + fall_x) + (vy + fall_y) * (vy + fall_y)
                 fastest = ti.max(fastest, speed2)
-                squares += ti.floor(ti.cast(speed2, ti.f64) / ti.cast(gas.scale[SQUARE_UNIT], ti.f64))
+                squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock[SQUARE_UNIT])
             gas.disk[slot][X], gas.disk[slot][Y] = x, y
             gas.disk[slot][VX], gas.disk[slot][VY] = vx + fall_x, vy + fall_y
             gas.disk[slot][SPIN] = gas.work[i][W_SPIN]
@@ -361,11 +390,11 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
     if when == AT_END:
         gas.tally[tile, AT_END, FASTEST] = ti.cast(fastest, ti.f64)
         gas.tally[tile, AT_END, SQUARES] = squares
-        gas.reach[tile][BEYOND], gas.reach[tile][FURTHEST] = beyond, furthest
-        gas.tile[tile][N_CLAIMS] = claims
+        gas.reach[tile, BEYOND], gas.reach[tile, FURTHEST], gas.reach[tile, PROTRUDES] = beyond, furthest, protrudes
+        gas.tile[tile, N_CLAIMS] = claims
         if claims > 0:
             claim = ti.atomic_add(gas.counter[N_CLAIMED], claims)
-            gas.tile[tile][CLAIMS] = claim
+            gas.tile[tile, CLAIMS] = claim
             if claim + claims > gas.grid[MOST_CLAIMS]:
                 ti.atomic_or(gas.counter[FULL], FULL_CLAIMS)
             else:
@@ -395,11 +424,11 @@ def touches(claim, tile, gas: ti.template()):
     if ti.static(gas.uses.sheared):
         way += ti.abs(gas.scale[DRIFT]) * gas.scale[WINDOW]
     found = 0
-    if -inside(x, y, tile, gas) <= way + gas.reach[tile][BEYOND]:
+    if -inside(x, y, tile, gas) <= way + gas.reach[tile, BEYOND]:
         part = 1 - gas.grid[PART]
         fall_x = 0.5 * gas.scale[GX] * gas.scale[WINDOW] * gas.scale[WINDOW]
         fall_y = 0.5 * gas.scale[GY] * gas.scale[WINDOW] * gas.scale[WINDOW]
-        k, end = gas.tile[tile][START + part], gas.tile[tile][START + part] + gas.tile[tile][COUNT + part]
+        k, end = gas.tile[tile, START + part], gas.tile[tile, START + part] + gas.tile[tile, COUNT + part]
         while k < end:
             s = part * gas.grid[ROOM] + k
             dx, dy = gas.disk[s][X] - fall_x - x, gas.disk[s][Y] - fall_y - y
@@ -419,12 +448,12 @@ def is_bad(tile, gas: ti.template()):
         for step_y in range(-1, 2):
             other, _x, _y, _bx, _by = neighbour(tile, step_x, step_y, gas)
             if other >= 0 and (step_x != 0 or step_y != 0):
-                furthest = ti.max(furthest, gas.reach[other][FURTHEST])
+                furthest = ti.max(furthest, gas.reach[other, FURTHEST])
     if ti.static(gas.uses.sheared):
         furthest += ti.abs(gas.scale[DRIFT]) * gas.scale[WINDOW]
-    if gas.reach[tile][HALO] < gas.scale[WIDEST] + ti.max(gas.reach[tile][BEYOND], 0.0) + furthest:
+    if gas.reach[tile, HALO] < gas.scale[WIDEST] + ti.max(gas.reach[tile, BEYOND], 0.0) + furthest:
         bad = 1
-    claim, end = gas.tile[tile][CLAIMS], gas.tile[tile][CLAIMS] + gas.tile[tile][N_CLAIMS]
+    claim, end = gas.tile[tile, CLAIMS], gas.tile[tile, CLAIMS] + gas.tile[tile, N_CLAIMS]
     while claim < end and bad == 0:
         s = gas.claim[claim][0]
         if gas.claim[claim][1] != gas.trail[s][0] or gas.claim[claim][2] != gas.trail[s][1]:

@@ -46,12 +46,13 @@ from .contact import ELASTIC, collided
 from .flights import rounding
 from .language import ti
 from .layout import (
-    AT_END, AT_WALLS, BEFORE, BEGIN, BY_WALLS, CELL, CELLS, ELASTICS, FAR, FIRST_WALL, FULL, FULL_WALLS, GX,
-    GY, INVERSE_MASS, ITEMS, KIND_RADIUS, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, NEEDED, NUMBER, OWN,
-    PARTNER, PERIODIC_X, PERIODIC_Y, RESTING, SEED_HIGH, SEED_LOW, TAU, VX, VY, WALLS, WALL_COLLISIONS,
-    WALL_WORK, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
+    AT_END, AT_WALLS, BEFORE, BEGIN, BY_HEAT, BY_LAW, BY_REMEDY, BY_WALLS, CELL, CELLS, ELASTICS, EVENT_HOW,
+    EVENT_PARTNER, FAR, FIRST_WALL, FULL, FULL_WALLS, GX, GY, INVERSE_MASS, ITEMS, KIND_RADIUS, LAST,
+    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, NEEDED, NORMAL_X, NUMBER, OWN, PARTNER, PERIODIC_X, PERIODIC_Y,
+    RESTING, SEED_HIGH, SEED_LOW, TAU, VX, VY, WALLS, WALL_COLLISIONS, WALL_WORK, WHO, WIDEST, WINDOW,
+    W_SPIN, K, X, Y,
 )  # fmt: skip
-from .places import add, came_to, just_collided, kind_of, note_speed, radius_of, remember
+from .places import add, came_to, just_collided, kind_of, note_speed, radius_of, remember, watched_row, write_motion
 from .random import DRAWS, normals, rayleigh
 
 PLACE = 0xFFFF * DRAWS  # in streams of random numbers: the index that no force has
@@ -280,12 +281,13 @@ def span(low, high, corner, side, count):
 
 
 @ti.func
-def place_walls(lane, region: ti.template(), gas: ti.template()):
+def place_walls(region: ti.template(), gas: ti.template()):
     """Note for each cell of a region the walls that a disk in it may touch, and through which periodic side.
 
     Twice over the walls: the first time counts, the second enters. An item is 9 * wall + 3 * box + box, a box being 0 to 2
     for the one before, this one and the next.
     """
+    lane = region.lane
     cells, items = region.nx * region.ny, lane * gas.grid[ITEMS]
     starts = lane * (gas.grid[CELLS] + 1)
     for c in range(cells + 1):
@@ -347,8 +349,9 @@ def place_walls(lane, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
-def first_wall(i, best, partner, lane, region: ti.template(), gas: ti.template()):
+def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
     """The earlier of the meeting at `best` with `partner` and the first one with a wall near the disk at place i."""
+    lane = region.lane
     cell = lane * (gas.grid[CELLS] + 1) + (gas.link[i][CELL] >> 16) * region.ny + (gas.link[i][CELL] & 0xFFFF)
     for item in range(gas.wall_start[cell], gas.wall_start[cell + 1]):
         code = gas.wall_item[lane * gas.grid[ITEMS] + item]
@@ -402,6 +405,19 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
             how = 0
             lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
     gas.work[i][VX], gas.work[i][VY], gas.work[i][W_SPIN] = vx - gx * t, vy - gy * t, spin
+    if ti.static(gas.uses.watched):
+        row = watched_row(i, t, tile, region, gas)
+        if row >= 0:
+            gas.event[row][NORMAL_X], gas.event[row][NORMAL_X + 1] = -nx, -ny
+            # The wall's velocity is that in the lab.
+            before = ti.Vector([vx_0 - gx * t, vy_0 - gy * t, spin_0, ux - gx * t, uy - gy * t, 0.0 * t])
+            after = ti.Vector([vx - gx * t, vy - gy * t, spin, ux - gx * t, uy - gy * t, 0.0 * t])
+            write_motion(row, t, 0, before, after, gas)
+            gas.event_int[row][EVENT_PARTNER] = -2 - w
+            gas.event_int[row][EVENT_HOW] = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
+            if ti.static(gas.uses.thermal):
+                if gas.walls[w][TEMPERATURE] > 0.0:
+                    gas.event_int[row][EVENT_HOW] = BY_HEAT
     remember(i, t, -1 - w, gas)
     note_speed(i, gas)
     gas.link[i][LAST] = FIRST_WALL - w

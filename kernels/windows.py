@@ -7,10 +7,10 @@ where places and velocities are rounded.
 from .events import run_events
 from .language import ti
 from .layout import (
-    ALONE, AT_END, BAD, BEGIN, BINS, CELLS, COLLISIONS, COUNT, END, FAR, FASTEST, FULL, FULL_CELLS,
-    FULL_PLACES, GX, GY, KICK, LANES, NEEDED, NEXT_TILE, N_BAD, N_SLOTS, N_WINDOWS, PART, PATH, PAUSE,
-    PAUSE_AFTER, PLACES, RESTING, SPREAD, SQUARES, SQUARE_UNIT, STALLED, START, STOP, TALLY, TILES_X,
-    TILES_Y, TILE_SIDE, WALL_SPEED, WANTED, WINDOW, Cube, GasArrays, Rows, N,
+    AGAIN, ALONE, AT_END, BAD, BEGIN, BINS, CELLS, COLLISIONS, COUNT, END, FAR, FASTEST, FULL, FULL_CELLS,
+    FULL_PLACES, GX, GY, KICK, LANES, MOMENT_IN, NEEDED, NEXT_TILE, N_BAD, N_SLOTS, N_WINDOWS, PART, PATH,
+    PAUSE, PAUSE_AFTER, PLACES, RESTING, ROOM, SPREAD, SQUARES, SQUARE_UNIT, STALLED, START, STOP, TALLY,
+    TILES_X, TILES_Y, TILE_SIDE, VX, VY, WALL_SPEED, WANTED, WINDOW, Cube, GasArrays, Rows, Table, N,
 )  # fmt: skip
 from .tiles import choose, gather, is_bad, region_of
 from .walls import place_walls, wall_phases
@@ -33,13 +33,11 @@ def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
     return length
 
 
-@ti.pyfunc
+@ti.func
 def square_unit(fastest2):
-    """Unit in which squares of speeds are added up: whole numbers, whose sum is exact in any order. A power of two."""
-    unit = 1.0
-    if fastest2 > 0.0:
-        unit = 2.0 ** (ti.floor(ti.log(fastest2) * 1.4426950408889634) - 20.0)
-    return unit
+    """Unit in which squares of speeds are added up: a power of two, so that sums of whole units are exact in any order."""
+    exponent = ti.max(ti.bit_cast(fastest2, ti.i64) >> ti.i64(52), ti.i64(21)) - ti.i64(20)
+    return ti.bit_cast(exponent << ti.i64(52), ti.f64)
 
 
 @ti.func
@@ -61,22 +59,26 @@ def run_tile(tile, lane, gas: ti.template()):
             ti.atomic_max(gas.counter[NEEDED], n)
         else:
             part = 1 - gas.grid[PART]
-            if gas.tile[tile][BAD] == 0:  # the first try
-                gas.tile[tile][START + part] = ti.atomic_add(gas.counter[N_SLOTS], own)
-                gas.tile[tile][COUNT + part] = own
+            if gas.counter[AGAIN] == 0:  # the first try
+                gas.tile[tile, START + part] = ti.atomic_add(gas.counter[N_SLOTS], own)
+                gas.tile[tile, COUNT + part] = own
+                if gas.grid[ALONE] == 1:
+                    for other in range(gas.grid[TILES_X] * gas.grid[TILES_Y]):
+                        gas.tile[other, START + part] = gas.tile[other, START + gas.grid[PART]]
+                        gas.tile[other, COUNT + part] = gas.tile[other, COUNT + gas.grid[PART]]
             gather(n, tile, lane, region, gas)
             if ti.static(gas.uses.walled):
-                place_walls(lane, region, gas)
+                place_walls(region, gas)
             n_bins = 1
             while n_bins < n and 2 * n_bins <= gas.grid[BINS]:
                 n_bins *= 2
-            run_events(n, lane, n_bins, tile, gas.tile[tile][START + part], region, gas)
+            run_events(n, lane, n_bins, tile, gas.tile[tile, START + part], region, gas)
 
 
 @ti.func
 def plan(gas: ti.template()):
     """Set the next window of a gas in one tile, from the sums of the last one. A force ends it."""
-    mean_square = gas.tally[0, AT_END, SQUARES] * ti.cast(gas.scale[SQUARE_UNIT], ti.f64) / ti.max(gas.grid[N], 1)
+    mean_square = gas.tally[0, AT_END, SQUARES] * gas.clock[SQUARE_UNIT] / ti.max(gas.grid[N], 1)
     pull = ti.sqrt(ti.cast(gas.scale[GX], ti.f64) ** 2 + ti.cast(gas.scale[GY], ti.f64) ** 2)
     length = window_length(
         mean_square, gas.tally[0, AT_END, FASTEST], gas.clock[PATH], gas.clock[TILE_SIDE], pull, gas.clock[WALL_SPEED]
@@ -86,7 +88,10 @@ def plan(gas: ti.template()):
     gas.scale[WINDOW] = ti.cast(gas.clock[END] - gas.clock[BEGIN], float)
     gas.grid[PART] = 1 - gas.grid[PART]
     gas.counter[N_SLOTS] = 0
-    gas.scale[SQUARE_UNIT] = ti.cast(square_unit(gas.tally[0, AT_END, FASTEST]), float)
+    gas.clock[SQUARE_UNIT] = square_unit(gas.tally[0, AT_END, FASTEST])
+    gas.scale[MOMENT_IN] = FAR
+    if gas.clock[STOP] < gas.clock[END]:
+        gas.scale[MOMENT_IN] = ti.cast(gas.clock[STOP] - gas.clock[BEGIN], float)
 
 
 @ti.func
@@ -95,11 +100,12 @@ def close_window(gas: ti.template()):
 
     None does where the run stops or pauses, a force acts, or something is amiss.
     """
-    for column in range(TALLY):
-        gas.sums[column] = gas.sums[column] + gas.tally[0, AT_END, column]
-    if ti.static(gas.uses.thermal):
-        for column in range(gas.heat.shape[2]):
-            gas.sums[TALLY + column] = gas.sums[TALLY + column] + gas.heat[0, AT_END, column]
+    if gas.counter[FULL] == 0:
+        for column in range(TALLY):
+            gas.sums[column] = gas.sums[column] + gas.tally[0, AT_END, column]
+        if ti.static(gas.uses.thermal):
+            for column in range(gas.heat.shape[2]):
+                gas.sums[TALLY + column] = gas.sums[TALLY + column] + gas.heat[0, AT_END, column]
     end, collisions = gas.clock[END], gas.sums[COLLISIONS]
     amiss = gas.counter[FULL] + gas.counter[STALLED] + gas.counter[RESTING] > 0
     done = end >= gas.clock[STOP] or end >= gas.clock[KICK] or collisions >= gas.clock[WANTED]
@@ -112,8 +118,9 @@ def close_window(gas: ti.template()):
 def run_windows(
     n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, sums: Rows, counter: Rows,
     disk: Rows, meta: Rows, past: Rows, hits: Rows, kind: Rows, kinds: Rows, trail: Rows, way: Rows, back: Rows,
-    tile: Rows, listed: Rows, reach: Rows, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube, claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows, begun: Rows, chosen: Rows, 
+    tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube, claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows, begun: Rows, chosen: Rows, 
     since: Rows, turn: Rows, head: Rows, bin: Rows, wall_start: Rows, wall_item: Rows, walls: Rows, law: Cube,
+    watched: Rows, event: Rows, event_int: Rows,
 ):  # fmt: skip
     """The window of `n_listed` tiles, each by one thread; or up to `most_windows` windows of a gas in one tile."""
     gas = ti.static(GasArrays(
@@ -121,7 +128,8 @@ def run_windows(
         kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile, listed=listed, reach=reach, edge_x=edge_x,
         edge_y=edge_y, tally=tally, heat=heat, claim=claim, claim_at=claim_at, work=work,
         link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn, head=head, bin=bin,
-        wall_start=wall_start, wall_item=wall_item, walls=walls, law=law, uses=uses,
+        wall_start=wall_start, wall_item=wall_item, walls=walls, law=law, watched=watched, event=event,
+        event_int=event_int, uses=uses,
     ))  # fmt: skip
     if ti.static(gas.uses.walled):
         for _ in range(1):
@@ -133,7 +141,10 @@ def run_windows(
             while k < n_listed and gas.counter[FULL] == 0:
                 going = 1
                 while going == 1:
-                    run_tile(gas.listed[k], lane, gas)
+                    tile_now = k
+                    if gas.counter[AGAIN] == 1:
+                        tile_now = gas.listed[k]
+                    run_tile(tile_now, lane, gas)
                     going = 0
                     if gas.grid[ALONE] == 1:
                         gas.counter[N_WINDOWS] = gas.counter[N_WINDOWS] + 1
@@ -148,7 +159,7 @@ def run_windows(
 @ti.kernel
 def verify(
     uses: ti.template(), grid: Rows, scale: Rows, counter: Rows, disk: Rows, trail: Rows, way: Rows, back: Rows,
-    tile: Rows, listed: Rows, reach: Rows, edge_x: Rows, edge_y: Rows, claim: Rows, claim_at: Rows,
+    tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, claim: Rows, claim_at: Rows,
 ):  # fmt: skip
     """Find the tiles whose windows may not be exact: into `listed`, `counter[N_BAD]` of them."""
     gas = ti.static(GasArrays(
@@ -159,7 +170,26 @@ def verify(
         if item % SPREAD == 0:
             k = ti.atomic_add(gas.counter[NEXT_TILE], 1)
             while k < gas.grid[TILES_X] * gas.grid[TILES_Y]:
-                gas.tile[k][BAD] = is_bad(k, gas)
-                if gas.tile[k][BAD] == 1:
+                gas.tile[k, BAD] = is_bad(k, gas)
+                if gas.tile[k, BAD] == 1:
                     gas.listed[ti.atomic_add(gas.counter[N_BAD], 1)] = k
                 k = ti.atomic_add(gas.counter[NEXT_TILE], 1)
+
+
+@ti.kernel
+def survey(
+    uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, tile: Table, tally: Cube,
+):  # fmt: skip
+    """The largest square of a speed and the sum of all, as a window's end tells them, of disks that something else moved."""
+    gas = ti.static(GasArrays(grid=grid, scale=scale, clock=clock, disk=disk, tile=tile, tally=tally, uses=uses))
+    for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+        if item % SPREAD == 0:
+            k = item // SPREAD
+            first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[k, START + gas.grid[PART]]
+            fastest, squares = 0.0 * gas.scale[WINDOW], ti.cast(0.0, ti.f64)
+            for s in range(first, first + gas.tile[k, COUNT + gas.grid[PART]]):
+                speed2 = gas.disk[s][VX] * gas.disk[s][VX] + gas.disk[s][VY] * gas.disk[s][VY]
+                fastest = ti.max(fastest, speed2)
+                squares += ti.floor(ti.cast(speed2, ti.f64) / gas.clock[SQUARE_UNIT])
+            gas.tally[k, AT_END, FASTEST] = ti.cast(fastest, ti.f64)
+            gas.tally[k, AT_END, SQUARES] = squares

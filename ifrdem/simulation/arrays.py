@@ -9,7 +9,6 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,14 +17,18 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.limits import ADDRESSABLE, WALL
+from ..kernels.limits import ADDRESSABLE, ALONE, WALL
+from ..kernels.shear import displacement
 from ..kernels.walls import HEAT, TEMPERATURE
 from ..model.box import Box
 from ..model.state import Disks, State
 from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
-CELLS_PER_DISK = 2.0  # at most
+DISKS_PER_CELL = 0.38  # of thin gases, whose cells are wider
+LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
+FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
+ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
 
@@ -35,27 +38,10 @@ def chi(packing_fraction: float) -> float:
     return (1.0 - 7.0 * phi / 16.0) / (1.0 - phi) ** 2
 
 
-@dataclass(frozen=True)
-class Division:
-    """How a gas is divided into tiles and windows: by its number of disks and density only.
-
-    Attributes
-    ----------
-    collisions : float
-        That a disk has in a window, on average.
-    tile_disks : int
-        Disks of a tile.
-    """
-
-    collisions: float
-    tile_disks: int
-
-    @classmethod
-    def of(cls, packing_fraction: float) -> Division:
-        """The division that took least time (table in the docstring of `engine`)."""
-        phi = [0.0, 0.1, 0.3, 0.6]
-        collisions = float(np.interp(packing_fraction, phi, [0.5, 0.6, 1.0, 1.2]))
-        return cls(collisions, 8000)
+def division(packing_fraction: float) -> tuple[float, int]:
+    """Collisions that a disk has in a window, and disks of a tile: what took least time at this density."""
+    collisions = np.interp(packing_fraction, [0.0, 0.1, 0.3, 0.6], [0.5, 0.6, 1.0, 1.2])
+    return float(collisions), 8000
 
 
 def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -89,8 +75,6 @@ class DeviceArrays:
         Rows as `kernels/walls.py` describes them.
     uses : Uses
         What is compiled.
-    lanes : int
-        Tiles that run at the same time.
     """
 
     def __init__(
@@ -101,7 +85,6 @@ class DeviceArrays:
         options: Any,
         walls: NDArray[np.float64],
         uses: k.Uses,
-        lanes: int,
     ) -> None:
         n = self.n = disks.n
         self.box, self.uses = box, uses
@@ -122,12 +105,12 @@ class DeviceArrays:
         self.law.from_numpy(law_table.astype(self.real))
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self.counter = np.zeros(16, dtype=np.int32)
-        self.clock = np.zeros(10)
-        self.grid = np.zeros(20, dtype=np.int32)
+        self.clock = np.zeros(12)
+        self.grid = np.zeros(24, dtype=np.int32)
         self.scale = np.zeros(20, dtype=self.real)
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid[k.SEED_LOW : k.SEED_LOW + 2] = words.view(np.int32)
-        self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = n, lanes, self.room
+        self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = n, 1, self.room
         self.grid[k.WALLS] = len(walls)
         self.grid[k.PERIODIC_X], self.grid[k.PERIODIC_Y] = box.periodic
         self.widest = 2.0 * float(disks.radius.max()) if n else 1.0
@@ -135,6 +118,7 @@ class DeviceArrays:
         self.scale[k.GX : k.GX + 2] = options.gravity
         self.scale[k.CUTOFF], self.scale[k.CONTACT_TIME] = options.velocity_cutoff, options.contact_time
         self.scale[k.SHEAR] = box.shear_rate
+        walls = walls.reshape(-1, WALL)
         self.walls = self._vectors(WALL, self._type, max(len(walls), 1))
         self.thermal: NDArray[np.intp] = np.flatnonzero(walls[:, TEMPERATURE] > 0.0)
         if len(walls):
@@ -144,12 +128,16 @@ class DeviceArrays:
             self.walls.from_numpy(rows)
         self.sums = np.zeros(k.TALLY + len(self.thermal))
         self.disk: Any = None
+        self._lanes = 0
         self.trail = self._vectors(2, ti.i32, self.room)
         self.way = self._array(self._type, self.room)
         self.back = self._array(ti.i32, self.room)
         self._make_parts(2)
+        self.watched = self._array(ti.i32, n if uses.watched else 1)
+        self.event: Any = None
         self.scratch(0, 0, 0, 0)
         self.claims(0)
+        self.events(0)
 
     # ------------------------------------------------------------------ room
 
@@ -220,6 +208,13 @@ class DeviceArrays:
         self._replace("claim", self._vectors(3, ti.i32, most))
         self._replace("claim_at", self._vectors(3, self._type, most))
 
+    def events(self, most: int) -> None:
+        """Room for so many collisions that are written down."""
+        self._check_addresses(3 * most)
+        self.grid[k.MOST_EVENTS] = most
+        self._replace("event", self._vectors(k.REALS, self._type, most))
+        self._replace("event_int", self._vectors(k.INTEGERS, ti.i32, most))
+
     # ------------------------------------------------------------------ tiles
 
     def divide(self, tiles: tuple[int, int], low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
@@ -241,27 +236,98 @@ class DeviceArrays:
                 edges.append(np.round(np.linspace(low[axis], high[axis], tiles[axis] + 1) / q) * q)
         self.edges = edges
         self.grid[k.TILES_X], self.grid[k.TILES_Y] = tiles
+        if self.uses.sheared:
+            self.scale[k.DRIFT] = self.box.shear_rate * edges[1][1]
         total = self.tiles = tiles[0] * tiles[1]
-        self._replace("edge_x", edges[0])
-        self._replace("edge_y", edges[1])
-        self._replace("tile", self._vectors(8, ti.i32, total))
-        self.tile.fill(0)
-        self._replace("listed", self._array(ti.i32, total))
-        self._replace("reach", self._vectors(4, self._type, total))
-        self.reach.fill(0)
+        self.edge_x, self.edge_y = edges
+        self.tile = np.zeros((total, 8), dtype=np.int32)
+        self.listed = np.zeros(total, dtype=np.int32)
+        self.reach = np.zeros((total, 4), dtype=self.real)
         self.tally = np.zeros((total, 2, k.TALLY))
         self.heat = np.zeros((total, 2, max(len(self.thermal), 1)))
         self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = edges[0][-1] - edges[0][0], edges[1][-1] - edges[1][0]
 
-    def put(self, state: State, frame: Any = None) -> None:
+    def lay(self, disks: Disks, options: Any, state: State) -> None:
+        """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
+        n, box = self.n, self.box
+        low, high = np.zeros(2), np.array(box.lengths)
+        if box.is_open and n:
+            low, high = state.position.min(axis=0), state.position.max(axis=0)
+            room = ROOM * (high - low).max() + self.widest
+            low, high = low - room, high + room
+            if not np.isfinite(high - low).all() or (high - low).max() > 1e100:
+                raise EngineError(f"positions spread over {(high - low).max():.3g}: too far apart to compute with")
+        self.area = float(np.prod(high - low))
+        phi = self.packing_fraction = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
+        collisions, tile_disks = division(phi)
+        free = self.area / max(n, 1)  # of a disk
+        few = n <= ALONE
+        sheared = self.uses.sheared
+        if few and not sheared:
+            collisions *= FEWER_WINDOWS
+        mean = 2.0 * float(disks.radius.mean()) if n else 1.0
+        self.clock[k.PATH] = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
+        self.clock[k.TILE_SIDE] = k.FAR if few and not sheared else math.sqrt(tile_disks * free)
+        self.scale[k.CELL_SIDE] = max(CELL * self.widest, math.sqrt(DISKS_PER_CELL * free), float((high - low).max()) / 3e4)
+        tiles = (1, 1)
+        self.alone = options.order == "alone" or (options.order is None and few and options.arch == "cpu")
+        self.alone = self.alone and not sheared
+        if not self.alone:
+            side = max(math.sqrt((options.tile_disks or tile_disks) * free), LEAST_TILE * self.widest)
+            tiles = tuple(max(1, int(length / side)) for length in (high - low))  # type: ignore[assignment]
+        self.divide((tiles[0], tiles[1]), low, high)
+        lanes = 1 if self.alone else min(device.lanes(), self.tiles)
+        self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
+        if self.alone:
+            places, cells = n, int(np.prod(np.maximum((high - low) / self.scale[k.CELL_SIDE], 1.0))) + 1
+        else:
+            places, cells = min(2 * n // self.tiles + 64, 9 * n), 64
+        if places > self.grid[k.PLACES] or cells > self.grid[k.CELLS] or lanes != self._lanes:
+            self._lanes = lanes
+            self.scratch(places, cells, 1 << max(places - 1, 1).bit_length(), 256 if self.uses.walled else 0)
+        self.put(state)
+
+    def displace_rows(self, time: float) -> None:
+        """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""
+        side = float(self.edges[0][1])
+        boxes, tiles, rest = displacement(float(self.scale[k.DRIFT]), time, side, float(self.grid[k.TILES_X]))
+        self.grid[k.BOXES_ASIDE], self.grid[k.TILES_ASIDE] = boxes, tiles
+        self.scale[k.ASIDE] = round(rest / self.spacing) * self.spacing
+
+    def _in_frames(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Positions and velocities in the frames of rows of tiles (`kernels/shear.py`), and boxes crossed.
+
+        All positions lie in the box, along x as the frame lay upon it at time 0.
+        """
+        box, rows = self.box, int(self.grid[k.TILES_Y])
+        speed = float(self.scale[k.DRIFT])
+        lengths = np.array([edge[-1] for edge in self.edges])
+        crossed = np.floor(state.position / lengths)
+        position, velocity = state.position.copy(), state.velocity.copy()
+        position[:, 1] = box.wrap(state.position, state.time)[:, 1]
+        row = np.minimum((position[:, 1] / self.edges[1][1]).astype(np.int64), rows - 1)
+        # The box above is one of `rows` rows further.
+        frame = speed * (row + crossed[:, 1] * rows - 0.5 * (rows - 1))
+        velocity[:, 0] -= frame
+        position[:, 0] -= frame * state.time
+        crossed[:, 0] = np.floor(position[:, 0] / lengths[0])
+        position[:, 0] -= crossed[:, 0] * lengths[0]
+        position[:, 0] = np.where(position[:, 0] < lengths[0], position[:, 0], 0.0)
+        return position, velocity, crossed
+
+    def put(self, state: State) -> None:
         """Write a state into the lists of the tiles, as the beginning of a window."""
         n, part = self.n, 0
         self.grid[k.PART] = part
-        position = self.box.wrap(state.position) if any(self.box.periodic) else state.position
-        crossed = np.zeros((n, 2), dtype=np.int32)
-        for axis in range(2):
-            if self.box.periodic[axis]:
-                crossed[:, axis] = np.floor(state.position[:, axis] / self.box.lengths[axis])
+        velocity, crossed = state.velocity, np.zeros((n, 2))
+        if self.uses.sheared:
+            self.displace_rows(state.time)
+            position, velocity, crossed = self._in_frames(state)
+        else:
+            position = self.box.wrap(state.position)
+            for axis in range(2):
+                if self.box.periodic[axis]:
+                    crossed[:, axis] = np.floor(state.position[:, axis] / self.box.lengths[axis])
         # First onto the grid: differences are exact then, whatever the tiles.
         position = np.round(position / self.spacing) * self.spacing
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
@@ -274,12 +340,12 @@ class DeviceArrays:
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)
         disk = np.zeros((self.parts * self.room, 5), dtype=self.real)
         disk[:n, 0:2] = local[order]
-        disk[:n, 2:4] = state.velocity[order]
+        disk[:n, 2:4] = velocity[order]
         disk[:n, 4] = state.spin[order]
         meta = np.zeros((self.parts * self.room, 4), dtype=np.int32)
         meta[:n, k.ID] = order
         meta[:n, k.EVENTS] = (state.collisions + state.wall_hits)[order]
-        meta[:n, k.IMAGE_X :] = (state.image + crossed)[order]
+        meta[:n, k.IMAGE_X :] = (state.image + crossed.astype(np.int32))[order]
         self.disk.from_numpy(disk)
         self.meta.from_numpy(meta)
         if self.uses.remembers or self.uses.turned:
@@ -292,11 +358,15 @@ class DeviceArrays:
             hits[:n, k.WALL_HITS] = state.wall_hits[order]
             hits[:n, k.LAST_PARTNER] = state.last_partner[order]
             self.hits.from_numpy(hits)
-        rows = self.tile.to_numpy()
         count = np.bincount(tile, minlength=self.tiles)
-        rows[:, k.COUNT] = count
-        rows[:, k.START] = np.cumsum(count) - count
-        self.tile.from_numpy(rows)
+        self.tile[:, k.COUNT] = count
+        self.tile[:, k.START] = np.cumsum(count) - count
+
+    def state_arrays(self) -> dict[str, bool]:
+        """Names of the arrays that hold a state, and whether this gas keeps them."""
+        uses = self.uses
+        dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
+        return {"disk": True, "meta": True, "past": dated, "hits": counted}
 
     # ------------------------------------------------------------------ kernels
 
@@ -306,6 +376,17 @@ class DeviceArrays:
             self._arguments[kernel] = list(inspect.signature(kernel).parameters)
         names = self._arguments[kernel][len(numbers) :]
         return kernel(*numbers, *(given[name] if name in given else getattr(self, name) for name in names))
+
+    def set_law(self, law_table: NDArray[np.float64], collision_law: Any) -> None:
+        """Collide by another law from here on."""
+        if law_table.shape != tuple(self.law.shape):
+            self._replace("law", ti.ndarray(self._type, law_table.shape))
+        self.law.from_numpy(law_table.astype(self.real))
+        self.uses = self.uses._replace(collision_law=collision_law)
+
+    def set_gravity(self, gravity: tuple[float, float]) -> None:
+        """Let disks fall otherwise from here on; all must have settled."""
+        self.scale[k.GX : k.GX + 2] = gravity
 
     def _on_device(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if isinstance(value, ti.Ndarray)}

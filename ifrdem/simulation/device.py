@@ -23,6 +23,7 @@ from ..errors import EngineError, InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
+GPU_LANES = 16384  # threads with a tile each: some 128 on each multiprocessor of a large one
 LOG = logging.getLogger("ifrdem")
 
 
@@ -227,6 +228,12 @@ _users: weakref.WeakSet[User] = weakref.WeakSet()
 def register(user: User) -> None:
     """Have `user.release()` called before Taichi ends or starts anew."""
     _users.add(user)
+
+
+def lanes() -> int:
+    """Tiles that the device runs at the same time."""
+    assert _running is not None
+    return _running.threads if _running.arch == "cpu" else GPU_LANES
 
 
 def free_array(array: Any) -> None:

@@ -1,57 +1,32 @@
-"""The event-exact parallel engine, seen from the host: arrays, epochs, and what ends an epoch.
+"""The event-exact parallel engine, seen from the host.
 
-Time advances in *epochs*. At the beginning of one, disks are sorted into cells and tiles, and every pair is listed
-that could touch before its end (`kernels/lists.py`, `kernels/extend.py`). Then the collisions are processed, in one
-of three ways (`ORDERS`):
+Time advances in *windows*, short enough that disks collide about once in each. In a window every tile of the box runs all
+events of its own disks and those in a halo around it, by itself and in order (`kernels/events.py`); then it is verified
+that no tile missed anything, and tiles that may have are run again with wider halos (`kernels/tiles.py`, which has the
+proof). A gas of up to ALONE disks is one tile that is the whole box.
 
-- *alone*: one thread, in their order, whole epochs in one launch (`kernels/epochs.py`): gases of up to ALONE disks;
-- *tiles*: each tile by one thread, in order, as far as disks of other tiles do not matter (`kernels/tiles.py`);
-  what remains between the tiles in rounds. Tiles run ahead of each other by one *window*, a part of the epoch that
-  gets shorter where much must be undone: in clusters. Where that does not help (a cluster that collapses across a
-  tile's border), one thread does the next epochs in the order of all collisions;
-- *rounds*: all disks at once, optimistically; what came too early is undone (`kernels/rounds.py`): for GPUs.
+Guarantee. The collisions are those of consistent hard disks from the given start, which is unique: what a serial
+event-driven code produces, up to rounding. Exact ties in time fall to the smaller pair of ids. And all bits of the state
+depend on the gas only: places are on a grid, so that all tiles compute the same from whatever corner; windows end where
+the state at their beginning says. Any number of threads, any tiles, any halo that is verified, and the whole box in
+order give the same bits; so do frames, series, tracked disks and the ledger, which only look. A run that stops within a
+window keeps its beginning, and goes on from there: stopping changes no bit. Only what something else does to the disks
+(a force, a change by the user) ends a window.
 
-Guarantee. Invariants at the end of a window:
+Limits. Places are rounded to 2^-50 or so of the box. Tiles of a sheared gas have frames of their own: there the bits
+depend on the tiles, which depend on the gas only.
 
-1. Complete lists: at any time every pair is listed that is closer, at the beginning of the epoch, than contact + what
-   both disks may move until its end; no disk moves further.
-2. Tested flights: every listed pair has been tested on all flights of both that overlap in time since either last
-   changed, and no contact is left before the window's end that is not a collision.
-3. Agreement: a collision stands in the histories of both its disks, at one time, computed by a formula that gives the
-   same bits from either side.
+What it costs (N = 1e4 or 1e5, phi = 0.3, relative to the engine of lists, log and rollback before, in the same minutes):
 
-A history with these three is a consistent motion of hard disks from the given start, and that is unique: it is what
-a serial event-driven code produces, up to rounding. Exact ties in time fall to the smaller pair of ids. How the
-work was shared does not enter: any number of threads, and any window, gives the same bits. (Skin and tiles set the
-points that positions are measured from, and so enter the rounding; they depend on the gas only, not on the machine.)
-
-In a sheared box, rows of tiles move with the mean flow, and how far a disk moves is counted in it (`kernels/shear.py`).
-
-An epoch ends early, and everything at or after its new end is undone, when
-
-- a collision makes a disk so fast that even the longest list would not be complete to the planned end;
-- the log could overflow, or a dense cluster takes too many rounds: it then ends at the earliest unprocessed event,
-  before which everything is final;
-- the caller wants to stop at a number of collisions, or a force is to act (`splitting.py`).
-
-It is done again from its beginning, with more room, when the tiles' collisions do not fit into the log, or the list
-of a disk that became fast does not fit into its row.
-
-What made it fast (N = 1e5, phi = 0.3, one thread, ns a disk and epoch, collisions a disk and epoch; noisy machine):
-
-=====================================  ===========================================  =========================
-version                                expected                                     outcome
-=====================================  ===========================================  =========================
-rounds over all disks, full lists      -                                            565, 0.16
-tiles in order, half lists             events 300 ns each instead of 1300, list     294, 0.155: events 345 ns,
-                                       half as long                                 list 97 instead of 300
-longer lists for fast disks only       epochs 1.7 times as long for 10 ns a disk    + 30 ns, 0.275
-loops over few items spread out        Taichi ran them on one thread: twice as fast 2 threads: list 112 to 70
-parallel rounds for 500 active disks   launches cost less than work                 wrong: 1 ms a round; 4096 stays
-sorting by way of the log              64 bytes a disk less, same time              so seen
-one thread where windows get short     a collapsing cluster costs no more than a    3e3 to 4e5 collisions/s
-                                       serial code                                  (clustered coins, N = 2e5)
-=====================================  ===========================================  =========================
+==========================================  ==========================  ==================================
+version                                     expected                    outcome (time a collision, old = 1)
+==========================================  ==========================  ==================================
+as the prototype, five arrays for a disk    0.6 to 0.7                  1.1 in one tile, launches included
+two lines of the cache for a disk           fewer misses                1.05
+many windows a launch, four collisions a    launches (0.7 ms) are       0.9
+disk in each                                nothing then
+no division for cells, sides of cells kept  fewer instructions          0.8; 0.55 on two threads in tiles
+==========================================  ==========================  ==================================
 """
 
 from __future__ import annotations
@@ -66,9 +41,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import EngineError, InelasticCollapse, NoMoreCollisions
-from ..kernels.limits import ALONE, MECHANISMS, REGIMES, TILE_DISKS
-from ..model.box import Box, below
+from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
+from ..kernels.limits import ALONE, MECHANISMS, REGIMES
+from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.state import Disks, State
@@ -76,28 +51,71 @@ from ..model.walls import Wall, sides
 from ..model.walls import check as check_walls
 from ..tools import checked, seeds
 from . import checks, device
-from . import checks as engine_checks
-from . import checks as magnitudes
-from . import device as backend
-from . import skin as skins
 from .interrupts import Deferred
 from .tracking import Statistics
-from .unbounded import CELLS_PER_DISK, OpenSpace, around
+from .unbounded import nobody_meets
 
 if TYPE_CHECKING:
     from ..model.forces import Force
     from .arrays import DeviceArrays
-    from .epochs import Outcome
-    from .readout import Passing
     from .tracking import Tracking
+    from .windows import Windows
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
-STALLED_EPOCHS = 50  # epochs in a row that together gain no time: the gas has collapsed
+ORDERS = ("alone", "tiles")
+OPEN_WINDOWS = 32  # of an open gas, after which it is looked at: how far it has spread, and whether anybody can meet
+
+
+@dataclass(frozen=True)
+class EngineOptions:
+    """How an engine runs.
+
+    Attributes
+    ----------
+    arch : {"cpu", "cuda"}
+        Device.
+    threads : int or None
+        On the CPU; all cores by default.
+    precision : {"f64", "f32"}
+    order : {"alone", "tiles"} or None
+        One tile that is the whole box, by one thread; or many; by default as the number of disks suggests. The same bits.
+    tile_disks : int or None
+        Disks of a tile; by default what is fastest.
+    gravity : two floats
+        Acceleration of all disks [length/time^2]; only in directions that are not periodic.
+    velocity_cutoff : float
+        Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction.
+    contact_time : float
+        So are those of a disk whose latest collision was less than this ago [time]; 0 does without.
+    seed : int
+        Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
+    ledger, partners, angles : bool
+        Add up what dissipates energy; keep whom each disk hit last; keep how far each disk has turned.
+    """
+
+    arch: str = "cpu"
+    threads: int | None = None
+    precision: str = "f64"
+    order: str | None = None
+    tile_disks: int | None = None
+    gravity: tuple[float, float] = (0.0, 0.0)
+    velocity_cutoff: float = 0.0
+    contact_time: float = 0.0
+    seed: int = 0
+    ledger: bool = False
+    partners: bool = False
+    angles: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gravity", checked.finite_pair("gravity", self.gravity))
+        object.__setattr__(self, "seed", seeds.of_device(self.seed))
+        if self.order not in (None, *ORDERS):
+            raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
 
 
 @dataclass(frozen=True)
 class Collisions:
-    """The collisions of one epoch, in order.
+    """Collisions in order of time.
 
     Attributes
     ----------
@@ -120,32 +138,16 @@ class Engine:
         What moves, where, and its start. Positions must not overlap (`placement.check_no_overlap`).
     law_table : array (M, M, c)
         Coefficients of the law for each pair of materials (`table_row`): e_n, e_t, mu, contact_point, rho of `IFRLaw`.
-    arch, threads
-        See `backend.start`.
-    skin : float, optional
-        Extra listing distance [length]; by default `default_skin`. Results do not depend on it beyond rounding.
     walls : sequence of Wall
         Beside the straight ones of material 0 at sides of the box that are not periodic, which come after them.
-    gravity : two floats
-        Acceleration of all disks [length/time^2]; only in directions that are not periodic.
-    velocity_cutoff : float
-        Collisions whose normal speed of approach is below this [length/time] are elastic, and without friction.
-    contact_time : float
-        So are those of a disk whose latest collision was less than this ago [time]; 0 does without.
     forces : sequence of Force
-        What acts between collisions (`splitting.py` says when).
-    seed : int
-        Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
+        What acts between collisions (`force_steps.py` says when).
     law : class of laws
         Whose coefficients the table holds.
-    ledger : bool
-        Add up what dissipates energy (`dissipated`).
-    partners : bool
-        Keep whom each disk hit last (`State.last_partner`).
-    angles : bool
-        Keep how far each disk has turned (`State.angle`).
     tracking : Tracking, optional
         Follows some disks, collision by collision.
+    **options
+        Those of `EngineOptions`.
 
     Raises
     ------
@@ -161,156 +163,164 @@ class Engine:
         state: State,
         law_table: NDArray[np.float64],
         *,
-        arch: str = "cpu",
-        threads: int | None = None,
-        skin: float | None = None,
-        precision: str = "f64",
-        order: str | None = None,
-        tile_disks: int = TILE_DISKS,
-        windows: int | None = None,
         walls: Sequence[Wall] = (),
-        gravity: tuple[float, float] = (0.0, 0.0),
-        velocity_cutoff: float = 0.0,
-        contact_time: float = 0.0,
         forces: Sequence[Force] = (),
-        seed: int = 0,
         law: type[CollisionLaw] = IFRLaw,
-        ledger: bool = False,
-        partners: bool = False,
-        angles: bool = False,
         tracking: Tracking | None = None,
+        **options: Any,
     ) -> None:
-        self.disks, self.box = disks, box
-        n = self.n = disks.n
-        law_table = np.ascontiguousarray(law_table, dtype=np.float64)
-        self.gravity = checked.finite_pair("gravity", gravity)
-        self.seed = seed = seeds.of_device(seed)
-        self.precision = precision
-        checks.check(
-            disks, box, state, len(law_table), walls, self.gravity, precision, forces,
-            velocity_cutoff=velocity_cutoff, contact_time=contact_time,
-        )  # fmt: skip
-        diameter = 2.0 * float(disks.radius.max()) if n else 0.0
-        self.walls, self.given_walls = (*walls, *sides(box)), len(walls)
-        check_walls(self.walls, box, state.position, disks.radius, len(law_table), float(state.time))
-        # Behind a side that is a wall the box goes on for a diameter: pairs never meet through it. No wall moves
-        # further than that; a steady one must not come there (the state is checked).
-        if box.is_open:
-            inner, self._offset = around(state, disks)
-        else:
-            room = [0.0 if periodic else 2.0 * diameter + self._wall_extent() for periodic in box.periodic]
-            self._offset = np.array(room) / 2.0
-            inner = Box((box.lengths[0] + room[0], box.lengths[1] + room[1]), shear_rate=box.shear_rate)
-        self._inner = inner
-        self._skin_given = skin
-        skin = skins.choose(skin, inner, box, disks, state)
         self._released = True  # until there is anything to release
-        self._whole = True  # False while an epoch is under way: an interrupt would leave it half done
-        # While observers are told of frames within an epoch, of which nothing has settled.
-        self._told: Passing | None = None
-        self.skin = skin
-        self.time = float(state.time)
-        self.collisions = int(state.collisions.sum()) // 2
-        self.wall_hits = int(state.wall_hits.sum())
+        self._whole = True  # False while a window is run: an interrupt would leave it half done
+        self.options = given = EngineOptions(**options)
+        self.disks, self.box, self.n = disks, box, disks.n
+        self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
+        checks.check(
+            disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
+            velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
+        )  # fmt: skip
+        self.gravity, self.precision = given.gravity, given.precision
+        self.walls, self.given_walls = (*walls, *sides(box)), len(walls)
+        check_walls(self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time))
         self.statistics = Statistics()
-        self.last_collisions: Collisions | None = None
         self.keep_collisions = False
-        self._stalled = 0
-        self._collided_at = self.time
-        self._space = OpenSpace(disks) if box.is_open else None
-        self.order = order or ("rounds" if arch != "cpu" else "alone" if n <= ALONE else "tiles")
-        device.start(arch, threads=threads, precision=precision)
+        self.last_collisions: Collisions | None = None
+        self.tracking = tracking
+        self._resting = 0
+        self._parted = False  # nobody can meet anybody any more
+        self._collided_at = float(state.time)
+        device.start(given.arch, threads=given.threads, precision=given.precision)
+        from ..kernels.layout import PATH, WALL_SPEED, Uses
         from .arrays import DeviceArrays
-        from .epochs import Epochs
-        from .force_steps import Splitting
+        from .force_steps import ForceSteps
+        from .windows import Windows
 
-        self._law_table, self._law = law_table, law
-
-        def arrays_for(state: State, inner: Box, skin: float, offset: NDArray[np.float64]) -> DeviceArrays:
-            moved = State(
-                position=state.position + offset, velocity=state.velocity, spin=state.spin, time=state.time,
-                collisions=state.collisions, image=state.image, wall_hits=state.wall_hits,
-                latest_collision=state.latest_collision, last_partner=state.last_partner, angle=state.angle,
-            )  # fmt: skip
-            kind: Any = self._law  # mypy does not take a class for hashable
-            return DeviceArrays(
-                disks, inner, moved, self._law_table,
-                skin=skin, tile_disks=None if self.order == "alone" else tile_disks, precision=precision,
-                walls=np.array([wall.row(offset) for wall in self.walls]) if self.walls else None,
-                wall_speed=max((wall.most_speed for wall in self.walls), default=0.0), gravity=self.gravity,
-                velocity_cutoff=velocity_cutoff, contact_time=contact_time, seed=seed,
-                origin=(float(offset[0]), float(offset[1])), collision_law=compiled(kind),
-                cells_per_disk=CELLS_PER_DISK if box.is_open else 1, tallied=ledger, partnered=partners,
-                turned=angles,
-            )  # fmt: skip
-
-        self._arrays_for = arrays_for
-        self.arrays: DeviceArrays = arrays_for(state, inner, skin, self._offset)
+        kind: Any = law  # mypy does not take a class for hashable
+        rows = np.array([wall.row(np.zeros(2)) for wall in self.walls])
+        uses = Uses(
+            walled=len(self.walls) > 0,
+            thermal=any(wall.temperature for wall in self.walls),
+            remembers=given.contact_time > 0.0,
+            sheared=box.shear_rate != 0.0,
+            tallied=given.ledger,
+            partnered=given.partners,
+            turned=given.angles,
+            watched=tracking is not None,
+            collision_law=compiled(kind),
+        )
+        self.arrays: DeviceArrays = DeviceArrays(disks, box, self._law_table, given, rows, uses)
         self._released = False
         device.register(self)
-        self.epochs = Epochs(self.arrays, self.statistics, self.order, windows, arch)
-        self.splitting = Splitting(forces, self.arrays, disks, seed, self.time)
-        self._resting = 0
-        self.tracking = tracking
-        # What the ledger held in the boxes of an open gas before the present one.
-        self._lost_before = np.zeros(MECHANISMS)
-        self._regimes_before: NDArray[np.int64] = np.zeros(REGIMES, dtype=np.int64)
-        if self._space is not None:
-            self._space.enter(inner, state, self._offset, self.arrays.furthest)
+        if tracking is not None:
+            self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
+        self.arrays.clock[WALL_SPEED] = max((wall.most_speed for wall in self.walls), default=0.0)
+        self.past = {
+            "wall_hits": state.wall_hits, "latest_collision": state.latest_collision,
+            "last_partner": state.last_partner, "angle": state.angle,
+        }  # fmt: skip
+        self._before = int(state.collisions.sum()) // 2, int(state.wall_hits.sum())
+        self.windows: Windows = Windows(self.arrays, self.statistics, float(state.time))
+        self._lay(state)
+        self.force_steps = ForceSteps(forces, self.arrays, disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
         self._flow_excess = math.nan
-        self.flow_work = 0.0
         if box.shear_rate:
-            self.state()
+            self.totals()
 
-    def _wall_extent(self) -> float:
-        return 2.0 * max((w.motion.extent for w in self.walls if math.isfinite(w.motion.extent)), default=0.0)
+    def _lay(self, state: State) -> None:
+        """Divide the box into tiles and lay a state into them, from which a window begins."""
+        self.arrays.lay(self.disks, self.options, state)
+        self._until_looked = OPEN_WINDOWS
+        if self.box.is_open:
+            self._parted = nobody_meets(state, self.disks)
+
+    # ------------------------------------------------------------------ what it knows
+
+    @property
+    def time(self) -> float:
+        """The present time [time]."""
+        return self.windows.now
+
+    def _sum(self, column: int) -> float:
+        return float(self.windows.sums[column])
+
+    @property
+    def collisions(self) -> int:
+        """Collisions of two disks, those before the start included."""
+        from ..kernels.layout import COLLISIONS
+
+        return self._before[0] + int(self._sum(COLLISIONS))
+
+    @property
+    def wall_hits(self) -> int:
+        """Collisions with walls, those before the start included."""
+        from ..kernels.layout import WALL_COLLISIONS
+
+        return self._before[1] + int(self._sum(WALL_COLLISIONS))
 
     @property
     def wall_work(self) -> float:
-        """Energy that moving walls gave to the disks so far [energy], up to the latest settling (`state` settles)."""
-        return self.arrays.work_of_walls()
+        """Energy that moving walls gave to the disks so far [energy]."""
+        from ..kernels.layout import WALL_WORK
+
+        return self._sum(WALL_WORK)
 
     @property
     def wall_heats(self) -> NDArray[np.float64]:
-        """Heat that each wall, those at sides of the box last, gave so far [energy], up to the latest settling."""
-        return self.arrays.heat_of_walls()
+        """Heat that each wall, those at sides of the box last, gave so far [energy]."""
+        from ..kernels.layout import TALLY
 
-    @property
-    def most_level(self) -> int:
-        """Highest level that the box allows a fast disk (`kernels/extend.py`)."""
-        return self.arrays.most_level
+        heat = np.zeros(len(self.walls))
+        heat[self.arrays.thermal] = self.windows.sums[TALLY:]
+        return heat
 
     @property
     def bytes_allocated(self) -> int:
         """Bytes of all device arrays."""
         return self.arrays.bytes_allocated
 
-    @property
-    def looks_back(self) -> bool:
-        """Whether it can tell the state at any time of an epoch that is over.
+    def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Energy that collisions took, by mechanism, and collisions by regime, so far; zeros without a ledger.
 
-        Not with walls, shear or a contact time: their tallies are those of whole epochs.
+        Raises
+        ------
+        EngineError
+            If a collision took no number (NaN), or an infinite one: the law gives or takes energy without bounds.
         """
-        uses = self.arrays.uses
-        return not (uses.walled or uses.sheared or uses.remembers)
+        from ..kernels.layout import LOSSES
+        from ..kernels.layout import REGIMES as FIRST_REGIME
 
-    def switch_off_rollback(self) -> None:
-        """Let collisions that came too early stand: to see that tests notice. Never do so for results."""
-        self.arrays.switch_off_rollback()
+        sums = self.windows.sums
+        losses = sums[LOSSES : LOSSES + MECHANISMS]
+        if not np.isfinite(losses).all():
+            raise EngineError(
+                "a collision took an energy beyond all bounds, or no number: the law does not hold on to energy; with "
+                "output.ledger = false (ledger=False) nobody counts"
+            )
+        return losses.copy(), sums[FIRST_REGIME : FIRST_REGIME + REGIMES].astype(np.int64)
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
         with self.changing():
-            self.epochs.settle(self.time)
-            self.arrays.switch_ledger(on)
+            self._end_window()
+            self.arrays.uses = self.arrays.uses._replace(tallied=on)
 
     # ------------------------------------------------------------------ changes between runs
+
+    def _end_window(self) -> None:
+        """Have a window begin at the present time: what follows depends on where that is."""
+        if self.windows.inside:
+            state = self._state()
+            if self.tracking is not None:
+                self.tracking.drop_after(state.time)
+            self.windows.settle_at(state.time)
+            self._lay(state)
+        else:
+            self.windows.settle()
 
     def set_law(self, law_table: NDArray[np.float64], law: type[CollisionLaw]) -> None:
         """Collide by another law from now on; arguments as for the engine."""
         with self.changing():
-            self.epochs.settle(self.time)
+            self._end_window()
             self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
             kind: Any = law  # mypy does not take a class for hashable
             self.arrays.set_law(self._law_table, compiled(kind))
@@ -324,13 +334,14 @@ class Engine:
         InputError
             If one is none, or cannot act here.
         """
-        from .force_steps import Splitting
+        from .force_steps import ForceSteps
 
         self.check_whole()
-        splitting = Splitting(forces, self.arrays, self.disks, self.seed, self.time)
-        engine_checks.check_between_collisions(self.disks, self.box, self.gravity, splitting.forces)
+        steps = ForceSteps(forces, self.arrays, self.disks, self.options.seed, self.time)
+        checks.check_between_collisions(self.disks, self.box, self.gravity, steps.forces)
         with self.changing():
-            self.splitting = splitting
+            self._end_window()
+            self.force_steps = steps
             self._begin_anew()
 
     def set_gravity(self, gravity: tuple[float, float]) -> None:
@@ -342,9 +353,9 @@ class Engine:
             If it is not two finite numbers, or acts along a periodic direction.
         """
         gravity = checked.finite_pair("gravity", gravity)
-        engine_checks.check_between_collisions(self.disks, self.box, gravity, self.splitting.forces)
+        checks.check_between_collisions(self.disks, self.box, gravity, self.force_steps.forces)
         with self.changing():
-            self.epochs.settle(self.time)
+            self._end_window()
             self.gravity = gravity
             self.arrays.set_gravity(gravity)
             self._begin_anew()
@@ -357,40 +368,36 @@ class Engine:
         InputError
             If an immovable disk would move, or they are too large or small to compute with.
         """
+        from ..kernels.readout import EXCESS
+
         checks.check_motion(self.disks, state)
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
-        speed = magnitudes.fastest(self.disks, state.velocity, state.spin)
-        magnitudes.check_magnitudes(self.disks, self.box, speed, self.precision, hottest)
+        speed = checks.fastest(self.disks, state.velocity, state.spin)
+        checks.check_magnitudes(self.disks, self.box, speed, self.precision, hottest)
         with self.changing():
             present = self._state()
-            followed = self.tracking
-            before = followed.snapshot(self.arrays, self._placed) if followed is not None else None
-            if self._space is not None:
-                present.velocity, present.spin = state.velocity, state.spin
-                self._move_to(self._space, present)
-            else:
-                from ..kernels.totals import EXCESS
+            excess = self._totals()[EXCESS]
+            before = self._snapshot(present)
+            present.velocity, present.spin = state.velocity, state.spin
+            self.windows.settle_at(present.time)
+            self._lay(present)
+            self._begin_anew()
+            # What was done to energies in the frames of rows was not done by the flow.
+            self._flow_excess += float(self._totals()[EXCESS]) - excess
+            if self.tracking is not None:
+                self.tracking.kick(self.time, before, self._snapshot(present))
 
-                excess = float(self.epochs.totals(self.time)[EXCESS])
-                flow = (
-                    present.velocity - self.arrays.velocities()
-                    if self.box.shear_rate
-                    else np.zeros((self.n, 2))
-                )
-                self.arrays.set_velocities(flow, state.velocity, state.spin)
-                self._begin_anew()
-                # What was done to energies in the frames of rows was not done by the flow.
-                self._flow_excess += float(self.epochs.totals(self.time)[EXCESS]) - excess
-            if followed is not None and before is not None:
-                followed.kick(self.time, before, followed.snapshot(self.arrays, self._placed))
+    def _snapshot(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+        """Places, velocities and spins of tracked disks, shape (m, 5), and boxes travelled, shape (m, 2)."""
+        ids = np.empty(0, dtype=np.int32) if self.tracking is None else self.tracking.ids
+        real = np.column_stack([state.position[ids], state.velocity[ids], state.spin[ids]]).astype(np.float64)
+        return real, state.image[ids].astype(np.int32)
 
     def _begin_anew(self) -> None:
         """Take note that a gas has been changed: what is known of its collisions and rest does not hold any more."""
-        self.epochs.unsettle()
-        self._stalled = self._resting = 0
+        self._resting = 0
         self._collided_at = self.time
-        if self._space is not None:
-            self._space.parted = self.n < 2
+        self._parted = self.box.is_open and nobody_meets(self._state(), self.disks)
 
     # ------------------------------------------------------------------ running
 
@@ -401,15 +408,13 @@ class Engine:
         collisions: int | None = None,
         pause_at: float = math.inf,
         pause_after: int | None = None,
-        passing: Callable[[Passing], None] | None = None,
         rest_at: float = math.inf,
     ) -> None:
-        """Run one epoch, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
+        """Run one window, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
-        It ends at the latest where a force acts, after that; and where an epoch ends at or after `pause_at` [time] or
-        the total number of collisions `pause_after`. Before an epoch is closed, `passing` may look back at it, if
-        the engine `looks_back`; where there are no epochs, because nobody can meet anybody, it ends at `rest_at`
-        [time], too.
+        It ends at the latest where a force acts, after that; and where a window ends at or after `pause_at` [time] or
+        the total number of collisions `pause_after`. Where there are no windows, because nobody can meet anybody, it ends
+        at `rest_at` [time], too.
 
         Raises
         ------
@@ -420,79 +425,91 @@ class Engine:
         EngineError
             If a force makes a velocity that is not finite, or a guarantee of the engine is violated.
         """
-        with self.changing() as deferred:
-            space = self._space
-            if space is not None and space.epochs_left < 1:
-                self._make_room(space)
+        with self.changing():
             self.last_collisions = None
-            stop = min(t_end, self.splitting.next_time)
-            if space is not None and space.parted:
-                self._fly_apart(space, stop, rest_at)
-            elif self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
-                self.epochs.settle(self.time)
-                self._fly_freely(stop, t_end, rest_at)
+            kick = self.force_steps.next_time
+            if self._nothing_happens():
+                self._fly_freely(min(t_end, kick), t_end, rest_at)
             else:
-                wanted = None if collisions is None else collisions - self.collisions
-                before = self.statistics.epochs
-                if self.order == "alone":
-                    watched = self.keep_collisions or self.tracking is not None
-                    most = 1 if watched else None if space is None else space.epochs_left
-                    pause = None if pause_after is None else pause_after - self.collisions
-                    outcome = self.epochs.run_alone(
-                        self.time, stop, wanted, most=most, pause_at=pause_at, pause_after=pause
-                    )
-                else:
-                    outcome = self.epochs.run(self.time, stop, wanted)
-                if space is not None:
-                    space.epochs_left -= self.statistics.epochs - before
-                self.collisions += outcome.collisions
-                self.wall_hits += outcome.wall_hits
-                if outcome.still:
-                    self.time = outcome.time
-                    self._fly_freely(stop, t_end, rest_at)
-                else:
-                    self._close_epoch(outcome, t_end, passing, deferred)
+                self._run(t_end, collisions, kick, pause_at, pause_after)
             self._apply_forces()
 
-    def _close_epoch(
-        self, outcome: Outcome, t_end: float, passing: Callable[[Passing], None] | None, deferred: Deferred
+    def _nothing_happens(self) -> bool:
+        """Tell if no disk meets another one or a wall before something else sets it in motion."""
+        if self._parted or self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
+            return True
+        self.windows.go_on(self.force_steps.next_time)
+        forced = any(self.gravity) or any(wall.most_speed for wall in self.walls) or self.box.shear_rate
+        return not forced and not self.windows.inside and self.windows.fastest == 0.0
+
+    def _run(
+        self, t_end: float, collisions: int | None, kick: float, pause_at: float, pause_after: int | None
     ) -> None:
-        from .readout import Passing
+        from ..kernels.layout import COLLISIONS, PAIRS, TRACKED
+        from .windows import BURST
 
-        self._resting = 0
-        if self.keep_collisions:
-            self.last_collisions = self._read_log()
-        if self.tracking is not None:
-            self.tracking.gather(self.arrays, self.time, self._placed)
-        self.time = outcome.time
-        if passing is not None:
-            epoch = self._told = Passing(self, outcome.began)
-            try:
-                with deferred.lifted():
-                    passing(epoch)
-            except BaseException:
-                # Whatever went wrong there, the run can go on, from the frame that was being told.
-                if epoch.told is None:
-                    self.epochs.after_epoch(self.time)
-                    self._apply_forces()
-                else:
-                    self._end_epoch_at(*epoch.told, epoch.before)
-                self._whole = True
-                raise
-            finally:
-                self._told = None
-        self.epochs.after_epoch(self.time)
-        self._whole = True  # a run that has to stop here leaves a state
-        self._watch(outcome, t_end)
-        self._whole = False
+        windows = self.windows
+        watching = PAIRS if self.keep_collisions else TRACKED if self.tracking is not None else 0
+        if self.keep_collisions and self.tracking is not None:
+            raise EngineError("collisions of all disks cannot be kept while some are tracked")
+        before, was = windows.sums[COLLISIONS], self.time
+        first = self._before[0]
+        most = 1 if watching else min(self._until_looked, BURST) if self.box.is_open else BURST
+        begun = self.statistics.epochs
+        windows.run(
+            t_end,
+            None if collisions is None else collisions - first,
+            kick,
+            pause_at=pause_at,
+            pause_after=None if pause_after is None else pause_after - first,
+            most=most,
+            watching=watching,
+        )
+        if windows.rests and not windows.inside:
+            raise InelasticCollapse(
+                f"t = {was:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic collapse); "
+                'there is no next collision. With collapse = "tc" and a contact_time, or collapse = "velocity_cutoff" '
+                "and a velocity_cutoff, such collisions are elastic, and the run goes on"
+            )
+        if watching:
+            self._take_watched(watching, was)
+        self.statistics.elastic = windows.elastic
+        if windows.sums[COLLISIONS] > before:
+            self._collided_at = self.time
+        elif not math.isfinite(t_end):
+            # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
+            patience = max(PATIENCE, self.n * PATIENCE // 10)
+            if self.time - self._collided_at > patience * self._free_time(windows.fastest):
+                raise NoMoreCollisions(
+                    f"t = {self.time:.6g}: no collision since t = {self._collided_at:.6g}, {patience} times what is "
+                    "usual at this density: these disks seem never to meet"
+                )
+        if self.box.is_open:
+            self._until_looked -= self.statistics.epochs - begun
+            if self._until_looked <= 0 and not windows.inside:
+                self._look_around()
 
-    def _end_epoch_at(self, time: float, moment: float, before: int) -> None:
-        """End the epoch that is over at a time in it, after so long [time]; there were `before` collisions before."""
-        self.epochs.end_after(moment)
-        self.time, self.collisions = time, before + self.epochs.standing()
-        self._collided_at = min(self._collided_at, time)
-        if self.tracking is not None:
-            self.tracking.drop_after(time)
+    def _look_around(self) -> None:
+        """Lay an open gas anew once it has spread, and see whether anybody can still meet anybody."""
+        state = self._state()
+        self.windows.settle()
+        self._lay(state)
+
+    def _take_watched(self, watching: int, was: float) -> None:
+        from ..kernels.layout import AT, EVENT_ID, EVENT_PARTNER, PAIRS
+
+        windows = self.windows
+        real, whole = windows.watched()
+        if watching == PAIRS:
+            time = windows.begin + real[:, AT].astype(np.float64)
+            now = ((time > was) | (windows.begin == was)) & (time <= self.time)
+            pair = np.sort(whole[now, EVENT_ID : EVENT_PARTNER + 1], axis=1).astype(np.int32)
+            order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
+            self.last_collisions = Collisions(time[now][order], pair[order])
+        elif self.tracking is not None and windows.fresh:
+            windows.fresh = False
+            if len(real):
+                self.tracking.gather(windows.begin, real, whole, self.box)
 
     def release(self) -> None:
         """Give all device memory back; the engine cannot be used any more."""
@@ -505,94 +522,40 @@ class Engine:
             self.release()
 
     def check_whole(self) -> None:
-        """Refuse to go on with an engine that has ended, or was interrupted half-way through an epoch."""
+        """Refuse to go on with an engine that has ended, or was interrupted half-way through a window."""
         if self._released:
             raise EngineError(
                 "this simulation has ended: another one was started with another device, precision or number of "
                 "threads, of which a process has one at a time"
             )
-        if self._told is not None:
-            raise EngineError(
-                "an observer is being told of a frame within an epoch, and the simulation is further by then: use the "
-                "state and the measure that the observer is given, or a sampler"
-            )
         if not self._whole:
             raise EngineError(
-                "an epoch was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
+                "a window was interrupted half-way, so the state is lost: begin a new simulation from a stored state"
             )
 
     @contextmanager
     def changing(self) -> Iterator[Deferred]:
         """Refuse to begin unless the engine is whole, and delay Ctrl-C until it is whole again."""
         self.check_whole()
-        with backend.sole_use(), Deferred() as deferred:
+        with device.sole_use(), Deferred() as deferred:
             self._whole = False
             yield deferred
             self._whole = True
 
-    @property
-    def told_time(self) -> float:
-        """Time of the frame that observers are told of within an epoch [time]; infinite at any other moment."""
-        return math.inf if self._told is None or self._told.told is None else self._told.told[0]
-
     def _apply_forces(self) -> None:
-        due = self.splitting.due(self.time)
-        if due and (self.walls or self.box.shear_rate):
-            # Forces see the lab, not the frame that falls; and what walls or the flow did is told by velocities as they
-            # left them.
-            self.epochs.settle(self.time)
-        followed = self.tracking if due else None
-        before = followed.snapshot(self.arrays, self._placed) if followed is not None else None
+        due = self.force_steps.due(self.time)
+        if not due:
+            return
+        self._end_window()
+        followed = self.tracking
+        before = self._snapshot(self._state()) if followed is not None else None
         for index in due:
-            self.splitting.apply(index, self.time)
-        if due:
-            self.epochs.unsettle()
+            self.windows.add_flow_work(self.force_steps.apply(index, self.time))
+        self.windows.settle()
         if followed is not None and before is not None:
-            followed.kick(self.time, before, followed.snapshot(self.arrays, self._placed))
-        if due and self._space is not None:
-            self._space.parted = self.n < 2
-
-    # ------------------------------------------------------------------ open boundaries
-
-    def _make_room(self, space: OpenSpace) -> None:
-        """Before disks of an open gas can touch each other across the sides of the box that is computed in."""
-        state = self._state()
-        if space.too_small(state.position + self._offset):
-            self._move_to(space, state)
-
-    def _move_to(self, space: OpenSpace, state: State, *, parted: bool = False) -> None:
-        """Go on from a state of an open gas in a box that suits it; `parted`: it is known that nobody meets anybody."""
-        inner, offset = around(state, self.disks)
-        self.skin = skins.choose(self._skin_given, inner, self.box, self.disks, state)
-        lost, regimes = self.arrays.dissipated()
-        self._lost_before += lost
-        self._regimes_before += regimes
-        self.lay(state, inner, offset)
-        space.enter(inner, state, offset, self.arrays.furthest, parted=parted)
-
-    def lay(self, state: State, inner: Box, offset: NDArray[np.float64]) -> None:
-        """New arrays, for another box that an open gas is computed in."""
-        old, new = self.arrays, self._arrays_for(state, inner, self.skin, offset)
-        self.arrays = self.epochs.arrays = self.splitting.arrays = new
-        self._inner, self._offset = inner, offset
-        self.epochs.unsettle()
-        old.release()
-
-    def _fly_apart(self, space: OpenSpace, stop: float, rest_at: float) -> None:
-        """To `stop` or `rest_at` [time] in one flight: no disk can meet another one before a force acts."""
-        if not math.isfinite(stop):
-            raise NoMoreCollisions(
-                f"t = {self.time:.6g}: the disks have flown apart, and none can meet another one any more, but "
-                "collisions are asked for"
-            )
-        stop = min(stop, rest_at)
-        state = self._state()
-        state.position = state.position + state.velocity * (stop - self.time)
-        if self.arrays.uses.turned:
-            state.angle = state.angle + state.spin * (stop - self.time)
-        state.time = stop
-        self._move_to(space, state, parted=True)
-        self.time = stop
+            followed.kick(self.time, before, self._snapshot(self._state()))
+        if self._parted:
+            self._parted = self.n < 2
 
     # ------------------------------------------------------------------ rest
 
@@ -601,51 +564,32 @@ class Engine:
 
         Not beyond `rest_at` [time]: only a rest on the way, which says nothing of whether there is a way.
         """
-        resting = self.splitting.keeps_rest and self.arrays.at_rest()
+        state = self._state()
+        moving = bool(np.any(state.velocity)) or bool(np.any(state.spin))
+        resting = self.force_steps.keeps_rest and not moving
         if resting:
             stop = t_end
         self._resting += 1
         if not math.isfinite(stop) or (not math.isfinite(t_end) and self._resting > PATIENCE):
+            apart = "the disks have flown apart, and none" if self._parted and moving else "no disk"
             raise NoMoreCollisions(
-                f"t = {self.time:.6g}: no disk can meet another one, but collisions are asked for"
+                f"t = {self.time:.6g}: {apart} can meet another one any more, but collisions are asked for"
             )
         stop = min(stop, rest_at)
         if resting:
-            self.splitting.skip_to(stop)
-        self.epochs.fly(stop - self.time)
-        self.time = stop
-
-    def _read_log(self) -> Collisions:
-        """The latest epoch's collisions; the epoch began at `time`."""
-        times, slots = self.arrays.standing_records()
-        pair = np.sort(self.arrays.ids()[slots], axis=1)
-        order = np.lexsort((pair[:, 1], pair[:, 0], times))
-        return Collisions(self.time + times[order], pair[order])
-
-    def _watch(self, outcome: Outcome, t_end: float) -> None:
-        """Stop a run that cannot come to its end."""
-        if outcome.collisions:
-            self._collided_at = self.time
-        elif not math.isfinite(t_end):
-            # Disks of a lattice that all begin to move at once may take a disk's own free time to meet.
-            patience = max(PATIENCE, self.n * PATIENCE // 10)
-            if self.time - self._collided_at > patience * self._free_time(outcome.fastest):
-                raise NoMoreCollisions(
-                    f"t = {self.time:.6g}: no collision since t = {self._collided_at:.6g}, {patience} times what is "
-                    "usual at this density: these disks seem never to meet"
-                )
-        # In an inelastic collapse, collisions without end gain no time.
-        self._stalled = self._stalled + 1 if outcome.stalled else 0
-        if self._stalled >= STALLED_EPOCHS:
-            raise InelasticCollapse(
-                f"t = {self.time:.9g}: {STALLED_EPOCHS} epochs in a row gained no time: collisions pile up without "
-                'end (inelastic collapse). Use collapse = "tc" with a contact_time or "velocity_cutoff" with a '
-                "velocity_cutoff, a larger e_n, or a lower packing fraction, or end the run earlier"
-            )
+            self.force_steps.skip_to(stop)
+        parted, self._parted = self._parted, False
+        state.position = state.position + state.velocity * (stop - self.time)
+        state.angle = state.angle + state.spin * (stop - self.time) if self.options.angles else state.angle
+        state.time = stop
+        self.windows.settle_at(stop)
+        self.arrays.lay(self.disks, self.options, state)
+        self._parted = parted
 
     def _free_time(self, speed: float) -> float:
         """Usual time between two collisions anywhere, if all disks moved at this speed: area / (n^2 sigma v)."""
-        return self.box.area / (self.n**2 * 2.0 * float(self.disks.radius.mean()) * speed)
+        area = self.box.area if not self.box.is_open else self.arrays.area
+        return area / (self.n**2 * 2.0 * float(self.disks.radius.mean()) * max(speed, 1e-300))
 
     # ------------------------------------------------------------------ reading
 
@@ -655,106 +599,47 @@ class Engine:
             return self._state()
 
     def _state(self) -> State:
-        self.epochs.settle(self.time)
-        if self.looks_back and self.n:
-            from .readout import state_at
-
-            state, _ = state_at(self, 0.0, self.time)
-            for name, value in self.arrays.history().items():  # copies of its own
-                setattr(state, name, value)
-        else:
-            state = self._exported()
+        state, _ = self._read_out()
         shut = [axis for axis, periodic in enumerate(self.box.periodic) if not periodic]
         escaped = np.flatnonzero(np.any(state.image[:, shut] != 0, axis=1))
         if len(escaped):
-            where = "through its open sides" if self.box.is_open else "where a wall should be"
             raise EngineError(
-                f"t = {self.time:.9g}: disk {escaped[0]} left the box {where}; please report this"
+                f"t = {self.time:.9g}: disk {escaped[0]} left the box where a wall should be; please report this"
             )
         return state
 
-    def _exported(self) -> State:
-        """The state of settled disks, in any gas."""
-        from ..kernels.sort import export
+    def _read_out(self, stored: Collection[str] | None = None) -> tuple[State, NDArray[np.float64]]:
+        from .readout import read
 
-        n = self.n
-        real, integer = self.arrays.zeros(6, real=True), self.arrays.zeros(3, real=False)
-        self.arrays.launch(export, self.time, real_out=real, int_out=integer)
-        position = self._placed(real[:n, 0:2])
-        past = self.arrays.history()
-        flow = None
-        if self.box.shear_rate:
-            flow = self.box.flow(position)
-            self._tally_flow(float(np.sum(real[:n, 5], dtype=np.float64)))
-        return State(
-            position=position,
-            velocity=real[:n, 2:4],
-            spin=real[:n, 4],
-            time=self.time,
-            collisions=integer[:n, 0] - past["wall_hits"],
-            image=integer[:n, 1:3].copy(),
-            wall_hits=past["wall_hits"],
-            latest_collision=np.minimum(past["latest_collision"], self.time),
-            last_partner=past["last_partner"],
-            angle=past["angle"],
-            flow=flow,
-        )
-
-    @property
-    def origin(self) -> tuple[float, float]:
-        """Where the user's box begins in the coordinates of the device [length]."""
-        return float(self._offset[0]), float(self._offset[1])
-
-    def highest(self, dtype: np.dtype[Any]) -> tuple[float, float]:
-        """The largest coordinates of a type inside the user's box [length]; infinite where it is not periodic.
-
-        Rounding can put a disk onto the far side, which is the next box already.
-        """
-        x, y = (
-            below(length, dtype) if periodic else math.inf
-            for periodic, length in zip(self.box.periodic, self.box.lengths, strict=True)
-        )
-        return x, y
-
-    def _placed(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Positions in the user's box [length] of those on the device."""
-        return np.minimum(place - self._offset, self.highest(place.dtype))
-
-    def dissipated(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Energy that collisions took, by mechanism, and collisions by regime (`kernels/ledger.py`), so far.
-
-        Up to the latest settling; zeros without a ledger.
-        """
-        lost, regimes = self.arrays.dissipated()
-        return self._lost_before + lost, self._regimes_before + regimes
+        return read(self, stored)
 
     def observed(self, stored: Collection[str] | None = None) -> tuple[State, NDArray[np.float64]]:
-        """The present state and its sums (`kernels/totals.py`); `stored` as for `Passing.at`."""
-        if stored is None or not (self.looks_back and self.n and all(self.box.periodic)):
-            return self.state(), self.totals()  # and who left the box is looked for
-        from .readout import state_at
+        """The present state and its sums (`kernels/readout.py`).
 
+        With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
+        """
         with self.changing():
-            self.epochs.settle(self.time)
-            return state_at(self, 0.0, self.time, stored=stored)
+            return self._read_out(stored)
 
     def totals(self) -> NDArray[np.float64]:
-        """Sums over all disks (`kernels/totals.py`), which settle. Less costly than a copy of the state."""
-        from ..kernels.totals import EXCESS, FALL
-
+        """Sums over all disks (`kernels/readout.py`). Less costly than a copy of the state."""
         with self.changing():
-            found = self.epochs.totals(self.time)
-        if self.box.shear_rate:
-            self._tally_flow(float(found[EXCESS]))
-        if any(self.gravity):
-            # From the corner of the user's box.
-            mass = float(np.sum(self.disks.mass[self.disks.movable]))
-            found[FALL] -= mass * float(np.dot(self._offset, self.gravity))
-        return found
+            return self._totals()
 
-    def _tally_flow(self, excess: float) -> None:
-        """Energy that the flow has put in: what it did in the frames of the rows, less what only these frames see."""
+    def _totals(self) -> NDArray[np.float64]:
+        from .readout import totals
+
+        return totals(self)
+
+    @property
+    def flow_work(self) -> float:
+        """Energy that the flow of a sheared box has put in: what it did in the frames of rows, less what only they see."""
+        from ..kernels.layout import FLOW_WORK
+        from ..kernels.readout import EXCESS
+
+        if not self.box.shear_rate:
+            return 0.0
+        excess = float(self._totals()[EXCESS])
         if math.isnan(self._flow_excess):
             self._flow_excess = excess
-        done = float(self.arrays.flow_work.to_numpy()[: self.n].sum())
-        self.flow_work = done - (excess - self._flow_excess)
+        return self._sum(FLOW_WORK) - (excess - self._flow_excess)

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InputError
 from ..kernels.forces import kernels_of
-from ..kernels.layout import BLOCK
 from ..model.forces import Force
 from ..model.state import Disks
 from .arrays import DeviceArrays
@@ -30,7 +29,7 @@ SAME_TIME = 8.0 * float(np.finfo(np.float64).eps)
 _kernels = functools.cache(kernels_of)  # compiled once for all objects of a class
 
 
-class Splitting:
+class ForceSteps:
     """The forces of one engine.
 
     Parameters
@@ -79,9 +78,7 @@ class Splitting:
         self._steps = [force.step for force in self.forces]
         self.next_steps = [_first_after(time, step) for step in self._steps]
         self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))
-        blocks = disks.n // BLOCK + 1
-        most = max((force.totals for force in self.forces), default=0)
-        self._block_sums = np.zeros((blocks, max(most, 1)))
+        self._most = max(2, *(force.totals for force in self.forces)) if self.forces else 2
 
     @property
     def next_time(self) -> float:
@@ -107,8 +104,8 @@ class Splitting:
         found = [i for i, step in enumerate(self._steps) if _reached(_time(self.next_steps[i], step), now)]
         return found[::-1] if found and self.next_steps[found[0]] % 2 else found
 
-    def apply(self, index: int, now: float) -> None:
-        """Apply a force that is due at `now` [time], the end of the latest epoch.
+    def apply(self, index: int, now: float) -> float:
+        """Apply a force that is due at `now` [time], where a window begins; what frames of rows see of it beyond its energy.
 
         Raises
         ------
@@ -116,7 +113,7 @@ class Splitting:
             If it makes a velocity or spin that is not finite.
         """
         force, step, k = self.forces[index], self._steps[index], self.next_steps[index]
-        totals, gained = np.zeros(max(force.totals, 1)), np.zeros(1)
+        totals, gained = np.zeros(max(force.totals, 1)), np.zeros(2)
         parameters = np.array([*force.parameters, 0.0])  # one entry at least
         kind: Any = type(force)  # mypy does not take a class for hashable
         sum_totals, apply_force = _kernels(kind, len(force.parameters))
@@ -124,7 +121,7 @@ class Splitting:
             "when": np.array([_time(k, step), step]),
             "counter_words": _words(k, index, self._seed),
             "parameters": parameters,
-            "block_sums": self._block_sums,
+            "block_sums": np.zeros((self.arrays.tiles, self._most)),
             "totals": totals,
             "gained": gained,
         }
@@ -137,6 +134,7 @@ class Splitting:
                 f"t = {now:.9g}: force {index + 1}, {type(force).__name__}, made a velocity or spin that is not finite"
             )
         self.energy_inputs[index] += gained[0]
+        return float(gained[1])
 
 
 def _time(k: int, step: float) -> float:

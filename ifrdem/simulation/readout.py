@@ -1,119 +1,96 @@
-"""Moments within an epoch, by its log, when it is over and nothing has settled: frames there end no epoch.
+"""The present state of an engine, read from the device.
 
-So a trajectory does not depend, to the last bit, on how often somebody looks. Imports Taichi: import this module only
-after `backend.start`.
+Imports Taichi: import this module only after `device.start`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels.layout import BLOCK
-from ..kernels.passing import (
-    ROW_EVENTS,
-    ROW_IMAGE_X,
-    ROW_IMAGE_Y,
-    ROW_SPIN,
-    ROW_VX,
-    ROW_VY,
-    ROW_WORDS,
-    ROW_X,
-    ROW_Y,
-    look_back,
-)
-from ..kernels.totals import TOTALS
+from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, WALL_HITS
+from ..kernels.readout import TOTALS, read_out
+from ..model.box import below
 from ..model.state import State, StoredState
-from .schedule import Due
 
 if TYPE_CHECKING:
     from .engine import Engine
 
 
-class Passing:
-    """The epoch that an engine has just finished.
-
-    Parameters
-    ----------
-    engine : Engine
-        At the end of the epoch, which has not settled. One that `looks_back`.
-    began : float
-        When the epoch began [time].
-
-    Attributes
-    ----------
-    before : int
-        Collisions before the epoch.
-    told : tuple of two floats or None
-        Time of the point that was asked for last, and how long after the beginning of the epoch it is [time].
-    """
-
-    def __init__(self, engine: Engine, began: float) -> None:
-        self._engine, self._began = engine, began
-        self.before = engine.collisions - engine.epochs.standing()
-        self.told: tuple[float, float] | None = None
-
-    def holds(self, due: Due, end: Due) -> bool:
-        """Whether a point lies in the epoch, before its end; by collisions its end counts too, but the run's not."""
-        by_count = due.collisions is not None and due.collisions <= self._engine.collisions
-        return (by_count and due.collisions != end.collisions) or due.time < self._engine.time
-
-    def at(self, due: Due, *, stored: Collection[str] | None = None) -> tuple[State, NDArray[np.float64]]:
-        """The state at a point that the epoch `holds`, and its sums (`kernels/totals.py`).
-
-        Right after the last of so many collisions, and after any others at exactly that time. With the fields that a
-        file in single precision has (`stored`) it is one for that (`StoredState`).
-        """
-        engine = self._engine
-        time, moment = due.time, max(due.time - self._began, 0.0)
-        if due.collisions is not None and due.collisions <= engine.collisions:
-            count = due.collisions - self.before
-            met = engine.epochs.time_of_collision(count) if count > 0 else 0.0
-            if met < moment:
-                time, moment = self._began + met, met
-        self.told = time, moment
-        return state_at(engine, moment, time, stored=stored)
-
-
-def state_at(
-    engine: Engine, moment: float, time: float, *, stored: Collection[str] | None = None
-) -> tuple[State, NDArray[np.float64]]:
-    """The state at a moment of the epoch that is over, which is this time, and its sums; 0 if all has settled."""
-    n, arrays = engine.n, engine.arrays
-    wide = stored is None
-    real, whole = (np.float64, np.int64) if wide else (np.float32, np.int32)
-    imaged = stored is None or "image" in stored
-    rows = np.empty((n, ROW_WORDS), whole)
-    past = {name: _read_only(value) for name, value in arrays.before.items()}
-    if arrays.uses.partnered:
-        past["last_partner"] = np.empty(n, np.int32)
-    if arrays.uses.turned:
-        past["angle"] = np.empty(n)
-    sums = np.zeros((n // BLOCK + 1, TOTALS))
-    arrays.launch(
-        look_back, wide, moment, *engine.origin, *engine.highest(np.dtype(real)), int(imaged), rows_out=rows,
-        partner_out=past["last_partner"], angle_out=past["angle"], sums=sums,
+def totals(engine: Engine) -> NDArray[np.float64]:
+    """Sums over all disks (`kernels/readout.py`) at the present time."""
+    part, _since = engine.windows.part
+    found = np.zeros((engine.arrays.tiles, TOTALS))
+    one, whole = np.zeros((1, 5), engine.arrays.real), np.zeros((1, 3), np.int32)
+    engine.arrays.launch(
+        read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, 2)), hits_out=whole,
+        totals=found,
     )  # fmt: skip
-    reals = rows.view(real)
-    place, velocity = reals[:, ROW_X : ROW_Y + 1], reals[:, ROW_VX : ROW_VY + 1]
-    spin = reals[:, ROW_SPIN]
-    if wide:
-        place, velocity, spin = (np.ascontiguousarray(each) for each in (place, velocity, spin))
-    events = rows[:, ROW_EVENTS].astype(np.int32, copy=False)
-    image = rows[:, ROW_IMAGE_X : ROW_IMAGE_Y + 1].astype(np.int32, copy=False) if imaged else None
-    kind = State if wide else StoredState
-    state = kind(place, velocity, spin, time, events, image, **past)  # type: ignore[arg-type]
-    totals: NDArray[np.float64] = np.ascontiguousarray(sums.T).sum(axis=1)
-    if not np.isfinite(totals).all():
+    return _sum(found, engine.time)
+
+
+def _sum(found: NDArray[np.float64], time: float) -> NDArray[np.float64]:
+    """Tile by tile: one order for any number of threads."""
+    sums: NDArray[np.float64] = np.ascontiguousarray(found.T).sum(axis=1)
+    if not np.isfinite(sums).all():
         raise EngineError(f"t = {time:.9g}: a velocity or spin is not finite; please report this")
-    return state, totals
+    return sums
 
 
-def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+def read(engine: Engine, stored: Collection[str] | None) -> tuple[State, NDArray[np.float64]]:
+    """The present state by id, and its sums.
+
+    With the fields that a file in single precision has (`stored`) it is one for that (`StoredState`).
+    """
+    n, arrays, uses, time = engine.n, engine.arrays, engine.arrays.uses, engine.time
+    part, since = engine.windows.part
+    kind: type[State] = State if stored is None else StoredState
+    real = np.empty((max(n, 1), 5), np.float64 if stored is None else np.float32)
+    whole = np.empty((max(n, 1), 3), np.int32)
+    dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
+    past = np.empty((n if dated else 1, 2))
+    hits = np.empty((n if counted else 1, 2), np.int32)
+    found = np.zeros((arrays.tiles, TOTALS))
+    arrays.launch(
+        read_out, part, time, 1, real_out=real, int_out=whole, past_out=past, hits_out=hits, totals=found
+    )
+    real, whole = real[:n], whole[:n]
+    place = real[:, 0:2]
+    for axis, periodic in enumerate(engine.box.periodic):
+        if periodic:  # rounding can put a disk onto the far side, which is the next box already
+            np.minimum(place[:, axis], below(engine.box.lengths[axis], real.dtype), out=place[:, axis])
+    told = {name: _read_only(value) for name, value in engine.past.items()}
+    if uses.walled:
+        told["wall_hits"] = hits[:, WALL_HITS].copy()
+    if uses.partnered:
+        told["last_partner"] = hits[:, LAST_PARTNER].copy()
+    if uses.remembers:
+        # Since the window's beginning; at its end, since that.
+        told["latest_collision"] = np.minimum(engine.windows.told_from + past[:, LATEST], time)
+    if uses.turned:
+        told["angle"] = past[:, ANGLE].copy()
+    events = whole[:, 0] - (told["wall_hits"] if uses.walled else 0)
+    flow = None
+    if engine.box.shear_rate:
+        flow = engine.box.flow(place.astype(np.float64))
+    if stored is None:
+        state = State(
+            np.ascontiguousarray(place), np.ascontiguousarray(real[:, 2:4]), np.ascontiguousarray(real[:, 4]), time,
+            events, whole[:, 1:3].copy(), flow=flow, **told,
+        )  # fmt: skip
+    else:
+        image = whole[:, 1:3] if "image" in stored else None
+        state = kind(place, real[:, 2:4], real[:, 4], time, events, image, flow=flow, **told)  # type: ignore[arg-type]
+    assert math.isfinite(since)
+    return state, _sum(found, time)
+
+
+def _read_only(array: NDArray[np.generic]) -> NDArray[np.generic]:
     view = array.view()
     view.flags.writeable = False
     return view

@@ -33,7 +33,6 @@ from .tracking import Events, Tracking, checked_ids
 
 if TYPE_CHECKING:
     from ..model.forces import Force
-    from .readout import Passing
     from .tracking import Statistics
 
 
@@ -76,8 +75,6 @@ class Simulation(Sealed):
         Device; one that is not there is refused.
     threads : int, optional
         Threads on the CPU, all cores by default. The trajectory is the same to the last bit for any number.
-    skin : float, optional
-        Extra distance [length] within which neighbours are listed; chosen for speed by default.
     precision : {"f64", "f32"}
         Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
     walls : sequence of Wall
@@ -147,7 +144,6 @@ class Simulation(Sealed):
         *,
         arch: str = "cpu",
         threads: int | None = None,
-        skin: float | None = None,
         precision: str = "f64",
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
@@ -182,7 +178,7 @@ class Simulation(Sealed):
         self._given = 0.0  # energy that changes between runs put in
         with backend.sole_use():
             self._engine = Engine(
-                disks, box, state, table, arch=arch, threads=threads, skin=skin, precision=precision,
+                disks, box, state, table, arch=arch, threads=threads, precision=precision,
                 walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
                 contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
@@ -219,7 +215,7 @@ class Simulation(Sealed):
     @property
     def forces(self) -> tuple[Force, ...]:
         """Forces that act between collisions, in their order."""
-        return self._engine.splitting.forces
+        return self._engine.force_steps.forces
 
     def set_law(self, law: CollisionLaw | Sequence[Sequence[CollisionLaw]]) -> None:
         """Collide by another law from now on: one for all pairs, or a table, as for a new simulation.
@@ -254,7 +250,7 @@ class Simulation(Sealed):
         InputError
             If one is none, or cannot act on this gas; the gas is as it was then.
         """
-        put_in = math.fsum(self._engine.splitting.energy_inputs)
+        put_in = math.fsum(self._engine.force_steps.energy_inputs)
         self._engine.set_forces(forces)
         self._given += put_in
 
@@ -323,7 +319,7 @@ class Simulation(Sealed):
         """
         if self._tracking is None:
             raise InputError("no disk is tracked: Simulation(..., tracked=[0, 1]) follows the first two")
-        return self._tracking.take(self._engine.told_time)
+        return self._tracking.take(self.time)
 
     @property
     def disks(self) -> Disks:
@@ -378,7 +374,7 @@ class Simulation(Sealed):
     @property
     def energy_inputs(self) -> NDArray[np.float64]:
         """Energy that each force has put in since it acts here [energy], shape (forces,)."""
-        return self._engine.splitting.energy_inputs.copy()
+        return self._engine.force_steps.energy_inputs.copy()
 
     @property
     def shear_work(self) -> float:
@@ -395,7 +391,7 @@ class Simulation(Sealed):
         Less what they took out; of the flow, up to the latest `state`. `set_velocities`, `set_gravity` and forces that
         act no more count too.
         """
-        return math.fsum((*self._engine.splitting.energy_inputs, self.shear_work, self._given))
+        return math.fsum((*self._engine.force_steps.energy_inputs, self.shear_work, self._given))
 
     @property
     def dissipated_energy(self) -> float:
@@ -608,16 +604,6 @@ class Simulation(Sealed):
         frames, rows, end = course.frame_schedule, course.row_schedule, course.span.end
         sampling = course.series is not None and bool(samplers)
         exact = sampling and course.series is not None and course.series.exact
-        looks_back = self._engine.looks_back
-
-        def pass_frames(epoch: Passing) -> None:
-            while epoch.holds(due := frames.due(course.next_frame), end):
-                # First: an observer that raises has had its frame.
-                course.next_frame = frames.following(course.next_frame)
-                if observers:
-                    self._tell(observers, *epoch.at(due, stored=stored))
-                    self._stop_if_asked()
-
         if course.next_row == 0:
             course.next_row = 1
             if sampling:
@@ -630,23 +616,20 @@ class Simulation(Sealed):
         while not end.reached(self.time, self.collisions) or course.next_frame == 1:
             while not (frame := frames.due(course.next_frame)).reached(self.time, self.collisions):
                 row = rows.due(course.next_row)
-                stop, pause = (end, earlier(frame, row)) if looks_back else (frame, row)
-                if exact:
-                    stop = earlier(stop, row)
+                stop = earlier(frame, row) if exact else frame
                 self._engine.advance(
-                    t_end=stop.time, collisions=stop.collisions, pause_at=pause.time, pause_after=pause.collisions,
-                    passing=pass_frames if looks_back else None, rest_at=frame.time,
+                    t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
+                    rest_at=frame.time,
                 )  # fmt: skip
                 if progress is not None:
                     progress(self.time, self.collisions)
                 if sampling and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
                     self._sample(samplers)
-                if between is not None and not frames.due(course.next_frame).reached(
-                    self.time, self.collisions
-                ):
+                if between is not None and not frame.reached(self.time, self.collisions):
                     between()
                 self._stop_if_asked()
+            # First: an observer that raises has had its frame.
             course.next_frame = frames.after(course.next_frame + 1, self.time, self.collisions)
             self._observe(observers, stored)
             if between is not None and not end.reached(self.time, self.collisions):

@@ -1,8 +1,8 @@
 """All that decides an engine's future, to the last bit; and how it is put back.
 
-A state in the order of disks (`State`) tells a gas to rounding: the engine measures positions from the corners of its
-tiles, and knows when windows got short and the log long. A snapshot copies the device's arrays as they are.
-Imports Taichi: import this module only after `backend.start`.
+A state in the order of disks (`State`) tells a gas to rounding: the engine measures places from the corners of its tiles,
+and a run that stopped within a window goes on from its beginning.
+Imports Taichi: import this module only after `device.start`.
 """
 
 from __future__ import annotations
@@ -15,10 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.layout import CELLS_X, CELLS_Y, LOG_CAPACITY, SPIN, TILES_X, TILES_Y, VX, VY, X, Y
-from ..kernels.layout import ROW as ROW_LENGTH
-from ..model.box import Box
-from ..model.state import State
+from ..kernels import layout as k
 from .tracking import Statistics
 
 if TYPE_CHECKING:
@@ -26,26 +23,19 @@ if TYPE_CHECKING:
 
 Snapshot = dict[str, NDArray[Any]]
 
-_FLIGHT = [X, Y, VX, VY, SPIN]
-# Device arrays that outlive an epoch, beside flights.
-_LASTING = (
-    "meta", "image", "cell", "wall_hits", "wall_work", "wall_heat", "latest", "flow_work", "last_partner",
-    "angle",
-)  # fmt: skip
-
 
 def fingerprint(engine: Engine) -> str:
     """A hash of what must be the same for a snapshot to fit: disks, box, laws, walls, forces, seed, precision."""
     engine.check_whole()
-    a, disks, box = engine.arrays, engine.disks, engine.box
+    a, disks, box, options = engine.arrays, engine.disks, engine.box, engine.options
     digest = hashlib.sha256()
     parts: list[Any] = [
         disks.mass, disks.radius, disks.k, disks.material, np.array(box.lengths), np.array(box.periodic),
-        np.array([box.shear_rate, *engine.gravity]), a.law.to_numpy(), np.array(a.uses[:4]),
-        np.array([wall.row(np.zeros(2)) for wall in engine.walls]), str(np.dtype(a.real)), engine.order == "alone",
-        a.uses.tallied, a.uses.partnered, a.uses.turned, engine.seed, a.uses.collision_law.impulses.__qualname__,
+        np.array([box.shear_rate, *engine.gravity, options.velocity_cutoff, options.contact_time]), a.law.to_numpy(),
+        np.array([wall.row(np.zeros(2)) for wall in engine.walls]), options.precision, options.arch, options.seed,
+        options.ledger, options.partners, options.angles, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
-    for force in engine.splitting.forces:
+    for force in engine.force_steps.forces:
         parts += [type(force).__name__, np.array(force.parameters), force.step]
     for part in parts:
         if isinstance(part, np.ndarray):
@@ -56,32 +46,31 @@ def fingerprint(engine: Engine) -> str:
 
 
 def take(engine: Engine) -> Snapshot:
-    """Copy everything; the disks settle, which changes nothing."""
+    """Copy everything: the beginning of the present window, and how far the run has come in it."""
     with engine.changing():
-        engine.epochs.settle(engine.time)
-    a, epochs, splitting = engine.arrays, engine.epochs, engine.splitting
-    found: Snapshot = {"flight": np.ascontiguousarray(a.flight.to_numpy()[:, _FLIGHT])}
-    for name in _LASTING:
-        found[name] = getattr(a, name).to_numpy()
-    found["losses"], found["regimes"] = a.losses.copy(), a.regimes.copy()
-    for name, value in a.before.items():
-        found[f"before_{name}"] = value
-    found["division"] = a.grid[[TILES_X, TILES_Y, CELLS_X, CELLS_Y]].astype(np.int64)
-    found["room"] = a.grid[[ROW_LENGTH, LOG_CAPACITY]].astype(np.int64)
-    found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess, engine.flow_work])
-    found["counts"] = np.array(
-        [engine.collisions, engine.wall_hits, engine._stalled, engine._resting, epochs._in_order, epochs._burst,
-         epochs.log_growth, epochs._log_growths], dtype=np.int64,
-    )  # fmt: skip
-    found["window"] = np.array([epochs._window])
-    found["statistics"] = np.array(list(asdict(engine.statistics).values()), dtype=np.int64)
-    found["next_steps"] = np.array(splitting.next_steps, dtype=np.int64)
-    found["energy_inputs"] = splitting.energy_inputs.copy()
-    found["lost_before"], found["regimes_before"] = engine._lost_before.copy(), engine._regimes_before.copy()
-    if engine._space is not None:
-        found["open"] = np.array(
-            [*engine._inner.lengths, *engine._offset, engine.skin, *engine._space.numbers()]
+        a, windows, steps = engine.arrays, engine.windows, engine.force_steps
+        if not engine._nothing_happens():
+            windows.go_on(steps.next_time)
+        part, n = int(a.grid[k.PART]), engine.n
+        found: Snapshot = {}
+        rows = slice(part * a.room, part * a.room + n)
+        for name, kept in a.state_arrays().items():
+            if kept:
+                found[name] = getattr(a, name).to_numpy()[rows]
+        found["tile"] = a.tile[:, [k.START + part, k.COUNT + part]]
+        found["edge_x"], found["edge_y"] = a.edge_x, a.edge_y
+        found["protrudes"] = a.reach[:, k.PROTRUDES].copy()
+        found["scales"] = np.array([a.clock[k.PATH], a.clock[k.TILE_SIDE], a.scale[k.CELL_SIDE], a.area], np.float64)
+        found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess])
+        found.update(windows.snapshot())
+        found["counts"] = np.array(
+            [*engine._before, engine._resting, engine._parted, engine._until_looked], dtype=np.int64
         )
+        found["statistics"] = np.array(list(asdict(engine.statistics).values()), dtype=np.int64)
+        found["next_steps"] = np.array(steps.next_steps, dtype=np.int64)
+        found["energy_inputs"] = steps.energy_inputs.copy()
+        for name, value in engine.past.items():
+            found[f"before_{name}"] = value
     return found
 
 
@@ -91,7 +80,7 @@ def put_back(engine: Engine, found: Snapshot) -> None:
     Raises
     ------
     InputError
-        If the snapshot is that of another division into tiles, or incomplete.
+        If the snapshot is incomplete, or of another division into tiles.
     """
     try:
         with engine.changing():
@@ -101,40 +90,28 @@ def put_back(engine: Engine, found: Snapshot) -> None:
 
 
 def _put_back(engine: Engine, found: Snapshot) -> None:
-    engine.epochs.settle(engine.time)
-    if engine._space is not None:
-        length_x, length_y, offset_x, offset_y, engine.skin, *numbers = found["open"].tolist()
-        engine.lay(dummy_state(engine.n), Box((length_x, length_y)), np.array([offset_x, offset_y]))
-        engine._space.set_numbers(engine._inner, numbers)
-    a, epochs = engine.arrays, engine.epochs
-    division = a.grid[[TILES_X, TILES_Y, CELLS_X, CELLS_Y]]
-    if not np.array_equal(division, found["division"]) or len(found["flight"]) != max(engine.n, 1):
-        raise InputError("checkpoint: the box is divided otherwise here; was the skin another one?")
-    row, records = (int(each) for each in found["room"])
-    if row > a.grid[ROW_LENGTH]:
-        a.make_rows(row)
-    a.make_log(records)
-    flight = a.flight.to_numpy()
-    flight[:, _FLIGHT] = found["flight"]
-    a.flight.from_numpy(flight)
-    for name in _LASTING:
-        getattr(a, name).from_numpy(found[name])
-    a.losses[:], a.regimes[:] = found["losses"], found["regimes"]
-    a.before = {name: found[f"before_{name}"] for name in a.before}
-    engine.time, engine._collided_at, engine._flow_excess, engine.flow_work = found["clock"].tolist()
-    (
-        engine.collisions, engine.wall_hits, engine._stalled, engine._resting, epochs._in_order, epochs._burst,
-        epochs.log_growth, epochs._log_growths,
-    ) = found["counts"].tolist()  # fmt: skip
-    epochs.unsettle()
-    epochs._window = float(found["window"][0])
-    counted = Statistics(*found["statistics"].tolist())
-    engine.statistics.__dict__.update(asdict(counted))
-    engine.splitting.next_steps = found["next_steps"].tolist()
-    engine.splitting.energy_inputs = found["energy_inputs"].copy()
-    engine._lost_before, engine._regimes_before = found["lost_before"], found["regimes_before"]
-
-
-def dummy_state(n: int) -> State:
-    """A state whose numbers nobody reads."""
-    return State(position=np.zeros((n, 2)), velocity=np.zeros((n, 2)), spin=np.zeros(n))
+    a, windows, steps = engine.arrays, engine.windows, engine.force_steps
+    n = engine.n
+    if len(found["tile"]) != a.tiles or len(found["disk"]) != n:
+        raise InputError("checkpoint: the box is divided otherwise here")
+    low, high = (np.array([found["edge_x"][end], found["edge_y"][end]]) for end in (0, -1))
+    a.divide((len(found["edge_x"]) - 1, len(found["edge_y"]) - 1), low, high)
+    a.edge_x, a.edge_y = found["edge_x"].copy(), found["edge_y"].copy()
+    a.edges = [a.edge_x, a.edge_y]
+    a.grid[k.PART] = 0
+    for name, kept in a.state_arrays().items():
+        if kept:
+            values = getattr(a, name).to_numpy()
+            values[:n] = found[name]
+            getattr(a, name).from_numpy(values)
+    a.tile[:, [k.START, k.COUNT]] = found["tile"]
+    a.reach[:, k.PROTRUDES] = found["protrudes"]
+    a.clock[k.PATH], a.clock[k.TILE_SIDE], a.scale[k.CELL_SIDE], a.area = found["scales"].tolist()
+    _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
+    *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
+    engine._before, engine._parted = (before[0], before[1]), bool(parted)
+    windows.put_back(found)
+    engine.statistics.__dict__.update(asdict(Statistics(*found["statistics"].tolist())))
+    steps.next_steps = found["next_steps"].tolist()
+    steps.energy_inputs = found["energy_inputs"].copy()
+    engine.past = {name: found[f"before_{name}"] for name in engine.past}

@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..model.box import Box, below
 from ..model.ifr import EnergyWarning, IFRLaw, collide
 from ..model.law import CollisionLaw
 from ..model.state import Disks
 from ..model.walls import Wall
 
-if TYPE_CHECKING:
-    from .arrays import DeviceArrays
-
-Placed = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 KICK = -1
 """In place of a partner: a force changed the disk's velocity or spin."""
@@ -172,31 +169,19 @@ class Tracking:
         """Forget what came after a time [time]: it is undone."""
         self._found = [found.where(found.time <= time) for found in self._found]
 
-    def gather(self, arrays: DeviceArrays, began: float, placed: Placed) -> None:
-        """Copy the collisions of the epoch that has just ended, which began at this time, and is not settled yet.
+    def gather(self, began: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:
+        """Enter the collisions of a window that began at this time [time]: rows of `event` and `event_int`."""
+        from ..kernels import layout as k
 
-        `placed` makes positions in the user's box of those on the device.
-        """
-        from ..kernels import tracking as k
-
-        most = int(k.count_tracked(arrays.grid, arrays.meta, arrays.link, self.rows))
-        if most == 0:
-            return
-        real = np.zeros((most, k.REALS), dtype=arrays.real)
-        whole = np.zeros((most, k.INTEGERS), dtype=np.int32)
-        arrays.launch(
-            k.copy_tracked, tracked=self.rows, next_row=np.zeros(1, dtype=np.int32), real_out=real,
-            int_out=whole,
-        )  # fmt: skip
-        order = np.lexsort((whole[:, k.ORDINAL], whole[:, k.WHO], real[:, k.AT]))
+        order = np.lexsort((whole[:, k.EVENT_NUMBER], whole[:, k.EVENT_ID], real[:, k.AT]))
         real, whole = real[order].astype(np.float64), whole[order]
 
         def vector(column: int) -> NDArray[np.float64]:
             return np.ascontiguousarray(real[:, column : column + 2])
 
-        normal = vector(k.NORMAL)
+        normal = vector(k.NORMAL_X)
         normal /= np.hypot(normal[:, 0], normal[:, 1])[:, None]  # single precision rounds it
-        ids, partner = whole[:, k.WHO].copy(), whole[:, k.PARTNER_ID].copy()
+        ids, partner = whole[:, k.EVENT_ID].copy(), whole[:, k.EVENT_PARTNER].copy()
         velocity = (vector(k.V_BEFORE), vector(k.V_AFTER))
         other = (vector(k.U_BEFORE), vector(k.U_AFTER))
         spin, other_spin = real[:, k.W_BEFORE].copy(), real[:, k.S_BEFORE].copy()
@@ -204,15 +189,21 @@ class Tracking:
         relative = velocity[0] - other[0]
         along, across = _dot(relative, normal), _cross(normal, relative)
         regime = self._regime(ids, partner, normal, velocity[0], spin, other[0], other_spin)
-        regime[whole[:, k.HOW_IT_WAS] == k.BY_REMEDY] = ELASTIC
-        regime[whole[:, k.HOW_IT_WAS] == k.BY_HEAT] = UNKNOWN
+        regime[whole[:, k.EVENT_HOW] == k.BY_REMEDY] = ELASTIC
+        regime[whole[:, k.EVENT_HOW] == k.BY_HEAT] = UNKNOWN
+        place, image = vector(k.PLACE), whole[:, k.EVENT_BOX : k.EVENT_BOX + 2].copy()
+        for axis, length in enumerate(box.lengths):
+            if box.periodic[axis]:
+                boxes = np.floor(place[:, axis] / length)
+                place[:, axis] = np.minimum(place[:, axis] - boxes * length, below(length, np.dtype(np.float64)))
+                image[:, axis] += boxes.astype(np.int32)
         self._found.append(
             Events(
                 time=began + real[:, k.AT],
                 id=ids,
                 partner=partner,
-                position=placed(vector(k.PLACE)),
-                image=np.ascontiguousarray(whole[:, k.BOX_X : k.BOX_X + 2]),
+                position=place,
+                image=image,
                 normal=normal,
                 velocity_before=velocity[0],
                 velocity_after=velocity[1],
@@ -228,24 +219,13 @@ class Tracking:
             )
         )
 
-    def snapshot(self, arrays: DeviceArrays, placed: Placed) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Positions [length], velocities, spins, shape (m, 5), and images, shape (m, 2), at the end of the epoch."""
-        from ..kernels import tracking as k
-
-        real = np.zeros((max(len(self.ids), 1), 5), dtype=arrays.real)
-        image = np.zeros((max(len(self.ids), 1), 2), dtype=np.int32)
-        arrays.launch(k.copy_states, tracked=self.rows, real_out=real, int_out=image)
-        found = real[: len(self.ids)].astype(np.float64)
-        found[:, :2] = placed(found[:, :2])
-        return found, image[: len(self.ids)]
-
     def kick(
         self,
         time: float,
         before: tuple[NDArray[np.float64], NDArray[np.int32]],
         after: tuple[NDArray[np.float64], NDArray[np.int32]],
     ) -> None:
-        """Note whose motion forces changed at this time [time], from what `snapshot` said before and after."""
+        """Note whose motion forces changed at this time [time], from places, velocities, spins (m, 5) and images before and after."""
         changed = np.flatnonzero(np.any(before[0][:, 2:] != after[0][:, 2:], axis=1))
         if not changed.size:
             return
@@ -325,14 +305,21 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 @dataclass
 class Statistics:
-    """What the engine has done since it was made; `in_order` are the epochs of tiles that were left to one thread."""
+    """What the engine has done since it was made.
+
+    Attributes
+    ----------
+    epochs : int
+        Windows.
+    undone : int
+        Tiles that were run again.
+    in_order : int
+        Windows that were left to one thread.
+    elastic : int
+        Collisions that were elastic for a remedy for collapse.
+    """
 
     epochs: int = 0
     in_order: int = 0
-    rounds: int = 0
     undone: int = 0
-    violations: int = 0
-    cut_for_speed: int = 0
-    cut_for_log: int = 0
-    cut_for_rounds: int = 0
     elastic: int = 0

@@ -300,7 +300,7 @@ def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
 def test_a_skin_out_of_range_is_refused(skin: float) -> None:
     state = State(np.array([[0.5, 0.5]]), np.zeros((1, 2)), np.zeros(1))
     with pytest.raises(InputError, match="skin"):
-        Simulation(equal_disks(1), Box((5.0, 5.0)), SMOOTH, state, skin=skin)
+        Simulation(equal_disks(1), Box((5.0, 5.0)), SMOOTH, state)
 
 
 @pytest.mark.parametrize("ledger", [False, True])

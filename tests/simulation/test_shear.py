@@ -98,7 +98,7 @@ def test_collisions_are_those_of_a_serial_code(
 def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
     """Fast small disks need longer lists, across rows that move against each other."""
     disks, box, state, reference = expected("mixture", 0.25, 0.7, 3.7, COIN, 600)
-    engine = made(disks, box, state, COIN, order, skin=0.4)
+    engine = made(disks, box, state, COIN, order)
     assert engine.most_level > 0
     assert_same_collisions(run(engine, 600), reference.collisions)
 
@@ -119,7 +119,7 @@ def test_disks_at_rest_in_the_flow_meet_where_only_the_flow_brings_them(boundary
     pair = [[7.9, boundary * side - 0.45], [6.0, boundary * side + 0.45]]
     position = box.wrap(np.concatenate([np.stack((x.ravel(), y.ravel()), axis=1), pair]))
     state = State(position, box.flow(position), np.zeros(200))
-    engine = made(equal_disks(200), box, state, ELASTIC, order, skin=0.2)
+    engine = made(equal_disks(200), box, state, ELASTIC, order)
     assert engine.arrays.scale[1] == pytest.approx(side)  # that of a cell
     found = run(engine, 1)
     np.testing.assert_array_equal(found.pair, [[198, 199]])

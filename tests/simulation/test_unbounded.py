@@ -50,7 +50,7 @@ def test_collisions_are_those_in_a_huge_periodic_box(order: str) -> None:
     found = []
     huge = State(state.position + 2000.0, state.velocity, state.spin)
     for box, begin in ((Box.open(), state), (Box((4000.0, 4000.0)), huge)):
-        engine = Engine(disks, box, begin, np.array([[COIN]]), order=order, tile_disks=40, skin=1.5)
+        engine = Engine(disks, box, begin, np.array([[COIN]]), order=order, tile_disks=40)
         engine.keep_collisions = True
         times, pairs = [], []
         while engine.time < 3.0:

@@ -64,3 +64,13 @@ def run(engine: Engine, count: int) -> Collisions:
         assert engine.last_collisions is not None
         parts.append(engine.last_collisions)
     return Collisions(np.concatenate([p.time for p in parts]), np.concatenate([p.pair for p in parts]))
+
+
+def partners(pair: np.ndarray) -> np.ndarray:
+    """Whom each disk hit, in its own order: rows (disk, partner) by disk.
+
+    Collisions of others at next to the same time may change places by rounding, which changes no history.
+    """
+    both = np.stack([pair, pair[:, ::-1]], axis=1).reshape(-1, 2)
+    found: np.ndarray = both[np.argsort(both[:, 0], kind="stable")]
+    return found

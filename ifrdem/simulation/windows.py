@@ -1,0 +1,417 @@
+"""Windows from the host: how long they are, tiles that have to be run again, and where a run stops within one.
+
+Imports Taichi: import this module only after `device.start`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import EngineError, InelasticCollapse
+from ..kernels import layout as k
+from ..kernels.windows import run_windows, survey, verify, window_length
+from .arrays import SLACK, DeviceArrays
+from .tracking import Statistics
+
+WIDER = 1.6  # halo of a tile that has to be run again
+MOST_BAD = 0.01  # of all tiles: with more, halos of the next window are wider
+BURST = 64  # windows of a gas in one tile that one launch runs at most
+
+
+class Windows:
+    """The windows of one engine, one after another.
+
+    Attributes
+    ----------
+    begin, end, now : float
+        Of the present window, and the present time in it [time].
+    """
+
+    def __init__(self, arrays: DeviceArrays, statistics: Statistics, time: float) -> None:
+        self.arrays, self.statistics = arrays, statistics
+        self.begin = self.end = self.now = time
+        self._ahead = False  # the window has been run to its end
+        self._surveyed = False
+        self._ready = False  # the present window has an end, and has not been run
+        self._moment = math.inf  # since the beginning; of the state that was told
+        self._moment_now = 0.0
+        size = len(arrays.sums)
+        self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
+        self._wider = 1.0
+        self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
+        self.fastest = 0.0
+        self.rests = False
+        self.fresh = False  # the present window has just been run, and what was written down in it is new
+
+    # ------------------------------------------------------------------ what it knows
+
+    @property
+    def inside(self) -> bool:
+        """The present time lies within a window, which has to be kept."""
+        return self._ahead and self.begin < self.now < self.end
+
+    @property
+    def elastic(self) -> int:
+        """Collisions that were elastic for a remedy for collapse."""
+        return int(self.sums[k.ELASTICS])
+
+    def add_flow_work(self, work: float) -> None:
+        """Enter what a force did to energies in the frames of rows of tiles."""
+        self._done[k.FLOW_WORK] += work
+
+    @property
+    def sums(self) -> NDArray[np.float64]:
+        """Sums over all windows so far, to the present time; columns of `tally`, then heat of thermal walls."""
+        if self._ahead and self.now == self.end:
+            return self._done + self._at_end
+        if self.now == self.begin:
+            return self._done.copy()
+        self._tell(self._moment_now)
+        return self._done + self._at_moment
+
+    @property
+    def part(self) -> tuple[int, float]:
+        """Part of the arrays that holds the present state, and the time since the beginning of its window."""
+        part = int(self.arrays.grid[k.PART])
+        if self._ahead and self.now == self.end:
+            return 1 - part, self.end - self.begin
+        if self.now == self.begin:
+            return part, 0.0
+        self._tell(self._moment_now)
+        return k.TOLD, self._moment_now
+
+    @property
+    def told_from(self) -> float:
+        """From when on times that the present state holds count [time]."""
+        return self.end if self._ahead and self.now == self.end else self.begin
+
+    def settle(self) -> None:
+        """Have a window begin at the present time, which is no moment within one."""
+        part, _since = self.part
+        self._done = self.sums
+        self.arrays.grid[k.PART] = part
+        self.begin = self.end = self.now
+        self._forget()
+
+    def settle_at(self, time: float) -> None:
+        """Have a window begin at a time at which a state is laid into the arrays anew."""
+        self._done = self.sums
+        self.begin = self.end = self.now = time
+        self._forget()
+
+    def _forget(self) -> None:
+        self._ahead = self._surveyed = self._ready = False
+        self._moment = math.inf
+        self._moment_now = 0.0
+
+    def snapshot(self) -> dict[str, NDArray[np.float64]]:
+        """All that it knows, between windows or within one."""
+        a = self.arrays
+        length = [self.begin, self.end, self.now, self._moment_now, float(self._ready or self._ahead), self.fastest]
+        return {
+            "window": np.array([*length, a.clock[k.SQUARE_UNIT], self._wider]),
+            "sums": self._done.copy(),
+        }
+
+    def put_back(self, found: dict[str, NDArray[np.float64]]) -> None:
+        """What `snapshot` gave."""
+        a = self.arrays
+        self._forget()
+        (
+            self.begin, self.end, self.now, self._moment_now, ready, self.fastest,
+            a.clock[k.SQUARE_UNIT], self._wider,
+        ) = found["window"].tolist()  # fmt: skip
+        self._ready = bool(ready)
+        self._done = found["sums"].copy()
+        if self._ready and self.now > self.begin:
+            self._compute(self._moment_now if self.now < self.end else math.inf, 1, 0)
+
+    # ------------------------------------------------------------------ length
+
+    def plan(self, kick: float) -> None:
+        """Set the end of the window that begins now: at `kick` [time] at the latest, when a force acts."""
+        a = self.arrays
+        if not self._surveyed:
+            a.clock[k.SQUARE_UNIT] = 1.0
+            a.launch(survey)
+            a.clock[k.SQUARE_UNIT] = square_unit(float(a.tally[:, k.AT_END, k.FASTEST].max()))
+            a.launch(survey)
+            self._surveyed = True
+        fastest2 = float(a.tally[:, k.AT_END, k.FASTEST].max())
+        mean_square = float(a.tally[:, k.AT_END, k.SQUARES].sum()) * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
+        pull = math.hypot(float(a.scale[k.GX]), float(a.scale[k.GY]))
+        length = window_length(
+            mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, a.clock[k.WALL_SPEED]
+        )
+        a.clock[k.SQUARE_UNIT] = square_unit(fastest2)
+        self.begin = self.now
+        self.end = min(self.begin + length, kick)
+        self.fastest = math.sqrt(fastest2)
+        if not self.end > self.begin:
+            raise InelasticCollapse(f"t = {self.now:.9g}: windows have become too short for the clock")
+
+    def go_on(self, kick: float) -> None:
+        """At the end of a window, begin the next one."""
+        if self._ahead and self.now == self.end:
+            self._done += self._at_end
+            self.arrays.grid[k.PART] = 1 - self.arrays.grid[k.PART]
+            self._ahead, self._surveyed, self._moment, self._moment_now = False, True, math.inf, 0.0
+        if not self._ahead and not self._ready:
+            self.plan(kick)
+            self._ready = True
+
+    # ------------------------------------------------------------------ running
+
+    def run(
+        self,
+        stop: float,
+        wanted: int | None,
+        kick: float,
+        *,
+        pause_at: float = math.inf,
+        pause_after: int | None = None,
+        most: int = BURST,
+        watching: int = 0,
+    ) -> None:
+        """Go on to `stop` [time] or `wanted` collisions in all at the latest, or to the end of a window.
+
+        The first one that ends at or after `pause_at` or `pause_after` collisions, or the last of `most` windows.
+        """
+        a = self.arrays
+        self.go_on(kick)
+        if not self._ahead:
+            if math.isfinite(stop):
+                a.make_moment()
+            before = self._done[k.COLLISIONS]
+            far = math.inf
+            a.clock[[k.STOP, k.PAUSE, k.KICK]] = stop, pause_at, kick
+            a.clock[k.WANTED] = far if wanted is None else wanted - before
+            a.clock[k.PAUSE_AFTER] = far if pause_after is None else pause_after - before
+            moment = stop - self.begin if stop < self.end else math.inf
+            self._compute(moment, most if a.tiles == 1 and not a.uses.sheared else 1, watching)
+        count = self._done[k.COLLISIONS]
+        stopping = self.begin < stop < self.end
+        self.now = stop if stopping else self.end
+        self._moment_now = stop - self.begin if stopping else self.end - self.begin
+        if wanted is not None and count + self._at_end[k.COLLISIONS] >= wanted:
+            if stopping:
+                self._tell(self._moment_now)
+            reached = self._at_moment if stopping else self._at_end
+            if count + reached[k.COLLISIONS] >= wanted:
+                self._moment_now = self._time_of(wanted - int(count))
+                self.now = self.begin + self._moment_now
+                self._tell(self._moment_now)
+
+    def _tell(self, moment: float) -> None:
+        """See to it that part TOLD holds the state at a moment of the window."""
+        if self._moment != moment:
+            self.arrays.make_moment()
+            self._compute(moment, 1, 0)
+
+    def _time_of(self, count: int) -> float:
+        """When collision `count` = 1, 2, ... of the window was, since its beginning."""
+        if count <= 0:
+            return 0.0
+        kept, fresh = self._watched, self.fresh
+        self._compute(math.inf, 1, k.PAIRS)
+        times = np.concatenate([real[:, k.AT] for real, _ in self._watched])
+        self._watched, self.fresh = kept, fresh
+        return float(np.partition(times, count - 1)[count - 1])
+
+    def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        """What was written down in the present window, in any order: rows of `event` and `event_int`."""
+        if not self._watched:
+            return np.zeros((0, k.REALS)), np.zeros((0, k.INTEGERS), dtype=np.int32)
+        real, whole = zip(*self._watched, strict=True)
+        return np.concatenate(real), np.concatenate(whole)
+
+    def _compute(self, moment: float, most: int, watching: int) -> None:
+        """Run the window to its end; `most` of them, where one tile is the whole box."""
+        a = self.arrays
+        begin, end = self.begin, self.end
+        a.clock[k.BEGIN], a.clock[k.END] = begin, end
+        a.scale[k.WINDOW] = end - begin
+        a.scale[k.MOMENT_IN] = moment if math.isfinite(moment) else k.FAR
+        a.grid[k.WATCHING] = watching
+        if watching:
+            self._watched = []
+            self.fresh = True
+        alone = a.grid[k.ALONE] = int(a.tiles == 1 and not a.uses.sheared)
+        if a.uses.sheared:
+            a.displace_rows(begin)
+        if not alone:
+            self._set_halos()
+        self._launch(1 if alone else a.tiles, most)
+        if alone:
+            last = self._tally(k.AT_END)
+            self.statistics.epochs += int(a.counter[k.N_WINDOWS])
+            self._done += a.sums - last
+            self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
+            self._collect(watching)
+        else:
+            self.statistics.epochs += 1
+            self._collect(watching)
+            self._verify(watching)
+        self._at_end = self._tally(k.AT_END)
+        self._moment = float(a.scale[k.MOMENT_IN])
+        if self._moment < k.FAR:
+            self._at_moment = self._tally(k.AT_MOMENT)
+            if self._moment != moment and begin != self.begin:
+                self._moment = float(a.clock[k.STOP]) - self.begin
+        else:
+            self._moment = math.inf
+        self.rests = bool(a.counter[k.RESTING])
+        if a.counter[k.STALLED]:
+            raise InelasticCollapse(
+                f"t = {self.begin:.9g}: collisions pile up without end in a window (inelastic collapse). Use collapse = "
+                '"tc" with a contact_time or "velocity_cutoff" with a velocity_cutoff, a larger e_n, or a lower packing '
+                "fraction, or end the run earlier"
+            )
+        self._ahead, self._ready = True, False
+
+    def _tally(self, when: int) -> NDArray[np.float64]:
+        """Sums over the tiles, one after another: the same for any number of threads."""
+        a = self.arrays
+        found = np.ascontiguousarray(a.tally[:, when].T).sum(axis=1)
+        heat = np.ascontiguousarray(a.heat[:, when].T).sum(axis=1)
+        return np.concatenate([found, heat[: len(a.thermal)]])
+
+    def _launch(self, tiles: int, most: int, again: int = 0) -> None:
+        """Run the windows of all tiles, or `again` of the listed ones; with more room where that was not enough."""
+        a = self.arrays
+        part, clock = int(a.grid[k.PART]), a.clock.copy()
+        while True:
+            a.counter[:] = 0
+            a.counter[k.AGAIN] = again
+            if again:
+                a.counter[k.N_CLAIMED] = self._claimed
+            a.sums[:] = 0.0
+            a.launch(run_windows, tiles, most)
+            self._claimed = int(a.counter[k.N_CLAIMED])
+            full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
+            if not full:
+                return
+            if a.counter[k.N_WINDOWS] > 1:
+                # Windows before this one are good: go on from here.
+                self._done += a.sums
+                self.statistics.epochs += int(a.counter[k.N_WINDOWS]) - 1
+                clock = a.clock.copy()
+                for column in (k.WANTED, k.PAUSE_AFTER):
+                    clock[column] -= a.sums[k.COLLISIONS]
+                part = int(a.grid[k.PART])
+            a.clock[:], a.grid[k.PART] = clock, part
+            places, cells, bins, items = (int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS))
+            if full & k.FULL_CLAIMS:
+                a.claims(int(SLACK * self._claimed) + 64)
+                if again:
+                    raise _Again
+            if full & k.FULL_WATCHED:
+                a.events(2 * int(a.counter[k.N_WATCHED]) + 64)
+            if full & (k.FULL_PLACES | k.FULL_CELLS | k.FULL_WALLS):
+                grown = int(SLACK * needed) + 16
+                if full & k.FULL_PLACES:
+                    places = max(places, min(grown, a.n if a.grid[k.ALONE] else 9 * a.n))
+                    bins = 1 << max(places - 1, 1).bit_length()
+                if full & k.FULL_CELLS:
+                    cells = max(cells, grown)
+                if full & k.FULL_WALLS:
+                    items = max(items, grown)
+                a.scratch(places, cells, bins, items)
+
+    def _collect(self, watching: int) -> None:
+        a = self.arrays
+        if watching and (count := int(a.counter[k.N_WATCHED])):
+            self._watched.append((a.event.to_numpy()[:count], a.event_int.to_numpy()[:count]))
+
+    # ------------------------------------------------------------------ tiles
+
+    def _set_halos(self) -> None:
+        """Halos as wide as the fastest disk may make necessary, and for who hits whom in chains."""
+        a = self.arrays
+        window = self.end - self.begin
+        way = (self.fastest + float(a.clock[k.WALL_SPEED])) * window + 0.5 * float(np.hypot(*a.scale[k.GX : k.GX + 2])) * window**2
+        drift = abs(float(a.scale[k.DRIFT])) * window
+        halo = self._wider * (a.widest * (4.0 + 3.0 * a.packing_fraction) + 2.0 * way + drift)
+        a.reach[:, k.HALO] = min(halo, self._widest_halo())
+
+    def _widest_halo(self) -> float:
+        """Beyond it, the tiles around would not have all disks."""
+        a = self.arrays
+        sides = [float(np.diff(edge).min()) for edge in a.edges]
+        protrudes = max(float(a.reach[:, k.PROTRUDES].max()), 0.0)
+        if a.uses.sheared:
+            sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
+        return min(sides) - protrudes
+
+    def _verify(self, watching: int) -> None:
+        """Run tiles again, with wider halos, until all are good; at last the whole box by one thread."""
+        a, most = self.arrays, self._widest_halo()
+        bad = 0
+        while True:
+            a.counter[[k.NEXT_TILE, k.N_BAD]] = 0
+            a.launch(verify)
+            count = int(a.counter[k.N_BAD])
+            reach = a.widest + max(float(a.reach[:, k.BEYOND].max()), 0.0) + float(a.reach[:, k.FURTHEST].max())
+            if a.uses.sheared:
+                reach += abs(float(a.scale[k.DRIFT])) * (self.end - self.begin)
+            if count == 0 and reach <= most:
+                break
+            bad += count
+            again = a.listed[:count]
+            if reach > most or a.reach[again, k.HALO].max() >= most:
+                self._whole_box(watching)
+                break
+            a.reach[again, k.HALO] = np.minimum(WIDER * a.reach[again, k.HALO], most)
+            if watching:
+                self._drop_watched(again)
+            try:
+                self._launch(count, 1, again=1)
+            except _Again:
+                self._launch(a.tiles, 1)
+                self._watched = []
+            self._collect(watching)
+        self.statistics.undone += bad
+        if bad > MOST_BAD * a.tiles:
+            self._wider *= 1.02
+
+    def _drop_watched(self, tiles: NDArray[np.int32]) -> None:
+        self._watched = [
+            (real[keep], whole[keep])
+            for real, whole in self._watched
+            for keep in [~np.isin(whole[:, k.EVENT_TILE], tiles)]
+        ]
+
+    def _whole_box(self, watching: int) -> None:
+        """The window by one thread, in order: what no halo is wide enough for."""
+        a = self.arrays
+        if a.uses.sheared:
+            raise EngineError(
+                f"t = {self.begin:.9g}: tiles of a sheared gas are too small for what happens in it; please report this with "
+                "the case file and seed"
+            )
+        self.statistics.in_order += 1
+        a.grid[k.ALONE] = 1
+        room = [int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS)]
+        lanes = int(a.grid[k.LANES])
+        a.grid[k.LANES] = 1
+        self._watched = []
+        a.tally[:] = 0.0
+        self._launch(1, 1)
+        self._collect(watching)
+        a.grid[k.LANES] = lanes
+        a.scratch(*room)
+        a.grid[k.ALONE] = 0
+
+
+class _Again(Exception):
+    """Claims did not fit: all tiles have to be run again."""
+
+
+def square_unit(fastest2: float) -> float:
+    """As `kernels.windows.square_unit`."""
+    exponent = max(np.float64(fastest2).view(np.int64) >> 52, 21) - 20
+    return float(np.int64(exponent << 52).view(np.float64))

@@ -1,0 +1,111 @@
+"""Disks by id, and sums over all of them, at the beginning or end of a window or at the moment in it that was asked for."""
+
+from .language import ti
+from .layout import (
+    ANGLE, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
+    LATEST, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, SPREAD, START, TILES_X, TILES_Y, TOLD, VX, VY,
+    WALL_HITS, GasArrays, Rows, Table, X, Y,
+)  # fmt: skip
+from .shear import flow_at, frame_speed
+
+TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
+TOTALS = 8
+
+
+@ti.func
+def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
+    """Add a disk at a place in the box to the sums; nothing for a disk of infinite mass. In double precision.
+
+    Kinetic energies, momentum, m v_x v_y, mass times the way along gravity, collisions with disks and walls. Velocities
+    are those beyond the flow; the last sum is how much more kinetic energy the frames of rows of tiles see.
+    """
+    kind = 0
+    if ti.static(gas.uses.mixed):
+        kind = gas.kind[gas.meta[s][ID]]
+    mass = ti.cast(gas.kinds[kind][KIND_MASS], ti.f64)
+    vx, vy = ti.cast(gas.disk[s][VX], ti.f64), ti.cast(gas.disk[s][VY], ti.f64)
+    spin = ti.cast(gas.disk[s][SPIN], ti.f64)
+    total[ALL_EVENTS] += gas.meta[s][EVENTS]
+    if ti.static(gas.uses.sheared):
+        total[EXCESS] += flow * (vx - 0.5 * flow) * mass
+        vx -= flow
+    total[MOMENTUM_X] += mass * vx
+    total[MOMENTUM_Y] += mass * vy
+    total[TRANSLATIONAL] += 0.5 * mass * (vx * vx + vy * vy)
+    total[ROTATIONAL] += 0.5 * ti.cast(gas.kinds[kind][KIND_INERTIA], ti.f64) * spin * spin
+    total[SHEAR_PRESSURE] += mass * vx * vy
+    total[FALL] += (x * gas.scale[GX] + y * gas.scale[GY]) * mass
+
+
+@ti.func
+def placed(s, tile, time, gas: ti.template()):
+    """Place in the box of a listed disk, boxes that it is away from there, velocities of its frame and of the flow in it."""
+    tx = tile // gas.grid[TILES_Y]
+    ty = tile - tx * gas.grid[TILES_Y]
+    x = gas.edge_x[tx] + ti.cast(gas.disk[s][X], ti.f64)
+    y = gas.edge_y[ty] + ti.cast(gas.disk[s][Y], ti.f64)
+    boxes_x, boxes_y = 0, 0
+    frame, flow = 0.0 * x, 0.0 * x
+    if ti.static(gas.uses.sheared):
+        frame = frame_speed(ty, gas)
+        flow = flow_at(gas.disk[s][Y], gas)
+        x += frame * time
+    if gas.grid[PERIODIC_Y] == 1:
+        length = gas.edge_y[gas.grid[TILES_Y]]
+        if y < 0.0 or y >= length:
+            boxes_y = ti.floor(y / length, ti.i32)
+            y -= boxes_y * length
+            if ti.static(gas.uses.sheared):
+                # The image in the box is in a row whose frame is slower by so many rows.
+                slower = boxes_y * gas.grid[TILES_Y] * ti.cast(gas.scale[DRIFT], ti.f64)
+                x -= slower * time
+                frame -= slower
+    if gas.grid[PERIODIC_X] == 1:
+        length = gas.edge_x[gas.grid[TILES_X]]
+        if x < 0.0 or x >= length:
+            boxes_x = ti.floor(x / length, ti.i32)
+            x -= boxes_x * length
+    return x, y, boxes_x, boxes_y, frame, flow
+
+
+@ti.kernel
+def read_out(
+    part: ti.i32, time: ti.f64, filled: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, meta: Rows,
+    past: Rows, hits: Rows, kind: Rows, kinds: Rows, tile: Table, edge_x: Rows, edge_y: Rows, real_out: Table,
+    int_out: Table, past_out: Table, hits_out: Table, totals: Table,
+):  # fmt: skip
+    """Write disks by id, unless `filled` is 0, and the sums of each tile.
+
+    `real_out` (n, 5): x, y, vx, vy, spin; `int_out` (n, 3): collisions with disks and walls, boxes travelled;
+    `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 2): collisions with
+    walls, latest partner; `totals` (tiles, TOTALS).
+    """
+    gas = ti.static(GasArrays(
+        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, kind=kind, kinds=kinds, tile=tile,
+        edge_x=edge_x, edge_y=edge_y, uses=uses,
+    ))  # fmt: skip
+    for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+        if item % SPREAD == 0:
+            k = item // SPREAD
+            column = part
+            if part == TOLD:
+                column = 1 - gas.grid[PART]  # the lists at the moment are those at the end
+            first = part * gas.grid[ROOM] + gas.tile[k, START + column]
+            total = ti.Vector([0.0] * TOTALS, ti.f64)
+            for s in range(first, first + gas.tile[k, COUNT + column]):
+                x, y, boxes_x, boxes_y, frame, flow = placed(s, k, time, gas)
+                count_in(s, x, y, flow, total, gas)
+                if filled == 1:
+                    i = gas.meta[s][ID]
+                    real_out[i, 0], real_out[i, 1] = x, y
+                    real_out[i, 2] = ti.cast(gas.disk[s][VX], ti.f64) + frame
+                    real_out[i, 3], real_out[i, 4] = gas.disk[s][VY], gas.disk[s][SPIN]
+                    int_out[i, 0] = gas.meta[s][EVENTS]
+                    int_out[i, 1], int_out[i, 2] = gas.meta[s][IMAGE_X] + boxes_x, gas.meta[s][IMAGE_Y] + boxes_y
+                    if ti.static(gas.uses.remembers or gas.uses.turned):
+                        past_out[i, LATEST], past_out[i, ANGLE] = gas.past[s][LATEST], gas.past[s][ANGLE]
+                    if ti.static(gas.uses.walled or gas.uses.partnered):
+                        hits_out[i, WALL_HITS] = gas.hits[s][WALL_HITS]
+                        hits_out[i, LAST_PARTNER] = gas.hits[s][LAST_PARTNER]
+            for c in ti.static(range(TOTALS)):
+                totals[k, c] = total[c]
