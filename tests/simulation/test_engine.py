@@ -9,7 +9,6 @@ import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
 
 import ifrdem.simulation.engine
-import ifrdem.simulation.epochs
 from ifrdem.errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
@@ -90,18 +89,12 @@ def states_equal(a: State, b: State) -> bool:
 
 
 @pytest.mark.skipif(device.cores() < 2, reason="needs two cores")
-@pytest.mark.parametrize("order", ["tiles", "rounds"])
-def test_trajectory_is_bitwise_the_same_on_one_and_two_threads(
-    order: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_trajectory_is_bitwise_the_same_on_one_and_two_threads() -> None:
     disks = equal_disks(20_000)
     box, state = start(disks, 0.5)
     ends = []
-    for threads, few in ((1, 4096), (2, 4096), (2, 0), (1, 1 << 30)):
-        monkeypatch.setattr(
-            ifrdem.simulation.epochs, "FEW", few
-        )  # rounds in parallel always, or by one thread always
-        engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads, order=order, tile_disks=500)
+    for threads in (2, 1):
+        engine = Engine(disks, box, state, np.array([[COIN]]), threads=threads, order="tiles", tile_disks=500)
         advance(engine, 10)
         ends.append((engine.time, engine.state()))
     for time, end in ends[1:]:
@@ -179,7 +172,7 @@ def test_a_run_by_collisions_ends_right_after_the_last_one() -> None:
         assert simulation.time == pytest.approx(found.time[-1], rel=1e-15)
 
 
-def test_an_interrupted_epoch_is_not_continued(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_window_is_not_continued(monkeypatch: pytest.MonkeyPatch) -> None:
     disks = equal_disks(100)
     box, state = start(disks, 0.3)
     engine = Engine(disks, box, state, np.array([[COIN]]))
@@ -188,7 +181,7 @@ def test_an_interrupted_epoch_is_not_continued(monkeypatch: pytest.MonkeyPatch) 
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(engine.epochs, "run_alone", interrupted)
+    monkeypatch.setattr(engine.windows, "run", interrupted)
     with pytest.raises(KeyboardInterrupt):
         engine.advance(collisions=20)
     monkeypatch.undo()
@@ -260,47 +253,10 @@ def test_inelastic_collapse_passes_in_finite_work() -> None:
     placement.check_no_overlap(box, disks.radius, simulation.state.position, tolerance=1e-12)
 
 
-def test_a_collapse_without_end_stops_with_a_message(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.simulation.epochs, "MOST_ROUNDS", 20)
-    monkeypatch.setattr(ifrdem.simulation.engine, "STALLED_EPOCHS", 3)
-    disks = equal_disks(200)
-    box, state = start(disks, 0.75)
-    law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])
-    engine = Engine(disks, box, state, law, order="rounds")
-
-    def run() -> None:
-        while engine.time < 1.0:
-            engine.advance(t_end=1.0)
-
-    with pytest.raises(InelasticCollapse, match="inelastic collapse"):
-        run()
-
-
-def test_tiles_leave_a_collapse_to_one_thread_and_count_as_asked() -> None:
-    """Its collisions fill any log. One thread stops where the log is full, and at the collision that was asked for."""
-    disks = equal_disks(2000)
-    box, state = start(disks, 0.75)
-    law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])
-    engine = Engine(disks, box, state, law, order="tiles", tile_disks=500)
-    wanted = 100 * disks.n
-    while engine.collisions < wanted:
-        engine.advance(collisions=wanted)
-    assert engine.statistics.in_order > 0
-    assert engine.collisions == wanted
-    placement.check_no_overlap(box, disks.radius, engine.state().position, tolerance=1e-12)
-
-
 def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
     state = State(np.array([[0.5, 0.5]]), np.zeros((1, 2)), np.zeros(1))
     with pytest.raises(InputError, match="more than a third of the box side"):
         Simulation(equal_disks(1), Box((2.9, 10.0)), SMOOTH, state)
-
-
-@pytest.mark.parametrize("skin", [0.0, -1.0, 1.6, math.nan])
-def test_a_skin_out_of_range_is_refused(skin: float) -> None:
-    state = State(np.array([[0.5, 0.5]]), np.zeros((1, 2)), np.zeros(1))
-    with pytest.raises(InputError, match="skin"):
-        Simulation(equal_disks(1), Box((5.0, 5.0)), SMOOTH, state)
 
 
 @pytest.mark.parametrize("ledger", [False, True])
@@ -308,7 +264,6 @@ def test_memory_is_what_the_estimate_says(ledger: bool) -> None:
     disks = equal_disks(20_000)
     box, state = start(disks, 0.3)
     engine = Engine(disks, box, state, np.array([[ELASTIC]]), ledger=ledger)
-    # Cells come on top, about one for two disks; the log has 1024 records more.
     expected = disks.n * (BYTES_PER_DISK + ledger * LEDGER_BYTES_PER_DISK)
     assert engine.bytes_allocated == pytest.approx(expected, rel=0.04)
 

@@ -15,9 +15,6 @@ from scipy.spatial import cKDTree
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, partners, run, start
 from support.serial_reference import simulate
 
-import ifrdem.simulation.arrays
-import ifrdem.simulation.engine
-from ifrdem.errors import InelasticCollapse
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
@@ -55,10 +52,7 @@ def test_collisions_are_those_of_the_serial_code(
 
 @pytest.mark.parametrize("order", ["alone", "tiles"])
 def test_none_of_many_disks_ever_overlap(order: str) -> None:
-    """A pair that a list has lost meets without a collision: looked for among all pairs, several times per flight.
-
-    With one of 10^4 entries missing, ten overlaps or more were seen in such a run; none is chance.
-    """
+    """A pair that was missed meets without a collision: looked for among all pairs, several times per flight."""
     disks = equal_disks(100_000)
     box, state = start(disks, 0.6)
     engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order)
@@ -80,23 +74,6 @@ def test_collisions_of_a_mixture_are_those_of_the_serial_code(packing_fraction: 
     assert_same_as_serial(disks, box, state, COIN, engine)
 
 
-@pytest.mark.parametrize("skin", [0.15, 0.5, 3.0])
-def test_collisions_do_not_depend_on_the_skin(skin: float) -> None:
-    disks = equal_disks(500)
-    box, state = equilibrated(disks, 0.4)
-    engine = Engine(disks, box, state, np.array([[COIN]]))
-    assert_same_as_serial(disks, box, state, COIN, engine)
-
-
-@pytest.mark.parametrize("order", ["tiles"])
-def test_parallel_rounds_give_the_serial_collisions(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.simulation.epochs, "FEW", 0)  # no round goes to a single thread
-    disks = equal_disks(500)
-    box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
-    assert_same_as_serial(disks, box, state, COIN, engine)
-
-
 def driven_by_heavy_disks(n: int) -> tuple[Disks, Box, State]:
     """Heavy disks drive light ones, at rest before, to almost twice their own speed."""
     heavy = np.arange(n) % 20 == 0
@@ -106,75 +83,11 @@ def driven_by_heavy_disks(n: int) -> tuple[Disks, Box, State]:
 
 
 @pytest.mark.parametrize("order", ["alone", "tiles"])
-def test_lists_of_disks_that_become_fast_are_extended_and_lose_nothing(order: str) -> None:
+def test_disks_that_become_fast_lose_no_collision(order: str) -> None:
+    """Faster than any at the beginning of a window, after which its length and the halos were chosen."""
     disks, box, state = driven_by_heavy_disks(900)
     engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=100)
     assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
-    assert engine.most_level > 0
-
-
-@pytest.mark.parametrize("order", ["alone", "tiles"])
-def test_an_epoch_cut_short_by_a_fast_disk_loses_nothing(order: str) -> None:
-    """The same in a box so small that lists cannot be extended."""
-    disks, box, state = driven_by_heavy_disks(100)
-    engine = Engine(disks, box, state, np.array([[ELASTIC]]), order=order, tile_disks=30)
-    assert engine.most_level == 0
-    assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=3)
-    assert engine.statistics.cut_for_speed > 0
-
-
-@pytest.mark.parametrize("order", ["alone", "tiles"])
-def test_an_epoch_cut_short_by_a_full_log_loses_nothing(order: str) -> None:
-    disks = equal_disks(500)
-    box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=250)
-    engine.epochs.log_growth = 1  # keep the log short
-    engine.arrays.make_log(disks.n // 2)
-    assert_same_as_serial(disks, box, state, COIN, engine)
-    assert engine.statistics.cut_for_log > 0
-
-
-@pytest.mark.parametrize("order", ["tiles"])
-def test_an_epoch_cut_short_by_too_many_rounds_loses_nothing(
-    order: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(ifrdem.simulation.epochs, "MOST_ROUNDS", 4)
-    disks = equal_disks(500)
-    box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
-    assert_same_as_serial(disks, box, state, COIN, engine)
-    assert engine.statistics.cut_for_rounds > 0
-
-
-@pytest.mark.parametrize("order", ["alone", "tiles"])
-def test_neighbour_rows_grow_instead_of_losing_neighbours(
-    order: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(ifrdem.simulation.arrays, "ROW", 2)
-    disks = equal_disks(500)
-    box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]), order=order, tile_disks=60)
-    assert_same_as_serial(disks, box, state, COIN, engine)
-
-
-@pytest.mark.parametrize("windows", [1, 3, 8])
-def test_collisions_do_not_depend_on_the_windows(windows: int) -> None:
-    disks = equal_disks(500)
-    box, state = equilibrated(disks, 0.5)
-    engine = Engine(disks, box, state, np.array([[COIN]]), order="tiles", tile_disks=60)
-    assert_same_as_serial(disks, box, state, COIN, engine)
-
-
-def test_epochs_left_to_one_thread_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(
-        ifrdem.simulation.epochs, "MOST_UNDONE", -1.0
-    )  # however little is undone, it is too much
-    monkeypatch.setattr(ifrdem.simulation.epochs, "EPOCHS_IN_ORDER", 2)
-    disks = equal_disks(500)
-    box, state = equilibrated(disks, 0.6)
-    engine = Engine(disks, box, state, np.array([[COIN]]), order="tiles", tile_disks=60)
-    assert_same_as_serial(disks, box, state, COIN, engine)
-    assert 0 < engine.statistics.in_order < engine.statistics.epochs
 
 
 def small_box() -> tuple[Disks, Box, State]:
@@ -220,52 +133,14 @@ def sequence(engine: Engine, t_end: float) -> list[tuple[int, int]]:
 
 
 @pytest.mark.parametrize("order", ["alone", "tiles"])
-def test_an_epoch_does_not_end_before_the_collision_that_shortens_it(order: str) -> None:
-    """A heavy disk makes a light one, at rest before, twice as fast, in a box too small for longer lists."""
+def test_a_light_disk_flies_on_from_a_heavy_one_at_twice_its_speed(order: str) -> None:
+    """And takes all of the box in the rest of the window."""
     disks = Disks(2, mass=np.array([1.0, 0.01]), radius=0.5)
     state = State(np.array([[1.0, 5.0], [5.8, 5.0]]), np.array([[1.0, 0.0], [0.0, 0.0]]), np.zeros(2))
     engine = Engine(disks, Box((20.0, 20.0)), state, np.array([[ELASTIC]]), order=order)
     assert sequence(engine, 6.0) == [(0, 1)]
     # Elastic: the heavy one keeps (M - m) / (M + m), the light one gets 2 M / (M + m).
     np.testing.assert_allclose(engine.state().velocity[:, 0], [0.99 / 1.01, 2.0 / 1.01], rtol=1e-14)
-
-
-@pytest.mark.parametrize("order", ["alone", "tiles"])
-def test_a_row_that_is_just_full_loses_nobody(order: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Disk 0 has two neighbours in a row of two, and a candidate, disk 3, that is none."""
-    monkeypatch.setattr(ifrdem.simulation.arrays, "ROW", 2)
-    position = np.array([[1.0, 1.0], [1.0, 2.5], [2.5, 1.0], [2.9, 5.9]])
-    velocity = np.zeros((4, 2))
-    velocity[2, 0] = -1.0
-    state = State(position, velocity, np.zeros(4))
-    engine = Engine(
-        equal_disks(4), Box((12.0, 12.0)), state, np.array([[ELASTIC]]), order=order, tile_disks=100
-    )
-    assert sequence(engine, 1.0) == [(0, 2)]
-
-
-def test_a_collapse_in_a_tile_ends_like_one_in_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ifrdem.simulation.engine, "STALLED_EPOCHS", 3)
-    n = 12
-    position = np.column_stack((5.0 + 1.1 * np.arange(n), np.full(n, 2.0)))
-    velocity = np.zeros((n, 2))
-    velocity[0, 0], velocity[-1, 0] = 1.0, -1.0
-    law = np.array([[(0.1, -1.0, 0.0, 0.0, 0.0)]])
-    engine = Engine(
-        equal_disks(n),
-        Box((40.0, 4.0)),
-        State(position, velocity, np.zeros(n)),
-        law,
-        order="tiles",
-        tile_disks=100,
-    )
-
-    def run_on() -> None:
-        while engine.time < 30.0:
-            engine.advance(t_end=30.0)
-
-    with pytest.raises(InelasticCollapse, match="inelastic collapse"):
-        run_on()
 
 
 def test_a_disk_among_thousands_of_small_ones_loses_none() -> None:

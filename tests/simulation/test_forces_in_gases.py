@@ -130,7 +130,7 @@ def test_a_driven_gas_is_bitwise_the_same_on_one_and_two_threads() -> None:
             )  # fmt: skip
             while engine.time < 0.4:
                 engine.advance(t_end=0.4)
-            end, put_in = engine.state(), engine.splitting.energy_inputs
+            end, put_in = engine.state(), engine.force_steps.energy_inputs
             if order not in ends:
                 ends[order] = end, put_in
             for name in ("position", "velocity", "spin", "collisions"):

@@ -49,7 +49,7 @@ def check_path(
 @pytest.mark.parametrize("alone", [True, False])
 def test_paths_lead_through_every_collision(arch, alone, monkeypatch):
     if not alone:
-        monkeypatch.setattr("ifrdem.simulation.engine.ALONE", 100)
+        monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
     disks = mixture(900)
     box, state = start(disks, 0.4)
     tracked = [0, 13, 400, 899]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from support.gases import COIN, ELASTIC
+from support.gases import COIN, ELASTIC, partners
 from support.serial_reference import simulate
 
 from ifrdem import forces
@@ -20,7 +20,7 @@ from ifrdem.simulation.engine import Engine
 
 pytestmark = pytest.mark.unoptimised
 
-ORDERS = ("alone", "tiles", "rounds")
+ORDERS = ("alone", "tiles")
 LAW = np.array([[ELASTIC]])
 
 
@@ -198,7 +198,9 @@ def test_smooth_elastic_walls_are_mirrors(order: str) -> None:
         if engine.last_collisions is not None:
             pairs += [tuple(pair) for pair in engine.last_collisions.pair]
             times += list(engine.last_collisions.time)
-    assert pairs == [tuple(sorted((a, b))) for _, a, b in expected[: len(pairs)]]
+    np.testing.assert_array_equal(
+        partners(np.array(pairs)), partners(np.array([sorted((a, b)) for _, a, b in expected[: len(pairs)]]))
+    )
     assert len(pairs) >= 150
     np.testing.assert_allclose(times, [t for t, _, _ in expected[: len(times)]], atol=1e-7)
     assert engine.wall_hits == sum(t < end for t in walls)
@@ -223,8 +225,8 @@ def shaken(order: str, threads: int = 1, n: int = 300, law: tuple[float, ...] = 
 def test_every_way_of_running_gives_the_same_shaken_gas() -> None:
     ends = {order: run_to(shaken(order), 4.0) for order in ORDERS}
     for order in ORDERS[1:]:
-        np.testing.assert_array_equal(ends[order].collisions, ends["alone"].collisions)
-        np.testing.assert_allclose(ends[order].position, ends["alone"].position, atol=1e-6)
+        for name in ("position", "velocity", "spin", "collisions", "wall_hits"):
+            np.testing.assert_array_equal(getattr(ends[order], name), getattr(ends["alone"], name))
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -68,7 +68,7 @@ def test_collisions_with_disks_and_walls_are_those_of_the_serial_code(
     name: str, alone: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not alone:
-        monkeypatch.setattr("ifrdem.simulation.engine.ALONE", 50)
+        monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 50)
     walls, (e_n, e_t, mu, contact_point, rho), gravity = SCENES[name]
     disks, state, expected = scene(name)
     sticking = "contact_point" if contact_point else "percussion_center"

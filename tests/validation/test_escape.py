@@ -11,7 +11,7 @@ from ifrdem.validation.gas import escape
 pytestmark = pytest.mark.unoptimised
 
 
-@pytest.mark.parametrize(("order", "hits"), [("alone", 200_000), ("rounds", 5_000)])
+@pytest.mark.parametrize(("order", "hits"), [("alone", 200_000), ("tiles", 5_000)])
 def test_no_disk_escapes(order: str, hits: int) -> None:
     found = escape.run(hits, order)
     assert found.hits >= hits

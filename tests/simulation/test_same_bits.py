@@ -1,0 +1,230 @@
+"""All bits of a state belong to the gas: any number of threads, any tiles, the whole box in order; and what would show.
+
+Any difference of a last bit has grown to that of another gas after some fifteen collisions of a disk: equal states after
+fifty say that none was ever there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture
+
+from ifrdem.kernels.layout import HASH_1, HASH_2
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import Motion, Wall
+from ifrdem.simulation import device
+from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.windows import Windows
+
+N = 4000
+SEEN = ("time", "position", "velocity", "spin", "collisions", "image", "wall_hits")
+THREADS = [t for t in (2, 1) if t <= device.cores()]
+TILES = (60, 250, 1000)
+Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
+
+
+@pytest.fixture(autouse=True)
+def windows_of_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows as short as those of gases that are divided: few disks have longer ones, which would need wide halos."""
+    monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
+
+
+def run_on(engine: Engine, collisions: int) -> State:
+    while engine.collisions < collisions:
+        engine.advance(collisions=collisions)
+    return engine.state()
+
+
+def periodic(packing_fraction: float, law: tuple[float, ...] = ELASTIC, make: Callable[[int], Disks] = equal_disks) -> Gas:
+    disks = make(N)
+    return disks, *equilibrated(disks, packing_fraction), law, {}
+
+
+def walled() -> Gas:
+    """Between walls that shake and heat, under gravity: a dense bed with a thin gas above it."""
+    disks = mixture(N)
+    box = Box((75.0, 150.0), (True, False))
+    rng = np.random.default_rng(5)
+    grid = np.stack(np.meshgrid(np.arange(60) * 1.25 + 0.6, np.arange(67) * 1.25 + 1.2), axis=-1).reshape(-1, 2)[:N]
+    state = State(grid, rng.normal(size=(N, 2)), rng.normal(size=N))
+    walls = [
+        Wall.line((0.0, 0.4), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=0.7)),
+        Wall.line((0.0, 149.0), (0.0, -1.0), temperature=2.0),
+        Wall.post((30.0, 120.0), 3.0),
+        Wall.segment((10.0, 100.0), (60.0, 110.0), surface_speed=0.5),
+    ]
+    return disks, box, state, (0.98, *COIN[1:]), {"walls": walls, "gravity": (0.0, -0.05), "seed": 4}
+
+
+def clusters() -> Gas:
+    """Coins that have cooled for 150 collisions each: dense clusters in a thin gas."""
+    disks = equal_disks(N)
+    box, state = equilibrated(disks, 0.3)
+    cooled = run_on(Engine(disks, box, state, np.array([[COIN]]), order="alone"), 75 * N)
+    count = np.histogram2d(*cooled.position.T, bins=12, range=[(0.0, length) for length in box.lengths])[0]
+    assert count.var() > 3.0 * count.mean()  # of chance alone at this density: 0.4 times
+    scale = np.sqrt(2.0 / np.mean(np.sum(cooled.velocity**2, axis=1)))
+    return disks, box, State(cooled.position, scale * cooled.velocity, scale * cooled.spin), COIN, {}
+
+
+GASES: dict[str, Callable[[], Gas]] = {
+    "phi = 0.1": lambda: periodic(0.1),
+    "phi = 0.3": lambda: periodic(0.3),
+    "phi = 0.6": lambda: periodic(0.6),
+    "mixture": lambda: periodic(0.4, ROLLING, mixture),
+    "walls": walled,
+    "clusters": clusters,
+}
+PER_DISK = {"walls": 20, "clusters": 50}  # 100 for others: 2e5 collisions
+
+
+@cache
+def made(name: str) -> Gas:
+    return GASES[name]()
+
+
+def after(name: str, per_disk: float | None = None, **options: Any) -> tuple[Engine, State]:
+    disks, box, state, law, more = made(name)
+    engine = Engine(disks, box, state, np.array([[law]]), **more, **options)
+    return engine, run_on(engine, int((per_disk or PER_DISK.get(name, 100)) * N / 2))
+
+
+@cache
+def in_order(name: str, per_disk: float | None = None) -> State:
+    """By one thread, the whole box in one tile."""
+    engine, state = after(name, per_disk, order="alone")
+    assert engine.arrays.tiles == 1
+    return state
+
+
+def same(one: State, other: State) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in SEEN)
+
+
+@pytest.mark.parametrize("name", GASES)
+@pytest.mark.parametrize("threads", THREADS)
+def test_tiles_and_threads_and_the_whole_box_in_order_give_the_same_bits(name: str, threads: int) -> None:
+    expected = in_order(name)
+    for tile_disks in TILES:
+        engine, state = after(name, order="tiles", tile_disks=tile_disks, threads=threads)
+        for each in SEEN:
+            assert np.array_equal(getattr(state, each), getattr(expected, each)), (tile_disks, each)
+        assert engine.arrays.tiles >= (N // tile_disks if tile_disks > 100 else N // 400)
+        # They were tiles indeed: the last resort of all had few windows to do.
+        assert engine.statistics.in_order < 0.2 * engine.statistics.epochs
+
+
+def test_more_than_a_million_collisions_at_each_density_have_the_same_bits() -> None:
+    """By the test above: of each density, in three sizes of tiles, on two threads and on one."""
+    assert 100 * N / 2 * len(TILES) * 2 > 1_000_000
+
+
+# --- what verification is for: without a part of it, the bits change ----------------------------------------------
+
+# Halos narrower than the engine would take them: as wide as who may come at all, and a little for chains.
+NARROW = 0.55
+FAULTY = {"name": "phi = 0.6", "per_disk": 60}
+
+
+def narrowed(monkeypatch: pytest.MonkeyPatch, part: float) -> None:
+    set_halos = Windows._set_halos
+
+    def narrow(self: Windows) -> None:
+        set_halos(self)
+        self.arrays.reach[:, 0] *= part
+
+    monkeypatch.setattr(Windows, "_set_halos", narrow)
+
+
+def in_tiles() -> tuple[Engine, State]:
+    return after(**FAULTY, order="tiles", tile_disks=250)
+
+
+@pytest.mark.parametrize("part", [NARROW, 0.3])
+def test_narrow_halos_that_are_verified_give_the_same_bits(part: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    narrowed(monkeypatch, part)
+    engine, state = in_tiles()
+    assert engine.statistics.undone > engine.statistics.epochs
+    assert same(state, in_order(**FAULTY))
+
+
+def unverified(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Windows, "_verify", lambda self, watching: None)
+
+
+def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
+    unverified(monkeypatch)
+    narrowed(monkeypatch, 0.5)
+
+
+def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
+    from ifrdem.kernels.layout import N_CLAIMS
+
+    verify = Windows._verify
+
+    def dropping(self: Windows, watching: int) -> None:
+        launch = self.arrays.launch
+
+        def drop(kernel: Any, *numbers: float, **given: Any) -> None:
+            self.arrays.tile[:, N_CLAIMS] = 0
+            launch(kernel, *numbers, **given)
+
+        self.arrays.launch = drop  # type: ignore[method-assign]
+        try:
+            verify(self, watching)
+        finally:
+            self.arrays.launch = launch  # type: ignore[method-assign]
+
+    monkeypatch.setattr(Windows, "_verify", dropping)
+    narrowed(monkeypatch, NARROW)
+
+
+@pytest.mark.parametrize("fault", [unverified, with_half_halos_unverified, without_claims])
+def test_without_verification_the_bits_would_change(
+    fault: Callable[[pytest.MonkeyPatch], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fault(monkeypatch)
+    _, state = in_tiles()
+    assert not same(state, in_order(**FAULTY))
+
+
+def hash_of(*collisions: tuple[float, int]) -> tuple[int, int]:
+    """Of the history of a disk with these collisions (time, partner)."""
+    device.start()
+    import taichi as ti
+    from support.history_kernels import enter
+
+    link = ti.Vector.ndarray(16, ti.i32, 1)
+    time, partner = np.array([t for t, _ in collisions]), np.array([j for _, j in collisions], dtype=np.int32)
+    enter(time, partner, link)
+    row = link.to_numpy()[0]
+    return int(row[HASH_1]), int(row[HASH_2])
+
+
+def test_the_hash_of_a_history_tells_times_partners_and_their_order() -> None:
+    history = ((0.125, 3), (0.25, 7), (0.25, 9))
+    others = [
+        ((0.125, 4), (0.25, 7), (0.25, 9)),  # another partner at the same time
+        ((0.125, 3), (0.25, 7), (0.25, -10)),  # a wall
+        ((0.125, 3), (0.25, 9), (0.25, 7)),  # both at one time, the other way round
+        ((float(np.nextafter(0.125, 1.0)), 3), (0.25, 7), (0.25, 9)),
+        ((0.125, 3), (0.25, 7)),
+        (),
+    ]
+    found = [hash_of(*each) for each in (history, *others)]
+    assert hash_of(*history) == found[0]
+    for half in range(2):
+        assert len({each[half] for each in found}) == len(found)
+
+
+def test_hashes_of_random_histories_differ() -> None:
+    """Of 400 of one collision with one of 20 partners at one of 20 times a rounding apart: chance is 2e-5 for each half."""
+    times = np.spacing(1.0) * np.arange(20) + 1.0
+    found = [hash_of((float(t), j)) for t in times for j in range(20)]
+    assert len({one for one, _ in found}) == len({two for _, two in found}) == 400

@@ -1,0 +1,15 @@
+"""A kernel that enters collisions into the history of a disk, for tests. Import only after `device.start`."""
+
+import taichi as ti
+
+from ifrdem.kernels.layout import GasArrays, Rows
+from ifrdem.kernels.places import remember
+
+
+@ti.kernel
+def enter(time: Rows, partner: Rows, link: Rows):
+    """Enter collisions with partners at times, in this order, into the history of the disk at place 0."""
+    gas = ti.static(GasArrays(link=link))
+    for _ in range(1):
+        for m in range(time.shape[0]):
+            remember(0, time[m], partner[m], gas)
