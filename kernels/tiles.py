@@ -337,8 +337,11 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
             if in_place:  # the lists stay as they are
                 slot = part * gas.grid[ROOM] + gas.mark[i][SLOT]
                 listed = gas.mark[i][LISTED]
+                x += gas.mark[i][LAP_X] * gas.scale[LENGTH_X]
+                y += gas.mark[i][LAP_Y] * gas.scale[LENGTH_Y]
                 x -= ti.cast(gas.edge_x[listed // gas.grid[TILES_Y]] - gas.edge_x[0], float)
                 y -= ti.cast(gas.edge_y[listed % gas.grid[TILES_Y]] - gas.edge_y[0], float)
+                gas.mark[i][LAP_X], gas.mark[i][LAP_Y] = 0, 0
             if when == AT_MOMENT:
                 x += vx * dt + 0.5 * fall_x * time
                 y += vy * dt + 0.5 * fall_y * time

@@ -191,7 +191,7 @@ class DeviceArrays:
         self.grid[k.PLACES], self.grid[k.CELLS], self.grid[k.BINS], self.grid[k.ITEMS] = places, cells, bins, items
         self._replace("work", self._vectors(8, self._type, rows))
         self._replace("link", self._vectors(16, ti.i32, rows))
-        self._replace("mark", self._vectors(5, ti.i32, rows))
+        self._replace("mark", self._vectors(6, ti.i32, rows))
         self._replace("begun", self._vectors(2, self._type, rows))
         self._replace("chosen", self._vectors(3, ti.i32, rows))
         self._replace("since", self._array(self._type, rows if uses.remembers else 1))
@@ -267,7 +267,9 @@ class DeviceArrays:
             collisions *= FEWER_WINDOWS
         mean = 2.0 * float(disks.radius.mean()) if n else 1.0
         self.clock[k.PATH] = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
-        self.clock[k.TILE_SIDE] = k.FAR if few and not sheared else math.sqrt(tile_disks * free)
+        # A gas in one tile: nobody goes round the box in a window, for the grid of places.
+        own = float((high - low).min()) if few and not sheared else math.sqrt(tile_disks * free)
+        self.clock[k.TILE_SIDE] = own
         self.scale[k.CELL_SIDE] = max(CELL * self.widest, math.sqrt(DISKS_PER_CELL * free), float((high - low).max()) / 3e4)
         tiles = (1, 1)
         self.alone = options.order == "alone" or (options.order is None and few and options.arch == "cpu")
@@ -361,6 +363,39 @@ class DeviceArrays:
         count = np.bincount(tile, minlength=self.tiles)
         self.tile[:, k.COUNT] = count
         self.tile[:, k.START] = np.cumsum(count) - count
+
+    def list_anew(self) -> None:
+        """List the disks by the tiles they are in; places stay what they are, to the last bit."""
+        part, n = int(self.grid[k.PART]), self.n
+        rows = slice(part * self.room, part * self.room + n)
+        held = {name: getattr(self, name).to_numpy() for name, kept in self.state_arrays().items() if kept}
+        counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
+        first, count = self.tile[:, k.START + part], self.tile[:, k.COUNT + part]
+        listed = np.empty(n, dtype=np.int64)
+        for tile in range(self.tiles):
+            listed[first[tile] : first[tile] + count[tile]] = tile
+        index = np.empty((n, 2), dtype=np.int64)
+        disk, meta = held["disk"][rows], held["meta"][rows]
+        for axis, old in enumerate((listed // counts[1], listed % counts[1])):
+            edge = self.edges[axis]
+            place = edge[old] + disk[:, axis].astype(np.float64)
+            if self.box.periodic[axis]:
+                boxes = np.floor(place / edge[-1])
+                boxes = np.where(place - boxes * edge[-1] >= edge[-1], boxes + 1, boxes)
+                place -= boxes * edge[-1]
+                meta[:, k.IMAGE_X + axis] += boxes.astype(np.int32)
+            index[:, axis] = np.clip(np.searchsorted(edge, place, side="right") - 1, 0, counts[axis] - 1)
+            disk[:, axis] = place - edge[index[:, axis]]
+        tile = index[:, 0] * counts[1] + index[:, 1]
+        order = np.argsort(tile, kind="stable")
+        held["disk"][rows], held["meta"][rows] = disk, meta
+        for name, values in held.items():
+            values[rows] = values[rows][order]
+            getattr(self, name).from_numpy(values)
+        found = np.bincount(tile, minlength=self.tiles)
+        self.tile[:, k.COUNT + part] = found
+        self.tile[:, k.START + part] = np.cumsum(found) - found
+        self.reach[:, k.PROTRUDES] = 0.0
 
     def state_arrays(self) -> dict[str, bool]:
         """Names of the arrays that hold a state, and whether this gas keeps them."""

@@ -19,6 +19,7 @@ from .tracking import Statistics
 
 WIDER = 1.6  # halo of a tile that has to be run again
 MOST_BAD = 0.01  # of all tiles: with more, halos of the next window are wider
+LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
 BURST = 64  # windows of a gas in one tile that one launch runs at most
 
 
@@ -160,6 +161,8 @@ class Windows:
             self._done += self._at_end
             self.arrays.grid[k.PART] = 1 - self.arrays.grid[k.PART]
             self._ahead, self._surveyed, self._moment, self._moment_now = False, True, math.inf, 0.0
+            if not self.arrays.alone and self._widest_halo() < LEAST_HALO * self._least_side():
+                self.arrays.list_anew()
         if not self._ahead and not self._ready:
             self.plan(kick)
             self._ready = True
@@ -192,7 +195,7 @@ class Windows:
             a.clock[k.WANTED] = far if wanted is None else wanted - before
             a.clock[k.PAUSE_AFTER] = far if pause_after is None else pause_after - before
             moment = stop - self.begin if stop < self.end else math.inf
-            self._compute(moment, most if a.tiles == 1 and not a.uses.sheared else 1, watching)
+            self._compute(moment, most if a.alone else 1, watching)
         count = self._done[k.COLLISIONS]
         stopping = self.begin < stop < self.end
         self.now = stop if stopping else self.end
@@ -240,7 +243,7 @@ class Windows:
         if watching:
             self._watched = []
             self.fresh = True
-        alone = a.grid[k.ALONE] = int(a.tiles == 1 and not a.uses.sheared)
+        alone = a.grid[k.ALONE] = int(a.alone)
         if a.uses.sheared:
             a.displace_rows(begin)
         if not alone:
@@ -336,20 +339,23 @@ class Windows:
         way = (self.fastest + float(a.clock[k.WALL_SPEED])) * window + 0.5 * float(np.hypot(*a.scale[k.GX : k.GX + 2])) * window**2
         drift = abs(float(a.scale[k.DRIFT])) * window
         halo = self._wider * (a.widest * (4.0 + 3.0 * a.packing_fraction) + 2.0 * way + drift)
-        a.reach[:, k.HALO] = min(halo, self._widest_halo())
+        self._most_halo = self._widest_halo()
+        a.reach[:, k.HALO] = min(halo, self._most_halo)
+
+    def _least_side(self) -> float:
+        """Beyond it around a tile, the tiles around it would not have all disks."""
+        sides = [float(np.diff(edge).min()) for edge in self.arrays.edges]
+        if self.arrays.uses.sheared:
+            sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
+        return min(sides)
 
     def _widest_halo(self) -> float:
-        """Beyond it, the tiles around would not have all disks."""
-        a = self.arrays
-        sides = [float(np.diff(edge).min()) for edge in a.edges]
-        protrudes = max(float(a.reach[:, k.PROTRUDES].max()), 0.0)
-        if a.uses.sheared:
-            sides[0] /= 2.0  # rows above and below lie askew by up to half a tile
-        return min(sides) - protrudes
+        """The same, of disks that have left the tiles that list them."""
+        return self._least_side() - max(float(self.arrays.reach[:, k.PROTRUDES].max()), 0.0)
 
     def _verify(self, watching: int) -> None:
         """Run tiles again, with wider halos, until all are good; at last the whole box by one thread."""
-        a, most = self.arrays, self._widest_halo()
+        a, most = self.arrays, self._most_halo
         bad = 0
         while True:
             a.counter[[k.NEXT_TILE, k.N_BAD]] = 0
