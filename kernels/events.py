@@ -25,7 +25,7 @@ from .layout import (
 )  # fmt: skip
 from .places import add, watched_row, write_motion, came_to, just_collided, kind_of, note_speed, radius_of, remember
 from .tiles import write
-from .walls import first_wall, hit_wall
+from .walls import first_wall, hit_wall, other_image
 
 EMPTY = -1  # of bins and cells
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
@@ -131,6 +131,8 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
             cx -= step * region.nx
             gas.work[i][X] = gas.work[i][X] - step * gas.scale[LENGTH_X]
             gas.mark[i][LAP_X] = gas.mark[i][LAP_X] + step
+            if ti.static(gas.uses.walled):
+                other_image(i, 3 * step, gas)
     else:
         step = 2 * side - 7
         cy += step
@@ -138,6 +140,8 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
             cy -= step * region.ny
             gas.work[i][Y] = gas.work[i][Y] - step * gas.scale[LENGTH_Y]
             gas.mark[i][LAP_Y] = gas.mark[i][LAP_Y] + step
+            if ti.static(gas.uses.walled):
+                other_image(i, step, gas)
     gas.link[i][CELL] = (cx << 16) + cy
     cell = region.cells + cx * region.ny + cy
     gas.link[i][NEXT_IN_CELL] = gas.head[cell]
@@ -187,6 +191,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     ry = gas.work[b][Y] - gas.work[a][Y]
     vx_b = gas.work[b][VX]
     faster = 0.0 * t
+    rows = 0
     if ti.static(gas.uses.sheared):
         # In the frame of a's row, where b is faster.
         rows = gas.link[b][ROW] - gas.link[a][ROW]

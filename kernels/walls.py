@@ -371,6 +371,15 @@ def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
+def other_image(i, boxes, gas: ti.template()):
+    """Name the wall that the disk at place i meets by its image there, after the disk went round the box."""
+    if gas.link[i][PARTNER] <= FIRST_WALL:
+        kind = ti.cast(gas.walls[(FIRST_WALL - gas.link[i][PARTNER]) // 9][TYPE], ti.i32)
+        if kind == SEGMENT or kind == POST:
+            gas.link[i][PARTNER] = gas.link[i][PARTNER] + boxes
+
+
+@ti.func
 def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     """Collide the disk at place i at time t with the wall that it meets, at rest in the lab; disks are in a frame that falls."""
     code = FIRST_WALL - gas.link[i][PARTNER]

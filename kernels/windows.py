@@ -69,10 +69,11 @@ def run_tile(tile, lane, gas: ti.template()):
             gather(n, tile, lane, region, gas)
             if ti.static(gas.uses.walled):
                 place_walls(region, gas)
-            n_bins = 1
-            while n_bins < n and 2 * n_bins <= gas.grid[BINS]:
-                n_bins *= 2
-            run_events(n, lane, n_bins, tile, gas.tile[tile, START + part], region, gas)
+            if gas.counter[FULL] == 0:
+                n_bins = 1
+                while n_bins < n and 2 * n_bins <= gas.grid[BINS]:
+                    n_bins *= 2
+                run_events(n, lane, n_bins, tile, gas.tile[tile, START + part], region, gas)
 
 
 @ti.func

@@ -175,15 +175,13 @@ class Gas:
         case: Case,
         state: State | None = None,
         *,
-        skin: float | None = None,
         tracked: NDArray[np.int32] | None = None,
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
-        What `warnings` says is not said again. A `skin` [length] overrides the engine's own choice; `tracked` disks,
-        which have histories, else come from the case and the start.
+        What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the start.
         """
-        options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads, "skin": skin}
+        options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads}
         if case.run.precision != "f64":
             options["precision"] = case.run.precision
         options["seed"] = case.run.seed  # of forces and thermal walls

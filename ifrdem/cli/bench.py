@@ -21,10 +21,6 @@ def bench(
     arch: Annotated[str | None, option("ARCH", "device: cpu or cuda (see `ifrdem backends`)")] = None,
     precision: Precision = None,
     threads: Annotated[str | None, option("N", "CPU threads (default: all cores)")] = None,
-    skin: Annotated[
-        str | None,
-        option("S", "extra distance, in diameters of the largest disk, within which neighbours are listed"),
-    ] = None,
     runs: Annotated[str | None, option("R", "timed runs (default: 5)")] = None,
     seconds: Annotated[str | None, option("S", "least length of a timed run (default: 0.5)")] = None,
     seed: Annotated[str | None, option("N", "seed of the random numbers")] = None,
@@ -61,8 +57,6 @@ def bench(
     chosen["seconds"] = wrong.take(
         timing.SECONDS, number, "--seconds", seconds, need, lambda value: 0.0 < value < math.inf
     )
-    need = "a length from 0.001 to 1000 diameters"
-    chosen["skin"] = wrong.take(None, number, "--skin", skin, need, lambda value: 1e-3 <= value <= 1e3)
     chosen["seed"] = wrong.take(1, whole, "--seed", seed, 0, 2**63 - 1)
     need = "a number of collisions per disk, 0 or more,"
     chosen["after"] = wrong.take(0.0, number, "--after", after, need, lambda value: 0.0 <= value < math.inf)

@@ -363,7 +363,7 @@ class Simulation(Sealed):
 
     @property
     def statistics(self) -> Statistics:
-        """What the engine did: epochs, rounds, collisions undone."""
+        """What the engine did: windows, those left to one thread, tiles run again."""
         return self._engine.statistics
 
     @property

@@ -80,7 +80,7 @@ def put_back(engine: Engine, found: Snapshot) -> None:
     Raises
     ------
     InputError
-        If the snapshot is incomplete, or of another division into tiles.
+        If the snapshot is incomplete, or of another number of disks.
     """
     try:
         with engine.changing():
@@ -92,12 +92,13 @@ def put_back(engine: Engine, found: Snapshot) -> None:
 def _put_back(engine: Engine, found: Snapshot) -> None:
     a, windows, steps = engine.arrays, engine.windows, engine.force_steps
     n = engine.n
-    if len(found["tile"]) != a.tiles or len(found["disk"]) != n:
-        raise InputError("checkpoint: the box is divided otherwise here")
+    if len(found["disk"]) != n:
+        raise InputError(f"checkpoint: {len(found['disk'])} disks, here are {n}")
     low, high = (np.array([found["edge_x"][end], found["edge_y"][end]]) for end in (0, -1))
     a.divide((len(found["edge_x"]) - 1, len(found["edge_y"]) - 1), low, high)
     a.edge_x, a.edge_y = found["edge_x"].copy(), found["edge_y"].copy()
     a.edges = [a.edge_x, a.edge_y]
+    a.alone = a.alone and a.tiles == 1
     a.grid[k.PART] = 0
     for name, kept in a.state_arrays().items():
         if kept:

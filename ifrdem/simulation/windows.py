@@ -6,6 +6,7 @@ Imports Taichi: import this module only after `device.start`.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ class Windows:
         size = len(arrays.sums)
         self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
         self._wider = 1.0
+        self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
         self.fastest = 0.0
         self.rests = False
@@ -129,6 +131,9 @@ class Windows:
         self._ready = bool(ready)
         self._done = found["sums"].copy()
         if self._ready and self.now > self.begin:
+            self._counted = self.begin
+            if self.now < self.end:
+                a.make_moment()
             self._compute(self._moment_now if self.now < self.end else math.inf, 1, 0)
 
     # ------------------------------------------------------------------ length
@@ -249,6 +254,9 @@ class Windows:
         if not alone:
             self._set_halos()
         self._launch(1 if alone else a.tiles, most)
+        self.rests = False
+        again = begin == self._counted
+        self.statistics.epochs -= again
         if alone:
             last = self._tally(k.AT_END)
             self.statistics.epochs += int(a.counter[k.N_WINDOWS])
@@ -258,7 +266,11 @@ class Windows:
         else:
             self.statistics.epochs += 1
             self._collect(watching)
+            kept = replace(self.statistics)
             self._verify(watching)
+            if again:
+                vars(self.statistics).update(vars(kept))
+        self._counted = self.begin
         self._at_end = self._tally(k.AT_END)
         self._moment = float(a.scale[k.MOMENT_IN])
         if self._moment < k.FAR:
@@ -267,13 +279,6 @@ class Windows:
                 self._moment = float(a.clock[k.STOP]) - self.begin
         else:
             self._moment = math.inf
-        self.rests = bool(a.counter[k.RESTING])
-        if a.counter[k.STALLED]:
-            raise InelasticCollapse(
-                f"t = {self.begin:.9g}: collisions pile up without end in a window (inelastic collapse). Use collapse = "
-                '"tc" with a contact_time or "velocity_cutoff" with a velocity_cutoff, a larger e_n, or a lower packing '
-                "fraction, or end the run earlier"
-            )
         self._ahead, self._ready = True, False
 
     def _tally(self, when: int) -> NDArray[np.float64]:
@@ -296,7 +301,14 @@ class Windows:
             a.launch(run_windows, tiles, most)
             self._claimed = int(a.counter[k.N_CLAIMED])
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
+            if a.counter[k.STALLED]:
+                raise InelasticCollapse(
+                    f"t = {float(a.clock[k.BEGIN]):.9g}: collisions pile up without end in a window (inelastic collapse). "
+                    'Use collapse = "tc" with a contact_time or "velocity_cutoff" with a velocity_cutoff, a larger e_n, or a '
+                    "lower packing fraction, or end the run earlier"
+                )
             if not full:
+                self.rests |= bool(a.counter[k.RESTING])
                 return
             if a.counter[k.N_WINDOWS] > 1:
                 # Windows before this one are good: go on from here.
@@ -377,8 +389,9 @@ class Windows:
             try:
                 self._launch(count, 1, again=1)
             except _Again:
+                if watching:
+                    self._watched = []
                 self._launch(a.tiles, 1)
-                self._watched = []
             self._collect(watching)
         self.statistics.undone += bad
         if bad > MOST_BAD * a.tiles:
@@ -404,7 +417,8 @@ class Windows:
         room = [int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS)]
         lanes = int(a.grid[k.LANES])
         a.grid[k.LANES] = 1
-        self._watched = []
+        if watching:
+            self._watched = []
         a.tally[:] = 0.0
         self._launch(1, 1)
         self._collect(watching)

@@ -18,12 +18,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...errors import EngineError, InputError, nearest
-from ...kernels.limits import ORDERS
 from ...model.box import Box
 from ...model.coin_table import coins
 from ...model.state import Disks, State
 from ...model.walls import Motion, Wall
-from ...simulation.engine import Engine
+from ...simulation.engine import ORDERS, Engine
 from ...tools.arguments import Parser, whole
 
 ROUNDING = 1e-9  # of the gap, in diameters: thousands of times the rounding of a place in this room

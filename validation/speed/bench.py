@@ -55,7 +55,7 @@ class Run:
     collisions : int
         Collisions that stand.
     done : dict
-        Growth of the engine's `Statistics`: epochs, rounds, undone, violations, cut_for_...
+        Growth of the engine's `Statistics`: epochs (windows), in_order, undone, elastic.
     slowest : float
         The longest epoch [s].
     """
@@ -126,8 +126,6 @@ class Benchmark:
         Its name.
     n, phi : int, float
         Disks and packing fraction.
-    skin : float or None
-        Extra listing distance in largest diameters; None for the engine's choice.
     collisions_before : int
         Collisions before the first timed run.
     bytes_per_disk : float
@@ -143,7 +141,6 @@ class Benchmark:
     threads: int
     precision: str
     seed: int
-    skin: float | None
     collisions_before: int
     bytes_per_disk: float
     runs: list[Run]
@@ -169,8 +166,7 @@ class Benchmark:
         epochs = max(self.total("epochs"), 1)
         collisions = sum(run.collisions for run in self.runs)
         seconds = sum(run.seconds for run in self.runs)
-        undone = self.total("undone")
-        settings = ("gas", "n", "phi", "arch", "threads", "precision", "seed", "skin", "collisions_before")
+        settings = ("gas", "n", "phi", "arch", "threads", "precision", "seed", "collisions_before")
         return {
             **{name: getattr(self, name) for name in settings},
             "collisions_per_second": self.rate,
@@ -181,11 +177,8 @@ class Benchmark:
             "collisions_per_disk_and_epoch": 2.0 * collisions / (self.n * epochs),
             "collisions": collisions,
             "epochs": self.total("epochs"),
-            "rounds_per_epoch": self.total("rounds") / epochs,
-            "undone_share": undone / max(collisions + undone, 1),
-            "epochs_cut": {
-                name: self.total(name) for name in self.runs[0].done if name.startswith("cut_for")
-            },
+            "epochs_in_order": self.total("in_order"),
+            "tiles_run_again": self.total("undone"),
             "seconds_per_epoch": seconds / epochs,
             "slowest_epoch_seconds": max(run.slowest for run in self.runs),
             "bytes_per_disk": self.bytes_per_disk,
@@ -207,17 +200,15 @@ class Benchmark:
         """All figures as lines to read."""
         own = self.figures()
         threads = f", {self.threads} thread{'s' * (self.threads > 1)}" if self.arch == "cpu" else ""
-        cut = ", ".join(f"{key.removeprefix('cut_for_')} {count}" for key, count in own["epochs_cut"].items())
         range_ = f"{min(self.rates):.4g} to {max(self.rates):.4g}, {len(self.runs)} runs"
         rows = {
             "collisions/s": f"{self.rate:.4g} (median; {range_})",
             "time a collision": f"{1e9 / self.rate:.4g} ns" if self.rate else "none happened",
             "time a disk and epoch": f"{own['thread_ns_per_disk_and_epoch']:.4g} ns, times threads",
             "collisions": f"{own['collisions_per_disk_and_epoch']:.4g} per disk and epoch",
-            "epochs": f"{own['epochs']}, {own['rounds_per_epoch']:.4g} rounds each; cut short: {cut}",
+            "epochs": f"{own['epochs']}, of which {own['epochs_in_order']} by one thread; tiles run again: {own['tiles_run_again']}",
             "time an epoch": f"{1e3 * own['seconds_per_epoch']:.4g} ms, "
             f"the slowest {1e3 * own['slowest_epoch_seconds']:.4g} ms",
-            "undone": f"{100.0 * own['undone_share']:.3g} % of all collisions processed",
             "memory": f"{self.bytes_per_disk:.4g} bytes a disk",
         }
         return "\n".join(
@@ -278,7 +269,6 @@ def measure(
     after: float | None = None,
     runs: int = RUNS,
     seconds: float = SECONDS,
-    skin: float | None = None,
     profile: bool = False,
     note: Note = lambda _: None,
 ) -> Benchmark:
@@ -296,8 +286,6 @@ def measure(
         Timed runs.
     seconds : float
         Least length of each.
-    skin : float, optional
-        Extra listing distance in largest diameters; the engine's choice without it.
     profile : bool
         Measure the share of each kernel too. That ends Taichi, and with it every other simulation of the process.
     note : callable
@@ -314,8 +302,7 @@ def measure(
     device.check(run.arch, run.threads, run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
     gas = Gas.from_case(case, folder)
-    extra = None if skin is None else skin * 2.0 * float(gas.disks.radius.max())
-    simulation = gas.simulation(case, skin=extra)
+    simulation = gas.simulation(case)
     if after is None:
         # To a time: while the lattice's disks have not met yet, a run by collisions would give up.
         end: dict[str, Any] = {"t_end": mixing_time(gas)}
@@ -338,7 +325,7 @@ def measure(
         gc.collect()
         try:
             device.start(run.arch, threads=run.threads, precision=run.precision, profile=True)
-            simulation = gas.simulation(case, state, skin=extra)
+            simulation = gas.simulation(case, state)
             warm_up(simulation)
             profiled = _profiled(simulation, seconds)
         finally:
@@ -351,7 +338,6 @@ def measure(
         threads=(run.threads or device.cores()) if run.arch == "cpu" else 1,
         precision=run.precision,
         seed=run.seed,
-        skin=skin,
         collisions_before=before,
         bytes_per_disk=size,
         runs=done,
