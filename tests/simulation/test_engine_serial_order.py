@@ -1,8 +1,7 @@
 """The parallel engine finds the same collisions, in the same order, as a plain serial event-driven code.
 
 Both start from the same state. Rounding differences grow by a factor of a few with each collision of a disk, so
-after some ten collisions per disk the two must part; five are compared (measured: identical for 7.9 at phi = 0.1, for
-more than 10 at higher phi).
+after some ten collisions per disk the two must part; five are compared, four in thin gases.
 """
 
 from __future__ import annotations
@@ -24,6 +23,12 @@ pytestmark = pytest.mark.unoptimised
 PER_DISK = 5
 
 
+@pytest.fixture(autouse=True)
+def windows_of_tiles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Windows as short as those of gases that are divided: few disks have longer ones, which would need wide halos."""
+    monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
+
+
 def assert_same_as_serial(
     disks: Disks, box: Box, state: State, law: tuple[float, ...], engine: Engine, per_disk: float = PER_DISK
 ) -> None:
@@ -33,8 +38,9 @@ def assert_same_as_serial(
     assert len(found.time) == count
     pairs = np.array([sorted(collision[1:]) for collision in expected])
     np.testing.assert_array_equal(partners(found.pair), partners(pairs))
-    # Errors of 1e-16 times some 10 per collision and disk: 1e-9 leaves five collisions of it.
-    np.testing.assert_allclose(found.time, [collision[0] for collision in expected], atol=1e-7)
+    # Places are rounded to 3e-14 or 6e-14 here. Errors grow by some 10 with each collision of a disk, of which the
+    # busiest have twice the mean, and most where the gas is thin: 2e-7 after four at phi = 0.1, 1e-10 in denser ones.
+    np.testing.assert_allclose(found.time, [collision[0] for collision in expected], atol=1e-6)
     np.testing.assert_allclose(box.minimum_image(engine.state().position - end.position), 0.0, atol=1e-5)
 
 
@@ -47,7 +53,8 @@ def test_collisions_are_those_of_the_serial_code(
     disks = equal_disks(1000)
     box, state = equilibrated(disks, packing_fraction)
     engine = Engine(disks, box, state, np.array([[law]]), arch=arch, order=order, tile_disks=60)
-    assert_same_as_serial(disks, box, state, law, engine)
+    assert_same_as_serial(disks, box, state, law, engine, per_disk=4 if packing_fraction < 0.2 else PER_DISK)
+    assert engine.statistics.in_order < engine.statistics.epochs
 
 
 @pytest.mark.parametrize("order", ["alone", "tiles"])
