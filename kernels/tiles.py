@@ -308,7 +308,7 @@ def inside(x, y, tile, gas: ti.template()):
 def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()):
     """Write own disks to their slots from `base` on, as they are at the window's end, or at the moment asked for.
 
-    At the end, where a window begins next, places are on the grid; and histories and claims are written.
+    Places are on the grid. At the end, where a window begins next, histories and claims are written.
     """
     part = 1 - gas.grid[PART]
     time = gas.scale[WINDOW]
@@ -334,20 +334,18 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
             dt = time - gas.work[i][TAU]
             vx, vy = gas.work[i][VX], gas.work[i][VY]
             x, y = gas.work[i][X], gas.work[i][Y]
+            lap_x, lap_y = gas.mark[i][LAP_X], gas.mark[i][LAP_Y]
             if in_place:  # the lists stay as they are
                 slot = part * gas.grid[ROOM] + gas.mark[i][SLOT]
                 listed = gas.mark[i][LISTED]
-                x += gas.mark[i][LAP_X] * gas.scale[LENGTH_X]
-                y += gas.mark[i][LAP_Y] * gas.scale[LENGTH_Y]
+                x += lap_x * gas.scale[LENGTH_X]
+                y += lap_y * gas.scale[LENGTH_Y]
                 x -= ti.cast(gas.edge_x[listed // gas.grid[TILES_Y]] - gas.edge_x[0], float)
                 y -= ti.cast(gas.edge_y[listed % gas.grid[TILES_Y]] - gas.edge_y[0], float)
-                gas.mark[i][LAP_X], gas.mark[i][LAP_Y] = 0, 0
-            if when == AT_MOMENT:
-                x += vx * dt + 0.5 * fall_x * time
-                y += vy * dt + 0.5 * fall_y * time
-            else:
-                x += on_grid(vx * dt + 0.5 * fall_x * time, gas)
-                y += on_grid(vy * dt + 0.5 * fall_y * time, gas)
+                lap_x, lap_y = 0, 0
+            x += on_grid(vx * dt + 0.5 * fall_x * time, gas)
+            y += on_grid(vy * dt + 0.5 * fall_y * time, gas)
+            if when == AT_END:
                 gas.trail[gas.mark[i][SLOT]][0], gas.trail[gas.mark[i][SLOT]][1] = (
                     gas.link[i][HASH_1],
                     gas.link[i][HASH_2],
@@ -368,8 +366,8 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
             gas.disk[slot][SPIN] = gas.work[i][W_SPIN]
             gas.meta[slot][ID] = gas.link[i][WHO]
             gas.meta[slot][EVENTS] = gas.meta[s][EVENTS] + gas.link[i][NUMBER]
-            gas.meta[slot][IMAGE_X] = gas.meta[s][IMAGE_X] + gas.mark[i][LAP_X]
-            gas.meta[slot][IMAGE_Y] = gas.meta[s][IMAGE_Y] + gas.mark[i][LAP_Y]
+            gas.meta[slot][IMAGE_X] = gas.meta[s][IMAGE_X] + lap_x
+            gas.meta[slot][IMAGE_Y] = gas.meta[s][IMAGE_Y] + lap_y
             if ti.static(gas.uses.remembers):
                 gas.past[slot][LATEST] = ti.cast(gas.since[i], ti.f64)
                 if when == AT_END:

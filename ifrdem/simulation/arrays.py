@@ -278,6 +278,10 @@ class DeviceArrays:
             side = max(math.sqrt((options.tile_disks or tile_disks) * free), LEAST_TILE * self.widest)
             tiles = tuple(max(1, int(length / side)) for length in (high - low))  # type: ignore[assignment]
         self.divide((tiles[0], tiles[1]), low, high)
+        if sheared:  # no last resort: windows are short enough for the tiles
+            side = min(float(np.diff(edge).min()) for edge in self.edges)
+            self.clock[k.TILE_SIDE] = min(own, side / 3.0)
+            self.clock[k.PATH] *= min(1.0, side / (30.0 * self.widest))
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
         self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
         if self.alone:

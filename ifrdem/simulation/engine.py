@@ -467,7 +467,7 @@ class Engine:
         )
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
-                f"t = {was:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic collapse); "
+                f"t = {windows.begin:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic collapse); "
                 'there is no next collision. With collapse = "tc" and a contact_time, or collapse = "velocity_cutoff" '
                 "and a velocity_cutoff, such collisions are elastic, and the run goes on"
             )

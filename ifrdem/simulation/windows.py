@@ -21,6 +21,7 @@ from .tracking import Statistics
 WIDER = 1.6  # halo of a tile that has to be run again
 MOST_BAD = 0.01  # of all tiles: with more, halos of the next window are wider
 LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
+MOST_HALVINGS = 40  # of the window of a sheared gas
 BURST = 64  # windows of a gas in one tile that one launch runs at most
 
 
@@ -166,7 +167,8 @@ class Windows:
             self._done += self._at_end
             self.arrays.grid[k.PART] = 1 - self.arrays.grid[k.PART]
             self._ahead, self._surveyed, self._moment, self._moment_now = False, True, math.inf, 0.0
-            if not self.arrays.alone and self._widest_halo() < LEAST_HALO * self._least_side():
+            a = self.arrays
+            if not a.alone and not a.uses.sheared and self._widest_halo() < LEAST_HALO * self._least_side():
                 self.arrays.list_anew()
         if not self._ahead and not self._ready:
             self.plan(kick)
@@ -253,8 +255,8 @@ class Windows:
             a.displace_rows(begin)
         if not alone:
             self._set_halos()
-        self._launch(1 if alone else a.tiles, most)
         self.rests = False
+        self._launch(1 if alone else a.tiles, most)
         again = begin == self._counted
         self.statistics.epochs -= again
         if alone:
@@ -267,7 +269,19 @@ class Windows:
             self.statistics.epochs += 1
             self._collect(watching)
             kept = replace(self.statistics)
-            self._verify(watching)
+            halvings = 0
+            while True:
+                try:
+                    self._verify(watching)
+                    break
+                except _TooLong:
+                    halvings += 1
+                    if halvings > MOST_HALVINGS:
+                        raise EngineError(
+                            f"t = {begin:.9g}: tiles of a sheared gas are too small for what happens in it; please report "
+                            "this with the case file and seed"
+                        ) from None
+                    self._shorten(watching)
             if again:
                 vars(self.statistics).update(vars(kept))
         self._counted = self.begin
@@ -280,6 +294,19 @@ class Windows:
         else:
             self._moment = math.inf
         self._ahead, self._ready = True, False
+
+    def _shorten(self, watching: int) -> None:
+        """Run half of the window: what a sheared gas does whose tiles are too small for all of it."""
+        a = self.arrays
+        self.end = self.begin + 0.5 * (self.end - self.begin)
+        a.clock[k.END] = self.end
+        a.scale[k.WINDOW] = self.end - self.begin
+        if watching:
+            self._watched = []
+        self.statistics.in_order += 1
+        self._set_halos()
+        self._launch(a.tiles, 1)
+        self._collect(watching)
 
     def _tally(self, when: int) -> NDArray[np.float64]:
         """Sums over the tiles, one after another: the same for any number of threads."""
@@ -408,10 +435,7 @@ class Windows:
         """The window by one thread, in order: what no halo is wide enough for."""
         a = self.arrays
         if a.uses.sheared:
-            raise EngineError(
-                f"t = {self.begin:.9g}: tiles of a sheared gas are too small for what happens in it; please report this with "
-                "the case file and seed"
-            )
+            raise _TooLong
         self.statistics.in_order += 1
         a.grid[k.ALONE] = 1
         room = [int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS)]
@@ -419,12 +443,16 @@ class Windows:
         a.grid[k.LANES] = 1
         if watching:
             self._watched = []
-        a.tally[:] = 0.0
+        a.tally[:] = a.heat[:] = 0.0
         self._launch(1, 1)
         self._collect(watching)
         a.grid[k.LANES] = lanes
         a.scratch(*room)
         a.grid[k.ALONE] = 0
+
+
+class _TooLong(Exception):
+    """No halo is wide enough for the window of a sheared gas, whose box is none that one thread could run in order."""
 
 
 class _Again(Exception):
