@@ -253,6 +253,22 @@ def test_inelastic_collapse_passes_in_finite_work() -> None:
     placement.check_no_overlap(box, disks.radius, simulation.state.position, tolerance=1e-12)
 
 
+def test_tiles_go_through_a_collapse_like_the_whole_box_in_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Thousands of collisions within a rounding of each other, whole clusters at a time; counted as asked."""
+    monkeypatch.setattr("ifrdem.simulation.arrays.ALONE", 100)
+    disks = equal_disks(2000)
+    box, state = start(disks, 0.75)
+    law = np.array([[(0.05, -1.0, 0.0, 0.0, 0.0)]])
+    ends = []
+    for order in ("tiles", "alone"):
+        engine = Engine(disks, box, state, law, order=order, tile_disks=250)
+        advance(engine, 100)
+        assert engine.collisions == 50 * disks.n
+        ends.append(engine.state())
+    placement.check_no_overlap(box, disks.radius, ends[0].position, tolerance=1e-12)
+    assert states_equal(*ends)
+
+
 def test_a_disk_wider_than_a_third_of_the_box_is_refused() -> None:
     state = State(np.array([[0.5, 0.5]]), np.zeros((1, 2)), np.zeros(1))
     with pytest.raises(InputError, match="more than a third of the box side"):

@@ -81,7 +81,7 @@ GASES: dict[str, Callable[[], Gas]] = {
     "walls": walled,
     "clusters": clusters,
 }
-PER_DISK = {"walls": 20, "clusters": 50}  # 100 for others: 2e5 collisions
+PER_DISK = {"mixture": 40, "walls": 20, "clusters": 40}  # 100 for others: 2e5 collisions
 
 
 @cache
@@ -154,13 +154,13 @@ def test_narrow_halos_that_are_verified_give_the_same_bits(part: float, monkeypa
     assert same(state, in_order(**FAULTY))
 
 
-def unverified(monkeypatch: pytest.MonkeyPatch) -> None:
+def unverified(monkeypatch: pytest.MonkeyPatch, part: float = NARROW) -> None:
+    narrowed(monkeypatch, part)
     monkeypatch.setattr(Windows, "_verify", lambda self, watching: None)
 
 
 def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
-    unverified(monkeypatch)
-    narrowed(monkeypatch, 0.5)
+    unverified(monkeypatch, 0.5)
 
 
 def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
