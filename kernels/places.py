@@ -42,7 +42,8 @@ def remember(i, t, whom, gas: ti.template()):
     one = (one ^ low) * ti.u32(0x9E3779B1) + high
     one = (one ^ (one >> ti.u32(15)) ^ partner) * ti.u32(0x85EBCA77)
     two = (two ^ high) * ti.u32(0xC2B2AE3D) + partner
-    two = (two ^ (two >> ti.u32(13)) ^ low) * ti.u32(0x27D4EB2F)
+    two = (two ^ (two >> ti.u32(13))) * ti.u32(0x27D4EB2F)
+    two = (two ^ low) * ti.u32(0x165667B1)
     gas.link[i][HASH_1] = ti.cast(one ^ (one >> ti.u32(16)), ti.i32)
     gas.link[i][HASH_2] = ti.cast(two ^ (two >> ti.u32(16)), ti.i32)
 

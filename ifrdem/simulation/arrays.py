@@ -250,7 +250,7 @@ class DeviceArrays:
     def lay(self, disks: Disks, options: Any, state: State) -> None:
         """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
         n, box = self.n, self.box
-        low, high = np.zeros(2), np.array(box.lengths)
+        low, high = np.zeros(2), np.array(box.lengths) if not box.is_open else np.ones(2)
         if box.is_open and n:
             low, high = state.position.min(axis=0), state.position.max(axis=0)
             room = ROOM * (high - low).max() + self.widest

@@ -42,7 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
-from ..kernels.limits import ALONE, MECHANISMS, REGIMES
+from ..kernels.limits import MECHANISMS, REGIMES
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
@@ -189,7 +189,8 @@ class Engine:
         self._parted = False  # nobody can meet anybody any more
         self._collided_at = float(state.time)
         device.start(given.arch, threads=given.threads, precision=given.precision)
-        from ..kernels.layout import PATH, WALL_SPEED, Uses
+        from ..kernels.layout import WALL_SPEED, Uses
+        from ..kernels.readout import EXCESS
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
         from .windows import Windows
@@ -222,9 +223,9 @@ class Engine:
         self._lay(state)
         self.force_steps = ForceSteps(forces, self.arrays, disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
-        self._flow_excess = math.nan
+        self._flow_excess = 0.0
         if box.shear_rate:
-            self.totals()
+            self._flow_excess = float(self.totals()[EXCESS])
 
     def _lay(self, state: State) -> None:
         """Divide the box into tiles and lay a state into them, from which a window begins."""
@@ -640,6 +641,4 @@ class Engine:
         if not self.box.shear_rate:
             return 0.0
         excess = float(self._totals()[EXCESS])
-        if math.isnan(self._flow_excess):
-            self._flow_excess = excess
         return self._sum(FLOW_WORK) - (excess - self._flow_excess)

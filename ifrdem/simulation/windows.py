@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
-from ..kernels.windows import run_windows, survey, verify, window_length
+from ..kernels.windows import LARGEST_WAY, run_windows, survey, verify, window_length
 from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
 
@@ -155,6 +155,9 @@ class Windows:
             mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, a.clock[k.WALL_SPEED]
         )
         a.clock[k.SQUARE_UNIT] = square_unit(fastest2)
+        if a.uses.sheared:  # rows of tiles move against each other
+            most = math.sqrt(fastest2) + 2.0 * abs(float(a.scale[k.DRIFT]))
+            length = min(length, LARGEST_WAY * float(a.clock[k.TILE_SIDE]) / most)
         self.begin = self.now
         self.end = min(self.begin + length, kick)
         self.fastest = math.sqrt(fastest2)
