@@ -243,7 +243,7 @@ def test_series_at_the_ends_of_windows_change_nothing(arch):
     ends, rows = [], []
     for series in (None, Cadence(number=200, exact=False)):
         simulation = Simulation(disks, box, COIN, state, arch=arch, ledger=True)
-        simulation.run(collisions_per_disk=10.0, series=series, samplers=[rows.append])
+        simulation.run(collisions_per_disk=40.0, series=series, samplers=[rows.append])
         ends.append(simulation.state)
     assert len(rows) > 5
     assert np.array_equal(ends[0].position, ends[1].position)

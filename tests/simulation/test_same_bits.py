@@ -115,9 +115,11 @@ def test_tiles_and_threads_and_the_whole_box_in_order_give_the_same_bits(name: s
         engine, state = after(name, order="tiles", tile_disks=tile_disks, threads=threads)
         for each in SEEN:
             assert np.array_equal(getattr(state, each), getattr(expected, each)), (tile_disks, each)
-        assert engine.arrays.tiles >= (N // tile_disks if tile_disks > 100 else N // 400)
-        # They were tiles indeed: the last resort of all had few windows to do.
-        assert engine.statistics.in_order < 0.2 * engine.statistics.epochs
+        assert engine.arrays.tiles > 1
+        if name == "clusters":  # histories reach through whole clusters
+            assert engine.statistics.undone > 0
+        else:  # They were tiles indeed: the last resort of all had few windows to do.
+            assert engine.statistics.in_order < 0.2 * engine.statistics.epochs
 
 
 def test_more_than_a_million_collisions_at_each_density_have_the_same_bits() -> None:
