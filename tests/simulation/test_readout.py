@@ -330,7 +330,11 @@ def test_samplers_are_told_of_the_exact_moment(order: str) -> None:
     frames: Frames = []
     rows: list[Measure] = []
     simulation.run(
-        t_end=0.4, frames=5, observers=[lambda state, told: frames.append((state, told))], series=10, samplers=[rows.append]
+        t_end=0.4,
+        frames=5,
+        observers=[lambda state, told: frames.append((state, told))],
+        series=10,
+        samplers=[rows.append],
     )
     assert [row.time for row in rows] == pytest.approx(0.04 * np.arange(11), abs=1e-15)
     for (state, told), row in zip(frames, rows[::2], strict=True):

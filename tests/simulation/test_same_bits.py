@@ -41,7 +41,9 @@ def run_on(engine: Engine, collisions: int) -> State:
     return engine.state()
 
 
-def periodic(packing_fraction: float, law: tuple[float, ...] = ELASTIC, make: Callable[[int], Disks] = equal_disks) -> Gas:
+def periodic(
+    packing_fraction: float, law: tuple[float, ...] = ELASTIC, make: Callable[[int], Disks] = equal_disks
+) -> Gas:
     disks = make(N)
     return disks, *equilibrated(disks, packing_fraction), law, {}
 
@@ -51,7 +53,9 @@ def walled() -> Gas:
     disks = mixture(N)
     box = Box((75.0, 150.0), (True, False))
     rng = np.random.default_rng(5)
-    grid = np.stack(np.meshgrid(np.arange(60) * 1.25 + 0.6, np.arange(67) * 1.25 + 1.2), axis=-1).reshape(-1, 2)[:N]
+    grid = np.stack(np.meshgrid(np.arange(60) * 1.25 + 0.6, np.arange(67) * 1.25 + 1.2), axis=-1).reshape(
+        -1, 2
+    )[:N]
     state = State(grid, rng.normal(size=(N, 2)), rng.normal(size=N))
     walls = [
         Wall.line((0.0, 0.4), (0.0, 1.0), motion=Motion("sine", amplitude=0.3, frequency=0.7)),
@@ -149,7 +153,9 @@ def in_tiles() -> tuple[Engine, State]:
 
 
 @pytest.mark.parametrize("part", [NARROW, 0.3])
-def test_narrow_halos_that_are_verified_give_the_same_bits(part: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_narrow_halos_that_are_verified_give_the_same_bits(
+    part: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     narrowed(monkeypatch, part)
     engine, state = in_tiles()
     assert engine.statistics.undone > engine.statistics.epochs
