@@ -120,11 +120,11 @@ def test_stopping_within_a_window_changes_no_bit_in_any_order_of_the_engine(
 
 def test_a_stop_asked_for_by_a_sampler_or_progress_ends_the_run_at_the_end_of_a_window() -> None:
     one = gas(2000)
-    one.run(t_end=500.0, progress=lambda time, collisions: one.stop())
-    assert 0.0 < one.time < 500.0
-    here = one.time
-    one.run(t_end=500.0, series=1000, samplers=[lambda measure: one.stop()])
-    assert here < one.time < 500.0
+    one.run(collisions_per_disk=5000.0, progress=lambda time, collisions: one.stop())
+    assert 0 < one.collisions < 5_000_000
+    here = one.collisions
+    one.run(collisions_per_disk=5000.0, series=1000, samplers=[lambda measure: one.stop()])
+    assert here < one.collisions < 5_000_000
     one.run(t_end=one.time + 0.01)  # an earlier stop does not end a later run
 
 

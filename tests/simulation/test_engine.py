@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, start
 
 import ifrdem.simulation.engine
-from ifrdem.errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
+from ifrdem.errors import EngineError, InputError, NoMoreCollisions
 from ifrdem.initial import placement
 from ifrdem.kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
 from ifrdem.model.box import Box

@@ -9,7 +9,6 @@ import pytest
 from support.gases import COIN, ELASTIC, equal_disks, equilibrated, mixture, partners, run
 from support.serial_reference import simulate
 
-from ifrdem.errors import EngineError
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State

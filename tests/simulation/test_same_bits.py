@@ -1,7 +1,7 @@
 """All bits of a state belong to the gas: any number of threads, any tiles, the whole box in order; and what would show.
 
-Any difference of a last bit has grown to that of another gas after some fifteen collisions of a disk: equal states after
-fifty say that none was ever there.
+Any difference of a last bit has grown to that of another gas after some fifteen collisions of a disk: equal states
+after fifty say that none was ever there.
 """
 
 from __future__ import annotations

@@ -109,8 +109,8 @@ def test_collisions_of_a_mixture_are_those_of_a_serial_code(order: str) -> None:
 def test_disks_at_rest_in_the_flow_meet_where_only_the_flow_brings_them(boundary: int, order: str) -> None:
     """18 rows of disks pass each other, a fifth of a diameter apart, and never meet; two disks in the free rows do.
 
-    They are 0.9 apart along y, on both sides of the seam, or of a height inside, and 1.9 along x: they touch when the flow has
-    brought them to sqrt(1 - 0.9^2). They are slow in their rows of tiles: a window must not be so long, nor a halo so
+    They are 0.9 apart along y, on both sides of the seam or of a height inside, and 1.9 along x: they touch when
+    the flow has brought them to sqrt(1 - 0.9^2). They are slow in their rows of tiles: a window must not be so long, nor a halo so
     narrow, as their own speeds allow.
     """
     box = Box((12.001, 24.002), shear_rate=0.5)
