@@ -4,7 +4,8 @@ Disks lie in cells at least as wide as the largest of them, so that disks that t
 event: its collision or, before that, its way into the next cell. Bins over the time of the window are the queue.
 
 Only the disk that predicts a collision stores it. A partner that has collided since makes it stale: then the disk
-predicts again. None is missed: whenever the motion of a disk changes it looks at all its neighbours, and when it enters a
+predicts again. None is missed: whenever the motion of a disk changes it looks at all its neighbours, and when it
+enters a
 cell, at those that become neighbours; so of any two that will meet, the one that looked last knows of it, or has an
 earlier event, at which it looks again.
 
@@ -16,21 +17,91 @@ from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
 from .language import ti
 from .layout import (
-    ASIDE, AT, AT_END, AT_MOMENT, BINS, BY_LAW, BY_REMEDY, CELL, COLLISIONS, DIRECTION, DRIFT, ELASTICALLY,
-    ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK, FULL,
-    FULL_WATCHED, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL,
-    MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS, N_WATCHED, OWN,
-    PAIRS, PARTNER, PARTNER_NUMBER, PLACES, PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS,
-    STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY, WATCHING, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
+    ASIDE,
+    AT,
+    AT_END,
+    AT_MOMENT,
+    BINS,
+    BY_LAW,
+    BY_REMEDY,
+    CELL,
+    COLLISIONS,
+    DIRECTION,
+    DRIFT,
+    ELASTICALLY,
+    ELASTICS,
+    EVENT_HOW,
+    EVENT_ID,
+    EVENT_PARTNER,
+    EVENT_TILE,
+    FAR,
+    FIRST_WALL,
+    FLOW_WORK,
+    FULL,
+    FULL_WATCHED,
+    INVERSE_MASS,
+    KIND_RADIUS,
+    LAP_X,
+    LAP_Y,
+    LAST,
+    LENGTH_X,
+    LENGTH_Y,
+    LOSSES,
+    MATERIAL,
+    MOMENT_IN,
+    MOST_EVENTS,
+    N_EVENTS,
+    N_WATCHED,
+    NEXT,
+    NEXT_IN_CELL,
+    NOBODY,
+    NORMAL,
+    NORMAL_X,
+    NUMBER,
+    OWN,
+    PAIRS,
+    PARTNER,
+    PARTNER_NUMBER,
+    PLACES,
+    PREVIOUS,
+    REGIMES,
+    RESTITUTION,
+    ROLLING_LOSS,
+    ROW,
+    SLIDING_LOSS,
+    STALLED,
+    STICKING_LOSS,
+    T_HIT,
+    T_LEAVE,
+    TAU,
+    VX,
+    VY,
+    W_SPIN,
+    WATCHING,
+    WHO,
+    WIDEST,
+    WINDOW,
+    K,
+    X,
+    Y,
 )  # fmt: skip
-from .places import add, watched_row, write_motion, came_to, just_collided, kind_of, note_speed, radius_of, remember
+from .places import (
+    add,
+    came_to,
+    just_collided,
+    kind_of,
+    note_speed,
+    radius_of,
+    remember,
+    watched_row,
+    write_motion,
+)  # fmt: skip
 from .tiles import write
 from .walls import first_wall, hit_wall, other_image
 
 EMPTY = -1  # of bins and cells
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
-# Columns of losses and regimes in the tally.
 
 
 @ti.func
@@ -69,7 +140,7 @@ def next_event(i, gas: ti.template()):
 
 @ti.func
 def precedes(i, k, gas: ti.template()):
-    """1 if the event of the disk at place i, at the same time as that at place k, comes first: the smaller pair of ids."""
+    """1 if the event of the disk at place i, at the time of that at place k, comes first: the smaller pair of ids."""
     a, b, c, d = gas.link[i][WHO], gas.link[i][WHO], gas.link[k][WHO], gas.link[k][WHO]
     if gas.link[i][PARTNER] >= 0 and gas.work[i][T_HIT] <= gas.work[i][T_LEAVE]:
         b = gas.link[gas.link[i][PARTNER]][WHO]
@@ -227,7 +298,10 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
         if row < gas.grid[MOST_EVENTS]:
             gas.event[row][AT] = t
             gas.event_int[row][EVENT_TILE] = tile
-            gas.event_int[row][EVENT_ID], gas.event_int[row][EVENT_PARTNER] = gas.link[a][WHO], gas.link[b][WHO]
+            gas.event_int[row][EVENT_ID], gas.event_int[row][EVENT_PARTNER] = (
+                gas.link[a][WHO],
+                gas.link[b][WHO],
+            )
         else:
             ti.atomic_or(gas.counter[FULL], FULL_WATCHED)
     if ti.static(gas.uses.watched):
@@ -258,7 +332,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def sooner(t, j, best, partner, gas: ti.template()):
-    """1 if a meeting at t with the disk at place j comes before the one at `best`; exact ties fall to the smaller id."""
+    """1 if a meeting at t with the disk at place j comes before that at `best`; ties fall to the smaller id."""
     before = t < best
     if t == best and t < FAR:
         if partner >= 0:

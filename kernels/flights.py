@@ -1,11 +1,11 @@
 """Straight flights: when two disks meet, and places on a grid.
 
 Everything that decides about a meeting is here once, and depends on differences of places only, which are exact: places
-are multiples of a grid q, and so are the corners that they are measured from. So each tile that computes a meeting, from
-either disk, finds the same bits.
+are multiples of a grid q, and so are the corners that they are measured from. So each tile that computes a meeting,
+from either disk, finds the same bits.
 
-A CPU and a GPU do not by themselves: for CUDA, Taichi fuses products and sums whatever `fast_math` says. `rounded` keeps a
-product from being fused.
+A CPU and a GPU do not by themselves: for CUDA, Taichi fuses products and sums whatever `fast_math` says. `rounded`
+keeps a product from being fused.
 """
 
 from .language import ti

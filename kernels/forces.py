@@ -2,8 +2,25 @@
 
 from .language import ti
 from .layout import (
-    COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, SPREAD, START, TILES_X, TILES_Y, VX, VY,
-    GasArrays, Rows, Table, plain, K, Y,
+    COUNT,
+    ID,
+    INVERSE_MASS,
+    KIND_RADIUS,
+    PART,
+    ROOM,
+    SPIN,
+    SPREAD,
+    START,
+    TILES_X,
+    TILES_Y,
+    VX,
+    VY,
+    GasArrays,
+    K,
+    Rows,
+    Table,
+    Y,
+    plain,
 )  # fmt: skip
 from .random import DRAWS
 from .readout import placed
@@ -74,7 +91,8 @@ def kernels_of(force, n_parameters):
     @ti.kernel
     def sum_totals(
         uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows, meta: Rows,
-        tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows, block_sums: Table, totals: Rows,
+        tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
+        block_sums: Table, totals: Rows,
     ):  # fmt: skip
         gas = ti.static(GasArrays(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
@@ -103,7 +121,8 @@ def kernels_of(force, n_parameters):
     @ti.kernel
     def apply_force(
         uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, kind: Rows, kinds: Rows, meta: Rows,
-        tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows, block_sums: Table, totals: Rows, gained: Rows,
+        tile: Table, edge_x: Rows, edge_y: Rows, when: Rows, counter_words: Rows, parameters: Rows,
+        block_sums: Table, totals: Rows, gained: Rows,
     ):  # fmt: skip
         gas = ti.static(GasArrays(
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
@@ -128,7 +147,9 @@ def kernels_of(force, n_parameters):
                     gas.disk[s][VX], gas.disk[s][VY], gas.disk[s][SPIN] = vx + flow, vy, spin
                     # What was stored may be rounded to single precision.
                     stored = gas.disk[s][VX] - flow
-                    gain += energy(body.mass, body.inertia, stored, gas.disk[s][VY], gas.disk[s][SPIN]) - before
+                    gain += (
+                        energy(body.mass, body.inertia, stored, gas.disk[s][VY], gas.disk[s][SPIN]) - before
+                    )
                     if ti.static(gas.uses.sheared):
                         # What the frame of the row sees of it beyond that is not the flow's doing (`shear.py`).
                         excess += ti.cast(body.mass * flow * (stored - body.vx), ti.f64)

@@ -1,8 +1,8 @@
 """The engine's arrays: what each holds, and the names of their columns.
 
-A *slot* is a place in the list of a tile's disks. All that lasts from window to window is kept by slot, three times: the
-window's beginning, its end, and a moment in it that was asked for (`part` 0, 1 or 2; 0 and 1 change places). Slots of part
-p begin at p * room.
+A *slot* is a place in the list of a tile's disks. All that lasts from window to window is kept by slot, three times:
+the window's beginning, its end, and a moment in it that was asked for (`part` 0, 1 or 2; 0 and 1 change places). Slots
+of part p begin at p * room.
 
 Real numbers are f64, or f32 where a run asks for that; sums and times of the run are f64 always.
 
@@ -19,8 +19,8 @@ trail        (room,) of 2            hash of the history of the disk at a slot o
 way          (room,)              bound on how far it came
 back         (room,)              slot at the window's beginning of the one at its end
 tile         (tiles, 8)           where its lists begin and how long they are, by part; claims; state
-reach        (tiles, 4)           halo; bound on how far its own disks came beyond its sides; the largest way; how far they
-                                  are beyond its sides at the end
+reach        (tiles, 4)           halo; bound on how far its own disks came beyond its sides; the largest way; how
+                                  far they are beyond its sides at the end
 edge_x/y     (tiles + 1,)         sides of the columns and rows of tiles, on the grid of places
 tally        (tiles, 2, TALLY)    sums over the window to its end, and to the moment that was asked for, f64
 heat         (tiles, 2, thermal)  heat that thermal walls gave, likewise
@@ -61,7 +61,7 @@ TAU, T_HIT, T_LEAVE, TURN = 4, 5, 6, 7
 W_SPIN = 7
 # link: whom it hits next (another place, a wall, nobody); cell; collisions so far; those of the partner when that was
 # predicted; neighbours in the list of its bin; next in the list of its cell; whom it hit last in this window; id; 1 for
-# own disks; hash of its history; bits of the largest square of its speed, f32; kind; row of tiles against the own one;
+# own disks; hash of its history; upper half of the largest square of its speed; kind; row of tiles against the own one;
 # over which side it leaves its cell. A line of the cache.
 (
     PARTNER, CELL, NUMBER, PARTNER_NUMBER, PREVIOUS, NEXT, NEXT_IN_CELL, LAST, WHO, OWN, HASH_1, HASH_2, TOP, KIND, ROW,
@@ -70,38 +70,48 @@ W_SPIN = 7
 # mark: slot at the window's beginning; boxes travelled in this window; collisions before it, and with walls in it; tile
 # that lists it
 SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
-# counter: next tile to be run; claims used; why a launch ended early; slots used; what was needed; 1: a disk came to rest
-# on a wall, events without progress; bad tiles; events; windows; rows of
+# counter: next tile to be run; claims used; why a launch ended early; slots used; what was needed; 1: a disk came to
+# rest on a wall, events without progress; bad tiles; events; windows; rows of
 # events; 1 where only the listed tiles are run
-NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN = range(12)
+(
+    NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN,
+) = range(12)  # fmt: skip
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
-# clock, f64: begin and end of the window; where to stop (time, collisions of the launch), to pause, when a force acts; what
-# sets the length of windows: a path, the side of a tile, the speed of walls; unit of squares of speeds
-BEGIN, END, STOP, WANTED, PAUSE, PAUSE_AFTER, KICK, PATH, TILE_SIDE, WALL_SPEED, SQUARE_UNIT = range(11)
+# clock, f64: begin and end of the window; where to stop (time, collisions of the launch), to pause, when a force
+# acts; what sets the length of windows: a path, the side of a tile, the speed of walls; unit of squares of
+# speeds; path in a gas that fills the box, collisions in a window of that; root mean square of speeds at the beginning
+(
+    BEGIN, END, STOP, WANTED, PAUSE, PAUSE_AFTER, KICK, PATH, TILE_SIDE, WALL_SPEED, SQUARE_UNIT, FREE_PATH,
+    IN_WINDOW, SPEED,
+) = range(14)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on
 (
     N, TILES_X, TILES_Y, LANES, PLACES, CELLS, BINS, ITEMS, PART, PERIODIC_X, PERIODIC_Y, WALLS, SEED_LOW, SEED_HIGH,
     ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS,
 ) = range(21)  # fmt: skip
-# scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off; contact
+# scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off;
+# contact
 # time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; a 0 no compiler
 # knows
 (
-    LENGTH_X, LENGTH_Y, CELL_SIDE, WINDOW, MOMENT_IN, WIDEST, ROUNDER, GX, GY, CUTOFF, CONTACT_TIME, SHEAR, DRIFT, ASIDE,
-    NOTHING,
+    LENGTH_X, LENGTH_Y, CELL_SIDE, WINDOW, MOMENT_IN, WIDEST, ROUNDER, GX, GY, CUTOFF, CONTACT_TIME, SHEAR, DRIFT,
+    ASIDE, NOTHING,
 ) = range(15)  # fmt: skip
 # event: time, place, normal, velocity before and after, spin before and after; the same of the partner
 AT, PLACE, NORMAL_X, V_BEFORE, V_AFTER, W_BEFORE, W_AFTER, U_BEFORE, U_AFTER, S_BEFORE, S_AFTER = (
     0, 1, 3, 5, 7, 9, 10, 11, 13, 15, 16,
 )  # fmt: skip
 REALS = 17
-# event_int: tile; the disk's id; the partner's, or -2 - wall; boxes travelled; how it was; the disk's number of collisions
+# event_int: tile; the disk's id; the partner's, or -2 - wall; boxes travelled; how it was; the disk's number of
+# collisions
 EVENT_TILE, EVENT_ID, EVENT_PARTNER, EVENT_BOX, EVENT_HOW, EVENT_NUMBER = 0, 1, 2, 3, 5, 6
 INTEGERS = 8
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)
 PAIRS, TRACKED = 1, 2  # what is watched: times of all pairs, or all that happens to some disks
-SPREAD = 512  # Taichi hands a thread at least so many items of a loop: loops over few, long items are spread out
+SPREAD = (
+    512  # Taichi hands a thread at least so many items of a loop: loops over few, long items are spread out
+)
 BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w

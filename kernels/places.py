@@ -3,10 +3,51 @@
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    AT, AT_END, CONTACT_TIME, EVENT_BOX, EVENT_ID, EVENT_NUMBER, EVENT_TILE, FULL, FULL_WATCHED, GX, GY,
-    HASH_1, HASH_2, IMAGE_X, IMAGE_Y, KIND, KIND_RADIUS, LAP_X, LAP_Y, MOST_EVENTS, NUMBER, N_WATCHED, OWN,
-    PART, PLACE, ROOM, SLOT, S_AFTER, S_BEFORE, TAU, TOP, TRACKED, U_AFTER, U_BEFORE, VX, VY, V_AFTER,
-    V_BEFORE, WATCHING, WHO, W_AFTER, W_BEFORE, W_SPIN, X, Y,
+    AT,
+    AT_END,
+    CONTACT_TIME,
+    EVENT_BOX,
+    EVENT_ID,
+    EVENT_NUMBER,
+    EVENT_TILE,
+    FULL,
+    FULL_WATCHED,
+    GX,
+    GY,
+    HASH_1,
+    HASH_2,
+    IMAGE_X,
+    IMAGE_Y,
+    KIND,
+    KIND_RADIUS,
+    LAP_X,
+    LAP_Y,
+    MOST_EVENTS,
+    N_WATCHED,
+    NUMBER,
+    OWN,
+    PART,
+    PLACE,
+    ROOM,
+    S_AFTER,
+    S_BEFORE,
+    SLOT,
+    TAU,
+    TOP,
+    TRACKED,
+    U_AFTER,
+    U_BEFORE,
+    V_AFTER,
+    V_BEFORE,
+    VX,
+    VY,
+    W_AFTER,
+    W_BEFORE,
+    W_SPIN,
+    WATCHING,
+    WHO,
+    X,
+    Y,
 )  # fmt: skip
 
 
@@ -51,15 +92,15 @@ def remember(i, t, whom, gas: ti.template()):
 @ti.func
 def largest_speed(i, gas: ti.template()):
     """Bound on the speed of the disk at place i in the window so far."""
-    return ti.sqrt(ti.cast(ti.bit_cast(gas.link[i][TOP], ti.f32), float))
+    return ti.cast(ti.sqrt(ti.bit_cast(ti.cast(gas.link[i][TOP], ti.i64) << ti.i64(32), ti.f64)), float)
 
 
 @ti.func
 def note_speed(i, gas: ti.template()):
-    """Keep the largest square of the speed of the disk at place i, rounded up to single precision."""
-    vx, vy = gas.work[i][VX], gas.work[i][VY]
-    square = ti.cast(1.000001 * (vx * vx + vy * vy), ti.f32)
-    gas.link[i][TOP] = ti.bit_cast(ti.max(square, ti.bit_cast(gas.link[i][TOP], ti.f32)), ti.i32)
+    """Keep the largest square of the speed of the disk at place i: the upper half of a double, rounded up."""
+    vx, vy = ti.cast(gas.work[i][VX], ti.f64), ti.cast(gas.work[i][VY], ti.f64)
+    square = ti.bit_cast(1.000001 * (vx * vx + vy * vy), ti.i64)
+    gas.link[i][TOP] = ti.max(gas.link[i][TOP], ti.cast(square >> ti.i64(32), ti.i32) + 1)
 
 
 @ti.func
@@ -114,9 +155,15 @@ def write_motion(row, t, first: ti.template(), before, after, gas: ti.template()
     """Write velocities and spins (vx, vy, spin of both partners) before and after, the disk's from `first` on."""
     fall_x, fall_y = gas.scale[GX] * t, gas.scale[GY] * t
     other = ti.static(3 - first)
-    gas.event[row][V_BEFORE], gas.event[row][V_BEFORE + 1] = before[first] + fall_x, before[first + 1] + fall_y
+    gas.event[row][V_BEFORE], gas.event[row][V_BEFORE + 1] = (
+        before[first] + fall_x,
+        before[first + 1] + fall_y,
+    )
     gas.event[row][V_AFTER], gas.event[row][V_AFTER + 1] = after[first] + fall_x, after[first + 1] + fall_y
     gas.event[row][W_BEFORE], gas.event[row][W_AFTER] = before[first + 2], after[first + 2]
-    gas.event[row][U_BEFORE], gas.event[row][U_BEFORE + 1] = before[other] + fall_x, before[other + 1] + fall_y
+    gas.event[row][U_BEFORE], gas.event[row][U_BEFORE + 1] = (
+        before[other] + fall_x,
+        before[other + 1] + fall_y,
+    )
     gas.event[row][U_AFTER], gas.event[row][U_AFTER + 1] = after[other] + fall_x, after[other + 1] + fall_y
     gas.event[row][S_BEFORE], gas.event[row][S_AFTER] = before[other + 2], after[other + 2]

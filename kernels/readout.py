@@ -1,10 +1,38 @@
-"""Disks by id, and sums over all of them, at the beginning or end of a window or at the moment in it that was asked for."""
+"""Disks by id, and sums over all of them, at the beginning or end of a window or at the moment in it asked for."""
 
 from .language import ti
 from .layout import (
-    ANGLE, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
-    LATEST, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, SPREAD, START, TILES_X, TILES_Y, TOLD, VX, VY,
-    WALL_HITS, GasArrays, Rows, Table, X, Y,
+    ANGLE,
+    COUNT,
+    DRIFT,
+    EVENTS,
+    GX,
+    GY,
+    ID,
+    IMAGE_X,
+    IMAGE_Y,
+    KIND_INERTIA,
+    KIND_MASS,
+    LAST_PARTNER,
+    LATEST,
+    PART,
+    PERIODIC_X,
+    PERIODIC_Y,
+    ROOM,
+    SPIN,
+    SPREAD,
+    START,
+    TILES_X,
+    TILES_Y,
+    TOLD,
+    VX,
+    VY,
+    WALL_HITS,
+    GasArrays,
+    Rows,
+    Table,
+    X,
+    Y,
 )  # fmt: skip
 from .shear import flow_at, frame_speed
 
@@ -39,7 +67,7 @@ def count_in(s, x, y, flow, total: ti.template(), gas: ti.template()):
 
 @ti.func
 def placed(s, tile, time, gas: ti.template()):
-    """Place in the box of a listed disk, boxes that it is away from there, velocities of its frame and of the flow in it."""
+    """Place in the box of a listed disk, boxes that it is away from there, velocities of its frame and the flow."""
     tx = tile // gas.grid[TILES_Y]
     ty = tile - tx * gas.grid[TILES_Y]
     x = gas.edge_x[tx] + ti.cast(gas.disk[s][X], ti.f64)
@@ -70,19 +98,19 @@ def placed(s, tile, time, gas: ti.template()):
 
 @ti.kernel
 def read_out(
-    part: ti.i32, time: ti.f64, filled: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, meta: Rows,
-    past: Rows, hits: Rows, kind: Rows, kinds: Rows, tile: Table, edge_x: Rows, edge_y: Rows, real_out: Table,
-    int_out: Table, past_out: Table, hits_out: Table, totals: Table,
+    part: ti.i32, time: ti.f64, filled: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows,
+    meta: Rows, past: Rows, hits: Rows, kind: Rows, kinds: Rows, tile: Table, edge_x: Rows, edge_y: Rows,
+    real_out: Table, int_out: Table, past_out: Table, hits_out: Table, totals: Table,
 ):  # fmt: skip
     """Write disks by id, unless `filled` is 0, and the sums of each tile.
 
     `real_out` (n, 5): x, y, vx, vy, spin; `int_out` (n, 3): collisions with disks and walls, boxes travelled;
-    `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 2): collisions with
-    walls, latest partner; `totals` (tiles, TOTALS).
+    `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 2): collisions
+    with walls, latest partner; `totals` (tiles, TOTALS).
     """
     gas = ti.static(GasArrays(
-        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, kind=kind, kinds=kinds, tile=tile,
-        edge_x=edge_x, edge_y=edge_y, uses=uses,
+        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, kind=kind, kinds=kinds,
+        tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
     ))  # fmt: skip
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:
@@ -101,7 +129,10 @@ def read_out(
                     real_out[i, 2] = ti.cast(gas.disk[s][VX], ti.f64) + frame
                     real_out[i, 3], real_out[i, 4] = gas.disk[s][VY], gas.disk[s][SPIN]
                     int_out[i, 0] = gas.meta[s][EVENTS]
-                    int_out[i, 1], int_out[i, 2] = gas.meta[s][IMAGE_X] + boxes_x, gas.meta[s][IMAGE_Y] + boxes_y
+                    int_out[i, 1], int_out[i, 2] = (
+                        gas.meta[s][IMAGE_X] + boxes_x,
+                        gas.meta[s][IMAGE_Y] + boxes_y,
+                    )
                     if ti.static(gas.uses.remembers or gas.uses.turned):
                         past_out[i, LATEST], past_out[i, ANGLE] = gas.past[s][LATEST], gas.past[s][ANGLE]
                     if ti.static(gas.uses.walled or gas.uses.partnered):

@@ -4,8 +4,8 @@
 around it. Disks have flown since they were listed, at most over the sides of their tile. A tile owns a disk for a
 window because that begins there.
 
-*Write.* Own disks go into the tile's new list. For each, the hash of its history (times and partners) and a bound on its
-way are noted; for each copy of another tile's disk a *claim*: the hash of the history that the copy had here.
+*Write.* Own disks go into the tile's new list. For each, the hash of its history (times and partners) and a bound on
+its way are noted; for each copy of another tile's disk a *claim*: the hash of the history that the copy had here.
 
 *Verify.* A tile is good if
 
@@ -14,10 +14,11 @@ way are noted; for each copy of another tile's disk a *claim*: the hash of the h
 2. of each copy with another history than the disk had in its own tile, neither the disk nor the copy can have come into
    touch with an own disk: circles around their first places with their ways as radii do not meet.
 
-Proof. Suppose all tiles are good, and let t be the first time at which the histories that tiles found for their own disks
+Proof. Suppose all tiles are good, and let t be the first time at which the histories that tiles found for their own
+disks
 leave the true motion. Then an own disk i meets, or misses, some k wrongly at t. Until t, i and k moved truly, so by 1
-there is a copy of k in the tile of i, and it or k came into touch with i, so by 2 the copy has the history that k has in
-its own tile, which is true before t. The tile of i then computed the meeting from true motions: a contradiction.
+there is a copy of k in the tile of i, and it or k came into touch with i, so by 2 the copy has the history that k has
+in its own tile, which is true before t. The tile of i then computed the meeting from true motions: a contradiction.
 
 Bad tiles are run again, from the same beginning, with wider halos. Nothing is ever undone.
 """
@@ -25,13 +26,84 @@ Bad tiles are run again, from the same beginning, with wider halos. Nothing is e
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BOXES_ASIDE, CELL, CELLS, CELL_SIDE,
-    CLAIMS, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL, FULL_CLAIMS, FURTHEST, GX, GY, HALO,
-    HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS, KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST,
-    LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS,
-    OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN, SQUARES,
-    SQUARE_UNIT, START, TALLY, TAU, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, VX, VY, WALL_HITS, WHO,
-    WIDEST, WINDOW, W_SPIN, X, Y,
+    ALONE,
+    ANGLE,
+    ASIDE,
+    AT_END,
+    AT_MOMENT,
+    AT_WALLS,
+    BEFORE,
+    BEYOND,
+    BOXES_ASIDE,
+    CELL,
+    CELL_SIDE,
+    CELLS,
+    CLAIMS,
+    COUNT,
+    DRIFT,
+    EVENTS,
+    FASTEST,
+    FIRST_WALL,
+    FLOW_WORK,
+    FULL,
+    FULL_CLAIMS,
+    FURTHEST,
+    GX,
+    GY,
+    HALO,
+    HASH_1,
+    HASH_2,
+    ID,
+    IMAGE_X,
+    IMAGE_Y,
+    INVERSE_MASS,
+    KIND,
+    LAP_X,
+    LAP_Y,
+    LAST,
+    LAST_PARTNER,
+    LATEST,
+    LENGTH_X,
+    LENGTH_Y,
+    LISTED,
+    MOMENT_IN,
+    MOST_CLAIMS,
+    N_CLAIMED,
+    N_CLAIMS,
+    NEXT_IN_CELL,
+    NOBODY,
+    NUMBER,
+    OWN,
+    PART,
+    PARTNER,
+    PERIODIC_X,
+    PERIODIC_Y,
+    PLACES,
+    PREVIOUS,
+    PROTRUDES,
+    ROOM,
+    ROW,
+    SLOT,
+    SPIN,
+    SQUARE_UNIT,
+    SQUARES,
+    START,
+    TALLY,
+    TAU,
+    TILES_ASIDE,
+    TILES_X,
+    TILES_Y,
+    TOLD,
+    TOP,
+    VX,
+    VY,
+    W_SPIN,
+    WALL_HITS,
+    WHO,
+    WIDEST,
+    WINDOW,
+    X,
+    Y,
 )  # fmt: skip
 from .places import add, kind_of, largest_speed, note_speed
 
@@ -88,7 +160,7 @@ def cell_at(x, y, region: ti.template()):
 
 @ti.func
 def region_of(tile, lane, gas: ti.template()):
-    """Cells of the tile and its halo, or of the whole box: corner, number and sides; places are from the tile's corner."""
+    """Cells of the tile and its halo, or of the whole box: corner, number, sides; places are from the tile's corner."""
     width, height = sides_of(tile, gas)
     halo = gas.reach[tile, HALO]
     wrap_x, wrap_y = 0, 0
@@ -156,7 +228,7 @@ def source(tile, step, gas: ti.template()):
 
 @ti.func
 def seen(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template()):
-    """Place of a listed disk from the corner of the tile that gathers, boxes that it went round, row of tiles it is in."""
+    """Place of a listed disk from the corner of the tile that gathers, boxes that it went round, its row of tiles."""
     x, y = gas.disk[s][X] + shift_x, gas.disk[s][Y] + shift_y
     lap_x, lap_y, row = 0, 0, 0
     if ti.static(gas.uses.sheared):
@@ -356,7 +428,9 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
                 listed = tile
                 if in_place:
                     listed = gas.mark[i][LISTED]
-                beyond = ti.max(beyond, way - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas))
+                beyond = ti.max(
+                    beyond, way - inside(x - 0.5 * fall_x * time, y - 0.5 * fall_y * time, listed, gas)
+                )
                 protrudes = ti.max(protrudes, -inside(x, y, listed, gas))
                 speed2 = (vx + fall_x) * (vx + fall_x) + (vy + fall_y) * (vy + fall_y)
                 fastest = ti.max(fastest, speed2)
@@ -391,7 +465,11 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
     if when == AT_END:
         gas.tally[tile, AT_END, FASTEST] = ti.cast(fastest, ti.f64)
         gas.tally[tile, AT_END, SQUARES] = squares
-        gas.reach[tile, BEYOND], gas.reach[tile, FURTHEST], gas.reach[tile, PROTRUDES] = beyond, furthest, protrudes
+        gas.reach[tile, BEYOND], gas.reach[tile, FURTHEST], gas.reach[tile, PROTRUDES] = (
+            beyond,
+            furthest,
+            protrudes,
+        )
         gas.tile[tile, N_CLAIMS] = claims
         if claims > 0:
             claim = ti.atomic_add(gas.counter[N_CLAIMED], claims)
@@ -409,8 +487,6 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
                         gas.claim_at[claim][0], gas.claim_at[claim][1] = gas.begun[i][0], gas.begun[i][1]
                         gas.claim_at[claim][2] = (largest_speed(i, gas) + faster) * time
                         claim += 1
-
-
 
 
 @ti.func

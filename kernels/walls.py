@@ -46,13 +46,68 @@ from .contact import ELASTIC, collided
 from .flights import rounding
 from .language import ti
 from .layout import (
-    AT_END, AT_WALLS, BEFORE, BEGIN, BY_HEAT, BY_LAW, BY_REMEDY, BY_WALLS, CELL, CELLS, ELASTICS, EVENT_HOW,
-    EVENT_PARTNER, FAR, FIRST_WALL, FULL, FULL_WALLS, GX, GY, INVERSE_MASS, ITEMS, KIND_RADIUS, LAST,
-    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, NEEDED, NORMAL_X, NUMBER, OWN, PARTNER, PERIODIC_X, PERIODIC_Y,
-    RESTING, SEED_HIGH, SEED_LOW, TAU, VX, VY, WALLS, WALL_COLLISIONS, WALL_WORK, WHO, WIDEST, WINDOW,
-    W_SPIN, K, X, Y,
+    AT_END,
+    AT_WALLS,
+    BEFORE,
+    BEGIN,
+    BY_HEAT,
+    BY_LAW,
+    BY_REMEDY,
+    BY_WALLS,
+    CELL,
+    CELLS,
+    ELASTICS,
+    EVENT_HOW,
+    EVENT_PARTNER,
+    FAR,
+    FIRST_WALL,
+    FULL,
+    FULL_WALLS,
+    GX,
+    GY,
+    INVERSE_MASS,
+    ITEMS,
+    KIND_RADIUS,
+    LAST,
+    LENGTH_X,
+    LENGTH_Y,
+    LOSSES,
+    MATERIAL,
+    NEEDED,
+    NORMAL_X,
+    NUMBER,
+    OWN,
+    PARTNER,
+    PERIODIC_X,
+    PERIODIC_Y,
+    RESTING,
+    SEED_HIGH,
+    SEED_LOW,
+    TAU,
+    VX,
+    VY,
+    W_SPIN,
+    WALL_COLLISIONS,
+    WALL_WORK,
+    WALLS,
+    WHO,
+    WIDEST,
+    WINDOW,
+    K,
+    X,
+    Y,
 )  # fmt: skip
-from .places import add, came_to, just_collided, kind_of, note_speed, radius_of, remember, watched_row, write_motion
+from .places import (
+    add,
+    came_to,
+    just_collided,
+    kind_of,
+    note_speed,
+    radius_of,
+    remember,
+    watched_row,
+    write_motion,
+)  # fmt: skip
 from .random import DRAWS, normals, rayleigh
 
 PLACE = 0xFFFF * DRAWS  # in streams of random numbers: the index that no force has
@@ -262,7 +317,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
 
 @ti.func
 def wall_reach(w, gas: ti.template()):
-    """How far from a wall, as it is when the window begins, the centre of a disk may be that touches it in the window."""
+    """How far from a wall, as the window begins, the centre of a disk may be that touches it in the window."""
     window = gas.scale[WINDOW]
     _s, speed, bound, _until = wall_motion(w, 0.0 * window, gas)
     way = ti.abs(speed) * window + 0.5 * bound * window * window
@@ -284,8 +339,8 @@ def span(low, high, corner, side, count):
 def place_walls(region: ti.template(), gas: ti.template()):
     """Note for each cell of a region the walls that a disk in it may touch, and through which periodic side.
 
-    Twice over the walls: the first time counts, the second enters. An item is 9 * wall + 3 * box + box, a box being 0 to 2
-    for the one before, this one and the next.
+    Twice over the walls: the first time counts, the second enters. An item is 9 * wall + 3 * box + box, a box being 0
+    to 2 for the one before, this one and the next.
     """
     lane = region.lane
     cells, items = region.nx * region.ny, lane * gas.grid[ITEMS]
@@ -317,8 +372,12 @@ def place_walls(region: ti.template(), gas: ti.template()):
                         if gas.walls[w][QY] != 0.0:
                             low_x, high_x = -FAR + 0.0 * px, FAR + 0.0 * px
                     extent = reach + gas.walls[w][CIRCLE]
-                    first_x, last_x = span(low_x - extent, high_x + extent, region.x, region.side_x, region.nx)
-                    first_y, last_y = span(low_y - extent, high_y + extent, region.y, region.side_y, region.ny)
+                    first_x, last_x = span(
+                        low_x - extent, high_x + extent, region.x, region.side_x, region.nx
+                    )
+                    first_y, last_y = span(
+                        low_y - extent, high_y + extent, region.y, region.side_y, region.ny
+                    )
                     for cx in range(first_x, last_x + 1):
                         for cy in range(first_y, last_y + 1):
                             x = region.x + (cx + 0.5) * region.side_x - off_x
@@ -381,7 +440,7 @@ def other_image(i, boxes, gas: ti.template()):
 
 @ti.func
 def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
-    """Collide the disk at place i at time t with the wall that it meets, at rest in the lab; disks are in a frame that falls."""
+    """Collide the disk at place i at time t with the wall that it meets, in the lab; disks are in one that falls."""
     code = FIRST_WALL - gas.link[i][PARTNER]
     w = code // 9
     lasting = 0

@@ -1,4 +1,4 @@
-"""Windows: all events of all disks for a short time, by tiles (`tiles.py`) or, in one tile that is the whole box, in order.
+"""Windows: all events for a short time, by tiles (`tiles.py`) or, in one tile that is the whole box, in order.
 
 The length of a window depends on the state of the gas at its beginning only, never on how it is computed: windows are
 where places and velocities are rounded.
@@ -7,14 +7,66 @@ where places and velocities are rounded.
 from .events import run_events
 from .language import ti
 from .layout import (
-    AGAIN, ALONE, AT_END, BAD, BEGIN, BINS, CELLS, COLLISIONS, COUNT, END, FAR, FASTEST, FULL, FULL_CELLS,
-    FULL_PLACES, GX, GY, KICK, LANES, MOMENT_IN, NEEDED, NEXT_TILE, N_BAD, N_SLOTS, N_WINDOWS, PART, PATH,
-    PAUSE, PAUSE_AFTER, PLACES, RESTING, ROOM, SPREAD, SQUARES, SQUARE_UNIT, STALLED, START, STOP, TALLY,
-    TILES_X, TILES_Y, TILE_SIDE, VX, VY, WALL_SPEED, WANTED, WINDOW, Cube, GasArrays, Rows, Table, N,
+    AGAIN,
+    ALONE,
+    AT_END,
+    BAD,
+    BEGIN,
+    BINS,
+    CELLS,
+    COLLISIONS,
+    COUNT,
+    END,
+    FAR,
+    FASTEST,
+    FREE_PATH,
+    FULL,
+    FULL_CELLS,
+    FULL_PLACES,
+    GX,
+    GY,
+    IN_WINDOW,
+    KICK,
+    LANES,
+    MOMENT_IN,
+    N_BAD,
+    N_SLOTS,
+    N_WINDOWS,
+    NEEDED,
+    NEXT_TILE,
+    PART,
+    PATH,
+    PAUSE,
+    PAUSE_AFTER,
+    PLACES,
+    RESTING,
+    ROOM,
+    SPEED,
+    SPREAD,
+    SQUARE_UNIT,
+    SQUARES,
+    STALLED,
+    START,
+    STOP,
+    TALLY,
+    TILE_SIDE,
+    TILES_X,
+    TILES_Y,
+    VX,
+    VY,
+    WALL_SPEED,
+    WANTED,
+    WINDOW,
+    Cube,
+    GasArrays,
+    N,
+    Rows,
+    Table,
 )  # fmt: skip
 from .tiles import choose, gather, is_bad, region_of
 from .walls import place_walls, wall_phases
 
+LEAST_PATH = 0.01  # of that of a gas that fills the box
 LARGEST_WAY = 0.4  # of the side of a tile, that the fastest disk may come in a window
 
 
@@ -33,9 +85,22 @@ def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
     return length
 
 
+@ti.pyfunc
+def path_from(path, free_path, in_window, way, collisions):
+    """The path that sets the next window, after one in which disks came a `way` at `path`, with so many collisions.
+
+    That of a gas that fills the box (`free_path`), or a shorter one where disks are in clusters and collide more often,
+    so that as many as that gas has `in_window` happen.
+    """
+    found = free_path
+    if collisions > in_window:
+        found = ti.max(way * in_window / collisions, LEAST_PATH * free_path)
+    return ti.min(ti.min(found, free_path), 2.0 * path)
+
+
 @ti.func
 def square_unit(fastest2):
-    """Unit in which squares of speeds are added up: a power of two, so that sums of whole units are exact in any order."""
+    """Unit in which squares of speeds are added up: a power of two, so that sums of units are exact in any order."""
     exponent = ti.max(ti.bit_cast(fastest2, ti.i64) >> ti.i64(52), ti.i64(21)) - ti.i64(20)
     return ti.bit_cast(exponent << ti.i64(52), ti.f64)
 
@@ -79,10 +144,20 @@ def run_tile(tile, lane, gas: ti.template()):
 @ti.func
 def plan(gas: ti.template()):
     """Set the next window of a gas in one tile, from the sums of the last one. A force ends it."""
+    way = gas.clock[SPEED] * (gas.clock[END] - gas.clock[BEGIN])
+    gas.clock[PATH] = path_from(
+        gas.clock[PATH], gas.clock[FREE_PATH], gas.clock[IN_WINDOW], way, gas.tally[0, AT_END, COLLISIONS]
+    )
     mean_square = gas.tally[0, AT_END, SQUARES] * gas.clock[SQUARE_UNIT] / ti.max(gas.grid[N], 1)
+    gas.clock[SPEED] = ti.sqrt(mean_square)
     pull = ti.sqrt(ti.cast(gas.scale[GX], ti.f64) ** 2 + ti.cast(gas.scale[GY], ti.f64) ** 2)
     length = window_length(
-        mean_square, gas.tally[0, AT_END, FASTEST], gas.clock[PATH], gas.clock[TILE_SIDE], pull, gas.clock[WALL_SPEED]
+        mean_square,
+        gas.tally[0, AT_END, FASTEST],
+        gas.clock[PATH],
+        gas.clock[TILE_SIDE],
+        pull,
+        gas.clock[WALL_SPEED],
     )
     gas.clock[BEGIN] = gas.clock[END]
     gas.clock[END] = ti.min(gas.clock[BEGIN] + length, gas.clock[KICK])
@@ -117,9 +192,12 @@ def close_window(gas: ti.template()):
 
 @ti.kernel
 def run_windows(
-    n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, sums: Rows, counter: Rows,
+    n_listed: ti.i32, most_windows: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, sums: Rows,
+    counter: Rows,
     disk: Rows, meta: Rows, past: Rows, hits: Rows, kind: Rows, kinds: Rows, trail: Rows, way: Rows, back: Rows,
-    tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube, claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows, begun: Rows, chosen: Rows, 
+    tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube,
+    claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows,
+    begun: Rows, chosen: Rows,
     since: Rows, turn: Rows, head: Rows, bin: Rows, wall_start: Rows, wall_item: Rows, walls: Rows, law: Cube,
     watched: Rows, event: Rows, event_int: Rows,
 ):  # fmt: skip
@@ -181,8 +259,10 @@ def verify(
 def survey(
     uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows, tile: Table, tally: Cube,
 ):  # fmt: skip
-    """The largest square of a speed and the sum of all, as a window's end tells them, of disks that something else moved."""
-    gas = ti.static(GasArrays(grid=grid, scale=scale, clock=clock, disk=disk, tile=tile, tally=tally, uses=uses))
+    """The largest square of a speed and the sum of all, as a window's end tells, of disks moved by something else."""
+    gas = ti.static(
+        GasArrays(grid=grid, scale=scale, clock=clock, disk=disk, tile=tile, tally=tally, uses=uses)
+    )
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:
             k = item // SPREAD

@@ -179,7 +179,8 @@ class Gas:
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
-        What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the start.
+        What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
+        start.
         """
         options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads}
         if case.run.precision != "f64":

@@ -105,7 +105,7 @@ class DeviceArrays:
         self.law.from_numpy(law_table.astype(self.real))
         # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
         self.counter = np.zeros(16, dtype=np.int32)
-        self.clock = np.zeros(12)
+        self.clock = np.zeros(16)
         self.grid = np.zeros(24, dtype=np.int32)
         self.scale = np.zeros(20, dtype=self.real)
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
@@ -128,6 +128,9 @@ class DeviceArrays:
             self.walls.from_numpy(rows)
         self.sums = np.zeros(k.TALLY + len(self.thermal))
         self.disk: Any = None
+        self.meta: Any = None
+        self.past: Any = None
+        self.hits: Any = None
         self._lanes = 0
         self.trail = self._vectors(2, ti.i32, self.room)
         self.way = self._array(self._type, self.room)
@@ -135,6 +138,7 @@ class DeviceArrays:
         self._make_parts(2)
         self.watched = self._array(ti.i32, n if uses.watched else 1)
         self.event: Any = None
+        self.event_int: Any = None
         self.scratch(0, 0, 0, 0)
         self.claims(0)
         self.events(0)
@@ -188,7 +192,12 @@ class DeviceArrays:
         lanes, uses = int(self.grid[k.LANES]), self.uses
         rows = lanes * places
         self._check_addresses(2 * rows)
-        self.grid[k.PLACES], self.grid[k.CELLS], self.grid[k.BINS], self.grid[k.ITEMS] = places, cells, bins, items
+        self.grid[k.PLACES], self.grid[k.CELLS], self.grid[k.BINS], self.grid[k.ITEMS] = (
+            places,
+            cells,
+            bins,
+            items,
+        )
         self._replace("work", self._vectors(8, self._type, rows))
         self._replace("link", self._vectors(16, ti.i32, rows))
         self._replace("mark", self._vectors(6, ti.i32, rows))
@@ -245,7 +254,10 @@ class DeviceArrays:
         self.reach = np.zeros((total, 4), dtype=self.real)
         self.tally = np.zeros((total, 2, k.TALLY))
         self.heat = np.zeros((total, 2, max(len(self.thermal), 1)))
-        self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = edges[0][-1] - edges[0][0], edges[1][-1] - edges[1][0]
+        self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
+            edges[0][-1] - edges[0][0],
+            edges[1][-1] - edges[1][0],
+        )
 
     def lay(self, disks: Disks, options: Any, state: State) -> None:
         """Divide the box, or what an open gas fills, into tiles, and begin a window from a state."""
@@ -256,7 +268,9 @@ class DeviceArrays:
             room = ROOM * (high - low).max() + self.widest
             low, high = low - room, high + room
             if not np.isfinite(high - low).all() or (high - low).max() > 1e100:
-                raise EngineError(f"positions spread over {(high - low).max():.3g}: too far apart to compute with")
+                raise EngineError(
+                    f"positions spread over {(high - low).max():.3g}: too far apart to compute with"
+                )
         self.area = float(np.prod(high - low))
         phi = self.packing_fraction = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
         collisions, tile_disks = division(phi)
@@ -270,7 +284,8 @@ class DeviceArrays:
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min()) if few and not sheared else math.sqrt(tile_disks * free)
         self.clock[k.TILE_SIDE] = own
-        self.scale[k.CELL_SIDE] = max(CELL * self.widest, math.sqrt(DISKS_PER_CELL * free), float((high - low).max()) / 3e4)
+        least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
+        self.scale[k.CELL_SIDE] = max(CELL * self.widest, math.sqrt(DISKS_PER_CELL * free), least)
         tiles = (1, 1)
         self.alone = options.order == "alone" or (options.order is None and few and options.arch == "cpu")
         self.alone = self.alone and not sheared
@@ -281,7 +296,10 @@ class DeviceArrays:
         if sheared:  # no last resort: windows are short enough for the tiles
             side = min(float(np.diff(edge).min()) for edge in self.edges)
             self.clock[k.TILE_SIDE] = min(own, side / 3.0)
-            self.clock[k.PATH] *= min(1.0, side / (30.0 * self.widest))
+            shorter = min(1.0, side / (30.0 * self.widest))
+            self.clock[k.PATH] *= shorter
+            collisions *= shorter
+        self.clock[k.FREE_PATH], self.clock[k.IN_WINDOW] = self.clock[k.PATH], 0.5 * n * collisions
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
         self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
         if self.alone:
@@ -300,7 +318,9 @@ class DeviceArrays:
         self.grid[k.BOXES_ASIDE], self.grid[k.TILES_ASIDE] = boxes, tiles
         self.scale[k.ASIDE] = round(rest / self.spacing) * self.spacing
 
-    def _in_frames(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _in_frames(
+        self, state: State
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Positions and velocities in the frames of rows of tiles (`kernels/shear.py`), and boxes crossed.
 
         All positions lie in the box, along x as the frame lay upon it at time 0.
@@ -337,10 +357,8 @@ class DeviceArrays:
         # First onto the grid: differences are exact then, whatever the tiles.
         position = np.round(position / self.spacing) * self.spacing
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
-        index = np.stack(
-            [np.clip(np.searchsorted(self.edges[a], position[:, a], side="right") - 1, 0, counts[a] - 1) for a in (0, 1)],
-            axis=1,
-        )
+        columns = [np.searchsorted(self.edges[a], position[:, a], side="right") - 1 for a in (0, 1)]
+        index = np.clip(np.stack(columns, axis=1), 0, counts - 1)
         tile = index[:, 0] * counts[1] + index[:, 1]
         order = np.argsort(tile, kind="stable")
         local = position - np.stack([self.edges[a][index[:, a]] for a in (0, 1)], axis=1)

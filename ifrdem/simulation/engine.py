@@ -1,12 +1,14 @@
 """The event-exact parallel engine, seen from the host.
 
-Time advances in *windows*, short enough that disks collide about once in each. In a window every tile of the box runs all
+Time advances in *windows*, short enough that disks collide about once in each. In a window every tile of the box runs
+all
 events of its own disks and those in a halo around it, by itself and in order (`kernels/events.py`); then it is verified
 that no tile missed anything, and tiles that may have are run again with wider halos (`kernels/tiles.py`, which has the
 proof). A gas of up to ALONE disks is one tile that is the whole box.
 
 Guarantee. The collisions are those of consistent hard disks from the given start, which is unique: what a serial
-event-driven code produces, up to rounding. Exact ties in time fall to the smaller pair of ids. And all bits of the state
+event-driven code produces, up to rounding. Exact ties in time fall to the smaller pair of ids. And all bits of the
+state
 depend on the gas only: places are on a grid, so that all tiles compute the same from whatever corner; windows end where
 the state at their beginning says. Any number of threads, any tiles, any halo that is verified, and the whole box in
 order give the same bits; so do frames, series, tracked disks and the ledger, which only look. A run that stops within a
@@ -16,7 +18,7 @@ window keeps its beginning, and goes on from there: stopping changes no bit. Onl
 Limits. Places are rounded to 2^-50 or so of the box. Tiles of a sheared gas have frames of their own: there the bits
 depend on the tiles, which depend on the gas only.
 
-What it costs (N = 1e4 or 1e5, phi = 0.3, relative to the engine of lists, log and rollback before, in the same minutes):
+What it costs (N = 1e4 or 1e5, phi = 0.3, against the engine of lists, log and rollback before, in the same minutes):
 
 ==========================================  ==========================  ==================================
 version                                     expected                    outcome (time a collision, old = 1)
@@ -63,7 +65,9 @@ if TYPE_CHECKING:
 
 PATIENCE = 1000  # usual times between collisions without one, after which a run by collisions gives up
 ORDERS = ("alone", "tiles")
-OPEN_WINDOWS = 32  # of an open gas, after which it is looked at: how far it has spread, and whether anybody can meet
+OPEN_WINDOWS = (
+    32  # of an open gas, after which it is looked at: how far it has spread, and whether anybody can meet
+)
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,8 @@ class EngineOptions:
         On the CPU; all cores by default.
     precision : {"f64", "f32"}
     order : {"alone", "tiles"} or None
-        One tile that is the whole box, by one thread; or many; by default as the number of disks suggests. The same bits.
+        One tile that is the whole box, by one thread; or many; by default as the number of disks suggests. The same
+        bits.
     tile_disks : int or None
         Disks of a tile; by default what is fastest.
     gravity : two floats
@@ -190,7 +195,6 @@ class Engine:
         self._collided_at = float(state.time)
         device.start(given.arch, threads=given.threads, precision=given.precision)
         from ..kernels.layout import WALL_SPEED, Uses
-        from ..kernels.readout import EXCESS
         from .arrays import DeviceArrays
         from .force_steps import ForceSteps
         from .windows import Windows
@@ -225,7 +229,7 @@ class Engine:
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
         self._flow_excess = 0.0
         if box.shear_rate:
-            self._flow_excess = float(self.totals()[EXCESS])
+            self._flow_excess = self._excess()
 
     def _lay(self, state: State) -> None:
         """Divide the box into tiles and lay a state into them, from which a window begins."""
@@ -302,8 +306,7 @@ class Engine:
     def switch_ledger(self, on: bool) -> None:
         """Go on without adding up what takes energy, or with it again: to time what the ledger costs."""
         with self.changing():
-            self._end_window()
-            self.arrays.uses = self.arrays.uses._replace(tallied=on)
+            self.windows.switch(self.arrays.uses._replace(tallied=on))
 
     # ------------------------------------------------------------------ changes between runs
 
@@ -313,8 +316,10 @@ class Engine:
             state = self._state()
             if self.tracking is not None:
                 self.tracking.drop_after(state.time)
+            excess = self._excess()
             self.windows.settle_at(state.time)
             self._lay(state)
+            self._flow_excess += self._excess() - excess  # other rows of tiles, by which nothing is done
         else:
             self.windows.settle()
 
@@ -369,22 +374,20 @@ class Engine:
         InputError
             If an immovable disk would move, or they are too large or small to compute with.
         """
-        from ..kernels.readout import EXCESS
-
         checks.check_motion(self.disks, state)
         hottest = max((wall.temperature or 0.0 for wall in self.walls), default=0.0)
         speed = checks.fastest(self.disks, state.velocity, state.spin)
         checks.check_magnitudes(self.disks, self.box, speed, self.precision, hottest)
         with self.changing():
             present = self._state()
-            excess = self._totals()[EXCESS]
+            excess = self._excess()
             before = self._snapshot(present)
             present.velocity, present.spin = state.velocity, state.spin
             self.windows.settle_at(present.time)
             self._lay(present)
             self._begin_anew()
             # What was done to energies in the frames of rows was not done by the flow.
-            self._flow_excess += float(self._totals()[EXCESS]) - excess
+            self._flow_excess += self._excess() - excess
             if self.tracking is not None:
                 self.tracking.kick(self.time, before, self._snapshot(present))
 
@@ -414,8 +417,8 @@ class Engine:
         """Run one window, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
         It ends at the latest where a force acts, after that; and where a window ends at or after `pause_at` [time] or
-        the total number of collisions `pause_after`. Where there are no windows, because nobody can meet anybody, it ends
-        at `rest_at` [time], too.
+        the total number of collisions `pause_after`. Where there are no windows, because nobody can meet anybody, it
+        ends at `rest_at` [time], too.
 
         Raises
         ------
@@ -468,9 +471,9 @@ class Engine:
         )
         if windows.rests and not windows.inside:
             raise InelasticCollapse(
-                f"t = {windows.begin:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic collapse); "
-                'there is no next collision. With collapse = "tc" and a contact_time, or collapse = "velocity_cutoff" '
-                "and a velocity_cutoff, such collisions are elastic, and the run goes on"
+                f"t = {windows.begin:.9g}: a disk came to rest on a wall, after ever smaller bounces (inelastic "
+                'collapse); there is no next collision. With collapse = "tc" and a contact_time, or collapse = '
+                '"velocity_cutoff" and a velocity_cutoff, such collisions are elastic, and the run goes on'
             )
         if watching:
             self._take_watched(watching, was)
@@ -632,13 +635,18 @@ class Engine:
 
         return totals(self)
 
+    def _excess(self) -> float:
+        """Kinetic energy in the frames of rows of tiles beyond that in the flow [energy]."""
+        from ..kernels.readout import EXCESS
+
+        return float(self._totals()[EXCESS]) if self.box.shear_rate else 0.0
+
     @property
     def flow_work(self) -> float:
-        """Energy that the flow of a sheared box has put in: what it did in the frames of rows, less what only they see."""
+        """Energy that the flow of a sheared box has put in: its work in the frames of rows, less what only they see."""
         from ..kernels.layout import FLOW_WORK
-        from ..kernels.readout import EXCESS
 
         if not self.box.shear_rate:
             return 0.0
-        excess = float(self._totals()[EXCESS])
+        excess = self._excess()
         return self._sum(FLOW_WORK) - (excess - self._flow_excess)

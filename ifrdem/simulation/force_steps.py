@@ -105,7 +105,7 @@ class ForceSteps:
         return found[::-1] if found and self.next_steps[found[0]] % 2 else found
 
     def apply(self, index: int, now: float) -> float:
-        """Apply a force that is due at `now` [time], where a window begins; what frames of rows see of it beyond its energy.
+        """Apply a force due at `now` [time], where a window begins; what frames of rows see of it beyond its energy.
 
         Raises
         ------

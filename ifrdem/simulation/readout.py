@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,7 +64,7 @@ def read(engine: Engine, stored: Collection[str] | None) -> tuple[State, NDArray
     for axis, periodic in enumerate(engine.box.periodic):
         if periodic:  # rounding can put a disk onto the far side, which is the next box already
             np.minimum(place[:, axis], below(engine.box.lengths[axis], real.dtype), out=place[:, axis])
-    told = {name: _read_only(value) for name, value in engine.past.items()}
+    told: dict[str, Any] = {name: _read_only(np.asarray(value)) for name, value in engine.past.items()}
     if uses.walled:
         told["wall_hits"] = hits[:, WALL_HITS].copy()
     if uses.partnered:

@@ -1,6 +1,6 @@
 """All that decides an engine's future, to the last bit; and how it is put back.
 
-A state in the order of disks (`State`) tells a gas to rounding: the engine measures places from the corners of its tiles,
+A state in the order of disks (`State`) tells a gas to rounding: the engine measures places from its tiles' corners,
 and a run that stopped within a window goes on from its beginning.
 Imports Taichi: import this module only after `device.start`.
 """
@@ -21,6 +21,7 @@ from .tracking import Statistics
 if TYPE_CHECKING:
     from .engine import Engine
 
+_LENGTHS = [k.PATH, k.TILE_SIDE, k.FREE_PATH, k.IN_WINDOW, k.SPEED]
 Snapshot = dict[str, NDArray[Any]]
 
 
@@ -60,7 +61,7 @@ def take(engine: Engine) -> Snapshot:
         found["tile"] = a.tile[:, [k.START + part, k.COUNT + part]]
         found["edge_x"], found["edge_y"] = a.edge_x, a.edge_y
         found["protrudes"] = a.reach[:, k.PROTRUDES].copy()
-        found["scales"] = np.array([a.clock[k.PATH], a.clock[k.TILE_SIDE], a.scale[k.CELL_SIDE], a.area], np.float64)
+        found["scales"] = np.array([*a.clock[_LENGTHS], a.scale[k.CELL_SIDE], a.area], np.float64)
         found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess])
         found.update(windows.snapshot())
         found["counts"] = np.array(
@@ -70,7 +71,7 @@ def take(engine: Engine) -> Snapshot:
         found["next_steps"] = np.array(steps.next_steps, dtype=np.int64)
         found["energy_inputs"] = steps.energy_inputs.copy()
         for name, value in engine.past.items():
-            found[f"before_{name}"] = value
+            found[f"before_{name}"] = np.asarray(value)
     return found
 
 
@@ -107,11 +108,16 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
             getattr(a, name).from_numpy(values)
     a.tile[:, [k.START, k.COUNT]] = found["tile"]
     a.reach[:, k.PROTRUDES] = found["protrudes"]
-    a.clock[k.PATH], a.clock[k.TILE_SIDE], a.scale[k.CELL_SIDE], a.area = found["scales"].tolist()
+    *lengths, a.scale[k.CELL_SIDE], a.area = found["scales"].tolist()
+    a.clock[_LENGTHS] = lengths
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
     engine._before, engine._parted = (before[0], before[1]), bool(parted)
-    windows.put_back(found)
+    windows.put_back(found, k.TRACKED if engine.tracking is not None else 0)
+    if engine.tracking is not None:
+        engine.tracking.take()  # of what was before, nothing
+        engine._take_watched(k.TRACKED, windows.now)
+        engine.tracking.take(windows.now)
     engine.statistics.__dict__.update(asdict(Statistics(*found["statistics"].tolist())))
     steps.next_steps = found["next_steps"].tolist()
     steps.energy_inputs = found["energy_inputs"].copy()

@@ -18,7 +18,6 @@ from ..model.law import CollisionLaw
 from ..model.state import Disks
 from ..model.walls import Wall
 
-
 KICK = -1
 """In place of a partner: a force changed the disk's velocity or spin."""
 UNKNOWN, ELASTIC = -1, 9
@@ -195,7 +194,9 @@ class Tracking:
         for axis, length in enumerate(box.lengths):
             if box.periodic[axis]:
                 boxes = np.floor(place[:, axis] / length)
-                place[:, axis] = np.minimum(place[:, axis] - boxes * length, below(length, np.dtype(np.float64)))
+                place[:, axis] = np.minimum(
+                    place[:, axis] - boxes * length, below(length, np.dtype(np.float64))
+                )
                 image[:, axis] += boxes.astype(np.int32)
         self._found.append(
             Events(
@@ -225,7 +226,7 @@ class Tracking:
         before: tuple[NDArray[np.float64], NDArray[np.int32]],
         after: tuple[NDArray[np.float64], NDArray[np.int32]],
     ) -> None:
-        """Note whose motion forces changed at this time [time], from places, velocities, spins (m, 5) and images before and after."""
+        """Note whose motion forces changed at a time [time], from places, velocities, spins (m, 5), images then."""
         changed = np.flatnonzero(np.any(before[0][:, 2:] != after[0][:, 2:], axis=1))
         if not changed.size:
             return

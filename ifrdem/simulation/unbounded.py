@@ -1,8 +1,8 @@
 """Open boundaries: when no disk can meet another one any more.
 
 Disks in open space lie in tiles over what they fill. Cells and tiles at its edge have no end there; once the disks have
-spread, they are laid anew. So cells get wider as the gas gets thinner, and once no two disks approach each other, nothing
-more can happen: the rest of the run is one flight.
+spread, they are laid anew. So cells get wider as the gas gets thinner, and once no two disks approach each other,
+nothing more can happen: the rest of the run is one flight.
 """
 
 from __future__ import annotations

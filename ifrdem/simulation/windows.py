@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
-from ..kernels.windows import LARGEST_WAY, run_windows, survey, verify, window_length
+from ..kernels.windows import LARGEST_WAY, path_from, run_windows, survey, verify, window_length
 from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
 
@@ -45,6 +45,7 @@ class Windows:
         size = len(arrays.sums)
         self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
         self._wider = 1.0
+        self._claimed = 0  # claims of the tiles that ran last
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
         self.fastest = 0.0
@@ -62,6 +63,14 @@ class Windows:
     def elastic(self) -> int:
         """Collisions that were elastic for a remedy for collapse."""
         return int(self.sums[k.ELASTICS])
+
+    def switch(self, uses: k.Uses) -> None:
+        """Go on with what else is added up, or less: the motion stays the same."""
+        inside, sums = self.inside, self.sums
+        self.arrays.uses = uses
+        if inside:
+            self._compute(self._moment_now, 1, 0)
+            self._done += sums - self.sums
 
     def add_flow_work(self, work: float) -> None:
         """Enter what a force did to energies in the frames of rows of tiles."""
@@ -115,13 +124,20 @@ class Windows:
     def snapshot(self) -> dict[str, NDArray[np.float64]]:
         """All that it knows, between windows or within one."""
         a = self.arrays
-        length = [self.begin, self.end, self.now, self._moment_now, float(self._ready or self._ahead), self.fastest]
+        length = [
+            self.begin,
+            self.end,
+            self.now,
+            self._moment_now,
+            float(self._ready or self._ahead),
+            self.fastest,
+        ]
         return {
             "window": np.array([*length, a.clock[k.SQUARE_UNIT], self._wider]),
             "sums": self._done.copy(),
         }
 
-    def put_back(self, found: dict[str, NDArray[np.float64]]) -> None:
+    def put_back(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
         """What `snapshot` gave."""
         a = self.arrays
         self._forget()
@@ -135,7 +151,7 @@ class Windows:
             self._counted = self.begin
             if self.now < self.end:
                 a.make_moment()
-            self._compute(self._moment_now if self.now < self.end else math.inf, 1, 0)
+            self._compute(self._moment_now if self.now < self.end else math.inf, 1, watching)
 
     # ------------------------------------------------------------------ length
 
@@ -149,12 +165,15 @@ class Windows:
             a.launch(survey)
             self._surveyed = True
         fastest2 = float(a.tally[:, k.AT_END, k.FASTEST].max())
-        mean_square = float(a.tally[:, k.AT_END, k.SQUARES].sum()) * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
+        mean_square = (
+            float(a.tally[:, k.AT_END, k.SQUARES].sum()) * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
+        )
         pull = math.hypot(float(a.scale[k.GX]), float(a.scale[k.GY]))
         length = window_length(
             mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, a.clock[k.WALL_SPEED]
         )
         a.clock[k.SQUARE_UNIT] = square_unit(fastest2)
+        a.clock[k.SPEED] = math.sqrt(mean_square)
         if a.uses.sheared:  # rows of tiles move against each other
             most = math.sqrt(fastest2) + 2.0 * abs(float(a.scale[k.DRIFT]))
             length = min(length, LARGEST_WAY * float(a.clock[k.TILE_SIDE]) / most)
@@ -171,6 +190,10 @@ class Windows:
             self.arrays.grid[k.PART] = 1 - self.arrays.grid[k.PART]
             self._ahead, self._surveyed, self._moment, self._moment_now = False, True, math.inf, 0.0
             a = self.arrays
+            a.clock[k.PATH] = path_from(
+                a.clock[k.PATH], a.clock[k.FREE_PATH], a.clock[k.IN_WINDOW],
+                a.clock[k.SPEED] * (self.end - self.begin), self._at_end[k.COLLISIONS],
+            )  # fmt: skip
             if not a.alone and not a.uses.sheared and self._widest_halo() < LEAST_HALO * self._least_side():
                 self.arrays.list_anew()
         if not self._ahead and not self._ready:
@@ -281,8 +304,8 @@ class Windows:
                     halvings += 1
                     if halvings > MOST_HALVINGS:
                         raise EngineError(
-                            f"t = {begin:.9g}: tiles of a sheared gas are too small for what happens in it; please report "
-                            "this with the case file and seed"
+                            f"t = {begin:.9g}: tiles of a sheared gas are too small for what happens in it; please "
+                            "report this with the case file and seed"
                         ) from None
                     self._shorten(watching)
             if again:
@@ -333,9 +356,10 @@ class Windows:
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
             if a.counter[k.STALLED]:
                 raise InelasticCollapse(
-                    f"t = {float(a.clock[k.BEGIN]):.9g}: collisions pile up without end in a window (inelastic collapse). "
-                    'Use collapse = "tc" with a contact_time or "velocity_cutoff" with a velocity_cutoff, a larger e_n, or a '
-                    "lower packing fraction, or end the run earlier"
+                    f"t = {float(a.clock[k.BEGIN]):.9g}: collisions pile up without end in a window (inelastic "
+                    "collapse). "
+                    'Use collapse = "tc" with a contact_time or "velocity_cutoff" with a velocity_cutoff, larger e_n, '
+                    "or a lower packing fraction, or end the run earlier"
                 )
             if not full:
                 self.rests |= bool(a.counter[k.RESTING])
@@ -378,7 +402,8 @@ class Windows:
         """Halos as wide as the fastest disk may make necessary, and for who hits whom in chains."""
         a = self.arrays
         window = self.end - self.begin
-        way = (self.fastest + float(a.clock[k.WALL_SPEED])) * window + 0.5 * float(np.hypot(*a.scale[k.GX : k.GX + 2])) * window**2
+        pull = float(np.hypot(a.scale[k.GX], a.scale[k.GY]))
+        way = (self.fastest + float(a.clock[k.WALL_SPEED])) * window + 0.5 * pull * window**2
         drift = abs(float(a.scale[k.DRIFT])) * window
         halo = self._wider * (a.widest * (4.0 + 3.0 * a.packing_fraction) + 2.0 * way + drift)
         self._most_halo = self._widest_halo()
@@ -403,7 +428,9 @@ class Windows:
             a.counter[[k.NEXT_TILE, k.N_BAD]] = 0
             a.launch(verify)
             count = int(a.counter[k.N_BAD])
-            reach = a.widest + max(float(a.reach[:, k.BEYOND].max()), 0.0) + float(a.reach[:, k.FURTHEST].max())
+            reach = (
+                a.widest + max(float(a.reach[:, k.BEYOND].max()), 0.0) + float(a.reach[:, k.FURTHEST].max())
+            )
             if a.uses.sheared:
                 reach += abs(float(a.scale[k.DRIFT])) * (self.end - self.begin)
             if count == 0 and reach <= most:
@@ -464,5 +491,5 @@ class _Again(Exception):
 
 def square_unit(fastest2: float) -> float:
     """As `kernels.windows.square_unit`."""
-    exponent = max(np.float64(fastest2).view(np.int64) >> 52, 21) - 20
-    return float(np.int64(exponent << 52).view(np.float64))
+    exponent = max(int(np.float64(fastest2).view(np.int64)) >> 52, 21) - 20
+    return float(np.int64(int(exponent) << 52).view(np.float64))

@@ -206,7 +206,8 @@ class Benchmark:
             "time a collision": f"{1e9 / self.rate:.4g} ns" if self.rate else "none happened",
             "time a disk and epoch": f"{own['thread_ns_per_disk_and_epoch']:.4g} ns, times threads",
             "collisions": f"{own['collisions_per_disk_and_epoch']:.4g} per disk and epoch",
-            "epochs": f"{own['epochs']}, of which {own['epochs_in_order']} by one thread; tiles run again: {own['tiles_run_again']}",
+            "epochs": f"{own['epochs']}, of which {own['epochs_in_order']} by one thread; "
+            f"tiles run again: {own['tiles_run_again']}",
             "time an epoch": f"{1e3 * own['seconds_per_epoch']:.4g} ms, "
             f"the slowest {1e3 * own['slowest_epoch_seconds']:.4g} ms",
             "memory": f"{self.bytes_per_disk:.4g} bytes a disk",
