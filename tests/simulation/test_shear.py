@@ -110,8 +110,8 @@ def test_disks_at_rest_in_the_flow_meet_where_only_the_flow_brings_them(boundary
     """18 rows of disks pass each other, a fifth of a diameter apart, and never meet; two disks in the free rows do.
 
     They are 0.9 apart along y, on both sides of the seam or of a height inside, and 1.9 along x: they touch when
-    the flow has brought them to sqrt(1 - 0.9^2). They are slow in their rows of tiles: a window must not be so long, nor a halo so
-    narrow, as their own speeds allow.
+    the flow has brought them to sqrt(1 - 0.9^2). They are slow in their rows of tiles: a window must not be so long,
+    nor a halo so narrow, as their own speeds allow.
     """
     box = Box((12.001, 24.002), shear_rate=0.5)
     side = box.lengths[1] / 20
