@@ -256,6 +256,7 @@ class Windows:
         self._compute(math.inf, 1, k.PAIRS)
         times = np.concatenate([real[:, k.AT] for real, _ in self._watched])
         self._watched, self.fresh = kept, fresh
+        self.arrays.events(0)
         return float(np.partition(times, count - 1)[count - 1])
 
     def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -283,7 +284,7 @@ class Windows:
             self._set_halos()
         self.rests = False
         self._launch(1 if alone else a.tiles, most)
-        again = begin == self._counted
+        again = bool(begin == self._counted)
         self.statistics.epochs -= again
         if alone:
             last = self._tally(k.AT_END)
