@@ -40,8 +40,8 @@ def chi(packing_fraction: float) -> float:
 
 def division(packing_fraction: float) -> tuple[float, int]:
     """Collisions that a disk has in a window, and disks of a tile: what took least time at this density."""
-    collisions = np.interp(packing_fraction, [0.0, 0.1, 0.3, 0.6], [0.5, 0.6, 1.0, 1.2])
-    return float(collisions), 8000
+    collisions = np.interp(packing_fraction, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
+    return float(collisions), 5000
 
 
 def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
