@@ -413,12 +413,13 @@ class Engine:
         pause_at: float = math.inf,
         pause_after: int | None = None,
         rest_at: float = math.inf,
+        ends: float | None = None,
     ) -> None:
         """Run one window, or some of a small gas: to `t_end` [time] or the total number of `collisions` at the latest.
 
         It ends at the latest where a force acts, after that; and where a window ends at or after `pause_at` [time] or
         the total number of collisions `pause_after`. Where there are no windows, because nobody can meet anybody, it
-        ends at `rest_at` [time], too.
+        ends at `rest_at` [time], too. The run itself `ends` [time] later, if that is not `t_end`.
 
         Raises
         ------
@@ -433,7 +434,7 @@ class Engine:
             self.last_collisions = None
             kick = self.force_steps.next_time
             if self._nothing_happens():
-                self._fly_freely(min(t_end, kick), t_end, rest_at)
+                self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
                 self._run(t_end, collisions, kick, pause_at, pause_after)
             self._apply_forces()
@@ -563,18 +564,18 @@ class Engine:
 
     # ------------------------------------------------------------------ rest
 
-    def _fly_freely(self, stop: float, t_end: float, rest_at: float) -> None:
-        """To `stop` [time], where a force may set disks in motion; to `t_end` if none acts, or none can.
+    def _fly_freely(self, kick: float, t_end: float, rest_at: float, ends: float) -> None:
+        """To a `kick` [time], where a force may set disks in motion; to `t_end` if none acts, or none can.
 
         Not beyond `rest_at` [time]: only a rest on the way, which says nothing of whether there is a way.
         """
         state = self._state()
         moving = bool(np.any(state.velocity)) or bool(np.any(state.spin))
         resting = self.force_steps.keeps_rest and not moving
-        if resting:
-            stop = t_end
+        next_motion = math.inf if resting else kick
+        stop = min(t_end, next_motion)
         self._resting += 1
-        if not math.isfinite(stop) or (not math.isfinite(t_end) and self._resting > PATIENCE):
+        if not math.isfinite(ends) and (not math.isfinite(next_motion) or self._resting > PATIENCE):
             apart = "the disks have flown apart, and none" if self._parted and moving else "no disk"
             raise NoMoreCollisions(
                 f"t = {self.time:.6g}: {apart} can meet another one any more, but collisions are asked for"

@@ -619,7 +619,7 @@ class Simulation(Sealed):
                 stop = earlier(frame, row) if exact else frame
                 self._engine.advance(
                     t_end=stop.time, collisions=stop.collisions, pause_at=row.time, pause_after=row.collisions,
-                    rest_at=frame.time,
+                    rest_at=frame.time, ends=end.time,
                 )  # fmt: skip
                 if progress is not None:
                     progress(self.time, self.collisions)
