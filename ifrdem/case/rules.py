@@ -89,7 +89,8 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> Findings:
     found += [*_wrong_motion(case), *_wrong_forces(case)]
     box, patch, given = Box.open(), None, None
     try:
-        box, patch = case.box.around(radius), case.box.patch(radius)
+        patch = case.box.patch(radius)
+        box = Box.open() if case.box.open or patch is None else patch
     except InputError as error:
         found.append(Problem("box", None, str(error)))
     else:

@@ -182,7 +182,7 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
             lines.append(_row("", verdict.message))
     lines += [_row(*each) for each in _walls(case, gas, estimate)]
     lines += _forces(case, estimate)
-    each_disk = disk_bytes(case.output.fields, case.output.precision)
+    each_disk = disk_bytes(case.output)
     frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"
     what = f"{estimate.frames} frames x {frame}"
     what += f", {'' if case.output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"

@@ -131,8 +131,7 @@ COMPRESSIONS: dict[str, dict[str, object]] = {
 
 HISTORIES = "histories"
 CHUNK_EVENTS, FEW_EVENTS, MANY = 16384, 512, 1000
-"""Events per chunk of many tracked disks; of fewer than MANY; never compressed: the last chunk is written again by each
-commit, and must stay in its place."""
+"""Events per chunk of many tracked disks; of fewer than MANY."""
 
 
 @dataclass(frozen=True)
@@ -347,6 +346,11 @@ def chunk_disks(n: int) -> int:
     return -(-n // chunks)
 
 
+def chunk_events(tracked: int) -> int:
+    """Events per chunk. Never compressed: the last chunk is written again by each commit, and must stay in its place."""
+    return CHUNK_EVENTS if tracked >= MANY else min(CHUNK_EVENTS, FEW_EVENTS)
+
+
 def stored_fields(file: h5py.File) -> tuple[str, ...]:
     """Names of the per-disk fields that the file holds."""
     return tuple(name for name in FIELDS if f"{PARTICLES}/{name}" in file)
@@ -473,10 +477,7 @@ def create_histories(
                 f"events/{name}",
                 shape=(0, *column.tail),
                 maxshape=(None, *column.tail),
-                chunks=(
-                    CHUNK_EVENTS if len(tracked) >= MANY else min(CHUNK_EVENTS, FEW_EVENTS),
-                    *column.tail,
-                ),
+                chunks=(chunk_events(len(tracked)), *column.tail),
                 dtype=column.dtype,
             )
         for name, text in MEANINGS.items():

@@ -15,7 +15,7 @@ from ifrdem import forces
 from ifrdem.case import file as case_file
 from ifrdem.case.case import Case
 from ifrdem.case.estimate import Estimate
-from ifrdem.case.forces_section import FORCES, ForceSection
+from ifrdem.case.forces_section import ForceSection
 from ifrdem.case.gas import Gas, forces_of
 from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw
@@ -141,14 +141,14 @@ def test_every_kind_of_force_reaches_its_class() -> None:
         "rescale": ({"energy": 2.0}, forces.Rescale(0.1, energy=2.0)),
         "table_friction": ({"mu": 0.2, "gravity": 2.0}, forces.TableFriction(0.1, mu=0.2, gravity=2.0)),
     }
-    assert given.keys() == FORCES.keys()
+    assert given.keys() == ForceSection.kinds.keys()
     raw = changed()
     raw["force"] = [{"kind": kind, "step": 0.1} | keys for kind, (keys, _) in given.items()]
     made = forces_of(Case.model_validate(raw))
     for one, (_, other) in zip(made, given.values(), strict=True):
         assert type(one) is type(other)
         assert (one.step, one.parameters) == (other.step, other.parameters)
-    keys = {key for each in FORCES.values() for key in each.all}
+    keys = {key for each in ForceSection.kinds.values() for key in each.all}
     assert keys | {"kind", "step"} == set(ForceSection.model_fields)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case.forces_section import FORCES
+from ifrdem.case.forces_section import ForceSection
 from ifrdem.case.gas import Gas, forces_of
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
@@ -55,7 +55,7 @@ def test_keys_of_table_friction_make_the_force() -> None:
     case = case_file.read(CASE, ["force[0].gravity=1.62"]).case
     (force,) = forces_of(case)
     assert force.parameters == (0.2 * 1.62,)
-    assert FORCES["table_friction"].needed == ("mu",)
+    assert ForceSection.kinds["table_friction"].needed == ("mu",)
     (earth,) = forces_of(case_file.read(CASE).case)
     assert earth.parameters == (0.2 * 9.81,)
 

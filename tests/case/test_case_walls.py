@@ -18,7 +18,7 @@ from ifrdem.case import template
 from ifrdem.case.case import Case
 from ifrdem.case.estimate import Estimate
 from ifrdem.case.gas import Gas
-from ifrdem.case.walls_section import MOTIONS, SHAPES, MotionSection, WallSection
+from ifrdem.case.walls_section import MotionSection, WallSection
 from ifrdem.cli.main import main
 from ifrdem.model.collapse import Collapse
 from ifrdem.model.free_area import Room
@@ -225,8 +225,8 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
         ),
         "post": ({"center": [10.0, 12.0], "radius": 0.0}, Wall.post((10.0, 12.0), 0.0, material=2)),
     }
-    assert shapes.keys() == SHAPES.keys()
-    assert motions.keys() == MOTIONS.keys()
+    assert shapes.keys() == WallSection.kinds.keys()
+    assert motions.keys() == MotionSection.kinds.keys()
     raw = changed("run.collapse=velocity_cutoff", "run.velocity_cutoff=0.25")
     raw["wall"] = [{"shape": shape, "material": "steel"} | keys for shape, (keys, _) in shapes.items()]
     raw["wall"] += [  # type: ignore[operator]
@@ -245,11 +245,11 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
     assert (law.e_n, law.e_t, law.mu) == (0.95, -0.7, 0.1)
     assert gas.laws[2][1] is law or gas.laws[2][1] == law
     assert gas.laws[0][2] is None  # glass and steel never meet
-    keys = {key for each in SHAPES.values() for key in each}
+    keys = {key for each in WallSection.kinds.values() for key in each.all}
     assert keys | {"shape", "material", "motion", "surface_speed", "temperature"} == set(
         WallSection.model_fields
     )
-    keys = {key for needed, also in MOTIONS.values() for key in needed + also}
+    keys = {key for each in MotionSection.kinds.values() for key in each.all}
     assert keys | {"kind", "direction"} == set(MotionSection.model_fields)
 
 
