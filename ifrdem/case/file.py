@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import tomllib
@@ -16,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 from ..errors import InputError, listed, nearest
 from ..tools import text_file
 from .case import Case
-from .rules import Findings, judge
+from .gas import Gas, judge
 from .section import Problem, Section
 
 KeyPath = tuple[str | int, ...]
@@ -48,19 +49,17 @@ class CaseFile:
         Its text.
     overrides : tuple of str
         The "key=value" overrides, in order.
-    findings : Findings
-        The case that the two say together, and what the rules read and derived to judge it.
+    case : Case
+        What the two say together.
+    gas : Gas
+        The gas that was judged with it; `Gas.ready` makes it start.
     """
 
     path: Path
     text: str
     overrides: tuple[str, ...]
-    findings: Findings = field(repr=False)
-
-    @property
-    def case(self) -> Case:
-        """The case."""
-        return self.findings.case
+    case: Case
+    gas: Gas = field(repr=False)
 
     @property
     def folder(self) -> Path:
@@ -92,35 +91,24 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
         raise InputError(f"{path}: {error}") from None
     for assignment in overrides:
         override(raw, assignment)
-    found, findings = _judged(raw, path.parent)
-    if found or findings is None:
+    case, gas, found = judged(raw, path.parent)
+    if case is None or gas is None or found:
         set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
-        raise InputError(
-            listed(
-                [
-                    f"{path}: {problem}" + (" [set on the command line]" if problem.key in set_here else "")
-                    for problem in found
-                ]
-            )
-        )
-    return CaseFile(path, text, tuple(overrides), findings)
+        texts = [f"{problem}{' [set on the command line]' * (problem.key in set_here)}" for problem in found]
+        raise InputError(listed([f"{path}: {text}" for text in texts]))
+    return CaseFile(path, text, tuple(overrides), case, gas)
 
 
-def mistakes(raw: Mapping[str, Any], folder: Path) -> list[Problem]:
-    """Everything that is wrong with a parsed case: keys, types and ranges first; if these are in order, the rules.
+def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, Gas | None, list[Problem]]:
+    """A parsed case, its gas, and everything that is wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
     """
-    return _judged(raw, folder)[0]
-
-
-def _judged(raw: Mapping[str, Any], folder: Path) -> tuple[list[Problem], Findings | None]:
-    """Mistakes of a parsed case, and the findings of the rules if they could be applied."""
     case, found = _validated(raw)
     if case is None:
-        return found, None
-    findings = judge(case, folder)
-    return found + findings.problems, findings
+        return None, None, found
+    gas, problems = judge(case, folder)
+    return case, gas, found + problems
 
 
 def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
@@ -132,7 +120,7 @@ def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
     found = [_translated(each, tuple(each["loc"])) for each in errors]
     if any(each["type"] != "extra_forbidden" for each in errors):
         return None, found
-    known: Any = nested_copy(raw)
+    known: Any = copy.deepcopy(raw)
     for each in errors:
         *above, last = each["loc"]
         place: Any = known
@@ -216,13 +204,6 @@ def _parsed(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except ValueError as error:  # of the parser, or a whole number with thousands of digits
         raise InputError(f"not valid TOML: {error}") from None
-
-
-def nested_copy(value: Any) -> Any:
-    """A copy of nested dicts and lists; their leaves are shared."""
-    if isinstance(value, Mapping):
-        return {key: nested_copy(each) for key, each in value.items()}
-    return [nested_copy(each) for each in value] if isinstance(value, list) else value
 
 
 def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:

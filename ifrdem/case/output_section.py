@@ -146,11 +146,12 @@ class OutputSection(Section):
         ways = (self.series_interval, self.series_collisions)
         if self.series is not None or any(each is not None for each in ways):
             return self._cadence(self.series or 1, *ways, self.series_spacing, exact=True)
-        often = [
+        interval, collisions = (
             None if each is None else each / ROWS_PER_FRAME
             for each in (self.frames_interval, self.frames_collisions)
-        ]
-        return self._cadence(ROWS_PER_FRAME * self.frames, *often, self.frames_spacing, exact=False)
+        )
+        number = ROWS_PER_FRAME * self.frames
+        return self._cadence(number, interval, collisions, self.frames_spacing, exact=False)
 
     def _cadence(
         self, number: int, interval: float | None, collisions: float | None, spacing: str, *, exact: bool

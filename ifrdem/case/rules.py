@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,11 +18,10 @@ from ..model.box import Box
 from ..model.free_area import Room
 from ..model.walls import Wall, check_place
 from ..model.walls import check as check_walls
-from . import pair_rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
 from .section import Problem
-from .species import Species, species_of
+from .species import Species
 
 LARGEST_DISK = 1.0 / 3.0
 """Of the shorter side, at most: the engine's limit, which keeps a disk from meeting its own image."""
@@ -33,80 +31,7 @@ WIDEST_RATIO = math.sqrt(CROWD) - 1.25
 with a quarter of their diameter to spare, which is the least that the engine lists beyond contact."""
 
 
-@dataclass(frozen=True, eq=False)
-class Findings:
-    """A case that was judged, and what had to be sampled, built and read for that: a gas is made of it.
-
-    Attributes
-    ----------
-    case : Case
-        The case.
-    problems : list of Problem
-        Everything that is wrong; the rest holds as far as there is nothing.
-    species : tuple of Species
-        In the order of the disks' ids.
-    materials : tuple of str
-        Names of the materials that occur; that of the sides of the box is the first.
-    verdicts : tuple of PairVerdict
-        Admissibility of each pair of species, and of each species and material of walls.
-    walls : tuple of Wall
-        Beside those at the sides of the box.
-    box : Box
-        The box.
-    patch : Box or None
-        The rectangle in which disks are placed at the start: the box, or what an open one says of it.
-    given : Given or None
-        The start as it stands in the file or trajectory that the case names, if it does and `start` is true.
-    start : bool
-        Whether the start was looked at: not in a run that has begun.
-    """
-
-    case: Case
-    problems: list[Problem]
-    species: tuple[Species, ...]
-    materials: tuple[str, ...]
-    verdicts: tuple[PairVerdict, ...]
-    walls: tuple[Wall, ...]
-    box: Box
-    patch: Box | None
-    given: Given | None
-    start: bool
-
-
-def judge(case: Case, folder: Path, *, start: bool = True) -> Findings:
-    """Apply every rule to a case. A start file's path begins at `folder`; without `start`, it is looked at no more."""
-    species = species_of(case)
-    radius = np.concatenate([each.radius for each in species])
-    verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
-    # The engine makes the sides of the first one.
-    sides = () if case.box.material is None else (case.box.material,)
-    materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
-    walls = tuple(
-        each.wall(0 if each.material is None else materials.index(each.material)) for each in case.wall
-    )
-    found = [*_wrong_names(case)]
-    found += [Problem(each.key, None, each.message) for each in _once(verdicts) if not each.admissible]
-    found += [*_wrong_motion(case), *_wrong_forces(case)]
-    box, patch, given = Box.open(), None, None
-    try:
-        patch = case.box.patch(radius)
-        box = Box.open() if case.box.open or patch is None else patch
-    except InputError as error:
-        found.append(Problem("box", None, str(error)))
-    else:
-        wrong_walls = [*_wrong_walls(case, walls, box, radius)]
-        found += wrong_walls
-        if start:
-            standing = () if wrong_walls else walls
-            found += _wrong_room(case, species, radius, None if patch is None else Room(patch, standing))
-            found += _wrong_open(case, patch)
-            found += _wrong_scan(case)
-            given = _given(case, radius, Room(box, standing), folder, found)
-    found += _wrong_output(case, len(radius), box)
-    return Findings(case, found, species, materials, verdicts, walls, box, patch, given, start)
-
-
-def _wrong_names(case: Case) -> Iterator[Problem]:
+def wrong_names(case: Case) -> Iterator[Problem]:
     names = [each.name for each in case.material]
     for kind, own in (("material", names), ("species", [each.name for each in case.species])):
         for i, name in enumerate(own):
@@ -148,12 +73,13 @@ def _listed(names: list[str]) -> str:
     return ", ".join(names) or "none"
 
 
-def _once(verdicts: Iterable[pair_rules.PairVerdict]) -> list[pair_rules.PairVerdict]:
-    """Without those that say the same of further species."""
-    return list({(each.key, each.message): each for each in verdicts}.values())
+def wrong_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
+    """What says the same of further species is told once."""
+    for key, message in dict.fromkeys((each.key, each.message) for each in verdicts if not each.admissible):
+        yield Problem(key, None, message)
 
 
-def _wrong_motion(case: Case) -> Iterator[Problem]:
+def wrong_motion(case: Case) -> Iterator[Problem]:
     if case.run.collisions_per_disk is None:
         return
     value = f"{case.run.collisions_per_disk:g}"
@@ -168,7 +94,7 @@ def _disks(case: Case) -> int:
     return sum(each.number for each in case.species)
 
 
-def _wrong_forces(case: Case) -> Iterator[Problem]:
+def wrong_forces(case: Case) -> Iterator[Problem]:
     t_end = case.run.t_end
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
@@ -187,7 +113,7 @@ def _wrong_forces(case: Case) -> Iterator[Problem]:
             yield Problem(f"{key}.step", f"{force.step:g}", text)
 
 
-def _wrong_walls(
+def wrong_walls(
     case: Case, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
 ) -> Iterator[Problem]:
     if box.is_open:
@@ -233,7 +159,7 @@ def _outside(wall: Wall, box: Box) -> bool:
     return bool(np.any(beyond))
 
 
-def _wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
+def wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
     output, region = case.output, case.output.histories_region
     twice = [name for i, name in enumerate(output.fields) if name in output.fields[:i]]
     if twice:
@@ -262,7 +188,7 @@ def _wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
         yield Problem("output.histories", None, text)
 
 
-def _wrong_room(
+def wrong_room(
     case: Case, species: Sequence[Species], radius: NDArray[np.float64], room: Room | None
 ) -> Iterator[Problem]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
@@ -322,7 +248,7 @@ def _size_key(case: Case) -> str:
     return "box.packing_fraction" if case.box.lengths is None else "box.lengths"
 
 
-def _wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
+def wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
     if not case.box.open:
         return
     if case.start.placed and patch is None:
@@ -336,7 +262,7 @@ def _wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
         yield Problem(_size_key(case), None, text)
 
 
-def _wrong_scan(case: Case) -> Iterator[Problem]:
+def wrong_scan(case: Case) -> Iterator[Problem]:
     if case.start.positions != IMPACT_SCAN:
         return
     key, value = "start.positions", f'"{IMPACT_SCAN}"'
@@ -362,7 +288,7 @@ def _wrong_speeds(case: Case, beside: str) -> Iterator[Problem]:
                 yield Problem(f"species[{i}].{speed}", value, f"cannot stand beside {beside}")
 
 
-def _given(
+def given_start(
     case: Case, radius: NDArray[np.float64], room: Room, folder: Path, found: list[Problem]
 ) -> Given | None:
     """The start that a file or a trajectory gives; what is wrong with it is added to `found`."""

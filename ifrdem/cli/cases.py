@@ -22,10 +22,9 @@ def check(case: Case, /, *, set: Set = None) -> None:
     from ..case import file as case_file
     from ..case import shipped, summary
     from ..case.estimate import Estimate
-    from ..case.gas import Gas
 
     file = case_file.read(shipped.find(case), set or [])
-    gas = Gas.from_file(file)
+    gas = file.gas.ready(file.case)
     estimate = Estimate.of(gas, file.case)
     summary.refuse_cadences(file.case, gas, estimate)
     say(summary.report(file.case, gas, estimate))

@@ -94,7 +94,7 @@ def run(
     backend.check(case.run.arch, case.run.threads, case.run.precision)
     check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, case.start.positions)
     began = time.perf_counter()
-    gas = Gas.from_file(file)
+    gas = file.gas.ready(case)
     estimate = Estimate.of(gas, case)
     check.refuse_cadences(case, gas, estimate)
     check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)

@@ -17,7 +17,6 @@ from ..case import summary
 from ..case.case import Case
 from ..case.file import CaseFile
 from ..case.gas import Gas
-from ..case.rules import judge
 from ..errors import InputError
 from ..simulation import checkpoint, device
 from ..simulation.schedule import Course
@@ -115,8 +114,8 @@ def resume(
     device.check(case.run.arch, case.run.threads, case.run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
     began = time.perf_counter()
-    file = CaseFile(*begun, judge(case, begun[0].parent, start=False))
-    gas = Gas.from_file(file)
+    gas = Gas.from_case(case, begun[0].parent, start=False)
+    file = CaseFile(*begun, case, gas)
     outputs = Outputs.plan(
         case.run.name, str(trajectory), picture=picture and case.output.picture,
         views=case.output.views and "position" in case.output.fields,

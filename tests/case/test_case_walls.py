@@ -91,7 +91,7 @@ def changed(*overrides: str, text: str = SHAKEN) -> dict[str, object]:
 
 
 def mistakes(*overrides: str, text: str = SHAKEN) -> list[str]:
-    return [str(problem) for problem in case_file.mistakes(changed(*overrides, text=text), Path())]
+    return [str(problem) for problem in case_file.judged(changed(*overrides, text=text), Path())[-1]]
 
 
 def test_the_case_is_in_order() -> None:
@@ -197,7 +197,7 @@ def test_too_many_walls_are_counted_with_the_sides() -> None:
     del raw["pair"][1]  # type: ignore[attr-defined]  # no steel
     post = {"shape": "post", "material": "coin", "radius": 0.1}
     raw["wall"] = [post | {"center": [0.5 * i + 1.0, 20.0]} for i in range(28)]
-    (found,) = case_file.mistakes(raw, Path())
+    (found,) = case_file.judged(raw, Path())[-1]
     assert "32 walls: 31 at most are supported, the sides of the box included" in str(found)
 
 

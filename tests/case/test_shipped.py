@@ -35,7 +35,6 @@ def test_every_case_of_the_folder_is_listed_with_what_it_shows(capsys: pytest.Ca
 @pytest.mark.parametrize("name", sorted(path.stem for path in CASES.glob("*.toml")))
 def test_every_shipped_case_is_in_order_and_named_like_its_file(name: str) -> None:
     file = case_file.read(shipped.find(name))
-    assert file.findings.problems == []
     assert file.case.run.name == name
     assert f"ifrdem run cases/{name}.toml" in file.text
 

@@ -74,7 +74,7 @@ def parsed(*overrides: str, text: str = CASE) -> dict:
 
 
 def mistakes(folder: Path, *overrides: str) -> list[str]:
-    return [str(problem) for problem in case_file.mistakes(parsed(*overrides), folder)]
+    return [str(problem) for problem in case_file.judged(parsed(*overrides), folder)[-1]]
 
 
 def start(folder: Path, *overrides: str) -> tuple[Gas, State]:
