@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ..errors import InputError
+from ..errors import InputError, Stopped, TrajectoryError
 from .console import FAILED, complain, note, say, warn
 from .options import (
     Arch,
@@ -106,9 +106,6 @@ def resume(
 
 def _ended(work: Callable[[], None]) -> int:
     """Exit status of a run."""
-    from ..run.signals import Stopped
-    from ..trajectory.writer import TrajectoryError
-
     try:
         work()
     except (TrajectoryError, Stopped) as error:

@@ -20,7 +20,7 @@ from ..case.case import IMPACT_SCAN, UNITS, Case
 from ..case.estimate import Estimate
 from ..case.file import CaseFile
 from ..case.gas import Gas
-from ..errors import EngineError, InputError
+from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from ..model.observables import MECHANISMS, Measure
 from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
@@ -28,11 +28,11 @@ from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
 from ..trajectory.background import QueuedWriter
 from ..trajectory.views import write_views
-from ..trajectory.writer import TrajectoryError, TrajectoryWriter
+from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs
 from .progress import Progress, Stage
 from .recorder import Ledger, Recorder
-from .signals import Stopped, Stops
+from .signals import Stops
 from .status import Status
 
 

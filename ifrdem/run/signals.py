@@ -10,6 +10,8 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
 
+from ..errors import Stopped
+
 WARNINGS = [getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)]
 """Signals by which batch systems tell that a job is about to run out of time (Windows has none)."""
 SIGNALS = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
@@ -18,14 +20,6 @@ SIGNALS = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
 INTERRUPTED = 130  # what shells use for SIGINT
 TERMINATED = 143
 TIME_IS_UP = 3  # --maxh, or the warning of a batch system; as `cli.UNFINISHED`
-
-
-class Stopped(Exception):
-    """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
-
-    def __init__(self, reason: str, status: int) -> None:
-        super().__init__(reason)
-        self.status = status
 
 
 class Stops:

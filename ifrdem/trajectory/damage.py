@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import DamageError, InputError
 
 FAULTS = (
     OSError, RuntimeError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError,
@@ -22,14 +22,6 @@ HINT = "; `ifrdem repair` keeps what is whole"
 ZSTD = 32015  # number of the filter, https://github.com/HDFGroup/hdf5_plugins
 # Numbers of bytes made of one, at most: zlib's technical details; a block of Zstandard, RFC 8878: 128 KiB of 4 bytes.
 EXPANSION = {None: 1, "gzip": 1032, "zstd": 2**15}
-
-
-class DamageError(InputError):
-    """A part of a file that cannot be read."""
-
-
-class DamageWarning(UserWarning):
-    """A part of a file is left out, because it cannot be read and nothing else needs it."""
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import h5py
 
-from ..errors import InputError
+from ..errors import InputError, TrajectoryError
 from ..tools import files
 
 try:
@@ -18,12 +18,7 @@ try:
 except ImportError:  # not on Windows
     fcntl = None  # type: ignore[assignment]
 
-LOST = "its frames are not at their place any more"
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
-
-
-class TrajectoryError(RuntimeError):
-    """A trajectory cannot be written further (a full disk, a closed file). Its committed frames are kept."""
 
 
 class OrderedFile:
@@ -171,18 +166,11 @@ class OrderedFile:
 
 def _order(data: bytes) -> tuple[int, int]:
     """When a piece is written: see the numbers. Pieces of one number keep HDF5's order: data, then their headers."""
-    if data.startswith(_SUPERBLOCK):
-        return 0, 0
-    if data.startswith(b"HEAP"):  # of names
-        return 1, 0
-    if data.startswith(
-        b"TREE\x01"
-    ):  # of chunks, from the root down; the sixth byte is the level, 0 for leaves
-        return 2, -data[5]
-    if data.startswith(b"TREE"):  # of the names in a group
-        return 4, -data[5]
-    # Without a mark: names, numbers, and headers of datasets, which say how many rows there are.
-    return (5, 0) if data.startswith(b"SNOD") else (3, 0)
+    for number, mark in ((0, _SUPERBLOCK), (1, b"HEAP"), (2, b"TREE\x01"), (4, b"TREE"), (5, b"SNOD")):
+        # A heap holds names, trees chunks (\x01) or names: from the root down, whose level is the sixth byte.
+        if data.startswith(mark):
+            return number, -data[5] if mark.startswith(b"TREE") else 0
+    return 3, 0  # names, numbers, and headers of datasets, which say how many rows there are
 
 
 class OutputFile:
@@ -224,9 +212,19 @@ class OutputFile:
         InputError
             If the path exists and `force` is not given, or the file cannot be made. Nothing is left behind.
         """
-        path = Path(os.path.realpath(given))
-        replaces = _check_output(path, given, force=force)
-        present = _create_empty(path, given)
+        path, name = Path(os.path.realpath(given)), f"output {os.fspath(given)}"
+        if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
+            raise InputError(f"{name} is a folder: the name of a file is needed")
+        if not os.path.isdir(path.parent):
+            raise InputError(f"{name}: there is no folder {path.parent}")
+        if (replaces := os.path.exists(path)) and not os.path.isfile(path):
+            raise InputError(f"{name} is not a regular file")
+        if replaces and not force:
+            raise InputError(f"{name} exists: choose another name, or replace it (--force)")
+        try:
+            present = files.create(path)
+        except OSError as error:
+            raise InputError(f"{name} cannot be created: {error.strerror}") from error
         file, raw = None, None
         try:
             raw = OrderedFile(present)
@@ -240,7 +238,7 @@ class OutputFile:
         except (OSError, RuntimeError, ValueError, TypeError) as error:
             _close(file, raw)
             present.unlink(missing_ok=True)
-            raise InputError(f"output {os.fspath(given)} cannot be written: {error}") from error
+            raise InputError(f"{name} cannot be written: {error}") from error
         return output
 
     @classmethod
@@ -252,26 +250,20 @@ class OutputFile:
         InputError
             If it is not there, not HDF5, damaged, or open elsewhere.
         """
-        path = Path(os.path.realpath(given))
+        path, name, raw = Path(os.path.realpath(given)), os.fspath(given), None
         if not os.path.isfile(path):
-            raise InputError(f"{os.fspath(given)}: there is no such file to go on with")
-        raw = None
+            raise InputError(f"{name}: there is no such file to go on with")
         try:
             raw = OrderedFile(path)
             file = h5py.File(raw, "r+")
         except BlockingIOError as error:
             raise InputError(
-                f"{os.fspath(given)} is open elsewhere: a run is writing it, or a program holds it"
+                f"{name} is open elsewhere: a run is writing it, or a program holds it"
             ) from error
         except (OSError, RuntimeError) as error:
             _close(None, raw)
-            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-            raise InputError(f"{os.fspath(given)} cannot be written further: {reason}") from error
+            raise InputError(f"{name} cannot be written further: {_reason(error)}") from error
         return cls(file, raw, path, path, replaces=False, new=False)
-
-    def __bool__(self) -> bool:
-        """Whether it is open."""
-        return bool(self.file)
 
     @property
     def gone(self) -> str | None:
@@ -304,14 +296,9 @@ class OutputFile:
 
     @contextlib.contextmanager
     def committing(self, what: str, kept: Callable[[], str]) -> Iterator[None]:
-        """Turn what fails inside into a TrajectoryError; nothing is written after it.
+        """Turn what fails inside, where `what` is written, into a TrajectoryError; nothing is written after it.
 
-        Parameters
-        ----------
-        what : str
-            What is being written, e.g. "a frame".
-        kept : callable
-            Says what the file keeps.
+        `kept` says what the file keeps.
         """
         if self.failed or not self.file:
             raise TrajectoryError(f"{self.path} is closed: {what} cannot be added")
@@ -322,13 +309,12 @@ class OutputFile:
         except TrajectoryError as error:
             self.failed = True
             raise TrajectoryError(f"{self.path}: {error}") from error
-        except (OSError, RuntimeError) as caught:
+        except (OSError, RuntimeError) as error:
             self.failed = True
-            reason = (
-                os.strerror(caught.errno) if isinstance(caught, OSError) and caught.errno else str(caught)
-            )
-            left = LOST if self.gone else kept()
-            raise TrajectoryError(f"{self.path}: {what} could not be written ({reason}); {left}") from caught
+            left = "its frames are not at their place any more" if self.gone else kept()
+            raise TrajectoryError(
+                f"{self.path}: {what} could not be written ({_reason(error)}); {left}"
+            ) from error
 
     def flush(self) -> None:
         """Have all that was written on its way to the disk.
@@ -343,14 +329,7 @@ class OutputFile:
             raise self._raw.error
 
     def close(self, drop: Callable[[], None], *, keep: bool) -> None:
-        """Close the file.
-
-        Parameters
-        ----------
-        drop : callable
-            Removes what is not committed.
-        keep : bool
-            Whether a new file has something committed in it; otherwise it is removed.
+        """Close the file; `drop` removes what is not committed, and a new file is removed unless `keep`.
 
         Raises
         ------
@@ -395,31 +374,12 @@ def drop_staged(file: h5py.File, name: str) -> None:
         del file[f"{name}_uncommitted"]
 
 
+def _reason(error: OSError | RuntimeError) -> str:
+    return os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+
+
 def _close(file: h5py.File | None, raw: OrderedFile | None) -> None:
     for one in (file, raw):
         if one is not None:
             with contextlib.suppress(OSError, RuntimeError):
                 one.close()
-
-
-def _check_output(path: Path, given: str | os.PathLike[str], *, force: bool) -> bool:
-    """Whether there is a file to replace at `path`; raises InputError if that must not be."""
-    if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
-        raise InputError(f"output {os.fspath(given)} is a folder: the name of a file is needed")
-    if not os.path.isdir(path.parent):
-        raise InputError(f"output {os.fspath(given)}: there is no folder {path.parent}")
-    if not os.path.exists(path):
-        return False
-    if not os.path.isfile(path):
-        raise InputError(f"output {os.fspath(given)} is not a regular file")
-    if not force:
-        raise InputError(f"output {os.fspath(given)} exists: choose another name, or replace it (--force)")
-    return True
-
-
-def _create_empty(path: Path, given: str | os.PathLike[str]) -> Path:
-    """Create an empty file beside `path` and return its path."""
-    try:
-        return files.create(path)
-    except OSError as error:
-        raise InputError(f"output {os.fspath(given)} cannot be created: {error.strerror}") from error

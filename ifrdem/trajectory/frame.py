@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import AttributeMissing, NameMissing
 from ..tools.sealed import Sealed
 
 if TYPE_CHECKING:
@@ -15,21 +15,6 @@ if TYPE_CHECKING:
 
 SPIN = "angular_velocity"
 """What H5MD calls the spin; both names are understood."""
-
-
-class FrameError(InputError, IndexError):
-    """A frame number outside the trajectory."""
-
-
-class NameMissing(InputError, KeyError):
-    """A name that the file does not hold."""
-
-    def __str__(self) -> str:  # KeyError would put its message into quotes
-        return Exception.__str__(self)
-
-
-class AttributeMissing(NameMissing, AttributeError):
-    """The same, asked for as an attribute."""
 
 
 class Frame(Sealed):
@@ -83,7 +68,7 @@ class Frame(Sealed):
         Raises
         ------
         InputError
-            If the file does not hold it (also a KeyError), or it cannot be read (`damage.DamageError`).
+            If the file does not hold it (also a KeyError), or it cannot be read (`DamageError`).
         """
         value = self._trajectory.read(name, self.index)
         return value.astype(np.float64) if value.dtype.kind == "f" else value

@@ -9,10 +9,9 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, NameMissing, nearest
 from ..model.box import Box
 from . import damage
-from .frame import NameMissing
 
 GROUP = "histories"
 

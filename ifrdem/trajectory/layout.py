@@ -102,6 +102,11 @@ class Field:
         """Name of the dataset with the stored data inside the field's group."""
         return "value_2d" if self.components == 2 else "value"
 
+    @property
+    def tail(self) -> tuple[int, ...]:
+        """Shape of one disk's values."""
+        return () if self.components == 1 else (self.components,)
+
 
 FIELDS = {
     "position": Field("position", 2),
@@ -200,10 +205,7 @@ def create(
     parameters: Mapping[str, str | int | float],
     units: Mapping[str, str],
 ) -> None:
-    """Write everything but the frames into an empty file: groups, constant data, empty series.
-
-    The names and choices are expected to have been checked.
-    """
+    """Write everything but the frames into an empty file: groups, constant data, empty series; names are checked."""
     h5md = file.create_group("h5md")
     h5md.attrs["version"] = np.array(H5MD_VERSION, dtype=np.int32)
     h5md.create_group("author").attrs["name"] = str(parameters.get("author", "not stated"))
@@ -218,36 +220,33 @@ def create(
         module.attrs["system"] = np.bytes_("SI")  # the module wants a text of fixed length
 
     particles = file.create_group(PARTICLES)
-    frame_box = particles.create_group("box")
-    for name, value in box_attributes(box).items():
-        frame_box.attrs[name] = value
-    edges = frame_box.create_group("edges")
-    edges.create_dataset("step", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.int64)
-    edges.create_dataset("time", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.float64)
-    edges.create_dataset(
-        "value", shape=(0, 3), maxshape=(None, 3), chunks=(CHUNK_FRAMES, 3), dtype=np.float64
-    )
-
+    particles.create_group("box").attrs.update(box_attributes(box))
+    edges = particles.create_group("box/edges")
+    for name, dtype, tail in (("step", np.int64, ()), ("time", np.float64, ()), ("value", np.float64, (3,))):
+        _growing(edges, name, dtype, CHUNK_FRAMES, tail)
     for name in STATIC:
         particles[name] = getattr(disks, name)
     particles["species"] = particles["material"]
     for name in fields:
         field = FIELDS[name]
-        dtype: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
-        _create_field(file, name, field, disks.n, dtype, COMPRESSIONS[compression])
+        stored_as: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
+        _create_field(file, name, field, disks.n, stored_as, COMPRESSIONS[compression])
 
     stored = file.create_group("parameters")
-    for package, version in versions.items():
-        if f"versions/{package}" not in parameters:
-            stored[f"versions/{package}"] = version
-    if units and set(units.values()) == {REDUCED}:
-        stored["units"] = REDUCED
-    else:
-        for quantity, unit in units.items():
-            stored[f"units/{quantity}"] = unit
-    for name, value in parameters.items():
+    reduced = bool(units) and set(units.values()) == {REDUCED}
+    record = {f"versions/{package}": version for package, version in versions.items()}
+    record |= {"units": REDUCED} if reduced else {f"units/{name}": unit for name, unit in units.items()}
+    for name, value in {**record, **parameters}.items():
         stored[name] = value
     file.create_group("observables")
+
+
+def _growing(
+    group: h5py.Group, name: str, dtype: DTypeLike, chunk: int, tail: tuple[int, ...] = ()
+) -> h5py.Dataset:
+    """An empty dataset that grows along its first axis, by rows of the shape `tail`."""
+    chunks = (chunk, *tail)
+    return group.create_dataset(name, shape=(0, *tail), maxshape=(None, *tail), chunks=chunks, dtype=dtype)
 
 
 def box_attributes(box: Box) -> dict[str, Any]:
@@ -272,14 +271,12 @@ def _create_field(
 ) -> None:
     group = file.create_group(f"{PARTICLES}/{name}")
     _link_steps(file, group)
-    tail = (2,) if field.components == 2 else ()
     # HDF5 has no chunks of size 0 in an axis that cannot grow.
-    limit = n if n > 0 else None
     group.create_dataset(
         field.dataset,
-        shape=(0, n, *tail),
-        maxshape=(None, limit, *tail),
-        chunks=(1, chunk_disks(n), *tail),
+        shape=(0, n, *field.tail),
+        maxshape=(None, n or None, *field.tail),
+        chunks=(1, chunk_disks(n), *field.tail),
         dtype=dtype,
         **filters,
     )
@@ -290,9 +287,8 @@ def _create_field(
             "value", shape=(0, 0, 3), maxshape=(None, None, 3), chunks=(1, 1, 3), dtype=dtype
         )
         return
-    source = h5py.VirtualSource(
-        ".", f"/{PARTICLES}/{name}/{field.dataset}", shape=(1, n, 2), maxshape=(None, n, 2), dtype=dtype
-    )
+    shape = {"shape": (1, n, 2), "maxshape": (None, n, 2), "dtype": dtype}
+    source = h5py.VirtualSource(".", f"/{PARTICLES}/{name}/{field.dataset}", **shape)
     view = h5py.VirtualLayout(shape=(1, n, 3), maxshape=(None, n, 3), dtype=dtype)
     frames = slice(0, h5py.h5s.UNLIMITED)  # the view grows with its source
     view[frames, :, :2] = source[frames, :, :]
@@ -303,13 +299,7 @@ def add_observable(file: h5py.File, name: str, sample: NDArray[Any]) -> h5py.Dat
     """Add an empty series for values of the shape and type of `sample`; returns its dataset."""
     group = file.create_group(f"observables/{name}")
     _link_steps(file, group)
-    return group.create_dataset(
-        "value",
-        shape=(0, *sample.shape),
-        maxshape=(None, *sample.shape),
-        chunks=(CHUNK_FRAMES if sample.size <= 16 else 1, *sample.shape),
-        dtype=sample.dtype,
-    )
+    return _growing(group, "value", sample.dtype, CHUNK_FRAMES if sample.size <= 16 else 1, sample.shape)
 
 
 def create_timeseries(
@@ -317,20 +307,30 @@ def create_timeseries(
 ) -> None:
     """Write the group of the time series, without a row yet, for values of the shapes and types of `samples`."""
     with staged(file, TIMESERIES) as group:
-        for name, dtype in (("step", np.int64), ("time", np.float64)):
-            group.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK_ROWS,), dtype=dtype)
+        _growing(group, "step", np.int64, CHUNK_ROWS)
+        _growing(group, "time", np.float64, CHUNK_ROWS)
         for name, sample in samples.items():
             series = group.create_group(name)
             series["step"], series["time"] = group["step"], group["time"]
             if name in columns:
                 series.attrs["columns"] = list(columns[name])
-            series.create_dataset(
-                "value",
-                shape=(0, *sample.shape),
-                maxshape=(None, *sample.shape),
-                chunks=(max(1, CHUNK_ROWS // sample.size), *sample.shape),
-                dtype=sample.dtype,
-            )
+            _growing(series, "value", sample.dtype, max(1, CHUNK_ROWS // sample.size), sample.shape)
+
+
+def create_histories(
+    file: h5py.File, tracked: NDArray[np.int32], start: Mapping[str, NDArray[Any] | np.float64]
+) -> None:
+    """Write the group of the tracked disks with no event yet; `start` is where they are, and the time."""
+    with staged(file, HISTORIES) as group:
+        group["tracked"] = tracked
+        for name, values in start.items():
+            group[f"start/{name}"] = values
+        for name, column in EVENT_COLUMNS.items():
+            _growing(group, f"events/{name}", column.dtype, chunk_events(len(tracked)), column.tail)
+        for name, text in MEANINGS.items():
+            group[f"events/{name}"].attrs["meaning"] = text
+        for name, first in (("events", np.int64(0)), ("time", np.float64(start["time"]))):
+            group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
 
 
 def _link_steps(file: h5py.File, group: h5py.Group) -> None:
@@ -340,14 +340,11 @@ def _link_steps(file: h5py.File, group: h5py.Group) -> None:
 
 def chunk_disks(n: int) -> int:
     """Disks per chunk: equal chunks, as few as CHUNK_DISKS allows, so that the last is not mostly empty."""
-    if n == 0:
-        return 1
-    chunks = -(-n // CHUNK_DISKS)
-    return -(-n // chunks)
+    return -(-n // -(-n // CHUNK_DISKS)) if n else 1
 
 
 def chunk_events(tracked: int) -> int:
-    """Events per chunk. Never compressed: the last chunk is written again by each commit, and must stay in its place."""
+    """Events per chunk; never compressed: each commit writes the last chunk again, which must stay in its place."""
     return CHUNK_EVENTS if tracked >= MANY else min(CHUNK_EVENTS, FEW_EVENTS)
 
 
@@ -361,20 +358,9 @@ def field_dataset(file: h5py.File, name: str) -> h5py.Dataset:
     return file[f"{PARTICLES}/{name}/{FIELDS[name].dataset}"]
 
 
-def plain_views(file: h5py.File) -> list[h5py.Dataset]:
-    """The views that do not grow by themselves: those of no disks."""
-    views = [
-        file[f"{PARTICLES}/{name}/value"] for name in stored_fields(file) if FIELDS[name].components == 2
-    ]
-    return [view for view in views if not view.is_virtual]
-
-
-def check_layout(file: h5py.File, path: str) -> None:
-    """Raise InputError that says what is missing or wrong unless the file has this layout, and holds all its data."""
-    damage.check_links(file, path, VIEWS)
-    load_compression(file, path)
-    with damage.reading(path, "its layout"):
-        _check_layout(file, path)
+def committed_rows(file: h5py.File) -> int:
+    """Number of committed rows of the time series."""
+    return len(file[f"{TIMESERIES}/step"]) if TIMESERIES in file else 0
 
 
 def need_zstd(what: str) -> None:
@@ -402,90 +388,6 @@ def load_compression(file: h5py.File, path: str) -> None:
             return
 
 
-def _check_layout(file: h5py.File, path: str) -> None:
-    if "h5md" not in file or "version" not in file["h5md"].attrs:
-        found = ", ".join(sorted(file)) or "nothing"
-        raise InputError(
-            f"{path} is HDF5 but not H5MD: its group h5md with a version is missing (it holds {found})"
-        )
-    needed = [f"{EDGES}/{name}" for name in ("step", "time", "value")]
-    needed += [f"{PARTICLES}/{name}" for name in STATIC]
-    needed += ["h5md/modules/ifrdem", "parameters", "observables"]
-    missing = [name for name in needed if name not in file]
-    for name in stored_fields(file):
-        if FIELDS[name].dataset not in file[f"{PARTICLES}/{name}"]:
-            missing.append(f"{PARTICLES}/{name}/{FIELDS[name].dataset}")
-    if missing:
-        creator = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
-        raise InputError(
-            f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): "
-            f"missing {', '.join(missing)}"
-        )
-    version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
-    if version[0] != LAYOUT_VERSION[0]:
-        raise InputError(
-            f"{path} has layout version {version[0]}.{version[1]}; this ifrdem reads {LAYOUT_VERSION[0]}.x"
-        )
-    steps = len(file[f"{EDGES}/step"])
-    for name in stored_fields(file):
-        frames = len(field_dataset(file, name))
-        if frames < steps:
-            raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
-    _check_numbers(file)
-    _check_series(file, path)
-    _check_histories(file, path)
-
-
-def _check_numbers(file: h5py.File) -> None:
-    """Raise DamageError unless frames and disks are numbers of the right shape."""
-    n = len(file[f"{PARTICLES}/radius"])
-    for name in STATIC:
-        damage.expect(file[f"{PARTICLES}/{name}"], (n,), "iu" if name == "material" else "f")
-    for name, tail, kinds in (("step", (), "iu"), ("time", (), "f"), ("value", (3,), "f")):
-        damage.expect(file[f"{EDGES}/{name}"], (None, *tail), kinds)
-    for name in stored_fields(file):
-        field = FIELDS[name]
-        tail = (2,) if field.components == 2 else ()
-        damage.expect(field_dataset(file, name), (None, n, *tail), "i" if field.count else "f")
-
-
-def _check_series(file: h5py.File, path: str) -> None:
-    if TIMESERIES not in file:
-        return
-    group = file[TIMESERIES]
-    if "step" not in group or "time" not in group:
-        raise InputError(f"{path} is damaged: its time series have no steps or times")
-    steps = len(group["step"])
-    for name, item in group.items():
-        rows = item if name in ("step", "time") else item.get("value")
-        if steps and (rows is None or len(rows) < steps):
-            held = 0 if rows is None else len(rows)
-            raise InputError(f"{path} is damaged: time series {name} holds {held} of {steps} rows")
-
-
-def create_histories(
-    file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict[str, NDArray[Any]]
-) -> None:
-    """Write the group with no event yet."""
-    with staged(file, HISTORIES) as group:
-        group["tracked"] = tracked
-        group["start/time"] = time
-        for name, values in start.items():
-            group[f"start/{name}"] = values
-        for name, column in EVENT_COLUMNS.items():
-            group.create_dataset(
-                f"events/{name}",
-                shape=(0, *column.tail),
-                maxshape=(None, *column.tail),
-                chunks=(chunk_events(len(tracked)), *column.tail),
-                dtype=column.dtype,
-            )
-        for name, text in MEANINGS.items():
-            group[f"events/{name}"].attrs["meaning"] = text
-        for name, first in (("events", np.int64(0)), ("time", np.float64(time))):
-            group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
-
-
 def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray[Any]:
     """Values in the type of a column.
 
@@ -511,25 +413,90 @@ def as_column(what: str, value: ArrayLike, column: Column, length: int | None = 
     return np.ascontiguousarray(given, dtype=target)
 
 
-def _check_histories(file: h5py.File, path: str) -> None:
-    """Raise InputError if there are histories and something is missing in them."""
-    if HISTORIES not in file:
-        return
-    group = file[HISTORIES]
-    needed = ["tracked", "start/time", "committed/events", "committed/time"]
-    needed += [f"start/{name}" for name in START_COLUMNS] + [f"events/{name}" for name in EVENT_COLUMNS]
-    missing = [name for name in needed if name not in group]
-    if missing:
+def check_layout(file: h5py.File, path: str) -> None:
+    """Raise InputError that says what is missing or wrong unless the file has this layout, and holds all its data."""
+    damage.check_links(file, path, VIEWS)
+    load_compression(file, path)
+    with damage.reading(path, "its layout"):
+        _check_frames(file, path)
+        if TIMESERIES in file:
+            _check_series(file[TIMESERIES], path)
+        if HISTORIES in file:
+            _check_histories(file[HISTORIES], path)
+
+
+Expected = Mapping[str, tuple[tuple[int | None, ...], str]]
+"""Name of each dataset -> its shape (None: any length), and the kinds of its numbers (NumPy's letters)."""
+
+
+def _check_frames(file: h5py.File, path: str) -> None:
+    if "h5md" not in file or "version" not in file["h5md"].attrs:
+        found = ", ".join(sorted(file)) or "nothing"
+        raise InputError(
+            f"{path} is HDF5 but not H5MD: its group h5md with a version is missing (it holds {found})"
+        )
+    n = len(file[f"{PARTICLES}/radius"]) if f"{PARTICLES}/radius" in file else 0
+    expected: dict[str, tuple[tuple[int | None, ...], str]] = {
+        f"{EDGES}/step": ((None,), "iu"),
+        f"{EDGES}/time": ((None,), "f"),
+        f"{EDGES}/value": ((None, 3), "f"),
+        **{f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC},
+    }
+    for name in stored_fields(file):
+        field = FIELDS[name]
+        expected[f"{PARTICLES}/{name}/{field.dataset}"] = (
+            (None, n, *field.tail),
+            "i" if field.count else "f",
+        )
+    groups = ("h5md/modules/ifrdem", "parameters", "observables")
+    if missing := [name for name in (*expected, *groups) if name not in file]:
+        creator = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
+        raise InputError(
+            f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): missing {', '.join(missing)}"
+        )
+    version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
+    if version[0] != LAYOUT_VERSION[0]:
+        raise InputError(
+            f"{path} has layout version {version[0]}.{version[1]}; this ifrdem reads {LAYOUT_VERSION[0]}.x"
+        )
+    steps = len(file[f"{EDGES}/step"])
+    for name in stored_fields(file):
+        if (frames := len(field_dataset(file, name))) < steps:
+            raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
+    _expect(file, expected)
+
+
+def _expect(group: h5py.Group, expected: Expected) -> None:
+    for name, (shape, kinds) in expected.items():
+        damage.expect(group[name], shape, kinds)
+
+
+def _check_series(group: h5py.Group, path: str) -> None:
+    if "step" not in group or "time" not in group:
+        raise InputError(f"{path} is damaged: its time series have no steps or times")
+    steps = len(group["step"])
+    for name, item in group.items():
+        rows = item if name in ("step", "time") else item.get("value")
+        if (held := 0 if rows is None else len(rows)) < steps:
+            raise InputError(f"{path} is damaged: time series {name} holds {held} of {steps} rows")
+
+
+def _check_histories(group: h5py.Group, path: str) -> None:
+    tracked = len(group["tracked"]) if "tracked" in group else 0
+    expected: Expected = {
+        "tracked": ((None,), "i"),
+        "start/time": ((), "iuf"),
+        **{f"start/{name}": ((tracked, *column.tail), "iuf") for name, column in START_COLUMNS.items()},
+        **{
+            f"events/{name}": ((None, *column.tail), np.dtype(column.dtype).kind)
+            for name, column in EVENT_COLUMNS.items()
+        },
+        "committed/events": ((None,), "iu"),
+        "committed/time": ((None,), "f"),
+    }
+    if missing := [name for name in expected if name not in group]:
         raise InputError(f"{path} is damaged: its histories lack {', '.join(missing)}")
-    damage.expect(group["tracked"], (None,), "i")
-    tracked = len(group["tracked"])
-    damage.expect(group["start/time"], ())
-    for name, column in START_COLUMNS.items():
-        damage.expect(group[f"start/{name}"], (tracked, *column.tail))
-    for name, column in EVENT_COLUMNS.items():
-        damage.expect(group[f"events/{name}"], (None, *column.tail), "i" if _counts(column) else "f")
-    damage.expect(group["committed/events"], (None,), "iu")
-    damage.expect(group["committed/time"], (None,), "f")
+    _expect(group, expected)
     commits = len(group["committed/events"])
     if not 0 < commits <= len(group["committed/time"]):
         raise InputError(f"{path} is damaged: its histories have no commit")
@@ -537,10 +504,5 @@ def _check_histories(file: h5py.File, path: str) -> None:
     if events < 0:
         raise InputError(f"{path} is damaged: its histories have {events} events")
     for name in EVENT_COLUMNS:
-        held = len(group[f"events/{name}"])
-        if held < events:
+        if (held := len(group[f"events/{name}"])) < events:
             raise InputError(f"{path} is damaged: its histories hold {held} of {events} events ({name})")
-
-
-def _counts(column: Column) -> bool:
-    return np.dtype(column.dtype).kind == "i"

@@ -20,35 +20,20 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, printable
+from ..errors import DamageError, DamageWarning, FrameError, InputError, NameMissing, nearest, printable
 from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
 from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
-from .damage import DamageError, DamageWarning
-from .frame import SPIN, Frame, FrameError, NameMissing
+from .frame import SPIN, Frame
 from .history import History
 from .series import Series
-from .writer import TrajectoryError, TrajectoryWriter
 
 if TYPE_CHECKING:
     import pandas
     import xarray
-
-__all__ = [
-    "DamageError",
-    "DamageWarning",
-    "DiskPath",
-    "Frame",
-    "FrameError",
-    "History",
-    "NameMissing",
-    "Trajectory",
-    "TrajectoryError",
-    "TrajectoryWriter",
-]
 
 Result = TypeVar("Result")
 

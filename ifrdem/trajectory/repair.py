@@ -17,11 +17,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import DamageError, InputError
 from ..tools import files
 from ..tools.files import check_apart, checkpoint_of, not_a_file
 from . import damage, history, layout
-from .damage import DamageError
 from .reader import Trajectory, check_file
 from .views import paths as view_paths
 

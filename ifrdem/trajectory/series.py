@@ -9,10 +9,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import nearest
+from ..errors import NameMissing, nearest
 from ..tools.sealed import Sealed
 from .damage import text_of
-from .frame import NameMissing
 
 
 class Series(Sealed, Mapping[str, NDArray[Any]]):

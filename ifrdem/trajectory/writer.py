@@ -5,6 +5,7 @@ The layout is described in `ifrdem.h5md`.
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,16 +16,16 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..model.box import Box, below
 from ..model.state import Disks, State, StoredState
 from ..model.walls import Wall, to_json
+from ..tools import checked
 from ..tools.sealed import Sealed
 from . import damage, layout
-from .file import OutputFile, TrajectoryError
-from .rows import HistoryWriter, Rows, SeriesWriter, check_name, checked
-
-__all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
+from .file import OutputFile
+from .rows import HistoryWriter, Rows, SeriesWriter, check_name
+from .rows import checked as checked_row
 
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
 
@@ -108,32 +109,22 @@ class TrajectoryWriter(Sealed):
         force: bool = False,
         walls: Sequence[Wall] = (),
     ) -> None:
-        parameters = {} if parameters is None else parameters
-        if walls:
-            parameters = {**parameters, "walls": to_json(walls)}
-        units = {} if units is None else units
+        parameters = dict(parameters or {}, **({"walls": to_json(walls)} if walls else {}))
+        units = units or {}
         fields = [fields] if isinstance(fields, str) else list(fields)
-        _check_choices("field", fields, list(layout.FIELDS))
+        for name in fields:
+            checked.one_of("field", name, layout.FIELDS)
         if len(set(fields)) != len(fields):
             raise InputError(f"fields = {fields}: each may be given once")
-        _check_choices("precision", [precision], list(layout.PRECISIONS))
-        _check_choices("compression", [compression], list(layout.COMPRESSIONS))
+        checked.one_of("precision", precision, layout.PRECISIONS)
+        checked.one_of("compression", compression, layout.COMPRESSIONS)
         if compression == "zstd":
             layout.need_zstd('compression "zstd"')
         _check_record(parameters, units)
-
-        def fill(file: h5py.File) -> None:
-            layout.create(
-                file,
-                disks=disks,
-                box=box,
-                fields=fields,
-                precision=precision,
-                compression=compression,
-                parameters=parameters,
-                units=units,
-            )
-
+        fill = functools.partial(
+            layout.create, disks=disks, box=box, fields=fields, precision=precision, compression=compression,
+            parameters=parameters, units=units,
+        )  # fmt: skip
         self._begin(OutputFile.create(path, fill, force=force), disks, box)
 
     @classmethod
@@ -171,30 +162,24 @@ class TrajectoryWriter(Sealed):
             If there is no such file, it is open elsewhere, it was begun otherwise, or it holds less than the
             checkpoint had seen. The file is as it was then.
         """
-        for name, value in (("frames", frames), ("series_rows", series_rows), ("events", events)):
+        seen = {"frames": frames, "series_rows": series_rows, "events": events}
+        for name, value in seen.items():
             if not isinstance(value, int | np.integer) or value < 0:
                 raise InputError(f"{name} = {value!r}: a whole number, 0 or more, is needed")
-        output = OutputFile.reopen(path)
+        output, place = OutputFile.reopen(path), os.fspath(path)
         try:
-            layout.check_layout(output.file, os.fspath(path))
-            _check_resumable(
-                output.file,
-                os.fspath(path),
-                disks=disks,
-                box=box,
-                fields=[fields] if isinstance(fields, str) else fields,
-                precision=precision,
-                compression=compression,
-                walls=to_json(walls) if walls else None,
-            )
+            layout.check_layout(output.file, place)
+            fields = [fields] if isinstance(fields, str) else fields
+            text = to_json(walls) if walls else None
+            _check_resumable(output.file, place, disks, box, fields, precision, compression, text)
             writer = cls.__new__(cls)
-            writer._begin(output, disks, box, frames, series_rows, events)
+            writer._begin(output, disks, box, **seen)
             writer._drop_uncommitted()
             output.flush()
         except BaseException as error:
             output.close(lambda: None, keep=True)
             if isinstance(error, OSError | RuntimeError):
-                raise InputError(f"{os.fspath(path)} cannot be gone on with: {error}") from error
+                raise InputError(f"{place} cannot be gone on with: {error}") from error
             raise
         return writer
 
@@ -215,21 +200,28 @@ class TrajectoryWriter(Sealed):
         file = output.file
         step, time, edges = (file[f"{layout.EDGES}/{name}"] for name in ("step", "time", "value"))
         committed = len(step)
-        if frames > committed:
-            raise InputError(
-                f"{self.path} holds {committed} frames, the checkpoint had seen {frames}: it is another file's"
-            )
-        fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
-        self._fields = fields
-        self._rows = Rows("frame", step, {"time": time, "edges": edges, **fields}, committed, frames)
-        self._empty_views = layout.plain_views(file)
+        self._histories = HistoryWriter(output, disks.n, events)
+        for what, held, seen in (
+            ("frames", committed, frames),
+            ("rows of series", layout.committed_rows(file), series_rows),
+            ("events", self.events, events),
+        ):
+            if seen > held:
+                raise InputError(
+                    f"{self.path} holds {held} {what}, the checkpoint had seen {seen}: it is another file's"
+                )
+        self._fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
+        datasets = {"time": time, "edges": edges, **self._fields}
+        # Views of no disks do not grow by themselves.
+        views = [name for name in self._fields if disks.n == 0 and layout.FIELDS[name].components == 2]
+        datasets |= {f"view {name}": file[f"{layout.PARTICLES}/{name}/value"] for name in views}
+        self._empty = {f"view {name}": np.zeros((0, 3)) for name in views}
         self._observables: dict[str, h5py.Dataset] = {}
         if committed:
             self._observables = {name: group["value"] for name, group in file["observables"].items()}
-            self._rows.datasets.update(_prefixed(self._observables))
+        self._rows = Rows("frame", step, datasets | _prefixed(self._observables), committed, frames)
         self._last_time = float(time[frames - 1]) if frames else -np.inf
         self._series = SeriesWriter(output, series_rows)
-        self._histories = HistoryWriter(output, disks.n, events)
 
     def __len__(self) -> int:
         """Number of committed frames."""
@@ -243,17 +235,18 @@ class TrajectoryWriter(Sealed):
     @property
     def series_rows(self) -> int:
         """Number of committed rows of the series."""
-        return len(self._series)
+        return self._series.rows.committed if self._series.rows else 0
 
     @property
     def events(self) -> int:
         """Number of committed events of the histories."""
-        return len(self._histories)
+        return self._histories.events.committed if self._histories.events else 0
 
     @property
     def seen(self) -> dict[str, int]:
         """What a checkpoint has to keep for `resume`: frames, series_rows and events that the run has written."""
-        return {"frames": self._rows.at, "series_rows": self._series.at, "events": self._histories.at}
+        rows = {"frames": self._rows, "series_rows": self._series.rows, "events": self._histories.events}
+        return {name: each.at if each else 0 for name, each in rows.items()}
 
     def __enter__(self) -> TrajectoryWriter:
         return self
@@ -284,29 +277,16 @@ class TrajectoryWriter(Sealed):
             file holds. The file keeps the frames before it.
         """
         with self._output.committing("a frame", self._kept):
-            rows = self._rows
-            first = None if rows.committed == 0 else self._observables
-            values = checked("observable", "frame", {} if observables is None else observables, first)
+            first = self._observables if len(self) else None
+            values = checked_row("observable", "frame", {} if observables is None else observables, first)
             fields = self._checked_fields(state)
-            for name in values:
+            for name, value in values.items():
                 if name not in self._observables:  # it is there if an interrupt ended the first attempt
-                    self._observables[name] = layout.add_observable(self._output.file, name, values[name])
-            rows.datasets.update(_prefixed(self._observables))
-            frame = {
-                "time": np.float64(state.time),
-                "edges": np.array((*self._lengths, 1.0)),
-                **fields,
-                **_prefixed(values),
-            }
-            new = rows.known(1) == 0
-            rows.add({name: np.asarray(value)[None] for name, value in frame.items()})
-            if new:
-                for view in self._empty_views:
-                    view.resize(rows.committed + 1, axis=0)
-                self._output.flush()
-                rows.mark(np.array([rows.at]))
-                self._output.flush()
-            rows.confirm(1)
+                    self._observables[name] = layout.add_observable(self._output.file, name, value)
+            self._rows.datasets.update(_prefixed(self._observables))
+            frame: dict[str, Any] = {"time": np.float64(state.time), "edges": np.array((*self._lengths, 1.0))}
+            frame |= fields | self._empty | _prefixed(values)
+            self._rows.commit(self._output, {name: np.asarray(value)[None] for name, value in frame.items()})
             self._last_time = state.time
             self._output.publish()
 
@@ -404,16 +384,13 @@ class TrajectoryWriter(Sealed):
         self._output.close(self._drop_uncommitted, keep=len(self) > 0)
 
     def _kept(self) -> str:
-        rows = f" and {len(self._series)} rows of the series" if len(self._series) else ""
-        events = f" and {len(self._histories)} events" if len(self._histories) else ""
+        rows = f" and {self.series_rows} rows of the series" if self.series_rows else ""
+        events = f" and {self.events} events" if self.events else ""
         return f"the {len(self)} frames{rows}{events} before it are kept"
 
     def _drop_uncommitted(self) -> None:
         """Remove what a `write` that was interrupted left behind the last commit."""
         self._rows.drop_uncommitted()
-        for view in self._empty_views:
-            if len(view) > len(self):
-                view.resize(len(self), axis=0)
         if len(self) == 0:
             for name in list(self._output.file["observables"]):
                 del self._output.file[f"observables/{name}"]
@@ -484,25 +461,10 @@ def _keep_inside(rounded: NDArray[Any], position: NDArray[Any], lengths: tuple[f
         rounded[out, axis] = below(length, rounded.dtype)
 
 
-def _check_choices(what: str, names: Sequence[str], allowed: Sequence[str]) -> None:
-    for name in names:
-        if name not in allowed:
-            raise InputError(
-                f"{what} = {name!r}: allowed are {', '.join(allowed)}{nearest(str(name), allowed)}"
-            )
-
-
 def _check_resumable(
-    file: h5py.File,
-    path: str,
-    *,
-    disks: Disks,
-    box: Box,
-    fields: Sequence[str],
-    precision: str,
-    compression: str,
+    file: h5py.File, path: str, disks: Disks, box: Box, fields: Sequence[str], precision: str, compression: str,
     walls: str | None,
-) -> None:
+) -> None:  # fmt: skip
     """Raise InputError that says in what the file differs from what the run has; `walls` as JSON."""
     version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
     if version != layout.LAYOUT_VERSION:
@@ -510,9 +472,17 @@ def _check_resumable(
             f"{path} has layout {version[0]}.{version[1]}: a run can go on only with files of layout "
             f"{layout.LAYOUT_VERSION[0]}.{layout.LAYOUT_VERSION[1]}; begin a new file"
         )
-    _check_disks(file, path, disks)
-    stored_box = file[f"{layout.PARTICLES}/box"].attrs
-    expected = layout.box_attributes(box)
+    particles = file[layout.PARTICLES]
+    if (n := len(particles["radius"])) != disks.n:
+        raise InputError(f"{path} has {n} disks, the run has {disks.n}")
+    for name in layout.STATIC:
+        given, stored = getattr(disks, name), particles[name][()]
+        if (different := given != stored).any():
+            i = int(np.argmax(different))
+            raise InputError(
+                f"{path} has other disks: {name} of disk {i} is {stored[i]}, the run's is {given[i]}"
+            )
+    stored_box, expected = particles["box"].attrs, layout.box_attributes(box)
     for name in dict.fromkeys((*expected, *stored_box)):
         given, stored = expected.get(name), stored_box.get(name)
         if given is None or stored is None or not np.array_equal(given, stored):
@@ -520,36 +490,16 @@ def _check_resumable(
     held = file["parameters/walls"].asstr()[()] if "parameters/walls" in file else None
     if held != walls:
         raise InputError(f"{path} has other walls: {held or 'none'}, the run has {walls or 'none'}")
-    _check_fields(file, path, fields, precision, compression)
-
-
-def _check_disks(file: h5py.File, path: str, disks: Disks) -> None:
-    n = len(file[f"{layout.PARTICLES}/radius"])
-    if n != disks.n:
-        raise InputError(f"{path} has {n} disks, the run has {disks.n}")
-    for name in layout.STATIC:
-        given, stored = getattr(disks, name), file[f"{layout.PARTICLES}/{name}"][()]
-        different = given != stored
-        if different.any():
-            i = int(np.argmax(different))
-            raise InputError(
-                f"{path} has other disks: {name} of disk {i} is {stored[i]}, the run's is {given[i]}"
-            )
-
-
-def _check_fields(
-    file: h5py.File, path: str, fields: Sequence[str], precision: str, compression: str
-) -> None:
-    stored = layout.stored_fields(file)
-    if set(stored) != set(fields):
-        raise InputError(f"{path} holds the fields {', '.join(stored)}, the run has {', '.join(fields)}")
-    for name in stored:
+    there = layout.stored_fields(file)
+    if set(there) != set(fields):
+        raise InputError(f"{path} holds the fields {', '.join(there)}, the run has {', '.join(fields)}")
+    for name in there:
         dataset = layout.field_dataset(file, name)
-        if not layout.FIELDS[name].count and dataset.dtype != layout.PRECISIONS[precision]:
+        wanted = np.dtype(layout.PRECISIONS[precision])
+        if not layout.FIELDS[name].count and dataset.dtype != wanted:
             raise InputError(
-                f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: "
-                f"{np.dtype(layout.PRECISIONS[precision])}"
+                f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: {wanted}"
             )
-        held = damage.compression(dataset) or "none"
-        if held != compression:
-            raise InputError(f"{path} has compression {held!r}, the run has {compression!r}")
+        packed = damage.compression(dataset) or "none"
+        if packed != compression:
+            raise InputError(f"{path} has compression {packed!r}, the run has {compression!r}")

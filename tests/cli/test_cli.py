@@ -17,7 +17,7 @@ import pytest
 import ifrdem
 from ifrdem.case.gas import Gas
 from ifrdem.cli.main import main
-from ifrdem.errors import EngineError
+from ifrdem.errors import EngineError, TrajectoryError
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
 from ifrdem.run import progress
@@ -25,7 +25,6 @@ from ifrdem.run.recorder import Recorder
 from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory
-from ifrdem.trajectory.writer import TrajectoryError
 
 pytestmark = pytest.mark.unoptimised
 

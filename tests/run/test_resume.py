@@ -19,11 +19,11 @@ import pytest
 
 from ifrdem.case.case import Case
 from ifrdem.cli import main as cli
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
 from ifrdem.run import job as run
 from ifrdem.run.recorder import Recorder
-from ifrdem.run.signals import Stopped, Stops
+from ifrdem.run.signals import Stops
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.versions import package_versions

@@ -11,11 +11,11 @@ import pytest
 from support.layout_files import BOX, FIELDS, MECHANISMS, add_series, some_disks, some_state, write
 from test_reader import child
 
-from ifrdem.errors import InputError
+from ifrdem.errors import DamageError, InputError
 from ifrdem.model.box import Box
 from ifrdem.run.info import describe
-from ifrdem.trajectory.damage import DamageError
-from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 
 def test_fields_are_there_by_name_as_items_and_attributes(tmp_path):

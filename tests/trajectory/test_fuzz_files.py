@@ -19,10 +19,11 @@ import pytest
 from support.layout_files import BOX, add_histories, add_series, some_disks, some_state
 
 from ifrdem.cli import main as cli
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.run import status
 from ifrdem.simulation import checkpoint
-from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 N, FRAMES = 12, 3
 PARTICLES = "particles/all"

@@ -16,12 +16,13 @@ import pytest
 
 import ifrdem
 from ifrdem.case.case import UNITS
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.run.info import describe
-from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
 from ifrdem.trajectory.rows import Rows
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 BOX = Box((30.0, 20.0))
 FIELDS = ("position", "velocity", "angular_velocity", "collisions", "image")
@@ -551,7 +552,7 @@ import sys
 import numpy as np
 sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests", sys.argv[1] + "/tests/trajectory"]
 from test_reader import BOX, some_disks, some_state
-from ifrdem.trajectory.reader import TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.writer import TrajectoryWriter
 n, limit, pause = int(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])
 if limit:
     import resource, signal

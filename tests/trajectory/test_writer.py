@@ -12,12 +12,13 @@ import pytest
 from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, partnered, row
 from test_reader import BOX, FIELDS, some_disks, some_state
 
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.run.info import describe
 from ifrdem.trajectory.layout import EVENT_COLUMNS
-from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 N = 40
 
