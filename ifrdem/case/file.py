@@ -78,10 +78,7 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
         Assignments such as "run.seed=3" or "species[0].number=100", applied in order. The value is TOML;
         what is not TOML is taken as text; nothing after "=" removes the key.
 
-    Raises
-    ------
-    InputError
-        With one line for each thing that is wrong.
+    Raises InputError with one line for each thing that is wrong.
     """
     path = Path(path)
     try:
@@ -134,10 +131,7 @@ def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
 def override(raw: dict[str, Any], assignment: str) -> None:
     """Carry out one "key=value" on a parsed case.
 
-    Raises
-    ------
-    InputError
-        If there is no "=", the key is no path, or it leads through something that holds no keys.
+    Raises InputError if there is no "=", the key is no path, or it leads through something that holds no keys.
     """
     key, value, remove = parse_assignment(assignment)
     assignment = _cut(assignment)
@@ -183,11 +177,8 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
 def _parsed(text: str) -> dict[str, Any]:
     """The tables and keys of a text in TOML.
 
-    Raises
-    ------
-    InputError
-        If it is not TOML, a number is too long for one, or tables, lists or keys stand deeper in each other than
-        `DEEPEST`: beyond, the parser's time and memory grow without bound.
+    Raises InputError if it is not TOML, a number is too long for one, or tables, lists or keys stand deeper in each
+    other than `DEEPEST`: beyond, the parser's time and memory grow without bound.
     """
     bare = _QUOTED.sub("x", text)
     depth = 0

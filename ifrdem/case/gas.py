@@ -67,10 +67,8 @@ class Gas:
     def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> Gas:
         """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
 
-        Raises
-        ------
-        InputError
-            With a line for each thing that is wrong, what is too large or too small for the engine included.
+        Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
+        included.
         """
         gas, problems = judge(case, Path(folder), start=start)
         if problems:
@@ -80,10 +78,7 @@ class Gas:
     def ready(self, case: Case) -> Gas:
         """The gas as it starts: its motion known, its magnitudes such that the engine and the trajectory take them.
 
-        Raises
-        ------
-        InputError
-            If they do not.
+        Raises InputError if they do not.
         """
         given = self.given
         if given is not None and given.velocity is not None and case.start.trajectory is not None:
@@ -144,10 +139,7 @@ class Gas:
     def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
-        Raises
-        ------
-        InputError
-            If the disks do not fit into the box in the way the case wants: a line with the key.
+        Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
         if self.given is None:
             position = self._placed(case.start.positions, case.run.seed, progress)
@@ -214,10 +206,7 @@ class Gas:
     def tracked(self, case: Case, start: State) -> NDArray[np.int32]:
         """Disks that have histories, ascending.
 
-        Raises
-        ------
-        InputError
-            If histories are asked for of a region in which no disk starts.
+        Raises InputError if histories are asked for of a region in which no disk starts.
         """
         found = case.output.tracked(start.position, seeds.stream(case.run.seed, seeds.HISTORIES))
         if case.output.tracks and not len(found):

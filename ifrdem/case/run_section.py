@@ -167,10 +167,7 @@ class BoxSection(Section):
 
         It is the box, or where disks of an open one start.
 
-        Raises
-        ------
-        InputError
-            If they can never cover that fraction of it.
+        Raises InputError if they can never cover that fraction of it.
         """
         periodic = (self.periodic[0], self.periodic[1])
         if self.packing_fraction is not None:

@@ -132,10 +132,7 @@ def write(kind: str) -> str:
     kind : str
         A key of `TEMPLATES`.
 
-    Raises
-    ------
-    InputError
-        If there is no such template.
+    Raises InputError if there is no such template.
     """
     if kind not in TEMPLATES:
         allowed = ", ".join(TEMPLATES)

@@ -150,10 +150,7 @@ def _check_folder(folder: Path, summary: Path, trajectory: Path) -> None:
 def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
     """The record of what the folder holds of this trajectory; an empty one if it holds nothing, or by force.
 
-    Raises
-    ------
-    InputError
-        If the summary that is there is of another trajectory, or none of ours.
+    Raises InputError if the summary that is there is of another trajectory, or none of ours.
     """
     from ..analysis.catalogue import plain
 
@@ -289,10 +286,7 @@ def plot(
 def _as_png(path: Path) -> Path:
     """The file of a picture: with .png behind a name that has no ending, as in NAME of `ifrdem fit --picture`.
 
-    Raises
-    ------
-    InputError
-        If the ending is that of another format.
+    Raises InputError if the ending is that of another format.
     """
     if path.suffix.lower() == ".png" or path.is_dir() or (path.exists() and not path.is_file()):
         return path  # the latter two are refused by `check_files`
@@ -305,10 +299,7 @@ def _as_png(path: Path) -> Path:
 def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> Figure:
     """A figure by its name in `PICTURES`, of the frames chosen, or of those that suit it.
 
-    Raises
-    ------
-    InputError
-        If the file does not hold what it takes.
+    Raises InputError if the file does not hold what it takes.
     """
     from matplotlib.figure import Figure
 

@@ -25,10 +25,7 @@ def topics() -> dict[str, str]:
 def show(topic: str | None) -> str:
     """Text of a page of the manual; without a topic, the list of topics.
 
-    Raises
-    ------
-    InputError
-        No page has this name.
+    Raises InputError no page has this name.
     """
     known = topics()
     if topic is None:

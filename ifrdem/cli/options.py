@@ -176,10 +176,7 @@ def chosen(text: str | None, frames: int) -> range:
     frames : int
         Number of frames that are there.
 
-    Raises
-    ------
-    InputError
-        If the text is none of these, or names no frame that is there.
+    Raises InputError if the text is none of these, or names no frame that is there.
     """
     if text is None:
         return range(frames)

@@ -62,9 +62,7 @@ def run(
     from ..run.outputs import Outputs
 
     file = case_file.read(shipped.find(case), changes)
-    wanted = file.case.output
-    views = wanted.views and "position" in wanted.fields
-    outputs = Outputs.plan(file.case.run.name, output, picture=wanted.picture and not no_picture, views=views)
+    outputs = Outputs.plan(file.case, output, picture=not no_picture)
     outputs.check(force=force)  # before the imports below, which take a second
 
     from ..run import job

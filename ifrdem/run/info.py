@@ -25,10 +25,7 @@ def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
     full : bool
         Give long parameters (the case text) whole instead of by their number of lines.
 
-    Raises
-    ------
-    InputError
-        As `Trajectory`.
+    Raises InputError as `Trajectory`.
     """
     with Trajectory(path) as trajectory:
         lines = [f"{path}: trajectory of ifrdem, H5MD {'.'.join(map(str, layout.H5MD_VERSION))}"]

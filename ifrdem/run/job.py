@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,30 +65,12 @@ def run(
 
     Whatever can be refused is refused before a file is touched.
 
-    Parameters
-    ----------
-    file : CaseFile
-        The case.
-    outputs : Outputs
-        Where to write.
-    force : bool
-        Replace files that exist.
-    max_hours : float, optional
-        Real time after which it stops with a checkpoint [hours].
-    say, warn : callable
-        Take the lines to show.
+    `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
+    the lines to show.
 
-    Raises
-    ------
-    InputError
-        If the case, the device or the outputs cannot be used.
-    Stopped
-        If it was stopped by a signal or the limit of time. A checkpoint is there; the trajectory keeps the frames so
-        far.
-    KeyboardInterrupt
-        If the user interrupts it twice, or before it has begun. The trajectory keeps the frames so far.
-    EngineError, TrajectoryError
-        If the engine or the disk fails. The trajectory keeps the frames so far.
+    Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
+    far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
+    or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
     """
     case = file.case
     outputs.check(force=force)
@@ -110,17 +93,9 @@ def run(
     if force:  # the checkpoint of the trajectory that is replaced is of no use
         outputs.checkpoint.unlink(missing_ok=True)
     writer = TrajectoryWriter(
-        outputs.trajectory,
-        gas.disks,
-        gas.box,
-        fields=case.output.fields,
-        parameters=_record(file, gas, device_of(case)),
-        units=UNITS[case.run.units],
-        precision=case.output.precision,
-        compression=case.output.compression,
-        force=force,
-        walls=gas.walls,
-    )
+        outputs.trajectory, gas.disks, gas.box, parameters=_record(file, gas, device_of(case)),
+        units=UNITS[case.run.units], force=force, **stored(case, gas),
+    )  # fmt: skip
     with QueuedWriter(writer) as queue:
         if len(tracked):
             queue.begin_histories(tracked, state)
@@ -133,6 +108,14 @@ def run(
         before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)
+
+
+def stored(case: Case, gas: Gas) -> dict[str, Any]:
+    """How a trajectory stores the gas of a case: arguments of its writer."""
+    output = case.output
+    return {
+        "fields": output.fields, "precision": output.precision, "compression": output.compression, "walls": gas.walls,
+    }  # fmt: skip
 
 
 def how(case: Case) -> str:
@@ -153,10 +136,7 @@ def drive(
 ) -> float:
     """Run to the end, writing all that the case wants; returns collisions per second of real time.
 
-    Raises
-    ------
-    Stopped, KeyboardInterrupt, EngineError, TrajectoryError
-        As `run`.
+    Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
     case, simulation = job.file.case, job.simulation
     recorder = Recorder(

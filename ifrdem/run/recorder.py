@@ -9,8 +9,8 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..case.estimate import OBSERVABLES
 from ..model.observables import MECHANISMS, REGIMES, Measure
 from ..model.state import State
 from ..simulation.tracking import Events, joined
@@ -64,38 +64,22 @@ class Ledger:
         """The same, over all energy that was there or put in."""
         residual = self.residual(measure)
         assert self.first is not None
-        turned = (
-            abs(self.first.energy)
-            + abs(measure.energy_input)
-            + abs(measure.wall_work)
-            + abs(measure.wall_heat)
+        turned = sum(
+            map(abs, (self.first.energy, measure.energy_input, measure.wall_work, measure.wall_heat))
         )
         return None if residual is None or turned == 0.0 else residual / turned
 
-    def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
-        """What is written of the whole gas; see `estimate.OBSERVABLES`."""
+    def observables(self, measure: Measure) -> dict[str, Any]:
+        """What is written of the whole gas (`estimate.OBSERVABLES`)."""
         if self.first is None:
             self.first = measure
-        return {
-            "translational_energy": measure.translational_energy,
-            "rotational_energy": measure.rotational_energy,
-            "energy": measure.energy,
-            "temperature": measure.temperature,
-            "rotational_temperature": measure.rotational_temperature,
-            "momentum": measure.momentum,
-            "potential_energy": measure.potential_energy,
-            "energy_input": measure.energy_input,
-            "wall_work": measure.wall_work,
-            "wall_heat": measure.wall_heat,
-            # What is missing of what was there and what forces and walls put in was dissipated.
-            "dissipated_energy": self.dissipated(measure),
-            "collisions": measure.collisions,
-            "wall_hits": measure.wall_hits,
-        }
+        # What is missing of what was there and what forces and walls put in was dissipated.
+        own = {"dissipated_energy": self.dissipated(measure)}
+        return {name: own[name] if name in own else getattr(measure, name) for name in OBSERVABLES}
 
     def row(self, measure: Measure) -> dict[str, Any]:
-        """What is written in a row of the time series; see `estimate.SERIES`."""
-        row: dict[str, Any] = self.observables(measure)
+        """What is written in a row of the time series (with `estimate.LEDGER`)."""
+        row = self.observables(measure)
         if measure.dissipated is not None and measure.regimes is not None:
             row |= {
                 "dissipated_by_mechanism": measure.dissipated,
@@ -127,7 +111,7 @@ def _measure(record: Mapping[str, Any] | None) -> Measure | None:
     if record is None:
         return None
     values: dict[str, Any] = {
-        name: np.array(value) if isinstance(value, list) else value for name, value in record.items()
+        name: np.array(each) if isinstance(each, list) else each for name, each in record.items()
     }
     return Measure(**values)
 
@@ -135,16 +119,8 @@ def _measure(record: Mapping[str, Any] | None) -> Measure | None:
 class Recorder:
     """Writes what a simulation gives as it runs.
 
-    Parameters
-    ----------
-    writer : QueuedWriter
-    ledger : Ledger
-    take_events : callable, optional
-        Gives what happened to tracked disks since the last call (`Simulation.take_events`).
-    pending : Events, optional
-        Events that were not written yet when the run stopped.
-    clock : callable
-        Seconds of real time; another one in tests.
+    `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
+    events that were not written yet when the run stopped; `clock` gives seconds of real time.
     """
 
     def __init__(

@@ -28,16 +28,8 @@ class Stops:
     The first of `SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
-    Parameters
-    ----------
-    max_hours : float, optional
-        Real time after which the run stops [hours].
-    every_minutes : float
-        Real time between two checkpoints [minutes]; the first one is due at once.
-    warn : callable
-        Takes a line to show when a signal comes.
-    clock : callable
-        Seconds of real time; another one in tests.
+    A run stops after `max_hours` of real time; checkpoints are due every so many minutes of it, the first one at once.
+    `warn` takes a line to show when a signal comes; `clock` gives seconds of real time.
     """
 
     def __init__(

@@ -23,11 +23,8 @@ def read(path: Path, *, most: int, bom: bool = False) -> str:
     bom : bool
         A byte order mark at the beginning, as spreadsheets write it, is left out.
 
-    Raises
-    ------
-    InputError
-        If there is no such file, it is larger, a device, a pipe or a folder, or not text in UTF-8. The message does
-        not name the file.
+    Raises InputError if there is no such file, it is larger, a device, a pipe or a folder, or not text in UTF-8. The
+    message does not name the file.
     """
     if "\0" in str(path):
         raise InputError("cannot be read: a null character stands in its name")

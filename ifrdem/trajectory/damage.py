@@ -50,11 +50,8 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
     uncompressed data look like other numbers. Where its bookkeeping has lost a chunk, it gives zeros; that is noticed
     here, because no writer of ours leaves a chunk of committed data out.
 
-    Raises
-    ------
-    DamageError
-        If HDF5 cannot read it, there are no numbers, or more than the file has room for; the message names the file and
-        the dataset.
+    Raises DamageError if HDF5 cannot read it, there are no numbers, or more than the file has room for; the message
+    names the file and the dataset.
     """
     with reading(dataset.file.filename, str(dataset.name)):
         if dataset.dtype.kind not in "biuf":
@@ -75,10 +72,7 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
 def compression(dataset: h5py.Dataset) -> str | None:
     """The compression of a dataset: "gzip", "zstd", None.
 
-    Raises
-    ------
-    DamageError
-        If it is another one, which no writer of ours uses.
+    Raises DamageError if it is another one, which no writer of ours uses.
     """
     filters = dataset.id.get_create_plist()
     known = {h5py.h5z.FILTER_DEFLATE: "gzip", ZSTD: "zstd"}
@@ -95,10 +89,7 @@ def compression(dataset: h5py.Dataset) -> str | None:
 def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | float:
     """A text or a number that stands alone; `errors` is what to do with bytes that are no UTF-8 (`bytes.decode`).
 
-    Raises
-    ------
-    DamageError
-        If it is neither, or cannot be read.
+    Raises DamageError if it is neither, or cannot be read.
     """
     with reading(dataset.file.filename, str(dataset.name)):
         if dataset.shape != ():
@@ -114,10 +105,7 @@ def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | floa
 def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "iuf") -> None:
     """Refuse a dataset of another shape (None: any length) or of other kinds of numbers (NumPy's letters).
 
-    Raises
-    ------
-    DamageError
-        With what is there and what is needed.
+    Raises DamageError with what is there and what is needed.
     """
     with reading(dataset.file.filename, str(dataset.name)):
         found = dataset.shape
@@ -143,10 +131,8 @@ def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = No
     views : mapping, optional
         Name of each virtual dataset that there may be -> name of the dataset of the same file that it shows.
 
-    Raises
-    ------
-    InputError
-        If there are links to other files, datasets whose numbers lie in other files, or other virtual datasets.
+    Raises InputError if there are links to other files, datasets whose numbers lie in other files, or other virtual
+    datasets.
     """
     allowed = views or {}
 

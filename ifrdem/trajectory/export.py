@@ -50,10 +50,8 @@ def export(
     progress : callable
         Wraps the frames, to show how far it is.
 
-    Raises
-    ------
-    InputError
-        If the format is none of these, a field it needs is not stored, a package is missing, or it cannot be written.
+    Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, or it cannot
+    be written.
     """
     if to not in FORMATS:
         raise InputError(f"--to {to}: allowed are {', '.join(FORMATS)}{nearest(to, FORMATS)}")

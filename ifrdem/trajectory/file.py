@@ -42,10 +42,7 @@ class OrderedFile:
         The first failure. It is not raised, because HDF5 cannot be told of it in the middle of its work: nothing is
         written any more, and whoever writes looks here after each flush.
 
-    Raises
-    ------
-    BlockingIOError
-        If another process has locked the file.
+    Raises BlockingIOError if another process has locked the file.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -207,10 +204,8 @@ class OutputFile:
     ) -> OutputFile:
         """A new file; `fill` writes what stands in it before its first commit.
 
-        Raises
-        ------
-        InputError
-            If the path exists and `force` is not given, or the file cannot be made. Nothing is left behind.
+        Raises InputError if the path exists and `force` is not given, or the file cannot be made. Nothing is left
+        behind.
         """
         path, name = Path(os.path.realpath(given)), f"output {os.fspath(given)}"
         if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
@@ -245,10 +240,7 @@ class OutputFile:
     def reopen(cls, given: str | os.PathLike[str]) -> OutputFile:
         """A file that is there, to be written further; no other process can write it meanwhile.
 
-        Raises
-        ------
-        InputError
-            If it is not there, not HDF5, damaged, or open elsewhere.
+        Raises InputError if it is not there, not HDF5, damaged, or open elsewhere.
         """
         path, name, raw = Path(os.path.realpath(given)), os.fspath(given), None
         if not os.path.isfile(path):
@@ -319,10 +311,7 @@ class OutputFile:
     def flush(self) -> None:
         """Have all that was written on its way to the disk.
 
-        Raises
-        ------
-        OSError
-            If something could not be written. Nothing reaches the file any more then.
+        Raises OSError if something could not be written. Nothing reaches the file any more then.
         """
         self.file.flush()
         if self._raw.error is not None:
@@ -331,10 +320,7 @@ class OutputFile:
     def close(self, drop: Callable[[], None], *, keep: bool) -> None:
         """Close the file; `drop` removes what is not committed, and a new file is removed unless `keep`.
 
-        Raises
-        ------
-        TrajectoryError
-            If closing fails, e.g. because the disk has gone.
+        Raises TrajectoryError if closing fails, e.g. because the disk has gone.
         """
         if not self.file:
             return

@@ -366,10 +366,7 @@ def committed_rows(file: h5py.File) -> int:
 def need_zstd(what: str) -> None:
     """Make zstd known to HDF5.
 
-    Raises
-    ------
-    InputError
-        If the package for it is missing; `what` needs it.
+    Raises InputError if the package for it is missing; `what` needs it.
     """
     try:
         import hdf5plugin  # noqa: F401 importing it is what makes the filter known
@@ -391,10 +388,7 @@ def load_compression(file: h5py.File, path: str) -> None:
 def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray[Any]:
     """Values in the type of a column.
 
-    Raises
-    ------
-    InputError
-        If they do not fit its shape or type.
+    Raises InputError if they do not fit its shape or type.
     """
     given = np.asarray(value)
     target = np.dtype(column.dtype)

@@ -55,10 +55,7 @@ class Rows:
 
         `rows` are values by the name of each dataset, shape (count, ...), in the dataset's type.
 
-        Raises
-        ------
-        TrajectoryError
-            If a row differs from what is committed.
+        Raises TrajectoryError if a row differs from what is committed.
         """
         count = len(next(iter(rows.values())))
         known = min(count, self.committed - self.at)
@@ -314,10 +311,7 @@ def checked(
     `what` they are ("observable") and what `row` they stand in ("frame") is for messages; `first` are the datasets or
     arrays that the first row made, shape (rows, ...), None if there is no row yet.
 
-    Raises
-    ------
-    InputError
-        If one is not a number or numbers, or they do not fit the first row.
+    Raises InputError if one is not a number or numbers, or they do not fit the first row.
     """
     found = {}
     for name, value in given.items():

@@ -45,11 +45,8 @@ def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
 def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     """Write the views of a trajectory beside it, replacing those that are there; returns their paths.
 
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a view cannot
-        be written: where a folder, a device or the trajectory itself is. Each view appears whole or not at all.
+    Raises InputError if the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a
+    view cannot be written: where a folder, a device or the trajectory itself is. Each view appears whole or not at all.
     """
     check_file(Path(path))
     made = paths(path)
