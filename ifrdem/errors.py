@@ -82,6 +82,17 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
     return f" (did you mean '{found[0]}'?)" if found else ""
 
 
+def there_are(word: str, known: Iterable[str]) -> str:
+    """What to say behind an unknown name: the known ones, and the nearest spelling."""
+    names = list(known)
+    return f": there are {', '.join(names) or 'none'}{nearest(word, names)}"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun: 1 frame, 2 frames."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def listed(lines: Sequence[str], most: int = 20) -> str:
     """The lines of a message; of more than `most`, the first ones and the number of the others."""
     if len(lines) <= most:

@@ -34,21 +34,14 @@ def export(
 ) -> None:
     """Write frames of a trajectory to a file; memory holds one frame at a time.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    place : path
-        The file to write: it appears whole or not at all, and replaces one that is there.
-    to : {"gsd", "extxyz", "csv"}
-        gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box; `angle` as
-        orientations, spins as angular momenta, both also as logged quantities `particles/angle` and
-        `particles/angular_velocity`, times as `time`; types are species. extxyz: extended XYZ with z = 0, every stored
-        field, and names of species without blanks in the column `kind`. csv: a line a disk and frame, with a header.
-        The last two keep every digit that is stored.
-    frames : sequence of int
-        Which, in this order.
-    progress : callable
-        Wraps the frames, to show how far it is.
+    The file at `place` appears whole or not at all, and replaces one that is there; `frames` are written in this order,
+    and `progress` wraps them, to show how far it is.
+
+    gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box; `angle` as
+    orientations, spins as angular momenta, both also as logged quantities `particles/angle` and
+    `particles/angular_velocity`, times as `time`; types are species. extxyz: extended XYZ with z = 0, every stored
+    field, and names of species without blanks in the column `kind`. csv: a line a disk and frame, with a header. The
+    last two keep every digit that is stored.
 
     Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, or it cannot
     be written.
@@ -138,9 +131,7 @@ def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
 def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     disks, box = trajectory.disks, trajectory.box
     constant: dict[str, NDArray[Any]] = {
-        "radius": disks.radius,
-        "mass": disks.mass,
-        "material": disks.material,
+        name: getattr(disks, name) for name in ("radius", "mass", "material")
     }
     species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
     first, first_properties = [species], ["species:S:1"]

@@ -1,8 +1,7 @@
-"""Trajectory files, read lazily as sequences of frames. The layout is described in `ifrdem.h5md`."""
+"""Trajectory files, read lazily as sequences of frames. The layout is described in `layout`."""
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import json
 import math
@@ -20,7 +19,17 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DamageError, DamageWarning, FrameError, InputError, NameMissing, nearest, printable
+from ..errors import (
+    DamageError,
+    DamageWarning,
+    FrameError,
+    InputError,
+    NameMissing,
+    counted,
+    nearest,
+    printable,
+    there_are,
+)
 from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
@@ -68,9 +77,7 @@ class DiskPath:
     def __getitem__(self, name: str) -> NDArray[Any]:
         name = SPIN if name == "spin" else name
         if name not in self.fields:
-            raise NameMissing(
-                f"the file holds no field {name!r}: there are {', '.join(self.fields)}{nearest(name, self.fields)}"
-            )
+            raise NameMissing(f"the file holds no field {name!r}{there_are(name, self.fields)}")
         return self.fields[name]
 
     def __len__(self) -> int:
@@ -80,8 +87,9 @@ class DiskPath:
     def __repr__(self) -> str:
         """Whose it is, how much, from when to when, and what."""
         span = f", t = {self.time[0]:.6g} to {self.time[-1]:.6g}" if len(self) else ""
-        frames = f"{len(self)} frame{'' if len(self) == 1 else 's'}"
-        return f"<DiskPath of disk {self.disk}: {frames}{span}; {', '.join(self.fields)}>"
+        return (
+            f"<DiskPath of disk {self.disk}: {counted(len(self), 'frame')}{span}; {', '.join(self.fields)}>"
+        )
 
 
 class Trajectory(Sealed, Sequence[Frame]):
@@ -157,17 +165,16 @@ class Trajectory(Sealed, Sequence[Frame]):
 
     def _again(self, act: Callable[[], Result]) -> Result:
         """Do it; while a run writes, open the file again if only half of what it did is seen, and do it again."""
-        for attempt in range(_ATTEMPTS):
+        for _ in range(_ATTEMPTS - 1 if self._written_to else 0):
             try:
                 with damage.reading(self.path, "its content"):
                     return act()
             except DamageError:
-                if not self._written_to or attempt == _ATTEMPTS - 1:
-                    raise
-            time.sleep(_PAUSE)
-            self._file.close()
-            self._open()
-        raise AssertionError("the last attempt returns or raises")
+                time.sleep(_PAUSE)
+                self._file.close()
+                self._open()
+        with damage.reading(self.path, "its content"):
+            return act()
 
     def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
@@ -206,14 +213,13 @@ class Trajectory(Sealed, Sequence[Frame]):
         layout.check_layout(file, str(self.path))
         self._fields = layout.stored_fields(file)
         self._frames = len(file[f"{layout.EDGES}/step"])
-        self._set(times=self._moments(file[layout.EDGES]))
-        particles = file[layout.PARTICLES]
-        columns = {name: damage.read(particles[name]) for name in ("mass", "radius", "k", "material")}
+        particles, rows = file[layout.PARTICLES], file.get(layout.TIMESERIES)
+        columns = {name: damage.read(particles[name]) for name in layout.STATIC}
         with damage.reading(self.path, layout.PARTICLES):
             self._set(disks=Disks(len(columns["mass"]), **columns))
         with damage.reading(self.path, f"{layout.PARTICLES}/box"):
             self._set(box=_box(particles["box"].attrs))
-        self._set(parameters={})
+        self._set(times=self._moments(file[layout.EDGES]), parameters={})
         self._unreadable: dict[str, DamageError] = {}
         names: list[bytes | str] = []
         file["parameters"].visit(names.append)
@@ -221,7 +227,6 @@ class Trajectory(Sealed, Sequence[Frame]):
             self._read_parameter(file["parameters"], name)
         with damage.reading(self.path, "parameter walls"):
             self._set(walls=walls.from_json(self._text("walls", "[]")))
-        rows = file.get(layout.TIMESERIES)
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
             observables=Series(file["observables"], self.times, "observable", self._read_rows),
@@ -333,8 +338,7 @@ class Trajectory(Sealed, Sequence[Frame]):
         span = ""
         if self._frames:
             span = f" from t = {self.times[0]:.6g} to {self.with_unit(f'{self.times[-1]:.6g}', 'time')}"
-        frames = f"{self._frames} frame{'' if self._frames == 1 else 's'}"
-        closed = "" if self._file else ", closed"
+        frames, closed = counted(self._frames, "frame"), "" if self._file else ", closed"
         return f"<Trajectory {str(self.path)!r}: {self.disks.n} disks, {frames}{span}{closed}>"
 
     @overload
@@ -368,10 +372,7 @@ class Trajectory(Sealed, Sequence[Frame]):
         file = self._opened()
         name = SPIN if name == "spin" else name
         if name not in self.fields:
-            raise NameMissing(
-                f"{self.path} holds no field {name!r}: "
-                f"there are {', '.join(self.fields)}{nearest(name, self.fields)}"
-            )
+            raise NameMissing(f"{self.path} holds no field {name!r}{there_are(name, self.fields)}")
         return layout.field_dataset(file, name)
 
     def disk(self, disk: int) -> DiskPath:
@@ -434,9 +435,8 @@ class Trajectory(Sealed, Sequence[Frame]):
         disk = operator.index(disk)
         n = self.disks.n
         if not 0 <= disk < n:
-            raise FrameError(
-                f"disk {disk} of {self.path}: there are {n} disks{f' (0 to {n - 1})' if n else ''}"
-            )
+            span = f" (0 to {n - 1})" if n else ""
+            raise FrameError(f"disk {disk} of {self.path}: there are {n} disks{span}")
         return disk
 
     def to_pandas(
@@ -477,19 +477,13 @@ class Trajectory(Sealed, Sequence[Frame]):
 
 
 def check_file(path: Path) -> None:
-    """Refuse what is no file, before HDF5 waits for a pipe for ever.
-
-    Raises
-    ------
-    InputError
-        If there is nothing, a folder, or a device or pipe.
-    """
+    """Refuse what is no file, before HDF5 waits for a pipe for ever: an InputError says what it is."""
+    wrong = {os.path.isdir: "is a folder", os.path.exists: "is a device or pipe"}
     if not os.path.exists(path):
         raise InputError(f"{path}: there is no such file")
-    if os.path.isdir(path):
-        raise InputError(f"{path} is a folder: a trajectory file is needed")
     if not os.path.isfile(path):
-        raise InputError(f"{path} is a device or pipe: a trajectory file is needed")
+        what = next(text for kind, text in wrong.items() if kind(path))
+        raise InputError(f"{path} {what}: a trajectory file is needed")
 
 
 _LAW = {"e_n", "e_t", "mu", "sticking", "rho"}
@@ -519,20 +513,21 @@ def _box(attributes: Mapping[str, Any]) -> Box:
 def _open(path: Path) -> tuple[h5py.File, bool]:
     """The file, and whether a run is writing it."""
     check_file(path)
-    try:
+    attempt, writing = 1, False
+    while True:
         try:
-            return h5py.File(path, "r"), False
-        except BlockingIOError:  # a run is writing it
-            for _ in range(_ATTEMPTS - 1):
-                with contextlib.suppress(OSError):  # it has grown between two looks of HDF5 at its size
-                    return h5py.File(path, "r", locking=False), True
+            return h5py.File(path, "r", **({"locking": False} if writing else {})), writing
+        except BlockingIOError:
+            writing = True
+        except OSError as error:
+            if writing and attempt < _ATTEMPTS:  # it has grown between two looks of HDF5 at its size
+                attempt += 1
                 time.sleep(_PAUSE)
-            return h5py.File(path, "r", locking=False), True
-    except OSError as error:
-        if error.errno:
-            raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
-        if h5py.is_hdf5(path):
+                continue
+            if error.errno:
+                raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
+            if not h5py.is_hdf5(path):
+                raise InputError(f"{path} is not an HDF5 file") from error
             raise DamageError(
                 f"{path} is a damaged HDF5 file: {error}; `ifrdem repair` says what can be done"
             ) from error
-        raise InputError(f"{path} is not an HDF5 file") from error

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError
+from ..tools import checked
+from .layout import STATIC
 
 if TYPE_CHECKING:
     import pandas
@@ -49,15 +51,14 @@ def frame_columns(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]
     found: dict[str, NDArray[Any]] = {}
     for name in trajectory.fields:
         found.update(columns(name, frame[name]))
-    for name in ("radius", "mass", "k", "material"):
+    for name in STATIC:
         found[name] = getattr(disks, name)
     return found
 
 
 def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFrame:
     """As `Trajectory.to_pandas`."""
-    if which not in WHICH:
-        raise InputError(f"which = {which!r}: allowed are {', '.join(WHICH)}{nearest(str(which), WHICH)}")
+    checked.one_of("which", which, WHICH)
     pandas = needed("pandas", "analysis")
     if which == "frame":
         found = frame_columns(trajectory, index)
@@ -77,7 +78,7 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
         stored = trajectory.dataset(name)
         dims = ("time", "disk", "axis")[: stored.ndim]
         data[name] = (dims, _lazy(xarray, trajectory, name))
-    for name in ("radius", "mass", "k", "material"):
+    for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
     coordinates: dict[str, Any] = {
         "time": trajectory.times, "disk": np.arange(trajectory.disks.n), "axis": list(AXES)

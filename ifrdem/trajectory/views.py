@@ -54,11 +54,13 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         check_apart(place, Path(path))
     check_files(made, force=True, elsewhere="views stand beside the trajectory")
     with Trajectory(path) as trajectory:
-        if len(trajectory) == 0 or trajectory.disks.n == 0 or "position" not in trajectory.fields:
-            missing = (
-                "frames" if len(trajectory) == 0 else "disks" if trajectory.disks.n == 0 else "positions"
-            )
-            raise InputError(f"{path}: a view needs {missing}, and there are none")
+        needs = {
+            "frames": len(trajectory),
+            "disks": trajectory.disks.n,
+            "positions": "position" in trajectory.fields,
+        }
+        if missing := [name for name, there in needs.items() if not there]:
+            raise InputError(f"{path}: a view needs {missing[0]}, and there are none")
         for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
             _write(place, trajectory, fill)
     return made
@@ -162,10 +164,8 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
 
     units = trajectory.units
     attach(file.create_dataset("time", data=trajectory.times), "frame", unit=units.get("time"))
-    lengths = [
-        side if one else 0.0
-        for side, one in zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
-    ]
+    sides = zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
+    lengths = [side if periodic else 0.0 for side, periodic in sides]
     cell = file.create_dataset("cell_lengths", data=np.tile([*lengths, 0.0], (frames, 1)))
     attach(cell, "frame", "cell_spatial", unit=units.get("length"))
     angles = file.create_dataset("cell_angles", data=np.full((frames, 3), 90.0))

@@ -1,6 +1,6 @@
 """Writes a run's frames, time series and histories so that every death of the run leaves a good file.
 
-The layout is described in `ifrdem.h5md`.
+The layout is described in `layout`.
 """
 
 from __future__ import annotations

@@ -552,6 +552,7 @@ import sys
 import numpy as np
 sys.path[:0] = [sys.argv[1], sys.argv[1] + "/tests", sys.argv[1] + "/tests/trajectory"]
 from test_reader import BOX, some_disks, some_state
+from ifrdem.errors import TrajectoryError
 from ifrdem.trajectory.writer import TrajectoryWriter
 n, limit, pause = int(sys.argv[3]), int(sys.argv[4]), int(sys.argv[5])
 if limit:
