@@ -296,7 +296,7 @@ def test_describe_speaks_of_series_ledger_and_what_is_beside(tmp_path):
     given = add_series(path)
     (tmp_path / "run.checkpoint.h5").write_bytes(b"x" * 2000)
     (tmp_path / "run.status.json").write_text(
-        '{"format": 1, "state": "interrupted", "message": "by SIGTERM"}'
+        '{"format": 1, "state": "interrupted", "message": "by SIGTERM", "pid": 1, "updated": "2026-11-22T12:00:00Z"}'
     )
     text = describe(path)
     worst = np.max(np.abs(given["ledger_residual"]))

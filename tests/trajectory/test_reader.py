@@ -393,8 +393,8 @@ def test_describe_says_what_a_file_holds(tmp_path):
         "radius            1 m",
         "box               10 x 10 m",
         "packing fraction  0.0942",  # 3 pi / 100
-        "position          float32 x 2, 24 B a frame, 48 B stored",
-        "collisions        int32, 12 B a frame",
+        "position          float32 x 2, 24 bytes a frame, 48 bytes stored",
+        "collisions        int32, 12 bytes a frame",
         "energy",
         "seed              7",
         "(21 lines,",
