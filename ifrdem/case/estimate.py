@@ -59,48 +59,26 @@ FILLED = 0.9 * NODE
 
 @dataclass(frozen=True)
 class Estimate:
-    """Figures of a gas at its start, and of its run.
+    """Figures of a gas at its start, and of its run; nan where theory does not tell."""
 
-    Attributes
-    ----------
-    packing_fraction : float
-        Part of the area that the disks cover; between walls, of the room that these leave (`room.py`); 0 if open.
-    number_density : float
-        Disks per area [1/length^2]; 0 in an open box.
-    collision_rate : tuple of float
-        Collisions per disk and time [1/time], species by species; 0 in an open box.
-    free_path : tuple of float
-        Mean free paths [length], species by species: mean speed over collision rate; nan where nothing moves.
-    end_time : float
-        Simulated time at the end [time]; nan where theory does not tell.
-    collisions : float
-        Collisions of two disks in the whole run, each counted once; nan where theory does not tell.
-    collisions_at_most : bool
-        Whether `collisions` is only an upper bound: the initial rate, which cooling lowers.
-    steady_state : tuple of float or None
-        T and T_rot [energy] at which a driven or sheared gas would stay, by kinetic theory.
-    wall_hits : float
-        Collisions with walls per time [1/time] at the start; 0 without walls.
-    file_bytes, array_bytes : int
-        Size of the trajectory file, and of the engine's arrays.
-    frames, rows, tracked : int
-        Frames and rows of the time series, at most, and disks with histories.
-    """
-
-    packing_fraction: float
-    number_density: float
-    collision_rate: tuple[float, ...]
-    free_path: tuple[float, ...]
-    end_time: float
-    collisions: float
-    collisions_at_most: bool
-    steady_state: tuple[float, float] | None
-    wall_hits: float
-    file_bytes: int
-    array_bytes: int
-    frames: int
-    rows: int
-    tracked: int
+    packing_fraction: float  # part of the area that disks cover, of the room between walls; 0 in an open box
+    number_density: float  # disks per area [1/length^2]; 0 in an open box
+    collision_rate: tuple[float, ...]  # per disk [1/time], species by species; 0 in an open box
+    free_path: tuple[
+        float, ...
+    ]  # mean speed over collision rate [length], species by species; nan where nothing moves
+    end_time: float  # simulated time at the end [time]
+    collisions: float  # of two disks in the whole run, each counted once
+    collisions_at_most: bool  # `collisions` is only an upper bound: by the initial rate, which cooling lowers
+    steady_state: (
+        tuple[float, float] | None
+    )  # T and T_rot [energy] at which a driven or sheared gas would stay
+    wall_hits: float  # per time [1/time] at the start; 0 without walls
+    file_bytes: int  # of the trajectory
+    array_bytes: int  # of the engine's arrays
+    frames: int  # at most
+    rows: int  # of the time series, at most
+    tracked: int  # disks with histories
 
     @classmethod
     def of(cls, gas: Gas, case: Case) -> Estimate:

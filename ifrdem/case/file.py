@@ -39,27 +39,13 @@ _PATH = re.compile(rf"[\w-]{{1,100}}(?:\.[\w-]{{1,100}}|\[\d{{1,9}}\]){{0,{DEEPE
 
 @dataclass(frozen=True)
 class CaseFile:
-    """A case file that passed every check.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    text : str
-        Its text.
-    overrides : tuple of str
-        The "key=value" overrides, in order.
-    case : Case
-        What the two say together.
-    gas : Gas
-        The gas that was judged with it; `Gas.ready` makes it start.
-    """
+    """A case file that passed every check."""
 
     path: Path
     text: str
-    overrides: tuple[str, ...]
-    case: Case
-    gas: Gas = field(repr=False)
+    overrides: tuple[str, ...]  # "key=value", in order
+    case: Case  # what the two say together
+    gas: Gas = field(repr=False)  # as it was judged with it; `Gas.ready` makes it start
 
     @property
     def folder(self) -> Path:
@@ -68,15 +54,10 @@ class CaseFile:
 
 
 def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
-    """Read and check a case file.
+    """Read and check a case file (TOML).
 
-    Parameters
-    ----------
-    path : path
-        A TOML file.
-    overrides : sequence of str
-        Assignments such as "run.seed=3" or "species[0].number=100", applied in order. The value is TOML;
-        what is not TOML is taken as text; nothing after "=" removes the key.
+    Overrides are assignments such as "run.seed=3" or "species[0].number=100", applied in order. The value is TOML; what
+    is not TOML is taken as text; nothing after "=" removes the key.
 
     Raises InputError with one line for each thing that is wrong.
     """

@@ -35,33 +35,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gas:
-    """What moves, where, and how it collides.
+    """What moves, where, and how it collides."""
 
-    Attributes
-    ----------
-    species : tuple of Species
-        In the order of the disks' ids.
-    materials : tuple of str
-        Names of the materials that occur; that of the sides of the box is the first.
-    verdicts : tuple of PairVerdict
-        Admissibility of each pair of species, and of each species and material of walls.
-    box : Box
-        The box.
-    walls : tuple of Wall
-        Beside those at the sides of the box.
-    patch : Box or None
-        The rectangle in which disks are placed at the start: the box, or what an open one says of it.
-    given : Given or None
-        The start, if the case names a file or a trajectory with it.
-    """
-
-    species: tuple[Species, ...]
-    materials: tuple[str, ...]
-    verdicts: tuple[PairVerdict, ...]
+    species: tuple[Species, ...]  # in the order of the disks' ids
+    materials: tuple[str, ...]  # names of those that occur; that of the sides of the box is the first
+    verdicts: tuple[PairVerdict, ...]  # of each pair of species, and of each species and material of walls
     box: Box
-    walls: tuple[Wall, ...] = ()
-    patch: Box | None = None
-    given: Given | None = None
+    walls: tuple[Wall, ...] = ()  # beside those at the sides of the box
+    patch: Box | None = None  # where disks are placed at the start: the box, or what an open one says of it
+    given: Given | None = None  # the start, if the case names a file or a trajectory with it
 
     @classmethod
     def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> Gas:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pressure", "cooling", "impact")
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
+ELSEWHERE = "; --force replaces it, -o DIR writes elsewhere"
 RUN = ("name", "seed", "started")
 """Parameters of a trajectory by which a run is told from others."""
 
@@ -92,7 +93,13 @@ def analyse(
         stem = trajectory.path.stem
         folder = Path(output or f"{stem}-analysis")
         summary = folder / f"{stem}.json"
-        _check_folder(folder, summary, trajectory.path)
+        if not folder.parent.is_dir():
+            raise InputError(f"output folder {folder}: {folder.parent} does not exist")
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"output {folder}: is no folder")
+        if folder.exists():
+            check_apart(summary, trajectory.path)
+            check_files([summary], force=True)  # which others may be added to
         record = _begun(trajectory, summary, force=force)
         names, kept = _wanted(what, record, summary, force=force)
 
@@ -109,14 +116,17 @@ def analyse(
                     raise InputError(f"{name}: {error}") from None
                 skipped[name] = str(error)
                 continue
-            files = {folder / _file(stem, name, part): table for part, table in outcome.tables.items()}
+            files = {
+                folder / f"{stem}-{name}{f'-{part}' if part else ''}.csv": table
+                for part, table in outcome.tables.items()
+            }
             written |= files
             record["analyses"][name] = _record(outcome, [path.name for path in files])
             if not json:
                 say(report(name, ANALYSES[name].title, outcome, span_text(trajectory, outcome)))
-        found = set(record["analyses"])
-        record["analyses"] = {name: record["analyses"][name] for name in NAMES if name in found}
-        reasons = {**record["not_possible"], **skipped}
+        found = record["analyses"]
+        record["analyses"] = {name: found[name] for name in NAMES if name in found}
+        reasons = record["not_possible"] | skipped
         record["not_possible"] = {name: reason for name, reason in reasons.items() if name not in found}
         if folder.exists():
             for path in written:
@@ -132,19 +142,6 @@ def analyse(
         note(f"{name}: is there already, and stays as it is; --force replaces it")
     for path in (*written, summary):
         note(f"wrote {path}")
-
-
-def _check_folder(folder: Path, summary: Path, trajectory: Path) -> None:
-    """Refuse a folder that cannot be made, or in which the summary cannot be written."""
-    if not folder.parent.is_dir():
-        raise InputError(f"output folder {folder}: {folder.parent} does not exist")
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"output {folder}: is no folder")
-    from ..tools.files import check_apart, check_files
-
-    if folder.exists():
-        check_apart(summary, trajectory)
-        check_files([summary], force=True)  # which others may be added to
 
 
 def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
@@ -166,21 +163,15 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
         return new
     try:
         old = json.loads(summary.read_text(encoding="utf-8"))
-        same = all(old[key] == new[key] for key in ("disks", "run"))
         held = {key: dict(old[key]) for key in ("analyses", "not_possible")}
+        if all(old[key] == new[key] for key in ("disks", "run")):
+            return {**new, **held}
+        wrong = f"holds analyses of another run ({old['file']})"
     except (OSError, ValueError, KeyError, TypeError):
-        if force:
-            return new
-        raise InputError(
-            f"output {summary}: is no summary of `ifrdem analyse` to add to; --force replaces it, -o DIR writes "
-            "elsewhere"
-        ) from None
-    if not same and not force:
-        raise InputError(
-            f"output {summary}: holds analyses of another run ({old['file']}); --force replaces it, -o DIR writes "
-            "elsewhere"
-        )
-    return {**new, **held} if same else new
+        wrong = "is no summary of `ifrdem analyse` to add to"
+    if force:
+        return new
+    raise InputError(f"output {summary}: {wrong}{ELSEWHERE}")
 
 
 def _wanted(
@@ -191,20 +182,11 @@ def _wanted(
     there = [name for name in asked if name in record["analyses"]]
     if force or not there:
         return asked, []
-    if what:
-        raise InputError(
-            f"output {summary}: holds {', '.join(there)} already; --force replaces it, -o DIR writes elsewhere"
-        )
     missing = [name for name in asked if name not in there]
-    if not set(missing) - set(record["not_possible"]):
-        raise InputError(
-            f"output {summary}: holds all that the file allows already; --force replaces it, -o DIR writes elsewhere"
-        )
+    if what or not set(missing) - set(record["not_possible"]):
+        held = ", ".join(there) if what else "all that the file allows"
+        raise InputError(f"output {summary}: holds {held} already{ELSEWHERE}")
     return missing, there
-
-
-def _file(stem: str, name: str, part: str) -> str:
-    return f"{stem}-{name}{f'-{part}' if part else ''}.csv"
 
 
 def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
@@ -225,22 +207,16 @@ def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
 
 def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Path, Columns]) -> str:
     """Write the tables, then the summary that names them, each whole or not at all; returns the summary."""
-    import csv
-
     from ..tools.files import write_aside
-
-    def write_table(path: Path, table: Columns) -> None:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file)
-            rows.writerow(table)
-            rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+    from ..trajectory.export import write_csv
 
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(f"output {folder}: cannot be made: {error.strerror}") from error
     for path, table in tables.items():
-        write_aside(path, partial(write_table, table=table))
+        rows = zip(*(column.tolist() for column in table.values()), strict=True)
+        write_aside(path, partial(write_csv, names=table, rows=rows))
     text = json.dumps(record, indent=2)
     write_aside(summary, lambda aside: aside.write_text(f"{text}\n", encoding="utf-8"))
     return text

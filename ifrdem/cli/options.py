@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar
 
 from cyclopts import Parameter
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from . import console
 
 if TYPE_CHECKING:
@@ -114,13 +114,6 @@ def whole(option: str, text: str, least: int, most: int, noun: str = "whole numb
     return value
 
 
-def one_of(option: str, text: str, allowed: Iterable[str]) -> str:
-    """The value of an option, one of some words."""
-    if text not in allowed:
-        raise InputError(f"{option} {text}: allowed are {', '.join(allowed)}{nearest(text, allowed)}")
-    return text
-
-
 class Wrong(list[str]):
     """Lines on options that are wrong, told all at once."""
 
@@ -166,17 +159,10 @@ def place(file: str, output: str | None, ending: str, *, force: bool) -> Path:
 
 
 def chosen(text: str | None, frames: int) -> range:
-    """Numbers of the frames that `--frames` names among so many.
+    """Numbers of the frames that `--frames` names among so many; all of them without a text.
 
-    Parameters
-    ----------
-    text : str or None
-        One number, or a:b:c as in Python: from a (or the first) to before b (or the last), every c-th; negative
-        numbers count from the end. None for all.
-    frames : int
-        Number of frames that are there.
-
-    Raises InputError if the text is none of these, or names no frame that is there.
+    It is one number, or a:b:c as in Python: from a (or the first) to before b (or the last), every c-th; negative
+    numbers count from the end. Raises InputError if it is none of these, or names no frame that is there.
     """
     if text is None:
         return range(frames)
@@ -185,11 +171,8 @@ def chosen(text: str | None, frames: int) -> range:
         if not 1 <= len(parts) <= 3 or parts == [None]:
             raise ValueError
         if len(parts) == 1:
-            number = parts[0]
-            assert number is not None
-            found = range(frames)[number : number + 1 or None]
-        else:
-            found = range(frames)[slice(*parts)]
+            parts = [parts[0], (parts[0] or 0) + 1 or None]
+        found = range(frames)[slice(*parts)]
     except ValueError:
         raise InputError(
             f"--frames {text}: a number or a:b:c is needed, such as 10, 0:100, -5: or ::10"

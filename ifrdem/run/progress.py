@@ -33,23 +33,9 @@ class Progress:
     on a terminal is redrawn at its own pace). A context manager: it ends with a last line. On a narrow terminal the bar
     line leaves out what matters least; time left and rate are always there.
 
-    Parameters
-    ----------
-    n : int
-        Number of disks.
-    t_end, collisions_per_disk : float, optional
-        Simulated time [time] or collisions per disk at which the run ends; exactly one is given. The time left (ETA) is
-        estimated by it, not counting what passed before the first call, which compiles the kernels.
-    unit : str
-        Unit of time, for display.
-    stream : text file, optional
-        Where to show it; the standard error stream by default.
-    interval : float
-        Seconds between plain lines.
-    clock : callable
-        Seconds of real time; another one in tests.
-
-    Raises ValueError if not exactly one of `t_end` and `collisions_per_disk` is given.
+    The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
+    (ValueError). The time left (ETA) is estimated by it, not counting what passed before the first call, which compiles
+    the kernels. `interval` are the seconds between plain lines, `clock` gives those of real time.
     """
 
     def __init__(

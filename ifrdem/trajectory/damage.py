@@ -123,13 +123,8 @@ def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "i
 def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = None) -> None:
     """Refuse data that lie elsewhere, before anything is read: HDF5 would follow them to any file or pipe.
 
-    Parameters
-    ----------
-    file : h5py.File
-    path : str
-        Its path, for messages.
-    views : mapping, optional
-        Name of each virtual dataset that there may be -> name of the dataset of the same file that it shows.
+    `views` are the virtual datasets that there may be, and the dataset of the same file that each shows; `path` is for
+    messages.
 
     Raises InputError if there are links to other files, datasets whose numbers lie in other files, or other virtual
     datasets.

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, printable
+from ..errors import printable
+from ..tools import checked
 from ..tools.files import check_apart, write_aside
 from . import tables
 from .damage import FAULTS
@@ -46,8 +47,7 @@ def export(
     Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, or it cannot
     be written.
     """
-    if to not in FORMATS:
-        raise InputError(f"--to {to}: allowed are {', '.join(FORMATS)}{nearest(to, FORMATS)}")
+    checked.one_of("to", to, FORMATS)
     writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv}
     if to != "csv":
         trajectory.dataset("position")  # says that it is missing
@@ -61,17 +61,16 @@ def write_history(history: History, place: Path) -> None:
     for name, value in history.columns.items():
         ends = ("n", "t") if name == "impulse" else ()
         found.update(tables.columns(name, value, ends))
-    write_aside(
-        place, lambda aside: _rows(aside, list(found), [np.column_stack([*map(_texts, found.values())])])
-    )
+    texts = np.column_stack([*map(_texts, found.values())]).tolist()
+    write_aside(place, lambda aside: write_csv(aside, found, texts))
 
 
-def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray[Any]]) -> None:
+def write_csv(place: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a header and rows."""
     with place.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
-        for block in blocks:
-            writer.writerows(block.tolist())
+        writer.writerows(rows)
 
 
 def _texts(column: NDArray[Any]) -> NDArray[Any]:
@@ -89,7 +88,7 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     n = trajectory.disks.n
     names = [end for name, value in _empty(trajectory).items() for end, _ in tables.columns(name, value)]
 
-    def blocks() -> Iterable[NDArray[Any]]:
+    def rows() -> Iterable[list[str]]:
         ids = np.arange(n).astype(str)
         for index in frames:
             flat = [
@@ -98,9 +97,9 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
                 for _, column in tables.columns(name, value)
             ]
             head = [np.full(n, str(index)), np.full(n, repr(float(trajectory.times[index]))), ids]
-            yield np.column_stack([*head, *flat])
+            yield from np.column_stack([*head, *flat]).tolist()
 
-    _rows(place, ["frame", "time", "id", *names], blocks())
+    write_csv(place, ["frame", "time", "id", *names], rows())
 
 
 def _empty(trajectory: Trajectory) -> dict[str, NDArray[Any]]:

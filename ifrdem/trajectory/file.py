@@ -31,16 +31,8 @@ class OrderedFile:
     child early is harmless, because the old one still holds what has moved. Only a new name in a group that exists
     changes two pieces that must fit, its heap's head and body: groups are added before the first frame where possible.
 
-    Parameters
-    ----------
-    path : str or path
-        A file that exists. It is locked until `close`.
-
-    Attributes
-    ----------
-    error : OSError or None
-        The first failure. It is not raised, because HDF5 cannot be told of it in the middle of its work: nothing is
-        written any more, and whoever writes looks here after each flush.
+    The file exists, and is locked until `close`. The first failure (`error`) is not raised, because HDF5 cannot be told
+    of it in the middle of its work: nothing is written any more, and whoever writes looks there after each flush.
 
     Raises BlockingIOError if another process has locked the file.
     """
@@ -175,14 +167,8 @@ class OutputFile:
 
     A new one grows up beside its place, so that its place never holds half a file; `publish` puts it there.
 
-    Attributes
-    ----------
-    path : Path
-        Its place, links followed: what they point to is replaced, not they.
-    file : h5py.File
-        The open file.
-    failed : bool
-        Whether writing has failed; nothing is written any more then.
+    Its place `path` has links followed: what they point to is replaced, not they. After a failure (`failed`) nothing is
+    written any more.
     """
 
     def __init__(

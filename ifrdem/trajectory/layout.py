@@ -81,21 +81,11 @@ CHUNK_ROWS = 512
 
 @dataclass(frozen=True)
 class Field:
-    """A quantity stored per disk and frame.
+    """A quantity stored per disk and frame."""
 
-    Attributes
-    ----------
-    attribute : str
-        Its name in `State`.
-    components : int
-        2 for vectors, stored as (frames, n, 2) with a 3D view; 1 for scalars, (frames, n).
-    count : bool
-        Stored as int32; otherwise in the floating-point precision of the file.
-    """
-
-    attribute: str
-    components: int
-    count: bool = False
+    attribute: str  # its name in `State`
+    components: int  # 2 for vectors, stored as (frames, n, 2) with a 3D view; 1 for scalars, (frames, n)
+    count: bool = False  # stored as int32; otherwise in the floating-point precision of the file
 
     @property
     def dataset(self) -> str:

@@ -22,18 +22,9 @@ class Rows:
     Rows beyond the marker do not count. A resumed run gives rows again that are committed: they are compared with the
     file bit for bit.
 
-    Parameters
-    ----------
-    what : str
-        What one row is, e.g. "frame".
-    marker : h5py.Dataset or None
-        One number a row; None where something else counts the rows.
-    datasets : mapping
-        Name -> dataset; may be added to before the first row.
-    committed : int
-        Rows that count.
-    at : int, optional
-        Number of the row that comes next; by default the one after the committed ones.
+    `what` is the noun for one row ("frame"); the `marker` has a number for each, and is None where something else
+    counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the number of
+    the row that comes next, by default the one after these.
     """
 
     def __init__(
