@@ -9,10 +9,9 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Any, get_args, get_origin
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from ..errors import InputError, listed, nearest
 from ..tools import text_file
@@ -181,7 +180,8 @@ def _parsed(text: str) -> dict[str, Any]:
 def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
-        allowed = _keys(key[:-1])
+        section = _section(key[:-1])
+        allowed = [] if section is None else list(section.model_fields)
         text = f"unknown key{nearest(str(key[-1]), allowed)}; known here: {', '.join(allowed)}"
     elif kind == "missing":
         text = f"missing: {_about(key)}"
@@ -232,29 +232,18 @@ def _cut(text: str, longest: int = 60) -> str:
 
 def _section(key: KeyPath) -> type[Section] | None:
     """The model behind a key, or None if the key is a plain value or unknown."""
-    model: type[Section] = Case
+    model: type[Section] | None = Case
     for step in key:
-        if isinstance(step, int):
-            continue
-        found = model.model_fields.get(step)
-        inner = _model_in(found.annotation) if found is not None else None
-        if inner is None:
-            return None
-        model = inner
+        if isinstance(step, str) and model is not None:
+            found = model.model_fields.get(step)
+            model = None if found is None else _model_in(found.annotation)
     return model
 
 
 def _model_in(annotation: Any) -> type[Section] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation if issubclass(annotation, Section) else None
-    if get_origin(annotation) in (list, Union, UnionType):
-        return next((found for each in get_args(annotation) if (found := _model_in(each))), None)
-    return None
-
-
-def _keys(key: KeyPath) -> list[str]:
-    section = _section(key)
-    return list(section.model_fields) if section is not None else []
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation
+    return next(filter(None, map(_model_in, get_args(annotation))), None)
 
 
 def _about(key: KeyPath) -> str:

@@ -23,8 +23,8 @@ class Rows:
     file bit for bit.
 
     `what` is the noun for one row ("frame"); the `marker` has a number for each, and is None where something else
-    counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the number of
-    the row that comes next, by default the one after these.
+    counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the
+    number of the row that comes next, by default the one after these.
     """
 
     def __init__(
