@@ -83,7 +83,7 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
 
 
 def there_are(word: str, known: Iterable[str]) -> str:
-    """What to say behind an unknown name: the known ones, and the nearest spelling."""
+    """Text behind an unknown name: the known ones, and the nearest spelling."""
     names = list(known)
     return f": there are {', '.join(names) or 'none'}{nearest(word, names)}"
 

@@ -69,7 +69,7 @@ CoinName = Annotated[Name, AfterValidator(_known_coin)]
 
 
 class MaterialSection(Section):
-    """How two disks of one material collide: coefficients of the IFR law, or the name of one of its coins."""
+    """Collisions of two disks of one material: coefficients of the IFR law, or the name of one of its coins."""
 
     choices = (Keys(("e_n", "e_t", "mu")), Keys(("coin",)))
 
@@ -85,7 +85,7 @@ class MaterialSection(Section):
 
 
 class PairSection(Section):
-    """How two different materials collide, those of walls too. No coefficient is ever guessed from two materials."""
+    """Collisions of two different materials, those of walls too. No coefficient is ever guessed from two materials."""
 
     materials: list[Name] = key(
         "names of the two materials [text], of disks or of disks and a wall",
@@ -125,7 +125,7 @@ class RadiiSection(Section):
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """Which keys the distribution lacks, or cannot have."""
+        """Keys that the distribution lacks, or cannot have."""
         name = data.get("distribution")
         if not isinstance(name, str) or name not in radii.PARAMETERS:
             return []  # which the key itself reports
@@ -191,7 +191,7 @@ class SpeciesSection(Section):
 
 
 def is_trajectory(positions: str) -> bool:
-    """Whether start.positions is the name of a trajectory file."""
+    """True if start.positions is the name of a trajectory file."""
     return positions.endswith(".h5")
 
 
@@ -203,7 +203,7 @@ def _known_positions(positions: str) -> str:
 
 
 class StartSection(Section):
-    """Where the disks are at the start."""
+    """Places of the disks at the start."""
 
     choices = (Keys(("positions",), also=("frame", "motion", "psi", "speed")), Keys(("file",)))
     choice_optional = True
@@ -288,12 +288,12 @@ class Case(Section):
 
     @property
     def walled(self) -> bool:
-        """Whether there are walls, at sides of the box or elsewhere."""
+        """True if there are walls, at sides of the box or elsewhere."""
         return bool(self.wall) or not all(self.box.periodic)
 
     @property
     def homogeneous(self) -> bool:
-        """Whether kinetic theory of a homogeneous gas may hold: without walls, gravity and elastic exceptions."""
+        """True if kinetic theory of a homogeneous gas may hold: without walls, gravity and elastic exceptions."""
         return not self.walled and not any(self.box.gravity) and self.run.collapse == "none"
 
     @property
@@ -313,5 +313,5 @@ class Case(Section):
         return tuple(dict.fromkeys(each for each in named if each is not None))
 
     def unit(self, quantity: str) -> str:
-        """What to print after a number: " m" for "length" in SI, nothing in reduced units."""
+        """Unit as printed after a number: " m" for "length" in SI, nothing in reduced units."""
         return f" {UNITS[self.run.units][quantity]}" if self.run.units == "SI" else ""

@@ -37,7 +37,7 @@ OBSERVABLES = {
     "momentum": 2, "potential_energy": 1, "energy_input": 1, "wall_work": 1, "wall_heat": 1, "dissipated_energy": 1,
     "collisions": 1, "wall_hits": 1,
 }  # fmt: skip
-"""What a run writes of the whole gas at each frame and row of the time series, with the number of components."""
+"""Quantities of the whole gas in each frame and row of the time series, with the number of components."""
 LEDGER = {
     "dissipated_by_mechanism": len(MECHANISMS),
     "collisions_by_regime": len(REGIMES),
@@ -58,7 +58,7 @@ FILLED = 0.9 * NODE
 
 
 @dataclass(frozen=True)
-class Estimate:
+class RunEstimate:
     """Figures of a gas at its start, and of its run; nan where theory does not tell."""
 
     packing_fraction: float  # part of the area that disks cover, of the room between walls; 0 in an open box
@@ -81,7 +81,7 @@ class Estimate:
     tracked: int  # disks with histories
 
     @classmethod
-    def of(cls, gas: Gas, case: Case) -> Estimate:
+    def of(cls, gas: Gas, case: Case) -> RunEstimate:
         """The estimate for a gas and the case that it comes from."""
         n, area, output = gas.disks.n, gas.room.area(), case.output
         phi = gas.room.packing_fraction(gas.disks.radius)

@@ -258,7 +258,7 @@ def _about(key: KeyPath) -> str:
 
 
 def _table(key: KeyPath) -> str:
-    """How the section of a key is written in the file."""
+    """Heading of the section of a key, as in the file."""
     name = str(next(step for step in key if isinstance(step, str)))
     inner = [step for step in key if isinstance(step, str)][-1]
     if inner != name:  # a table inside of a section

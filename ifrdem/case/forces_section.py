@@ -9,7 +9,7 @@ from .section import Keys, Section, key
 
 
 class ForceSection(Section):
-    """What acts on all disks between collisions, at the middle of each of its steps: a drive, or drag."""
+    """A force on all disks between collisions, at the middle of each of its steps: a drive, or drag."""
 
     kind: Literal["kicks", "spin_kicks", "langevin", "drag", "rescale", "table_friction"] = key(
         '"kicks" (random, without total momentum; power or diffusion), "spin_kicks" (likewise of spins), '

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Gas:
-    """What moves, where, and how it collides."""
+    """The gas of a case: its disks, box, walls and laws, and its start."""
 
     species: tuple[Species, ...]  # in the order of the disks' ids
     materials: tuple[str, ...]  # names of those that occur; that of the sides of the box is the first
@@ -102,7 +102,7 @@ class Gas:
 
     @property
     def room(self) -> Room:
-        """What walls leave to the disks."""
+        """The area that walls leave to the disks."""
         return Room(self.box, self.walls)
 
     def law(self, i: int = 0, j: int = 0) -> IFRLaw:

@@ -1,4 +1,4 @@
-"""What a case keeps of its run: frames, series, histories, checkpoints."""
+"""Output of a run: frames, series, histories, checkpoints."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _TRACKED = ("histories", "histories_sample", "histories_region", "histories_all"
 
 
 class OutputSection(Section):
-    """What is kept."""
+    """The output of the run."""
 
     frames: int = key(
         "frames after the initial one [whole number], evenly spaced in what ends the run",
@@ -117,7 +117,7 @@ class OutputSection(Section):
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """Which keys exclude each other."""
+        """Keys that exclude each other."""
         wrong = []
         alternatives = [(what, f"{what}_interval", f"{what}_collisions") for what in ("frames", "series")]
         for ways in (*alternatives, _TRACKED):
@@ -136,13 +136,13 @@ class OutputSection(Section):
 
     @property
     def frame_cadence(self) -> Cadence:
-        """When frames are due."""
+        """Times or collisions at which frames are due."""
         ways = (self.frames_interval, self.frames_collisions)
         return self._cadence(self.frames, *ways, self.frames_spacing, exact=True)
 
     @property
     def series_cadence(self) -> Cadence:
-        """When rows of the time series are due."""
+        """Times or collisions at which rows of the time series are due."""
         ways = (self.series_interval, self.series_collisions)
         if self.series is not None or any(each is not None for each in ways):
             return self._cadence(self.series or 1, *ways, self.series_spacing, exact=True)
@@ -162,7 +162,7 @@ class OutputSection(Section):
 
     @property
     def tracks(self) -> bool:
-        """Whether histories are kept."""
+        """True if histories are kept."""
         return self.histories_all or any(
             each is not None for each in (self.histories, self.histories_sample, self.histories_region)
         )

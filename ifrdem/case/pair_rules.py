@@ -16,7 +16,7 @@ from .species import Species
 
 
 class PairVerdict(NamedTuple):
-    """What the law of two species, or of one and walls of a material, says about energy, or why there is none."""
+    """Verdict on the law of two species, or of one and walls of a material: it may add energy, or is missing."""
 
     first: str
     second: str
@@ -68,7 +68,7 @@ def _coin_of(case: Case, material: str) -> str | None:
 
 
 def verdicts(case: Case, species: Sequence[Species]) -> Iterator[PairVerdict]:
-    """Whether collisions can add energy, for every pair of species whose coefficients are known."""
+    """Verdicts on the energy of collisions, for every pair of species whose coefficients are known."""
     order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
         # In one order, so that a pair that is missing is named once.

@@ -74,7 +74,7 @@ def _listed(names: list[str]) -> str:
 
 
 def wrong_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
-    """What says the same of further species is told once."""
+    """Inadmissible pairs; the same of further species is told once."""
     for key, message in dict.fromkeys((each.key, each.message) for each in verdicts if not each.admissible):
         yield Problem(key, None, message)
 

@@ -55,7 +55,7 @@ class Keys:
         return self.needed + self.one + self.some + self.also
 
     def mistakes(self, data: Mapping[str, Any], of_others: set[str]) -> list[str]:
-        """What is missing in a section, or belongs to others."""
+        """Keys that are missing in a section, or belong to others."""
         wrong = []
         if foreign := [key for key in data if key in of_others.difference(self.all)]:
             wrong.append(f"{', '.join(foreign)} cannot stand here; known for it: {', '.join(self.all)}")
@@ -118,7 +118,7 @@ class Section(BaseModel):
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
-        """What is wrong with the combination of keys."""
+        """Mistakes in the combination of keys."""
         kind = data.get(cls.selector)
         if isinstance(kind, str) and kind in cls.kinds:
             of_kinds = {key for each in cls.kinds.values() for key in each.all}

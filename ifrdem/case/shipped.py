@@ -17,7 +17,7 @@ def names() -> list[str]:
 
 
 def title(name: str) -> str:
-    """What a shipped case shows: the first sentence of its first comment, to a colon or a full stop."""
+    """Title of a shipped case: the first sentence of its first comment, to a colon or a full stop."""
     lines = (FOLDER / f"{name}.toml").read_text(encoding="utf-8").splitlines()
     comment = []
     for line in lines:

@@ -36,7 +36,7 @@ class Species:
 
     @property
     def equal(self) -> bool:
-        """Whether all of them have one mass and radius."""
+        """True if all of them have one mass and radius."""
         return all(column.strides == (0,) or np.ptp(column) == 0.0 for column in (self.mass, self.radius))
 
     def classes(self) -> list[Species]:

@@ -1,4 +1,4 @@
-"""What `ifrdem check` says of a case that is in order, and `ifrdem run` before it begins."""
+"""Report of a case that is in order, for `ifrdem check` and for the beginning of `ifrdem run`."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import device as backend
 from .case import Case
-from .estimate import OBSERVABLES, Estimate, disk_bytes
+from .estimate import OBSERVABLES, RunEstimate, disk_bytes
 from .gas import Gas
 from .output_section import MOST_FRAMES
 
 HOST_BYTES_PER_DISK = 300
-"""What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
+"""Memory of NumPy at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
 
 GROWTH_BYTES_PER_DISK = 1000
 """The same for a start by growth: 940 bytes a disk were seen."""
@@ -36,7 +36,7 @@ COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
 Measured 2026-11-21: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (README, Mixtures)."""
 
 
-def refuse_cadences(case: Case, gas: Gas, estimate: Estimate) -> None:
+def refuse_cadences(case: Case, gas: Gas, estimate: RunEstimate) -> None:
     """Raise InputError for frames or rows of series at intervals that make no sense, with a line for each.
 
     At most `MOST_FRAMES` of either, as where a number is given. The length of the run is its own, or the one that
@@ -52,7 +52,9 @@ def refuse_cadences(case: Case, gas: Gas, estimate: Estimate) -> None:
         raise InputError("\n".join(wrong))
 
 
-def _wrong_cadence(case: Case, gas: Gas, estimate: Estimate, what: str) -> Iterator[tuple[str, float, str]]:
+def _wrong_cadence(
+    case: Case, gas: Gas, estimate: RunEstimate, what: str
+) -> Iterator[tuple[str, float, str]]:
     many = f"{MOST_FRAMES} {'frames' if what == 'frames' else 'rows'}"
     interval = getattr(case.output, f"{what}_interval")
     if interval is not None:
@@ -72,7 +74,7 @@ def _wrong_cadence(case: Case, gas: Gas, estimate: Estimate, what: str) -> Itera
             yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
 
 
-def _length(case: Case, gas: Gas, estimate: Estimate) -> tuple[float, str]:
+def _length(case: Case, gas: Gas, estimate: RunEstimate) -> tuple[float, str]:
     """A time [time] that the run lasts at least, and what it is; nan where the case names none."""
     if case.run.t_end is not None:
         return case.run.t_end, "the length of the run"
@@ -110,7 +112,7 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
         )
 
 
-def summary(case: Case, gas: Gas, estimate: Estimate, device: str) -> str:
+def summary(case: Case, gas: Gas, estimate: RunEstimate, device: str) -> str:
     """The lines that stand above a run: what will run, on what, and how many collisions are expected."""
     if gas.box.is_open:
         where = " in an open box"
@@ -122,7 +124,7 @@ def summary(case: Case, gas: Gas, estimate: Estimate, device: str) -> str:
     return f"{case.run.name}: {gas.disks.n} disks{where}\nto {_end(case, estimate)}\non {device}"
 
 
-def report(case: Case, gas: Gas, estimate: Estimate) -> str:
+def report(case: Case, gas: Gas, estimate: RunEstimate) -> str:
     """Everything that can be said of a case before it runs."""
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
     lines = _density(case, gas, estimate)
@@ -160,8 +162,8 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
     return "\n".join(lines)
 
 
-def _stored(case: Case, gas: Gas, estimate: Estimate) -> str:
-    """What the trajectory file holds."""
+def _stored(case: Case, gas: Gas, estimate: RunEstimate) -> str:
+    """Content of the trajectory file."""
     output = case.output
     text = f"{estimate.frames} frames x ({gas.disks.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
     text += f", {'' if output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
@@ -174,7 +176,7 @@ def _stored(case: Case, gas: Gas, estimate: Estimate) -> str:
     return text
 
 
-def _density(case: Case, gas: Gas, estimate: Estimate) -> list[str]:
+def _density(case: Case, gas: Gas, estimate: RunEstimate) -> list[str]:
     """Heading of a report on a gas, and how dense it is."""
     length, time = case.unit("length"), case.unit("time").strip()
     sides = "" if gas.patch is None else f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
@@ -196,7 +198,7 @@ def _density(case: Case, gas: Gas, estimate: Estimate) -> list[str]:
     return lines
 
 
-def _forces(case: Case, estimate: Estimate) -> list[str]:
+def _forces(case: Case, estimate: RunEstimate) -> list[str]:
     """A line for each force, and the steady state that theory expects."""
     lines = []
     free_times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
@@ -214,7 +216,7 @@ def _forces(case: Case, estimate: Estimate) -> list[str]:
     return lines
 
 
-def _walls(case: Case, gas: Gas, estimate: Estimate) -> list[tuple[str, str]]:
+def _walls(case: Case, gas: Gas, estimate: RunEstimate) -> list[tuple[str, str]]:
     """Name and text of each line; none for a periodic gas without gravity."""
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
     speed, lines = _per(length, time), []
@@ -254,7 +256,7 @@ def _per(length: str, time: str) -> str:
 
 
 def _motion(case: Case, wall: Wall, g: float, mass: float) -> str:
-    """What a wall does, and the energy that it can give."""
+    """Motion of a wall, and the energy that it can give."""
     motion, fastest = wall.motion, wall.motion.most_speed
     length, time = case.unit("length"), case.unit("time")
     text = f"{motion.kind}, "
@@ -276,7 +278,7 @@ def _span(values: NDArray[np.float64]) -> str:
 
 
 def _cost(ratio: float) -> str:
-    """What a size ratio costs, by `COST_OF_RATIO`."""
+    """Cost of a size ratio, by `COST_OF_RATIO`."""
     factor = float(np.interp(math.log(ratio), np.log(list(COST_OF_RATIO)), list(COST_OF_RATIO.values())))
     more = " or more" if ratio > max(COST_OF_RATIO) else ""
     return f"a collision takes some {factor:.2g} times{more} as long as among equal disks"
@@ -296,8 +298,8 @@ def _row(name: str, text: str) -> str:
     return f"  {name:<22} {text}"
 
 
-def _end(case: Case, estimate: Estimate) -> str:
-    """Where a run ends, and how many collisions are expected until then."""
+def _end(case: Case, estimate: RunEstimate) -> str:
+    """End of a run, and the collisions that are expected until then."""
     at_most = "at most " if estimate.collisions_at_most else ""
     known = (
         "an unknown number of" if math.isnan(estimate.collisions) else f"{at_most}{estimate.collisions:.4g}"

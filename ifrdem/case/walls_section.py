@@ -21,7 +21,7 @@ def _nowhere(data: dict[str, Any], key: str) -> list[str]:
 
 
 class MotionSection(Section):
-    """How a wall moves as a whole: a displacement s(t) from where it stands, along a direction."""
+    """Motion of a wall as a whole: a displacement s(t) from where it stands, along a direction."""
 
     kind: Literal["steady", "sine", "sawtooth"] = key(
         '"steady" (s = speed t), "sine" (s = amplitude sin(2 pi frequency t + phase)) or "sawtooth" '

@@ -21,11 +21,11 @@ def check(case: Case, /, *, set: Set = None) -> None:
     """
     from ..case import file as case_file
     from ..case import shipped, summary
-    from ..case.estimate import Estimate
+    from ..case.estimate import RunEstimate
 
     file = case_file.read(shipped.find(case), set or [])
     gas = file.gas.ready(file.case)
-    estimate = Estimate.of(gas, file.case)
+    estimate = RunEstimate.of(gas, file.case)
     summary.refuse_cadences(file.case, gas, estimate)
     say(summary.report(file.case, gas, estimate))
     try:

@@ -1,4 +1,4 @@
-"""What a trajectory file holds, as text for people."""
+"""Content of a trajectory file, as text for people."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from . import status
 
 
 def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
-    """What a trajectory file holds, as text for people; `full` gives long parameters (the case text) whole.
+    """Content of a trajectory file, as text for people; `full` gives long parameters (the case text) whole.
 
     Raises InputError as `Trajectory`.
     """

@@ -6,7 +6,6 @@ import contextlib
 import json
 import os
 import shlex
-import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ import numpy as np
 
 from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, Case
-from ..case.estimate import Estimate
+from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import Gas
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
@@ -27,6 +26,7 @@ from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
+from ..tools.versions import revision
 from ..trajectory.background import QueuedWriter
 from ..trajectory.views import write_views
 from ..trajectory.writer import TrajectoryWriter
@@ -78,7 +78,7 @@ def run(
     check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, case.start.positions)
     began = time.perf_counter()
     gas = file.gas.ready(case)
-    estimate = Estimate.of(gas, case)
+    estimate = RunEstimate.of(gas, case)
     check.refuse_cadences(case, gas, estimate)
     check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
     say(check.summary(case, gas, estimate, how(case)))
@@ -111,7 +111,7 @@ def run(
 
 
 def stored(case: Case, gas: Gas) -> dict[str, Any]:
-    """How a trajectory stores the gas of a case: arguments of its writer."""
+    """Arguments of the writer of a case's trajectory."""
     output = case.output
     return {
         "fields": output.fields, "precision": output.precision, "compression": output.compression, "walls": gas.walls,
@@ -119,7 +119,7 @@ def stored(case: Case, gas: Gas) -> dict[str, Any]:
 
 
 def how(case: Case) -> str:
-    """What computes, for the summary of a run."""
+    """Device of a case and its threads, for the summary of a run."""
     used = case.run.threads or backend.cores()
     text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
@@ -269,7 +269,7 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
 
 
 def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
-    """What draws the picture of a case."""
+    """Function that draws the picture of a case."""
     from ..plots import impact_scan, table_friction
     from ..plots import run as plot  # Matplotlib takes a second, which no run need wait for at its beginning
 
@@ -362,7 +362,7 @@ def _closing(
 
 
 def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | float]:
-    """What the trajectory file says of where it comes from."""
+    """Record of a trajectory's origin, its parameters."""
     case = file.case
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
     laws = [
@@ -386,21 +386,3 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": revision(),
     }
-
-
-def revision() -> str:
-    """The git commit of the program's own source tree, or why there is none."""
-    root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():
-        return "not a git checkout"
-    try:
-        found = subprocess.run(
-            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40"],
-            capture_output=True,
-            text=True,
-            timeout=10.0,
-            check=True,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return found.stdout.strip()

@@ -181,7 +181,7 @@ def _columns(stream: TextIO) -> int:
 
 
 def quiet() -> bool:
-    """Whether the logger `ifrdem` is set to warnings and errors only, as by `--quiet`."""
+    """True if the logger `ifrdem` is set to warnings and errors only, as by `--quiet`."""
     return logging.getLogger("ifrdem").level > logging.INFO
 
 

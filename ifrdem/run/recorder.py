@@ -1,4 +1,4 @@
-"""What a run writes: its frames, time series and histories, and what it tells of itself as it goes."""
+"""Output of a run as it goes: frames, time series, histories, and the energy ledger."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "c
 
 @dataclass(slots=True)
 class Ledger:
-    """What a trajectory tells of the whole gas beside its frames: `observables` makes it of the measure of each.
+    """Energy ledger of a trajectory: `observables` makes quantities of the whole gas from the measure of each frame.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Ledger:
         return self.first.unspent - measure.unspent
 
     def residual(self, measure: Measure) -> float | None:
-        """What is missing of the energy beyond what the mechanisms took [energy]; None without a ledger."""
+        """Energy that is missing beyond what the mechanisms took [energy]; None without a ledger."""
         if measure.dissipated is None:
             return None
         return self.dissipated(measure) - float(measure.dissipated.sum())
@@ -70,7 +70,7 @@ class Ledger:
         return None if residual is None or turned == 0.0 else residual / turned
 
     def observables(self, measure: Measure) -> dict[str, Any]:
-        """What is written of the whole gas (`estimate.OBSERVABLES`)."""
+        """Quantities of the whole gas in a frame (`estimate.OBSERVABLES`)."""
         if self.first is None:
             self.first = measure
         # What is missing of what was there and what forces and walls put in was dissipated.
@@ -78,7 +78,7 @@ class Ledger:
         return {name: own[name] if name in own else getattr(measure, name) for name in OBSERVABLES}
 
     def row(self, measure: Measure) -> dict[str, Any]:
-        """What is written in a row of the time series (with `estimate.LEDGER`)."""
+        """Quantities of a row of the time series (with `estimate.LEDGER`)."""
         row = self.observables(measure)
         if measure.dissipated is not None and measure.regimes is not None:
             row |= {
@@ -94,7 +94,7 @@ class Ledger:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Ledger:
-        """What `to_record` gave."""
+        """The ledger that `to_record` gave."""
         return cls(_measure(record["first"]), _measure(record["latest"]), int(record["frames"]))
 
 

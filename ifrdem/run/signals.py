@@ -71,7 +71,7 @@ class Stops:
 
     @property
     def checkpoint_due(self) -> bool:
-        """Whether it is time for a checkpoint."""
+        """True if it is time for a checkpoint."""
         return self._clock() - self._stored >= self._every
 
     def stored(self) -> None:

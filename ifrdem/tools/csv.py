@@ -31,7 +31,7 @@ def read(path: Path, *, most: int) -> tuple[list[list[str]], list[int]]:
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number, NaN and infinity included."""
+    """True if a text is a number, NaN and infinity included."""
     try:
         float(text)
     except ValueError:

@@ -90,7 +90,7 @@ def write_aside(place: Path, write: Callable[[Path], object]) -> None:
 
 
 def not_a_file(path: Path) -> str | None:
-    """Why something that is there can be no output; None for files and where nothing is."""
+    """Reason why something that is there can be no output; None for files and where nothing is."""
     if path.is_dir():
         return f"output {path}: is a folder"
     if path.exists() and not path.is_file():

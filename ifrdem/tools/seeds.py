@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import InputError
 
 POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
-"""What random numbers are drawn for."""
+"""Purposes of random numbers."""
 
 
 def stream(seed: int, purpose: int) -> np.random.Generator:

@@ -185,7 +185,7 @@ def _chosen(dataset: h5py.Dataset, selection: Any) -> list[range]:
 
 
 def _lacks(dataset: h5py.Dataset, chosen: list[range], value: NDArray) -> bool:
-    """Whether a chunk of the selected part is not in the file; only one that reads as zeros can be."""
+    """True if a chunk of the selected part is not in the file; only one that reads as zeros can be."""
     if dataset.chunks is None or dataset.is_virtual or 0 in map(len, chosen):
         return False
     chunks = []

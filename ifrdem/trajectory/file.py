@@ -60,7 +60,7 @@ class OrderedFile:
         return self._at
 
     def tell(self) -> int:
-        """Where reading and writing go on."""
+        """Place at which reading and writing go on."""
         return self._at
 
     def readinto(self, buffer: bytearray) -> int:
@@ -154,7 +154,7 @@ class OrderedFile:
 
 
 def _order(data: bytes) -> tuple[int, int]:
-    """When a piece is written: see the numbers. Pieces of one number keep HDF5's order: data, then their headers."""
+    """Rank of a piece in the order of writing. Pieces of one rank keep HDF5's order: data, then their headers."""
     for number, mark in ((0, _SUPERBLOCK), (1, b"HEAP"), (2, b"TREE\x01"), (4, b"TREE"), (5, b"SNOD")):
         # A heap holds names, trees chunks (\x01) or names: from the root down, whose level is the sixth byte.
         if data.startswith(mark):

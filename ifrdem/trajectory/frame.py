@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .reader import Trajectory
 
 SPIN = "angular_velocity"
-"""What H5MD calls the spin; both names are understood."""
+"""Name of the spin in H5MD; both names are understood."""
 
 
 class Frame(Sealed):
@@ -38,7 +38,7 @@ class Frame(Sealed):
         self._set(index=index)
 
     def __repr__(self) -> str:
-        """Which frame of how many, and when."""
+        """Number of the frame of how many, and its time."""
         trajectory = self._trajectory
         return (
             f"<Frame {self.index} of {len(trajectory)}: {trajectory.disks.n} disks at "
@@ -107,7 +107,7 @@ class Frame(Sealed):
 
     @property
     def image(self) -> NDArray[np.int32]:
-        """How often each disk has left the box through each side, shape (n, 2); see `Box.unwrap`."""
+        """Box lengths that each disk has travelled along each axis, shape (n, 2); see `Box.unwrap`."""
         return self.field("image")
 
     @property

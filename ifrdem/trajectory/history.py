@@ -138,7 +138,7 @@ class History:
         return self._begun(t)[1]["spin"]
 
     def angle(self, t: ArrayLike) -> NDArray[np.float64]:
-        """How far the disk has turned since tracking began, at times t [rad], shape (...)."""
+        """Angle by which the disk has turned since tracking began, at times t [rad], shape (...)."""
         at, begun = self._begun(t)
         return begun["angle"] + begun["spin"] * (at - begun["time"])
 

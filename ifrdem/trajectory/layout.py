@@ -67,7 +67,7 @@ PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
 TIMESERIES = "timeseries"
 REDUCED = "reduced"
-"""What stands for the unit of every quantity where there are none."""
+"""Unit of every quantity where there are none."""
 SI_SYMBOLS = ("m", "kg", "s", "rad", "J", "N", "Hz")
 STATIC = ("radius", "mass", "k", "material")
 
@@ -174,7 +174,7 @@ MEANINGS = {
     "regime": "0 none; 1 sliding, 2 sticking; with rolling friction 3 sliding rolling, 4 sticking rolling, 5 sliding "
     "non-rolling, 6 sticking non-rolling; 9 elastic by a remedy for collapse; -1 not known",
 }
-"""What numbers stand for; in the file an attribute of the column."""
+"""Meaning of numbers; in the file an attribute of the column."""
 
 START_COLUMNS = {
     "position": Column(2, np.float64),
@@ -240,7 +240,7 @@ def _growing(
 
 
 def box_attributes(box: Box) -> dict[str, Any]:
-    """What a file says of its box."""
+    """Attributes of a box in the file."""
     sides: dict[str, Any] = {
         "dimension": 3,
         "boundary": [*("periodic" if one else "none" for one in box.periodic), "none"],
@@ -250,7 +250,7 @@ def box_attributes(box: Box) -> dict[str, Any]:
 
 
 def _are_si(units: Mapping[str, str]) -> bool:
-    """Whether there are units and all are powers of SI symbols in the module's notation: "kg m s-1"."""
+    """True if there are units and all are powers of SI symbols in the module's notation: "kg m s-1"."""
     factors = [factor for unit in units.values() for factor in unit.split(" ")]
     power = rf"({'|'.join(SI_SYMBOLS)})([+-][1-9][0-9]*)?"
     return bool(factors) and all(re.fullmatch(power, factor) for factor in factors)

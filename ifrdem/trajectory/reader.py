@@ -323,7 +323,7 @@ class Trajectory(Sealed, Sequence[Frame]):
 
     @property
     def room(self) -> Room:
-        """What walls leave to the disks, at t = 0."""
+        """The area that walls leave to the disks, at t = 0."""
         return Room(self.box, self.walls)
 
     def close(self) -> None:

@@ -328,7 +328,7 @@ def checked(
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a real number, of Python's or NumPy's; truth values are none."""
+    """True if a value is a real number, of Python's or NumPy's; truth values are none."""
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 

@@ -35,7 +35,7 @@ NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 
 
 def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
-    """Where the views of a trajectory are: NAME.vtkhdf and NAME.nc."""
+    """Paths of the views of a trajectory: NAME.vtkhdf and NAME.nc."""
     whole = Path(trajectory)
     name = whole.name.removesuffix(".h5")
     vtkhdf, nc = (whole.with_name(name + ending) for ending in VIEWS)

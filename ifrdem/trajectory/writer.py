@@ -244,7 +244,7 @@ class TrajectoryWriter(Sealed):
 
     @property
     def seen(self) -> dict[str, int]:
-        """What a checkpoint has to keep for `resume`: frames, series_rows and events that the run has written."""
+        """Counts that a checkpoint keeps for `resume`: frames, series_rows and events that the run has written."""
         rows = {"frames": self._rows, "series_rows": self._series.rows, "events": self._histories.events}
         return {name: each.at if each else 0 for name, each in rows.items()}
 

@@ -17,7 +17,7 @@ from ifrdem import theory
 from ifrdem.case import file as case_file
 from ifrdem.case import pair_rules, template
 from ifrdem.case.case import Case, MaterialSection, RunSection, SpeciesSection
-from ifrdem.case.estimate import Estimate, collision_rates
+from ifrdem.case.estimate import RunEstimate, collision_rates
 from ifrdem.case.gas import Gas, Species
 from ifrdem.case.section import Section
 from ifrdem.cli.main import main
@@ -634,7 +634,7 @@ def test_points_among_resting_disks_fly_the_free_path_of_a_lorentz_gas() -> None
 def test_estimate_of_the_main_job() -> None:
     file = case_file.read(SHIPPED)
     gas = Gas.from_case(file.case, file.folder)
-    estimate = Estimate.of(gas, file.case)
+    estimate = RunEstimate.of(gas, file.case)
     assert estimate.collisions == 1_250_000  # 50,000 disks x 50 / 2
     assert estimate.packing_fraction == pytest.approx(0.25, rel=1e-13)
     # n = phi / (pi R^2)
@@ -654,24 +654,24 @@ def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
     sizes = []
     for step in (1.0, 2e-3):
         case = case_of(f'{text}[[force]]\nkind = "kicks"\nstep = {step}\npower = 1e-6\n')
-        sizes.append(Estimate.of(Gas.from_case(case), case).file_bytes)
+        sizes.append(RunEstimate.of(Gas.from_case(case), case).file_bytes)
     assert sizes[1] - sizes[0] == pytest.approx(177 * 100 * 499, rel=0.05)
 
 
 def test_expected_end_is_where_theory_has_the_wanted_collisions() -> None:
     case = case_of()
     gas = Gas.from_case(case)
-    estimate = Estimate.of(gas, case)
+    estimate = RunEstimate.of(gas, case)
     T = 0.5 * 1.19e-3
     _, _, per_disk = theory.cooling(gas.laws[0][0], 1.19e-3, 10.5e-3, 2.0, 0.2, T, 0.0, [estimate.end_time])
     assert per_disk[0] == pytest.approx(5.0, rel=1e-5)  # the root is sought to 1e-6
     timed = case_of(SMALL, "run.collisions_per_disk=", f"run.t_end={estimate.end_time}")
-    assert Estimate.of(gas, timed).collisions == pytest.approx(250.0, rel=1e-5)
+    assert RunEstimate.of(gas, timed).collisions == pytest.approx(250.0, rel=1e-5)
 
 
 def test_mixture_run_to_a_time_gets_an_upper_bound_of_collisions() -> None:
     case = case_of(TWO + PAIR, "run.collisions_per_disk=", "run.t_end=0.1")
-    estimate = Estimate.of(Gas.from_case(case), case)
+    estimate = RunEstimate.of(Gas.from_case(case), case)
     assert estimate.collisions_at_most
     numbers, rates = np.array([100, 50]), np.array(estimate.collision_rate)
     assert estimate.collisions == pytest.approx(0.5 * 0.1 * numbers @ rates, rel=1e-12)
@@ -806,4 +806,4 @@ def test_a_flow_too_fast_for_theory_has_no_expected_number_of_collisions(tmp_pat
     path.write_text(SMALL)
     overrides = ["box.shear_rate=1e30", "run.t_end=1.0", "run.collisions_per_disk="]
     case = case_file.read(path, overrides).case
-    assert math.isnan(Estimate.of(Gas.from_case(case), case).collisions)
+    assert math.isnan(RunEstimate.of(Gas.from_case(case), case).collisions)

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from ifrdem.case import file as case_file
-from ifrdem.case.estimate import Estimate
+from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import Gas
 from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw
@@ -141,7 +141,7 @@ def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -
 
 def test_the_shipped_case_is_in_order() -> None:
     case = case_file.read(ROOT / "cases" / "shear.toml").case
-    estimate = Estimate.of(Gas.from_case(case), case)
+    estimate = RunEstimate.of(Gas.from_case(case), case)
     assert estimate.steady_state is not None
     T, T_rot = estimate.steady_state
     # By Monte Carlo of Enskog's equation T is 2.12e-4 and theta 0.325; the theory of Gaussians is 4 % off.

@@ -16,7 +16,7 @@ from ifrdem.case import file as case_file
 from ifrdem.case import gas as gas_module
 from ifrdem.case import template
 from ifrdem.case.case import Case
-from ifrdem.case.estimate import Estimate
+from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import Gas
 from ifrdem.case.walls_section import MotionSection, WallSection
 from ifrdem.cli.main import main
@@ -392,7 +392,7 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     Path("elastic.toml").write_text(ELASTIC)
     assert main(["run", "elastic.toml", "--no-picture"]) == 0
     case = Case.model_validate(changed(text=ELASTIC))
-    estimate = Estimate.of(Gas.from_case(case), case)
+    estimate = RunEstimate.of(Gas.from_case(case), case)
     with Trajectory("elastic.h5") as trajectory:
         hits = trajectory.observables["wall_hits"]
         energy = trajectory.observables["energy"]

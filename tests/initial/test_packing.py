@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from support.gases import touching
 
 from ifrdem.case.case import Case
-from ifrdem.case.estimate import Estimate, collision_rates
+from ifrdem.case.estimate import RunEstimate, collision_rates
 from ifrdem.case.gas import Gas
 from ifrdem.errors import InputError
 from ifrdem.initial import packing, radii
@@ -177,7 +177,7 @@ def test_a_gas_begins_to_collide_at_the_rate_of_a_mixture_at_equilibrium() -> No
     simulation.run(collisions_per_disk=0.5)
     rate = 0.5 / simulation.time
     # 750 collisions: an error of 4 %; the start's own correlations add some.
-    assert rate == pytest.approx(Estimate.of(gas, case).collision_rate[0], rel=0.12)
+    assert rate == pytest.approx(RunEstimate.of(gas, case).collision_rate[0], rel=0.12)
     group = gas.species[0].classes()
     rates = collision_rates(group, gas.box.area)
     order = np.argsort(gas.disks.radius)

@@ -13,7 +13,7 @@ import pytest
 from ifrdem.case import file as case_file
 from ifrdem.case import summary
 from ifrdem.case.case import Case, RadiiSection
-from ifrdem.case.estimate import Estimate
+from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import Gas
 from ifrdem.errors import InputError
 from ifrdem.initial import radii
@@ -212,7 +212,7 @@ def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
         )
     )
     gas = Gas.from_case(case)
-    text = summary.report(case, gas, Estimate.of(gas, case))
+    text = summary.report(case, gas, RunEstimate.of(gas, case))
     assert "radii                  0.01 to 0.05 (mean 0.014) m, largest/smallest 5" in text
     assert "2.1 times as long as among equal disks" in text  # measured at 5
     assert "packing fraction       0.3\n" in text
@@ -227,7 +227,7 @@ def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
         )
     )
     gas = Gas.from_case(one)
-    rate = Estimate.of(gas, one).collision_rate[0]
+    rate = RunEstimate.of(gas, one).collision_rate[0]
     # At one temperature: speeds as R^-1, and 1/m averages to (1 + 1/4)/2 of the small disks'.
     speed = [math.sqrt(1.0 / 0.625), math.sqrt(0.25 / 0.625)]
     half = CASE.replace("number = 1000", "number = 500")
@@ -238,5 +238,5 @@ def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
         .replace("speed_rms = 1.0", f"radius = 0.02\nspeed_rms = {speed[1]}")
     )
     two = Case.model_validate(tomllib.loads(text))
-    rates = Estimate.of(Gas.from_case(two), two).collision_rate
+    rates = RunEstimate.of(Gas.from_case(two), two).collision_rate
     assert rate == pytest.approx(np.mean(rates), rel=1e-12)

@@ -310,7 +310,7 @@ def _finite(value: float | None) -> float | None:
 
 def environment(*, quick: bool, seconds: float) -> dict[str, str]:
     """What the report says of where it comes from."""
-    from ...run.job import revision
+    from ...tools.versions import revision
 
     packages = ("numpy", "scipy", "taichi", "h5py", "matplotlib")
     outside = {name: _version(name) for name in ("pybullet", "pymunk")}
