@@ -65,10 +65,7 @@ class Frame(Sealed):
     def field(self, name: str) -> NDArray[Any]:
         """A stored field by its name in the file, shape (n,) or (n, 2).
 
-        Raises
-        ------
-        InputError
-            If the file does not hold it (also a KeyError), or it cannot be read (`DamageError`).
+        Raises InputError if the file does not hold it (also a KeyError), or it cannot be read (`DamageError`).
         """
         value = self._trajectory.read(name, self.index)
         return value.astype(np.float64) if value.dtype.kind == "f" else value

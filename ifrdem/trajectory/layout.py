@@ -52,7 +52,7 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
@@ -373,28 +373,6 @@ def load_compression(file: h5py.File, path: str) -> None:
         if isinstance(dataset, h5py.Dataset) and damage.compression(dataset) == "zstd":
             need_zstd(f"{path} is compressed by zstd: reading it")
             return
-
-
-def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray[Any]:
-    """Values in the type of a column.
-
-    Raises InputError if they do not fit its shape or type.
-    """
-    given = np.asarray(value)
-    target = np.dtype(column.dtype)
-    shape = (len(given) if given.ndim else 0, *column.tail) if length is None else (length, *column.tail)
-    if given.shape != shape:
-        raise InputError(f"{what} has shape {given.shape}: {shape} is needed")
-    if given.dtype.kind not in ("iu" if target.kind == "i" else "iuf") and given.size:
-        raise InputError(f"{what} has type {given.dtype}: {target} is needed")
-    if target.kind == "i" and given.size and given.dtype != target:
-        limits = np.iinfo(target)
-        if not limits.min <= given.min() <= given.max() <= limits.max:
-            raise InputError(f"{what}: numbers beyond {limits.max} cannot be stored")
-    if target.kind == "f" and not np.isfinite(given).all():
-        row = int(np.argmin(np.isfinite(given).reshape(len(given), -1).all(axis=1)))
-        raise InputError(f"{what}[{row}] = {given[row]}: every value must be finite")
-    return np.ascontiguousarray(given, dtype=target)
 
 
 def check_layout(file: h5py.File, path: str) -> None:

@@ -179,10 +179,7 @@ class Trajectory(Sealed, Sequence[Frame]):
     def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
 
-        Raises
-        ------
-        InputError
-            If the file does not hold the field, or it cannot be read (`DamageError`).
+        Raises InputError if the file does not hold the field, or it cannot be read (`DamageError`).
         """
         value = self._again(lambda: damage.read(self.dataset(name), selection))
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
@@ -268,10 +265,7 @@ class Trajectory(Sealed, Sequence[Frame]):
     def record(self, name: str, use: Callable[[Any], Result], default: str | None = None) -> Result:
         """Return `use` of a parameter that holds JSON (`default` where the run stored none).
 
-        Raises
-        ------
-        InputError
-            If there is none and no default, it cannot be read, or `use` cannot do with what it says.
+        Raises InputError if there is none and no default, it cannot be read, or `use` cannot do with what it says.
         """
         text = self._text(name, default)
         with damage.reading(self.path, f"parameter {name}"):
@@ -300,10 +294,7 @@ class Trajectory(Sealed, Sequence[Frame]):
     def laws(self) -> list[list[dict[str, Any] | None]]:
         """Coefficients of the law of each pair of materials, [a][b]; None for materials that never meet.
 
-        Raises
-        ------
-        InputError
-            If the run stored none, or they are damaged.
+        Raises InputError if the run stored none, or they are damaged.
         """
         materials = int(self.disks.material.max(initial=-1)) + 1
         return self.record("laws", lambda given: _laws(given, materials))
@@ -364,10 +355,7 @@ class Trajectory(Sealed, Sequence[Frame]):
 
         Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame behind the last.
 
-        Raises
-        ------
-        InputError
-            If the file does not hold it (also a KeyError), or is closed.
+        Raises InputError if the file does not hold it (also a KeyError), or is closed.
         """
         file = self._opened()
         name = SPIN if name == "spin" else name
@@ -378,10 +366,7 @@ class Trajectory(Sealed, Sequence[Frame]):
     def disk(self, disk: int) -> DiskPath:
         """The stored path of a disk over the frames; `history` is exact between them, if the disk is tracked.
 
-        Raises
-        ------
-        InputError
-            If there is no such disk, the file holds no positions, or it is damaged.
+        Raises InputError if there is no such disk, the file holds no positions, or it is damaged.
         """
         disk = self._checked_disk(disk)
         fields: dict[str, NDArray[Any]] = {}
@@ -403,10 +388,7 @@ class Trajectory(Sealed, Sequence[Frame]):
     def tracked_events(self) -> tuple[int, float, float]:
         """Number of committed events of all tracked disks, and the times between which they are complete [time].
 
-        Raises
-        ------
-        InputError
-            If the file has no histories, or they are damaged.
+        Raises InputError if the file has no histories, or they are damaged.
         """
         return self._again(lambda: history.committed(self._opened(), str(self.path)))
 
@@ -419,10 +401,8 @@ class Trajectory(Sealed, Sequence[Frame]):
     def history(self, disk: int) -> History:
         """Every collision of a tracked disk, and where it was at any time between them.
 
-        Raises
-        ------
-        InputError
-            If there is no such disk, or it is not tracked (the message says which are), or the file is damaged.
+        Raises InputError if there is no such disk, or it is not tracked (the message says which are), or the file is
+        damaged.
         """
         disk, radius, path = self._checked_disk(disk), self.disks.radius, str(self.path)
         return self._again(
@@ -444,20 +424,14 @@ class Trajectory(Sealed, Sequence[Frame]):
     ) -> pandas.DataFrame:
         """A table: `series` or `observables` by time, or the disks of the frame `index` by id; vectors as _x, _y.
 
-        Raises
-        ------
-        InputError
-            If `which` is another word, there is no such frame, or pandas is not installed.
+        Raises InputError if `which` is another word, there is no such frame, or pandas is not installed.
         """
         return tables.to_pandas(self, which, index)
 
     def to_xarray(self) -> xarray.Dataset:
         """Fields, observables and series with named axes; fields are read when computed with, from the open file.
 
-        Raises
-        ------
-        InputError
-            If xarray is not installed.
+        Raises InputError if xarray is not installed.
         """
         return tables.to_xarray(self)
 

@@ -7,13 +7,13 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..errors import InputError, TrajectoryError, nearest
 from ..model.state import State
 from . import layout
 from .file import OutputFile, drop_staged
-from .layout import EVENT_COLUMNS, HISTORIES, START_COLUMNS, TIMESERIES, as_column
+from .layout import EVENT_COLUMNS, HISTORIES, START_COLUMNS, TIMESERIES
 
 
 class Rows:
@@ -207,14 +207,16 @@ class HistoryWriter:
 
     def begin(self, ids: ArrayLike, state: State) -> None:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""
-        tracked = np.sort(as_column("tracked", ids, EVENT_COLUMNS["id"]))
+        tracked = np.sort(stored("tracked", ids, np.atleast_1d(np.asarray(ids)).shape[:1], np.int32))
         if not len(tracked) or not 0 <= tracked[0] <= tracked[-1] < self._n:
             raise InputError(f"tracked = {ids!r}: numbers of disks from 0 to {self._n - 1} are needed")
         if len(twice := tracked[1:][tracked[1:] == tracked[:-1]]):
             raise InputError(f"tracked: disk {twice[0]} is there twice")
         start: dict[str, Any] = {"time": np.float64(state.time)}
         for name, column in START_COLUMNS.items():
-            start[name] = as_column(name, getattr(state, name)[tracked], column)
+            start[name] = stored(
+                name, getattr(state, name)[tracked], (len(tracked), *column.tail), column.dtype
+            )
         if self.events is None:
             layout.create_histories(self._output.file, tracked, start)
             self._output.flush()
@@ -265,7 +267,7 @@ class HistoryWriter:
                 raise InputError(f"histories: there is no column {name!r}{nearest(name, EVENT_COLUMNS)}")
         length = len(np.atleast_1d(np.asarray(events["time"])))
         columns = {
-            name: as_column(f"histories: {name}", events[name], column, length)
+            name: stored(f"histories: {name}", events[name], (length, *column.tail), column.dtype)
             for name, column in EVENT_COLUMNS.items()
         }
         times, ids = columns["time"], columns["id"]
@@ -324,6 +326,26 @@ def checked(
         if numbers.dtype.kind == "f" and dataset.dtype.kind != "f":
             raise InputError(f"{what} {name} = {numbers}: it was an integer in the first {row}")
         found[name] = numbers.astype(dataset.dtype)
+    return found
+
+
+def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Values in the type that the file has for them; InputError if they do not fit the shape or the type."""
+    given, target = np.asarray(value), np.dtype(dtype)
+    if given.shape != shape:
+        raise InputError(f"{what} has shape {given.shape}: {shape} is needed")
+    if given.dtype.kind not in ("iu" if target.kind == "i" else "iuf") and given.size:
+        raise InputError(f"{what} has type {given.dtype}: {target} is needed")
+    if target.kind == "i" and given.size and given.dtype != target:
+        limits = np.iinfo(target)
+        if not limits.min <= given.min() <= given.max() <= limits.max:
+            raise InputError(f"{what}: numbers beyond {limits.max} cannot be stored")
+    with np.errstate(over="ignore"):
+        found = np.asarray(given, dtype=target, order="C")
+    if target.kind == "f" and not np.isfinite(found).all():
+        place = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
+        where = ", ".join(map(str, place))
+        raise InputError(f"{what}[{where}] = {given[place]}: no finite number of type {target}")
     return found
 
 

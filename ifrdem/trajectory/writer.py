@@ -24,7 +24,7 @@ from ..tools import checked
 from ..tools.sealed import Sealed
 from . import damage, layout
 from .file import OutputFile
-from .rows import HistoryWriter, Rows, SeriesWriter, check_name
+from .rows import HistoryWriter, Rows, SeriesWriter, check_name, stored
 from .rows import checked as checked_row
 
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
@@ -142,25 +142,14 @@ class TrajectoryWriter(Sealed):
         series_rows: int = 0,
         events: int = 0,
     ) -> TrajectoryWriter:
-        """Go on with the file of a run that goes on from a checkpoint.
+        """Go on with the file of a run that goes on from a checkpoint; no other process may write it meanwhile.
 
-        What a kill left uncommitted is dropped. What was committed after the checkpoint stays: the run
-        computes it again, and gives it again; it is compared with the file bit for bit.
+        What a kill left uncommitted is dropped. What was committed after the checkpoint stays: the run computes it
+        again, and gives it again; it is compared with the file bit for bit. The run had written so many `frames`,
+        `series_rows` and `events` of histories at the checkpoint; all else is as the file was begun with.
 
-        Parameters
-        ----------
-        path : str or path
-            The file. No other process may write it meanwhile.
-        disks, box, fields, precision, compression, walls
-            As the file was begun with.
-        frames, series_rows, events : int
-            How many frames, rows of series and events of histories the run had written at the checkpoint.
-
-        Raises
-        ------
-        InputError
-            If there is no such file, it is open elsewhere, it was begun otherwise, or it holds less than the
-            checkpoint had seen. The file is as it was then.
+        Raises InputError if there is no such file, it is open elsewhere, it was begun otherwise, or it holds less than
+        the checkpoint had seen. The file is as it was then.
         """
         seen = {"frames": frames, "series_rows": series_rows, "events": events}
         for name, value in seen.items():
@@ -259,22 +248,13 @@ class TrajectoryWriter(Sealed):
     def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:
         """Append a frame and commit it.
 
-        Parameters
-        ----------
-        state : State
-            Positions [length], velocities [length/time], spins [rad/time] and counts of the n disks, at a
-            time not before that of the last frame.
-        observables : mapping
-            Quantities of the whole gas by name: numbers or arrays, floats or integers. Names and shapes are
-            those of the first frame.
+        The `state` has positions [length], velocities [length/time], spins [rad/time] and counts of the n disks, at a
+        time not before that of the last frame; `observables` are quantities of the whole gas by name: numbers or
+        arrays, floats or integers, as in the first frame.
 
-        Raises
-        ------
-        InputError
-            If the state or the observables do not fit the file; it is unchanged then.
-        TrajectoryError
-            If the frame cannot be written, e.g. to a full disk, or a resumed run gives another frame than the
-            file holds. The file keeps the frames before it.
+        Raises InputError if they do not fit the file, which is unchanged then; TrajectoryError if the frame cannot be
+        written, e.g. to a full disk, or a resumed run gives another frame than the file holds, which keeps the frames
+        before it.
         """
         with self._output.committing("a frame", self._kept):
             first = self._observables if len(self) else None
@@ -298,21 +278,11 @@ class TrajectoryWriter(Sealed):
     ) -> None:
         """Append a row to the time series and commit it.
 
-        Parameters
-        ----------
-        time : float
-            Its time [time], not before that of the last row.
-        values : mapping
-            Name of each series -> number or array. Names and shapes are those of the first row.
-        columns : mapping, optional
-            Names of the numbers in a series' rows, for those that have them; as in the first row.
+        Its `time` [time] is not before that of the last row. `values` are numbers or arrays by the name of each series;
+        `columns` are the names of the numbers in the rows of those that have them. Names and shapes are as in the first
+        row.
 
-        Raises
-        ------
-        InputError
-            If the row does not fit the file; it is unchanged then.
-        TrajectoryError
-            As `write`.
+        Raises InputError and TrajectoryError as `write`.
         """
         self.write_series_rows([(time, values)], columns)
 
@@ -323,30 +293,16 @@ class TrajectoryWriter(Sealed):
     ) -> None:
         """Append rows, pairs of the first two arguments of `write_series`, and commit them together: faster than each.
 
-        Raises
-        ------
-        InputError, TrajectoryError
-            As `write_series`; then none of them is written.
+        Raises InputError and TrajectoryError as `write`; then none of them is written.
         """
         with self._output.committing("rows of the series", self._kept):
             self._series.write(rows, columns)
 
     def begin_histories(self, ids: ArrayLike, state: State) -> None:
-        """Begin to track disks, from a state on. In a file that tracks already, they must be the same.
+        """Begin to track disks by their numbers, from a state on. In a file that tracks already, they must be the same.
 
-        Parameters
-        ----------
-        ids : array_like of int
-            Numbers of the disks.
-        state : State
-            Where they are.
-
-        Raises
-        ------
-        InputError
-            If there is no such disk, or one is named twice.
-        TrajectoryError
-            As `write`; and if the file has histories of other disks or from another time.
+        Raises InputError if there is no such disk, or one is named twice; TrajectoryError as `write`, and if the file
+        has histories of other disks or from another time.
         """
         with self._output.committing("histories", self._kept):
             self._histories.begin(ids, state)
@@ -354,21 +310,11 @@ class TrajectoryWriter(Sealed):
     def write_histories(self, events: Mapping[str, ArrayLike], time: float) -> None:
         """Append what happened to the tracked disks and commit it.
 
-        Parameters
-        ----------
-        events : mapping
-            Every column of `layout.EVENT_COLUMNS` -> array with a row an event, in the order of time and
-            id. Arrays of no rows say that nothing happened.
-        time : float
-            Up to here the histories are complete [time].
+        `events` has every column of `layout.EVENT_COLUMNS`, an array with a row an event, in the order of time and id;
+        arrays of no rows say that nothing happened. Up to `time` the histories are complete [time].
 
-        Raises
-        ------
-        InputError
-            If a column is missing, unknown or of another shape or type; if the order is wrong, a disk is not
-            tracked, or `begin_histories` has not been called. The file is unchanged then.
-        TrajectoryError
-            As `write`.
+        Raises InputError if a column is missing, unknown or of another shape or type; if the order is wrong, a disk is
+        not tracked, or `begin_histories` has not been called: the file is unchanged then. TrajectoryError as `write`.
         """
         with self._output.committing("events of histories", self._kept):
             self._histories.write(events, time)
@@ -376,10 +322,7 @@ class TrajectoryWriter(Sealed):
     def close(self) -> None:
         """Close the file; one without frames is removed. May be called twice.
 
-        Raises
-        ------
-        TrajectoryError
-            If closing fails, e.g. because the disk has gone. Committed frames are kept.
+        Raises TrajectoryError if closing fails, e.g. because the disk has gone. Committed frames are kept.
         """
         self._output.close(self._drop_uncommitted, keep=len(self) > 0)
 
@@ -404,17 +347,17 @@ class TrajectoryWriter(Sealed):
             raise InputError(f"time = {state.time}: a finite time not before {self._last_time} is needed")
         found = {}
         for name, dataset in self._fields.items():
-            value = np.ascontiguousarray(getattr(state, layout.FIELDS[name].attribute))
-            if value.shape != dataset.shape[1:]:
-                raise InputError(f"{name} has shape {value.shape}: {dataset.shape[1:]} is needed")
-            if layout.FIELDS[name].count:
-                found[name] = _as_count(name, value, dataset.dtype)
-            elif isinstance(state, StoredState) and value.dtype == dataset.dtype:
-                found[name] = value  # the engine has seen that all is finite
+            value = getattr(state, layout.FIELDS[name].attribute)
+            same = value.dtype == dataset.dtype and value.shape == dataset.shape[1:]
+            if same and isinstance(state, StoredState):
+                found[name] = np.ascontiguousarray(value)  # the engine has seen that all is finite
             else:
-                found[name] = _as_float(name, value, dataset.dtype)
-        if "position" in found:
-            _keep_inside(found["position"], state.position, self._lengths)
+                found[name] = stored(name, value, dataset.shape[1:], dataset.dtype)
+        if "position" in found and found["position"].dtype != state.position.dtype:
+            # Rounding to fewer digits may carry a disk out of the box through its upper side.
+            for axis, length in enumerate(self._lengths):
+                out = (found["position"][:, axis] >= length) & (state.position[:, axis] < length)
+                found["position"][out, axis] = below(length, found["position"].dtype)
         return found
 
 
@@ -434,31 +377,6 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
             raise InputError(f"unit of {quantity} = {unit!r}: a text is needed")
         if (unit == layout.REDUCED) != (layout.REDUCED in units.values()):
             raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
-
-
-def _as_count(name: str, value: NDArray[Any], dtype: np.dtype) -> NDArray[Any]:
-    limits = np.iinfo(dtype)
-    if value.dtype != dtype and value.size and not limits.min <= value.min() <= value.max() <= limits.max:
-        raise InputError(f"{name}: counts beyond {limits.max} cannot be stored")
-    return value.astype(dtype, copy=False)
-
-
-def _as_float(name: str, value: NDArray[Any], dtype: np.dtype) -> NDArray[Any]:
-    with np.errstate(over="ignore"):
-        rounded = value.astype(dtype, copy=False)
-    wrong = ~np.isfinite(rounded)
-    if wrong.any():
-        raise InputError(f"{name}: {value[wrong][0]} cannot be stored as {dtype}")
-    return rounded
-
-
-def _keep_inside(rounded: NDArray[Any], position: NDArray[Any], lengths: tuple[float, float]) -> None:
-    """Undo in place where rounding to fewer digits carried a disk out of the box through its upper side."""
-    if position.dtype == rounded.dtype:
-        return
-    for axis, length in enumerate(lengths):
-        out = (rounded[:, axis] >= length) & (position[:, axis] < length)
-        rounded[out, axis] = below(length, rounded.dtype)
 
 
 def _check_resumable(
