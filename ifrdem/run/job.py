@@ -20,6 +20,7 @@ from ..case.case import IMPACT_SCAN, UNITS, Case
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
 from ..case.gas import Gas
+from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from ..model.observables import MECHANISMS, Measure
 from ..simulation import device as backend
@@ -48,7 +49,6 @@ class Job:
     course: Course
     ledger: Ledger
     writer: QueuedWriter
-    device: str
     pending: Events | None = None
 
 
@@ -104,7 +104,7 @@ def run(
             t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
         )  # fmt: skip
         course = Course(span, case.output.frame_cadence, case.output.series_cadence)
-        job = Job(file, gas, outputs, simulation, course, Ledger(), queue, device_of(case))
+        job = Job(file, gas, outputs, simulation, course, Ledger(), queue)
         before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)
@@ -147,7 +147,7 @@ def drive(
         name=case.run.name,
         t_end=case.run.t_end,
         collisions_per_disk_end=case.run.collisions_per_disk,
-        device=job.device,
+        device=device_of(case),
     )
     stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
     n = job.gas.disks.n
@@ -250,10 +250,7 @@ def save(job: Job, recorder: Recorder) -> None:
 
 
 def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
-    """Draw the picture, and say what the run did; it began, or went on, at this time (`perf_counter`).
-
-    There were so many collisions before.
-    """
+    """Draw the picture, and say what the run did since it `began` (`perf_counter`), after so many collisions."""
     ran = time.perf_counter() - began
     if job.outputs.views:
         write_views(job.outputs.trajectory)
@@ -262,10 +259,10 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
     last = job.simulation.measure()
     overall = (last.collisions - before) / ran
     say(_closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall))
-    if job.simulation.statistics.elastic:
-        say(f"  {job.simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
-    for path, size in job.outputs.sizes().items():
-        say(f"  {path} ({check.size(size)})")
+    if elastic := job.simulation.statistics.elastic:
+        say(f"  {elastic} collisions were elastic, against inelastic collapse")
+    for path, bytes_there in job.outputs.sizes().items():
+        say(f"  {path} ({check.size(bytes_there)})")
 
 
 def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
@@ -290,19 +287,16 @@ def _one_line(text: str) -> str:
 
 
 def _remains(job: Job, reason: str) -> str:
-    ledger, trajectory = job.ledger, job.outputs.trajectory
-    if len(job.writer) == 0 or ledger.latest is None:
+    latest, trajectory = job.ledger.latest, job.outputs.trajectory
+    if len(job.writer) == 0 or latest is None:
         return f"{reason} before the first frame: nothing was written"
     if why := job.writer.gone:
         return f"{reason}: {trajectory} is lost: {why}"
-    text = (
-        f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
-        f"to t = {ledger.latest.time:.6g} and {ledger.latest.collisions} collisions"
-    )
+    text = f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
+    text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"
     if job.outputs.checkpoint.exists():
         place = str(trajectory)  # relative to where the user is, as it was given
-        if place.startswith("-"):
-            place = os.path.join(os.curdir, place)
+        place = os.path.join(os.curdir, place) if place.startswith("-") else place
         text += f"\nto go on: ifrdem resume {shlex.quote(place)}"
     return text
 
@@ -311,64 +305,54 @@ def _closing(
     case: Case, gas: Gas, ledger: Ledger, last: Measure, wall: float, rate: float, overall: float
 ) -> str:
     """The lines below a run; `last` is its end, rates are collisions a second without and with compilation."""
-    first = ledger.first
+    first, energy, lines = ledger.first, case.unit("energy"), []
     assert first is not None
     done = last.collisions - first.collisions
-    per_disk = 2.0 * done / gas.disks.n
-    lines = [
-        f"done in {wall:.1f} s: {done} collisions ({per_disk:.4g} per disk) "
-        f"to t = {last.time:.5g}{case.unit('time')}; "
-        f"{rate:.3g} collisions/s once compiled, {overall:.3g} in all"
-    ]
+    head = f"done in {wall:.1f} s: {done} collisions ({2.0 * done / gas.disks.n:.4g} per disk) "
+    head += f"to t = {last.time:.5g}{case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all"
+    temperatures = []
     if first.temperature > 0.0:
-        lines.append(f"  T/T0 = {last.temperature / first.temperature:.5g}")
+        temperatures.append(f"T/T0 = {last.temperature / first.temperature:.5g}")
     if last.temperature > 0.0:
-        lines[-1] += f", theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}"
+        temperatures.append(f"theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}")
+    if temperatures:
+        lines.append(", ".join(temperatures))
     lost = ledger.dissipated(last)
-    energy = case.unit("energy")
     if case.walled:
-        gave = f"{last.wall_work:.6g}{energy} as work"
-        if last.wall_heat != 0.0:
-            gave += f" and {last.wall_heat:.6g}{energy} as heat"
-        lines.append(f"  {last.wall_hits} collisions with walls, which gave {gave}")
-    if case.force or case.walled or gas.box.shear_rate:
-        source = " and ".join(
-            name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there
-        )
-        put_in = f"{source} put in {last.energy_input:.6g}{energy}, " if source else ""
-        lines.append(f"  {put_in}collisions dissipated {lost:.6g}{energy}")
+        heat = f" and {last.wall_heat:.6g}{energy} as heat" if last.wall_heat != 0.0 else ""
+        gave = f"{last.wall_work:.6g}{energy} as work{heat}"
+        lines.append(f"{last.wall_hits} collisions with walls, which gave {gave}")
+    sources = [name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there]
+    if sources or case.walled:
+        put_in = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""
+        lines.append(f"{put_in}collisions dissipated {lost:.6g}{energy}")
     elif first.energy > 0.0:
-        lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
+        lines.append(f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
     residual = ledger.relative_residual(last)
     if residual is not None and last.dissipated is not None:
         shares = zip(MECHANISMS, last.dissipated, strict=True)
-        parts = ", ".join(f"{name.replace('_', ' ')} {part:.4g}" for name, part in shares if part != 0.0)
-        if parts:
-            lines.append(f"  by mechanism: {parts}{energy}")
+        if parts := [f"{name.replace('_', ' ')} {part:.4g}" for name, part in shares if part != 0.0]:
+            lines.append(f"by mechanism: {', '.join(parts)}{energy}")
         lines.append(
-            f"  the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
+            f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
         )
-    if first.energy > 0.0:
-        # Against the momentum that the disks' typical speed would add up to, all one way.
-        scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))
-        if scale > 0.0:
-            drift = float(np.linalg.norm(last.momentum - first.momentum))
-            what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
-            lines.append(
-                f"  momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
-                "of what the disks would carry if all flew one way at the start"
-            )
-    return "\n".join(lines)
+    # Against the momentum that the disks' typical speed would add up to, all one way.
+    scale = float(np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass)))
+    if first.energy > 0.0 and scale > 0.0:
+        drift = float(np.linalg.norm(last.momentum - first.momentum))
+        what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
+        lines.append(
+            f"momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
+            "of what the disks would carry if all flew one way at the start"
+        )
+    return "\n  ".join([head, *lines])
 
 
 def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | float]:
     """Record of a trajectory's origin, its parameters."""
     case = file.case
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
-    laws = [
-        [law and {key: getattr(law, key) for key in ("e_n", "e_t", "mu", "sticking", "rho")} for law in row]
-        for row in gas.laws
-    ]
+    laws = [[law and {key: getattr(law, key) for key in COEFFICIENTS} for law in row] for row in gas.laws]
     return {
         "name": case.run.name,
         "seed": case.run.seed,

@@ -25,7 +25,7 @@ from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory.background import QueuedWriter
 from ..trajectory.writer import TrajectoryWriter
-from .job import Job, device_of, drive, finish, how, stored
+from .job import Job, drive, finish, how, stored
 from .outputs import Outputs, only
 from .recorder import Ledger
 
@@ -118,7 +118,7 @@ def resume(
             f"{case.run.name}: {gas.disks.n} disks go on at t = {simulation.time:.6g}{case.unit('time')}, "
             f"after {simulation.collisions} collisions and {ledger.frames} frames, on {how(case)}{more}"
         )
-        job = Job(file, gas, outputs, simulation, course, ledger, queue, device_of(case), pending)
+        job = Job(file, gas, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)
