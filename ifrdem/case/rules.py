@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -161,17 +162,14 @@ def _outside(wall: Wall, box: Box) -> bool:
 
 def wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
     output, region = case.output, case.output.histories_region
-    twice = [name for i, name in enumerate(output.fields) if name in output.fields[:i]]
-    if twice:
-        yield Problem("output.fields", f'"{twice[0]}"', "it is there already; each may be given once")
-    if output.histories is not None:
-        beyond = [each for each in output.histories if each >= n]
-        if beyond:
-            yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
-        repeated = [each for each, times in Counter(output.histories).items() if times > 1]
-        if repeated:
-            yield Problem("output.histories", str(repeated[0]), "it is there already")
-    if output.histories_sample is not None and output.histories_sample > n:
+    for key, named in (("fields", output.fields), ("histories", output.histories or ())):
+        if twice := [name for name, times in Counter(named).items() if times > 1]:
+            yield Problem(
+                f"output.{key}", json.dumps(twice[0]), "it is there already; each may be given once"
+            )
+    if beyond := [each for each in output.histories or () if each >= n]:
+        yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
+    if (output.histories_sample or 0) > n:
         yield Problem("output.histories_sample", str(output.histories_sample), f"there are {n} disks")
     if region is not None:
         x_low, y_low, x_high, y_high = region

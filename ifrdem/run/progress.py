@@ -158,8 +158,7 @@ class Stage:
     def __init__(
         self, name: str, *, interval: float = 5.0, clock: Callable[[], float] = time.perf_counter
     ) -> None:
-        self._name, self._interval, self._clock = name, interval, clock
-        self._printed = clock()
+        self._name, self._interval, self._clock, self._printed = name, interval, clock, clock()
 
     def __call__(self, part: float) -> None:
         """Take note that this part is done, 0 to 1."""

@@ -87,10 +87,7 @@ class Stops:
                 "interrupted: the run stops after this epoch, with a checkpoint; Ctrl-C again stops it at once"
             )
         elif self._reason is None:
-            name = signal.Signals(number).name
-            self._reason = (
-                Stopped(f"warned ({name})", TIME_IS_UP)
-                if number in WARNINGS
-                else Stopped(f"terminated ({name})", TERMINATED)
-            )
+            name, warned = signal.Signals(number).name, number in WARNINGS
+            told = ("warned", TIME_IS_UP) if warned else ("terminated", TERMINATED)
+            self._reason = Stopped(f"{told[0]} ({name})", told[1])
             self._warn(f"{self._reason}: the run stops after this epoch, with a checkpoint")

@@ -1,46 +1,8 @@
 """The layout of a trajectory file: H5MD 1.1 with raw two-dimensional data and 3D views of it.
 
 H5MD: P. de Buyl, P. H. Colberg and F. Hoefling, Comput. Phys. Commun. 185, 1546 (2014),
-doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
-
-    h5md                                attribute version = [1, 1]; author, creator
-      modules/units                     attributes version = [1, 0], system = "SI"; absent without SI units
-      modules/ifrdem                    attribute version: the version of this layout
-    particles/all
-      box                               attributes dimension = 3, boundary, lengths = (Lx, Ly); shear_rate if sheared
-        edges/{step, time, value}       (F, 3): Lx, Ly and the placeholder 1
-      position/value_2d                 (F, n, 2): the stored data
-      position/{step, time, value}      (F, n, 3): a virtual dataset of value_2d with z = 0
-      velocity/...                      as position
-      angle/{step, time, value}       (F, n), counter-clockwise since the start, full turns included
-      angular_velocity/{step, time, value}   (F, n), counter-clockwise
-      collisions/{step, time, value}    (F, n) int32, how many each disk has had
-      image/...                         as position, int32: box lengths travelled
-      last_partner/...                  (F, n) int32: partner of the latest collision; -1 none yet, -2 - w wall w
-      radius, mass, k, material         (n,): constant; `species` is another name of `material`
-    observables/<name>/{step, time, value}   (F, ...) whole-gas quantities
-    timeseries                          absent without series
-      {step, time}                      (S,), the number of the row and its time
-      <name>/{step, time, value}        (S, ...) whole-gas quantities at times of their own
-    histories                           absent without m tracked disks; E events, K commits
-      tracked                           (m,) int32 ids, ascending
-      start/{time, position, velocity, spin, image}   where each tracked disk was when tracking began
-      committed/{events, time}          (K,): so many events are committed, complete up to this time;
-                                        `events` grows last: rows beyond its last number do not count
-      events/<column>                   (E, ...): see EVENT_COLUMNS; by time, then id
-    parameters                          case text, seed, device, ...; versions/<package>
-      units/<quantity>                  e.g. momentum = "kg m s-1"; or units = "reduced" for all of them
-
-`step` (the number of the frame) and `time` exist once; the groups share them by hard links, and likewise those of
-the time series. `step` is the commit marker: it grows last, so that a frame counts only if it has a step. Wall w
-is that of the parameter "walls", then come the sides of the box (`walls.sides`). The names of a series' columns
-stand in its attribute `columns`. Layout 1.0 had no last_partner, timeseries and histories, 1.1 no angle. Readers
-that need three components (MDAnalysis, VMD, ASE) take `value`; nothing is stored twice. H5MD knows no sheared box:
-what such readers make of images above and below is wrong in one. There are no `unit` attributes, because MDAnalysis
-refuses units that are not in its list.
-
-A collision of two tracked disks stands in the events twice, once for each. Between events a disk's path is
-x(t) = x_e + v_after (t - t_e) + g (t - t_e)^2 / 2 with the parameter `gravity`.
+doi:10.1016/j.cpc.2014.01.018. The manual has all groups and datasets (`ifrdem docs format`). Layout 1.0 had no
+last_partner, timeseries and histories, 1.1 no angle.
 """
 
 from __future__ import annotations
