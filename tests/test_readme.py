@@ -19,7 +19,7 @@ import ifrdem
 from ifrdem import EnergyWarning, Trajectory, analysis
 from ifrdem.case import shipped, summary, template
 from ifrdem.case.case import Case
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cases import gallery
 from ifrdem.cli import docs
 from ifrdem.cli import main as cli
@@ -198,7 +198,7 @@ def test_walls_of_the_case_file_are_those_of_the_template() -> None:
     shown = tomllib.loads(block("walls case"))
     full = dict(template.TEMPLATES["walls"].values)
     assert Case.model_validate(full | shown).box == Case.model_validate(full).box
-    gas = Gas.from_case(Case.model_validate(full | shown))
+    gas = CaseGas.from_case(Case.model_validate(full | shown))
     motion = Motion("sine", amplitude=0.008, frequency=20.0)
     assert gas.walls == (Wall.line((0.0, 0.008), (0.0, 1.0), motion=motion),)
 

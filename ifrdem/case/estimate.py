@@ -29,7 +29,7 @@ from .output_section import OutputSection
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from .gas import Gas
+    from .gas import CaseGas
     from .species import Species
 
 OBSERVABLES = {
@@ -81,7 +81,7 @@ class RunEstimate:
     tracked: int  # disks with histories
 
     @classmethod
-    def of(cls, gas: Gas, case: Case) -> RunEstimate:
+    def of(cls, gas: CaseGas, case: Case) -> RunEstimate:
         """The estimate for a gas and the case that it comes from."""
         n, area, output = gas.disks.n, gas.room.area(), case.output
         phi = gas.room.packing_fraction(gas.disks.radius)
@@ -121,7 +121,7 @@ class RunEstimate:
         )
 
 
-def _tracked(output: OutputSection, gas: Gas) -> int:
+def _tracked(output: OutputSection, gas: CaseGas) -> int:
     """About how many disks have histories."""
     if output.histories_region is None or gas.box.is_open:
         listed = len(output.histories or ()) or output.histories_sample or 0
@@ -132,7 +132,7 @@ def _tracked(output: OutputSection, gas: Gas) -> int:
     return round(gas.disks.n * width * height / gas.box.area)
 
 
-def _rates_and_speeds(gas: Gas) -> tuple[list[float], list[float]]:
+def _rates_and_speeds(gas: CaseGas) -> tuple[list[float], list[float]]:
     """Collision rate [1/time] and mean speed [length/time] of a disk of each species, means over its radii."""
     classes = [each.classes() for each in gas.species]
     found = iter(collision_rates([one for group in classes for one in group], gas.room.area()))
@@ -155,7 +155,7 @@ def collision_rates(species: Sequence[Species], area: float) -> NDArray[np.float
     return theory.mixture_collision_rates(variance, ones, radius, number / area, g).sum(axis=1)
 
 
-def _wall_hits(gas: Gas) -> float:
+def _wall_hits(gas: CaseGas) -> float:
     """Collisions with walls per time [1/time] of a gas with Maxwellian velocities.
 
     Disks of one kind cross a line one way at n_w sqrt(T / (2 pi m)) per length, where v_x^2 has the mean T / m. At a
@@ -177,7 +177,7 @@ def _wall_hits(gas: Gas) -> float:
 
 
 def _by_theory(
-    gas: Gas, case: Case, phi: float, rate: float
+    gas: CaseGas, case: Case, phi: float, rate: float
 ) -> tuple[tuple[float, float] | None, float, float]:
     """Steady state, time and collisions per disk at the end, by kinetic theory of equal disks without rolling friction.
 

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from ..errors import InputError, listed, nearest
 from ..tools import text_file
 from .case import Case
-from .gas import Gas, judge
+from .gas import CaseGas, judge
 from .section import Problem, Section
 
 KeyPath = tuple[str | int, ...]
@@ -44,7 +44,7 @@ class CaseFile:
     text: str
     overrides: tuple[str, ...]  # "key=value", in order
     case: Case  # what the two say together
-    gas: Gas = field(repr=False)  # as it was judged with it; `Gas.ready` makes it start
+    gas: CaseGas = field(repr=False)  # as it was judged with it; `CaseGas.ready` makes it start
 
     @property
     def folder(self) -> Path:
@@ -76,7 +76,7 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
     return CaseFile(path, text, tuple(overrides), case, gas)
 
 
-def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, Gas | None, list[Problem]]:
+def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas | None, list[Problem]]:
     """A parsed case, its gas, and everything that is wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.

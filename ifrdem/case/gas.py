@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Gas:
+class CaseGas:
     """The gas of a case: its disks, box, walls and laws, and its start."""
 
     species: tuple[Species, ...]  # in the order of the disks' ids
@@ -46,7 +46,7 @@ class Gas:
     given: Given | None = None  # the start, if the case names a file or a trajectory with it
 
     @classmethod
-    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> Gas:
+    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
         """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
 
         Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
@@ -57,7 +57,7 @@ class Gas:
             raise InputError(listed([str(problem) for problem in problems]))
         return gas.ready(case) if start else gas
 
-    def ready(self, case: Case) -> Gas:
+    def ready(self, case: Case) -> CaseGas:
         """The gas as it starts: its motion known, its magnitudes such that the engine and the trajectory take them.
 
         Raises InputError if they do not.
@@ -214,7 +214,7 @@ class Gas:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
-def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[Gas, list[Problem]]:
+def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Problem]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more.
@@ -245,7 +245,7 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[Gas, list[Pr
             found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
             given = rules.given_start(case, radius, Room(box, standing), folder, found)
     found += rules.wrong_output(case, len(radius), box)
-    return Gas(species, materials, verdicts, box, walls, patch, given), found
+    return CaseGas(species, materials, verdicts, box, walls, patch, given), found
 
 
 def forces_of(case: Case) -> list[Force]:

@@ -17,7 +17,7 @@ from ..model.walls import Wall
 from ..simulation import device as backend
 from .case import Case
 from .estimate import OBSERVABLES, RunEstimate, disk_bytes
-from .gas import Gas
+from .gas import CaseGas
 from .output_section import MOST_FRAMES
 
 HOST_BYTES_PER_DISK = 300
@@ -36,7 +36,7 @@ COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
 Measured 2026-11-21: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (README, Mixtures)."""
 
 
-def refuse_cadences(case: Case, gas: Gas, estimate: RunEstimate) -> None:
+def refuse_cadences(case: Case, gas: CaseGas, estimate: RunEstimate) -> None:
     """Raise InputError for frames or rows of series at intervals that make no sense, with a line for each.
 
     At most `MOST_FRAMES` of either, as where a number is given. The length of the run is its own, or the one that
@@ -53,7 +53,7 @@ def refuse_cadences(case: Case, gas: Gas, estimate: RunEstimate) -> None:
 
 
 def _wrong_cadence(
-    case: Case, gas: Gas, estimate: RunEstimate, what: str
+    case: Case, gas: CaseGas, estimate: RunEstimate, what: str
 ) -> Iterator[tuple[str, float, str]]:
     many = f"{MOST_FRAMES} {'frames' if what == 'frames' else 'rows'}"
     interval = getattr(case.output, f"{what}_interval")
@@ -74,7 +74,7 @@ def _wrong_cadence(
             yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
 
 
-def _length(case: Case, gas: Gas, estimate: RunEstimate) -> tuple[float, str]:
+def _length(case: Case, gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
     """A time [time] that the run lasts at least, and what it is; nan where the case names none."""
     if case.run.t_end is not None:
         return case.run.t_end, "the length of the run"
@@ -112,7 +112,7 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
         )
 
 
-def summary(case: Case, gas: Gas, estimate: RunEstimate, device: str) -> str:
+def summary(case: Case, gas: CaseGas, estimate: RunEstimate, device: str) -> str:
     """The lines that stand above a run: what will run, on what, and how many collisions are expected."""
     if gas.box.is_open:
         where = " in an open box"
@@ -124,7 +124,7 @@ def summary(case: Case, gas: Gas, estimate: RunEstimate, device: str) -> str:
     return f"{case.run.name}: {gas.disks.n} disks{where}\nto {_end(case, estimate)}\non {device}"
 
 
-def report(case: Case, gas: Gas, estimate: RunEstimate) -> str:
+def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Everything that can be said of a case before it runs."""
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
     lines = _density(case, gas, estimate)
@@ -162,7 +162,7 @@ def report(case: Case, gas: Gas, estimate: RunEstimate) -> str:
     return "\n".join(lines)
 
 
-def _stored(case: Case, gas: Gas, estimate: RunEstimate) -> str:
+def _stored(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Content of the trajectory file."""
     output = case.output
     text = f"{estimate.frames} frames x ({gas.disks.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
@@ -176,7 +176,7 @@ def _stored(case: Case, gas: Gas, estimate: RunEstimate) -> str:
     return text
 
 
-def _density(case: Case, gas: Gas, estimate: RunEstimate) -> list[str]:
+def _density(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[str]:
     """Heading of a report on a gas, and how dense it is."""
     length, time = case.unit("length"), case.unit("time").strip()
     sides = "" if gas.patch is None else f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
@@ -216,7 +216,7 @@ def _forces(case: Case, estimate: RunEstimate) -> list[str]:
     return lines
 
 
-def _walls(case: Case, gas: Gas, estimate: RunEstimate) -> list[tuple[str, str]]:
+def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
     """Name and text of each line; none for a periodic gas without gravity."""
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
     speed, lines = _per(length, time), []

@@ -19,7 +19,7 @@ from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, Case
 from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
-from ..case.gas import Gas
+from ..case.gas import CaseGas
 from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from ..model.observables import MECHANISMS, Measure
@@ -43,7 +43,7 @@ class Job:
     """A run that is under way, from its beginning or from a checkpoint."""
 
     file: CaseFile
-    gas: Gas
+    gas: CaseGas
     outputs: Outputs
     simulation: Simulation
     course: Course
@@ -110,7 +110,7 @@ def run(
     finish(job, began, before, rate, say)
 
 
-def stored(case: Case, gas: Gas) -> dict[str, Any]:
+def stored(case: Case, gas: CaseGas) -> dict[str, Any]:
     """Arguments of the writer of a case's trajectory."""
     output = case.output
     return {
@@ -265,7 +265,7 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         say(f"  {path} ({check.size(bytes_there)})")
 
 
-def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
+def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], None]:
     """Function that draws the picture of a case."""
     from ..plots import impact_scan, table_friction
     from ..plots import run as plot  # Matplotlib takes a second, which no run need wait for at its beginning
@@ -302,7 +302,7 @@ def _remains(job: Job, reason: str) -> str:
 
 
 def _closing(
-    case: Case, gas: Gas, ledger: Ledger, last: Measure, wall: float, rate: float, overall: float
+    case: Case, gas: CaseGas, ledger: Ledger, last: Measure, wall: float, rate: float, overall: float
 ) -> str:
     """The lines below a run; `last` is its end, rates are collisions a second without and with compilation."""
     first, energy, lines = ledger.first, case.unit("energy"), []
@@ -348,7 +348,7 @@ def _closing(
     return "\n  ".join([head, *lines])
 
 
-def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | float]:
+def _record(file: CaseFile, gas: CaseGas, device: str) -> dict[str, str | int | float]:
     """Record of a trajectory's origin, its parameters."""
     case = file.case
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]

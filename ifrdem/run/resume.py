@@ -16,7 +16,7 @@ from ..case import file as case_file
 from ..case import summary
 from ..case.case import Case
 from ..case.file import CaseFile
-from ..case.gas import Gas
+from ..case.gas import CaseGas
 from ..errors import InputError
 from ..simulation import checkpoint, device
 from ..simulation.schedule import Course
@@ -105,7 +105,7 @@ def resume(
     device.check(case.run.arch, case.run.threads, case.run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
     began = time.perf_counter()
-    gas = Gas.from_case(case, begun[0].parent, start=False)
+    gas = CaseGas.from_case(case, begun[0].parent, start=False)
     file = CaseFile(*begun, case, gas)
     outputs = Outputs.plan(case, str(trajectory), picture=picture)
     writer = TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)

@@ -10,7 +10,7 @@ import pytest
 
 from ifrdem.case import file as case_file
 from ifrdem.case.forces_section import ForceSection
-from ifrdem.case.gas import Gas, forces_of
+from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.plots import run, table_friction
@@ -87,7 +87,7 @@ def test_an_open_box_starts_from_a_file_with_any_places(tmp_path: Path) -> None:
     text = CASE.read_text().replace("speed_rms = 1.0", "k = 2.0")
     path.write_text(text)
     file = case_file.read(path, changes)
-    gas = Gas.from_case(file.case, file.folder)
+    gas = CaseGas.from_case(file.case, file.folder)
     assert gas.box.is_open
     np.testing.assert_array_equal(gas.start(file.case).position[:, 0], [-3.0, -2.9])
     (tmp_path / "start.csv").write_text("x,y\n0.0,0.0\n0.01,0.0\n")

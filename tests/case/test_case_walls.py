@@ -17,7 +17,7 @@ from ifrdem.case import gas as gas_module
 from ifrdem.case import template
 from ifrdem.case.case import Case
 from ifrdem.case.estimate import RunEstimate
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.case.walls_section import MotionSection, WallSection
 from ifrdem.cli.main import main
 from ifrdem.model.collapse import Collapse
@@ -234,7 +234,7 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
         | {"motion": {"kind": kind} | keys}
         for kind, (keys, _) in motions.items()
     ]
-    gas = Gas.from_case(Case.model_validate(raw))
+    gas = CaseGas.from_case(Case.model_validate(raw))
     assert gas.materials == ("glass", "coin", "steel")  # the engine makes the sides of the first
     expected = [wall for _, wall in shapes.values()]
     expected += [Wall.post((5.0, 5.0), 1.0, material=1, motion=motion) for _, motion in motions.values()]
@@ -255,7 +255,7 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
 
 def test_a_thermal_wall_needs_no_material(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     hot = ["wall[0].material=", "wall[0].temperature=2.5", 'pair[1].materials=["coin", "glass"]', "pair[0]="]
-    gas = Gas.from_case(Case.model_validate(changed(*hot)))
+    gas = CaseGas.from_case(Case.model_validate(changed(*hot)))
     floor = Wall.line((0.0, 0.5), (0.0, 1.0), temperature=2.5, motion=gas.walls[0].motion)
     assert gas.walls[0] == floor
     assert gas.materials == ("glass", "coin")
@@ -274,7 +274,7 @@ def test_remedies_for_collapse_reach_the_engine(
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
     overrides = [f"run.collapse={kind}", f"run.{key}=0.25"]
     case = Case.model_validate(changed(*overrides))
-    Gas.from_case(case).simulation(case)
+    CaseGas.from_case(case).simulation(case)
     assert {name: given[name] for name in ("collapse", key, "gravity", "seed")} == {
         "collapse": kind,
         key: 0.25,
@@ -355,7 +355,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
     with h5py.File("shaken.h5") as file:
         assert list(file["particles/all/box"].attrs["boundary"]) == ["none", "none", "none"]
         np.testing.assert_array_equal(file["particles/all/box"].attrs["lengths"], [20.0, 24.0])
-    gas = Gas.from_case(Case.model_validate(changed()))
+    gas = CaseGas.from_case(Case.model_validate(changed()))
     with Trajectory("shaken.h5") as trajectory:
         assert trajectory.box == gas.box
         assert trajectory.walls == gas.walls
@@ -392,7 +392,7 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     Path("elastic.toml").write_text(ELASTIC)
     assert main(["run", "elastic.toml", "--no-picture"]) == 0
     case = Case.model_validate(changed(text=ELASTIC))
-    estimate = RunEstimate.of(Gas.from_case(case), case)
+    estimate = RunEstimate.of(CaseGas.from_case(case), case)
     with Trajectory("elastic.h5") as trajectory:
         hits = trajectory.observables["wall_hits"]
         energy = trajectory.observables["energy"]
@@ -435,7 +435,7 @@ def test_positions_of_a_file_must_keep_off_walls(tmp_path: Path, monkeypatch: py
 def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
     """A state at a time at which the floor is low may have disks where it is at t = 0."""
     case = Case.model_validate(changed())
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     state = gas.start(case)
     state.position[0] = (
         1.0,
@@ -450,7 +450,7 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
 @pytest.mark.parametrize("way", ["growth", "hexagonal"])
 def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
     case = Case.model_validate(changed("species[0].number=300", f"start.positions={way}"))
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     assert np.all(gas.room.gap(gas.start(case).position, gas.disks.radius) >= 0.0)
 
 
@@ -474,13 +474,13 @@ def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_the_template_of_walls_is_a_shaken_floor() -> None:
     case = Case.model_validate(template.TEMPLATES["walls"].values)
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     assert [wall.motion.kind for wall in gas.walls] == ["sine"]
     assert "# shape = " not in template.write("walls").split("[[wall]]")[1].split("[start]")[0]
 
 
 def test_measures_without_gravity_have_no_potential_energy() -> None:
-    gas = Gas.from_case(Case.model_validate(changed("box.gravity=[0.0, 0.0]")))
+    gas = CaseGas.from_case(Case.model_validate(changed("box.gravity=[0.0, 0.0]")))
     state = gas.start(Case.model_validate(changed()))
     assert measure(gas.disks, state).potential_energy == 0.0
     tilted = measure(gas.disks, state, gravity=(0.5, -2.0)).potential_energy

@@ -12,7 +12,7 @@ import pytest
 from ifrdem import Trajectory
 from ifrdem.case import file as case_file
 from ifrdem.case import shipped, template
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
@@ -103,6 +103,6 @@ def test_the_mixture_shows_what_its_comment_says(tmp_path: Path, monkeypatch: py
 
     assert ratio(0) == pytest.approx(1.0, abs=0.3)  # 200 disks each: standard error sqrt(2/200) = 0.1
     assert ratio(-1) > 1.4
-    gas = Gas.from_case(case_file.read(CASES / "mixture.toml").case)
+    gas = CaseGas.from_case(case_file.read(CASES / "mixture.toml").case)
     assert gas.box.packing_fraction(gas.disks.radius) == pytest.approx(0.4, rel=1e-13)
     assert gas.disks.radius.max() / gas.disks.radius.min() < 8.0  # 40 mm over 5 mm

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli.main import main
 from ifrdem.errors import EngineError, TrajectoryError
 from ifrdem.model.observables import Measure
@@ -272,7 +272,7 @@ def test_existing_outputs_are_refused_before_any_work(
     def work(*_: object) -> None:
         raise AssertionError("work began")
 
-    monkeypatch.setattr(Gas, "start", work)
+    monkeypatch.setattr(CaseGas, "start", work)
     for name in existing:
         (folder / name).write_text("precious", encoding="utf-8")
     message = refused(["run", "tiny.toml"], folder, capsys)
