@@ -83,9 +83,9 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
 
 
 def there_are(word: str, known: Iterable[str]) -> str:
-    """Text behind an unknown name: the known ones, and the nearest spelling."""
+    """Text behind an unknown name: the nearest spelling, and the known ones."""
     names = list(known)
-    return f": there are {', '.join(names) or 'none'}{nearest(word, names)}"
+    return f"{nearest(word, names)}; there are {', '.join(names) or 'none'}"
 
 
 def counted(count: int, noun: str) -> str:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, there_are
 from ..initial import radii
 from ..kernels.limits import MOST_DISKS
 from ..model.coin_table import coins
@@ -61,8 +61,7 @@ RollingFriction = Annotated[float, key("rolling friction rho [m], 0 or more", 0.
 def _known_coin(name: str) -> str:
     if name in coins:
         return name
-    text = f"no such coin{nearest(name, coins)}; there are {', '.join(coins)}"
-    raise refusal(text, "unknown_name")
+    raise refusal(f"no such coin{there_are(name, coins)}", "unknown_name")
 
 
 CoinName = Annotated[Name, AfterValidator(_known_coin)]

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import Given
 from ..kernels.limits import CROWD, MOST_WALLS
@@ -45,12 +45,16 @@ def wrong_names(case: Case) -> Iterator[Problem]:
             text = 'its mass and diameter are in SI: run.units = "SI" is needed'
             yield Problem(f"species[{i}].coin", f'"{section.coin}"', text)
         if section.material is None and section.coin is None:
-            yield Problem(key, None, f"missing: the name of a material is needed; there are {_listed(names)}")
+            yield Problem(
+                key,
+                None,
+                f"missing: the name of a material is needed; there are {', '.join(names) or 'none'}",
+            )
         elif section.material is None and section.coin in names:
             text = f"missing: a [[material]] is called '{section.coin}' like the coin, so say which is meant"
             yield Problem(key, None, text)
         elif section.material is not None and section.material not in names:
-            text = f"no such material{nearest(section.material, names)}; there are {_listed(names)}"
+            text = f"no such material{there_are(section.material, names)}"
             yield Problem(key, f'"{section.material}"', text)
     used = [each.coin for each in case.species if each.coin is not None]
     known = list(dict.fromkeys((*names, *used, *case.materials_of_walls)))
@@ -58,7 +62,7 @@ def wrong_names(case: Case) -> Iterator[Problem]:
     for i, pair in enumerate(case.pair):
         a, b = pair.materials
         wrong = [
-            f"no material is called '{name}'{nearest(name, known)}; there are {_listed(known)}"
+            f"no material is called '{name}'{there_are(name, known)}"
             for name in pair.materials
             if name not in known
         ]
@@ -68,10 +72,6 @@ def wrong_names(case: Case) -> Iterator[Problem]:
             wrong.append(f"the materials of pair[{first}] too")
         for text in wrong:
             yield Problem(f"pair[{i}].materials", f'["{a}", "{b}"]', text)
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) or "none"
 
 
 def wrong_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
-from ..errors import InputError, nearest
+from ..errors import InputError, there_are
 from .case import Case
 from .section import Section
 
@@ -93,9 +93,7 @@ output = { frames = 50 }""",
 def write(kind: str) -> str:
     """The text of a commented case file, by a key of `TEMPLATES`; an InputError says that there is none."""
     if kind not in TEMPLATES:
-        raise InputError(
-            f"no template is called '{kind}'{nearest(kind, TEMPLATES)}; there are: {', '.join(TEMPLATES)}"
-        )
+        raise InputError(f"no template is called '{kind}'{there_are(kind, TEMPLATES)}")
     template, values = TEMPLATES[kind], TEMPLATES[kind].values
     blocks = [
         _comment(template.title)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from ..errors import InputError, nearest
+from ..errors import InputError, there_are
 from .console import note, say
 from .options import FILE, File, Force, Frames, chosen, flag, opened, option
 
@@ -50,7 +50,7 @@ PICTURE_LIST = "\n".join(f"{name:<{max(map(len, PICTURES))}}  {text}" for name, 
 
 def _known(kind: str, name: str, names: Sequence[str]) -> None:
     if name not in names:
-        raise InputError(f"no {kind} is called '{name}'{nearest(name, names)}; there are: {', '.join(names)}")
+        raise InputError(f"no {kind} is called '{name}'{there_are(name, names)}")
 
 
 def analyse(
@@ -207,7 +207,7 @@ def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
 
 def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Path, Columns]) -> str:
     """Write the tables, then the summary that names them, each whole or not at all; returns the summary."""
-    from ..tools.files import write_aside
+    from ..tools.files import write_aside, write_text
     from ..trajectory.export import write_csv
 
     try:
@@ -218,7 +218,7 @@ def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Pat
         rows = zip(*(column.tolist() for column in table.values()), strict=True)
         write_aside(path, partial(write_csv, names=table, rows=rows))
     text = json.dumps(record, indent=2)
-    write_aside(summary, lambda aside: aside.write_text(f"{text}\n", encoding="utf-8"))
+    write_text(summary, f"{text}\n")
     return text
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ..errors import InputError, nearest
+from ..errors import InputError, there_are
 
 FOLDER = Path(__file__).parents[1] / "docs"
 
@@ -33,8 +33,6 @@ def show(topic: str | None) -> str:
         lines = [f"{name:<{width}}  {title}" for name, title in known.items()]
         return "\n".join((*lines, "", f"`ifrdem docs TOPIC` prints a page; the files are in {FOLDER}"))
     if topic not in known:
-        raise InputError(
-            f"the manual has no topic '{topic}'{nearest(topic, known)}; there are: {', '.join(known)}"
-        )
+        raise InputError(f"the manual has no topic '{topic}'{there_are(topic, known)}")
     text = (FOLDER / f"{topic}.md").read_text(encoding="utf-8")
     return re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site

@@ -22,7 +22,7 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
-from ..errors import EngineError, InputError, nearest
+from ..errors import EngineError, InputError, nearest, there_are
 from ..tools.versions import __version__
 from . import analyse, bench, cases, console, fit, run, trajectory, validate
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
@@ -160,7 +160,7 @@ def _told(error: CycloptsError) -> str:
     if isinstance(error, UnknownCommandError):
         word, known = (error.unused_tokens or [""])[0], _commands()
         if not word.startswith("-"):
-            return f"unknown command '{word}'{nearest(word, known)}; there are: {', '.join(known)}"
+            return f"unknown command '{word}'{there_are(word, known)}"
         text = f"unknown option {word}{nearest(word, [*GENERAL, *(name for name in app if name not in _commands())])}"
     elif isinstance(error, UnknownOptionError):
         word = (error.token.keyword or error.token.value).partition("=")[0]

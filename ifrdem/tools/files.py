@@ -89,6 +89,11 @@ def write_aside(place: Path, write: Callable[[Path], object]) -> None:
         raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
 
 
+def write_text(place: Path, text: str) -> None:
+    """Write a text in UTF-8, whole or not at all; InputError as `write_aside`."""
+    write_aside(place, lambda aside: aside.write_text(text, encoding="utf-8"))
+
+
 def not_a_file(path: Path) -> str | None:
     """Reason why something that is there can be no output; None for files and where nothing is."""
     if path.is_dir():

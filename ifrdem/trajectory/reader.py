@@ -26,7 +26,6 @@ from ..errors import (
     InputError,
     NameMissing,
     counted,
-    nearest,
     printable,
     there_are,
 )
@@ -275,7 +274,7 @@ class Trajectory(Sealed, Sequence[Frame]):
         if name in self._unreadable:
             raise self._unreadable[name]
         if name not in self.parameters and default is None:
-            raise NameMissing(f"{self.path} holds no parameter {name!r}{nearest(name, self.parameters)}")
+            raise NameMissing(f"{self.path} holds no parameter {name!r}{there_are(name, self.parameters)}")
         return str(self.parameters.get(name, default))
 
     @property

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..errors import InputError, TrajectoryError, nearest
+from ..errors import InputError, TrajectoryError, there_are
 from ..model.state import State
 from . import layout
 from .file import OutputFile, drop_staged
@@ -264,7 +264,7 @@ class HistoryWriter:
             raise InputError(f"histories: the events lack {', '.join(missing)}")
         for name in events:
             if name not in EVENT_COLUMNS:
-                raise InputError(f"histories: there is no column {name!r}{nearest(name, EVENT_COLUMNS)}")
+                raise InputError(f"histories: there is no column {name!r}{there_are(name, EVENT_COLUMNS)}")
         length = len(np.atleast_1d(np.asarray(events["time"])))
         columns = {
             name: stored(f"histories: {name}", events[name], (length, *column.tail), column.dtype)

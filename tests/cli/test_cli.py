@@ -131,7 +131,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["rum", "tiny.toml"], r"unknown command 'rum' \(did you mean 'run'\?\); there are: run, resume"),
+        (["rum", "tiny.toml"], r"unknown command 'rum' \(did you mean 'run'\?\); there are run, resume"),
         ([], "a command is needed: run, resume"),
         (["run"], r"CASE: a value is needed \(see `ifrdem run --help`\)"),
         (["run", "tiny.toml", "--arch"], r"--arch: a value is needed \(see `ifrdem run --help`\)"),

@@ -326,7 +326,7 @@ def test_missing_frames_and_names_are_refused_with_what_there_is(tmp_path):
             with pytest.raises(InputError, match=rf"frame {index} of .*3 frames \(0 to 2\)") as caught:
                 trajectory[index]
             assert isinstance(caught.value, IndexError)  # so that it is a sequence to everybody
-        with pytest.raises(InputError, match=r"no field 'velocity': there are position"):
+        with pytest.raises(InputError, match=r"no field 'velocity'; there are position"):
             trajectory[0].velocity  # noqa: B018 the reading is the act
         with pytest.raises(InputError, match=r"no observable 'enrgy'.*did you mean 'energy'"):
             trajectory.observables["enrgy"]
