@@ -90,27 +90,17 @@ def _describe_series(trajectory: Trajectory) -> list[str]:
             value, columns = series[name], series.columns(name)
             named = f": {', '.join(columns)}" if columns else ""
             lines.append(f"  {name:<24}{value.dtype}{_shape(value.shape[1:])}{named}")
-    ledger = ledger_residual(trajectory)
-    if ledger is not None:
-        worst, scale = ledger
+    if "ledger_residual" in series and len(series.time):
+        # What was there at the start and was put in since, less what was dissipated and what is there.
+        worst, *parts = (
+            float(np.max(np.abs(series[name])))
+            for name in ("ledger_residual", "energy", "dissipated_energy", "energy_input", "wall_work")
+            if name in series
+        )
+        scale = max(parts, default=0.0)
         share = f", {worst / scale:.1e} of the largest energy in it" if scale > 0.0 else ""
-        unit = trajectory.with_unit("", "energy")
-        lines.append(f"energy ledger closes to {worst:.3g}{unit}{share}")
+        lines.append(f"energy ledger closes to {worst:.3g}{trajectory.with_unit('', 'energy')}{share}")
     return lines
-
-
-def ledger_residual(trajectory: Trajectory) -> tuple[float, float] | None:
-    """The largest absolute residual of the energy ledger, and the largest energy in it [energy]; None without ledger.
-
-    The ledger is the series `ledger_residual`: what was there at the start and was put in since, less what was
-    dissipated and what is there.
-    """
-    series = trajectory.series
-    if "ledger_residual" not in series or len(series.time) == 0:
-        return None
-    worst = float(np.max(np.abs(series["ledger_residual"])))
-    parts = [name for name in ("energy", "dissipated_energy", "energy_input", "wall_work") if name in series]
-    return worst, max((float(np.max(np.abs(series[name]))) for name in parts), default=0.0)
 
 
 def _describe_histories(trajectory: Trajectory) -> list[str]:
