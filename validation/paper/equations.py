@@ -3,9 +3,9 @@
 Source: A. Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions".
 
 A disk 1 with velocity v_o and spin omega_o hits a disk 2 that is at rest. These are the paper's own results,
-written out independently of `ifrdem.model.ifr.collide`, to hold that against them. Names follow the paper; a
-function is named after what it gives, and one that ends in `_printed` has the printed form, whose error its
-docstring states. Every function takes an `Impact`, whose fields may be arrays, and returns an array.
+written out independently of `ifrdem.model.ifr.collide`, to hold that against them. A function is named after what
+it gives, in the paper's symbols; one that ends in `_printed` has the printed form, whose error its docstring states.
+Every function takes an `Impact`, whose fields may be arrays, and returns an array.
 
 Conventions of the paper: t points along the tangential approach velocity, so V_ot > 0; omega_1 is
 counter-clockwise, omega_2 **clockwise**; angles are measured from the line of centres. `delta_1` exceeds 90
@@ -14,6 +14,7 @@ degrees where M < e_n, so that its tangent alone does not fix it: use arctan2(v_
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,34 +28,23 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Impact:
-    """An impact of disk 1 on disk 2 at rest. Every field is a number or an array; arrays broadcast.
+    """An impact of disk 1 on disk 2 at rest. Every field is a number or an array; arrays broadcast."""
 
-    Attributes
-    ----------
-    psi : angle of impact, from the line of centres to v_o [rad], 0 to pi/2
-    e_n, e_t, mu : coefficients of the law
-    M : mass ratio m_1 / m_2
-    m_1 : mass of disk 1 [mass]
-    R_1, R_2 : radii [length]
-    k_1, k_2 : shape numbers in I = m R^2 / k
-    v_o : speed of disk 1 before the impact [length/time]
-    w_o : its spin before, counter-clockwise [rad/time]; v_o sin psi + R_1 w_o must not be negative
-    rho : rolling friction [length]
-    """
-
-    psi: Any
+    psi: Any  # angle of impact, from the line of centres to v_o [rad], 0 to pi/2
     e_n: Any
     e_t: Any
     mu: Any
-    M: Any = 1.0
-    m_1: Any = 1.0
-    R_1: Any = 1.0
+    M: Any = 1.0  # mass ratio m_1 / m_2
+    m_1: Any = 1.0  # [mass]
+    R_1: Any = 1.0  # [length]
     R_2: Any = 1.0
-    k_1: Any = 2.0
+    k_1: Any = 2.0  # in I = m R^2 / k
     k_2: Any = 2.0
-    v_o: Any = 1.0
-    w_o: Any = 0.0
-    rho: Any = 0.0
+    v_o: Any = 1.0  # speed of disk 1 before [length/time]
+    w_o: Any = (
+        0.0  # its spin before, counter-clockwise [rad/time]; v_o sin psi + R_1 w_o must not be negative
+    )
+    rho: Any = 0.0  # rolling friction [length]
 
     @property
     def V_on(self) -> Array:
@@ -84,11 +74,7 @@ class Impact:
 
 def _homogeneous(c: Impact) -> None:
     """Sections II D and II G hold for homogeneous disks without spin before the impact."""
-    if (
-        np.any(np.not_equal(c.k_1, 2.0))
-        or np.any(np.not_equal(c.k_2, 2.0))
-        or np.any(np.not_equal(c.w_o, 0.0))
-    ):
+    if any(np.any(np.not_equal(*pair)) for pair in ((c.k_1, 2.0), (c.k_2, 2.0), (c.w_o, 0.0))):
         raise InputError("k_1, k_2, w_o: this equation holds for k_1 = k_2 = 2 and w_o = 0 only")
 
 
@@ -425,6 +411,45 @@ def e_t_apparent_nonrolling_printed(c: Impact, without: Array) -> Array:
     return without - 2.0
 
 
+# -- The two ways to stick --------------------------------------------------------------------------------
+
+Law = Callable[[Impact], Array]
+
+
+class Closure(NamedTuple):
+    """Equations of pairs that stick at one point, and their numbers: the paper's, corrected."""
+
+    text: str
+    P_f: Law
+    v_1t: Law
+    v_2t: Law
+    tan_delta_1: Law
+    tan_delta_2: Law
+    tan_psi_transit: Law
+    e_t_apparent: Law
+    Rw_2_rolling: Law
+    Rw_2_nonrolling: Law
+    number: dict[str, str]
+
+
+CLOSURES = {
+    "percussion_center": Closure(
+        "percussion centre", P_f_percussion_center, v_1t_percussion_center, v_2t_percussion_center,
+        tan_delta_1_percussion_center, tan_delta_2_percussion_center, tan_psi_transit_percussion_center,
+        e_t_apparent_percussion_center, Rw_2_percussion_center_rolling, Rw_2_percussion_center_nonrolling,
+        {"P_f": "15", "v_1t": "16", "v_2t": "17", "tan_delta": "22, 23", "tan_delta_1": "22",
+         "tan_psi_transit": "25", "e_t_apparent": "28", "rolling": "40", "nonrolling": "41, corrected"},
+    ),
+    "contact_point": Closure(
+        "contact point", P_f_contact_point, v_1t_contact_point, v_2t_contact_point,
+        tan_delta_1_contact_point, tan_delta_2_contact_point, tan_psi_transit_contact_point,
+        e_t_apparent_contact_point, Rw_2_contact_point_rolling, Rw_2_contact_point_nonrolling,
+        {"P_f": "12", "v_1t": "13", "v_2t": "14, corrected", "tan_delta": "20, 21", "tan_delta_1": "20",
+         "tan_psi_transit": "24, corrected", "e_t_apparent": "27", "rolling": "37", "nonrolling": "38, corrected"},
+    ),
+}  # fmt: skip
+
+
 # -- Table II ----------------------------------------------------------------------------------------------
 
 
@@ -443,25 +468,27 @@ class Table2Row(NamedTuple):
 
 # Misprints kept here: "25 cts" is the 50 cts coin of Sec. III; the masses of Sec. III give M = 1.300 and
 # 0.769 for 500 and 100 pts; Eq. 25 gives 29.68 degrees, not 29.6, for them.
-TABLE_II = (
-    Table2Row("25 cts-25 cts coins", "Copper-nickel", 1.00, 0.86, -0.99, 0.19, 35.2, ("50 cts", "50 cts")),
-    Table2Row("1 pta-1 pta coins", "Aluminum", 1.00, 0.87, -0.88, 0.21, 38.1, ("1 pta", "1 pta")),
-    Table2Row("5 pts-5 pts coins", "Bronze-aluminum", 1.00, 0.80, -0.98, 0.11, 21.6, ("5 pts", "5 pts")),
-    Table2Row(
-        "200 pts-200 pts coins", "Copper-nickel", 1.00, 0.77, -0.96, 0.15, 28.0, ("200 pts", "200 pts")
-    ),
-    Table2Row(
-        "500 pts-100 pts coins", "Bronze-aluminum", 1.28, 0.90, -0.90, 0.15, 29.6, ("500 pts", "100 pts")
-    ),
-    Table2Row(
-        "100 pts-100 pts coins", "Bronze-aluminum", 1.00, 0.90, -0.90, 0.15, 29.6, ("100 pts", "100 pts")
-    ),
-    Table2Row(
-        "100 pts-500 pts coins", "Bronze-aluminum", 0.79, 0.90, -0.90, 0.15, 29.6, ("100 pts", "500 pts")
-    ),
-    Table2Row(
-        "Polyester resin disks", "Polyester resin", 1.00, 0.67, -0.95, 0.14, 25.1, ("polyester", "polyester")
-    ),
+TABLE_II = tuple(
+    Table2Row(*row)
+    for row in (
+        ("25 cts-25 cts coins", "Copper-nickel", 1.00, 0.86, -0.99, 0.19, 35.2, ("50 cts", "50 cts")),
+        ("1 pta-1 pta coins", "Aluminum", 1.00, 0.87, -0.88, 0.21, 38.1, ("1 pta", "1 pta")),
+        ("5 pts-5 pts coins", "Bronze-aluminum", 1.00, 0.80, -0.98, 0.11, 21.6, ("5 pts", "5 pts")),
+        ("200 pts-200 pts coins", "Copper-nickel", 1.00, 0.77, -0.96, 0.15, 28.0, ("200 pts", "200 pts")),
+        ("500 pts-100 pts coins", "Bronze-aluminum", 1.28, 0.90, -0.90, 0.15, 29.6, ("500 pts", "100 pts")),
+        ("100 pts-100 pts coins", "Bronze-aluminum", 1.00, 0.90, -0.90, 0.15, 29.6, ("100 pts", "100 pts")),
+        ("100 pts-500 pts coins", "Bronze-aluminum", 0.79, 0.90, -0.90, 0.15, 29.6, ("100 pts", "500 pts")),
+        (
+            "Polyester resin disks",
+            "Polyester resin",
+            1.00,
+            0.67,
+            -0.95,
+            0.14,
+            25.1,
+            ("polyester", "polyester"),
+        ),
+    )
 )
 
 # Fig. 5a is captioned "copper-aluminum", a coin that the paper does not have; its coefficients e_n, e_t, mu
