@@ -126,10 +126,9 @@ def _figure(found: dict[int, tuple[After, After]]) -> Picture:
         ax.set(xlabel=r"$\tan\psi$", ylabel=r"$\tan\delta_2$", xlim=(0, 5.8), ylim=(0, None))
         ax.legend(loc="lower right", title=rf"{row.coins[0]}, $e_t = {row.e_t}$", title_fontsize=8)
         style.letter(ax, f"({name})")
-    return Picture(
-        "bullet-anomaly",
+    caption = (
         "Angle of disk 2 after the impact. IFR with the coins' own e_t rises with slope (1 + e_t) / (3 (1 + "
         "e_n)) where the disks slide; PyBullet with the same e_n and mu stays on tan(delta_2) = mu, as any "
-        "code does whose only tangential impulse is Coulomb's. The experiments of the paper show the slope.",
-        figure,
+        "code does whose only tangential impulse is Coulomb's. The experiments of the paper show the slope."
     )
+    return Picture("bullet-anomaly", caption, figure)

@@ -260,14 +260,13 @@ def _figure(found: dict[str, Measured], times: Array, others: list[str]) -> Pict
         style.letter(ax, f"({name})")
     axes[0].set_ylim(0.0, 1.12)
     axes[0].legend(loc="lower left")
-    return Picture(
-        "bullet-box",
+    caption = (
         f"{N} disks between four walls, packing fraction {PHI}, e_n = {E_N}, mu = {MU}: (a) energy, (b) the "
         f"part of it that is spin, (c) collisions per disk; means over {len(found['ifrdem'].energy)} starts "
         "with their standard errors (bars; grey band: ours). Dashed: our engine with IFR at e_t = -0.88, "
-        "which neither code has.",
-        figure,
+        "which neither code has."
     )
+    return Picture("bullet-box", caption, figure)
 
 
 def _chaos_figure(found: dict[str, Measured], times: Array, steps: dict[str, float]) -> Picture:
@@ -280,10 +279,9 @@ def _chaos_figure(found: dict[str, Measured], times: Array, steps: dict[str, flo
         xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)", ylabel="median distance $/\\,R$", xlim=(0, None), ylim=(1e-6, None)
     )
     ax.legend(loc="lower right")
-    return Picture(
-        "bullet-chaos",
+    caption = (
         "Median distance between a disk in another code and in our engine, of those that have collided. The "
         "shorter the step, the closer; every collision multiplies the distance, until single places cannot "
-        "be compared any more and only means can.",
-        figure,
+        "be compared any more and only means can."
     )
+    return Picture("bullet-chaos", caption, figure)

@@ -118,10 +118,9 @@ def _figure(asked: np.ndarray, defaults: dict[str, np.ndarray], ours: np.ndarray
     ax.axhline(0.0, color=style.BLACK, lw=0.5)
     ax.set(xlabel=r"$e_n$ asked for", ylabel=r"$e_n$ that comes out", xlim=(0, 1.05))
     ax.legend(loc="upper left")
-    return Picture(
-        "bullet-defaults",
+    caption = (
         "Restitution of a head-on impact at 1 m/s. With PyBullet's defaults it has little to do with what "
         "was asked for, and differs from impact to impact: bars span the phases of the time step. With the "
-        "settings of validation/engines/bullet_world.py it is what was asked for.",
-        figure,
+        "settings of validation/engines/bullet_world.py it is what was asked for."
     )
+    return Picture("bullet-defaults", caption, figure)

@@ -104,11 +104,10 @@ def _figure(step: Array, errors: dict[str, Array], ours: Array) -> Picture:
     ax.axhline(np.sqrt(np.mean(ours**2)), color=style.GREEN, label="ifrdem (has no step)")
     ax.set(xlabel=r"$v\,\Delta t / R$", ylabel=r"rms error $/\,v_o$", ylim=(1e-17, 1.0))
     ax.legend(loc="center right")
-    return Picture(
-        "bullet-flight",
+    caption = (
         "Error of one impact that free flight leads to, contact at a random phase of the time step, against "
         "the length of the step. A step finds the overlap late, when the line of centres has turned; the "
         "error is of first order and the same in both codes. Events are computed, not found: ours is "
-        "rounding.",
-        figure,
+        "rounding."
     )
+    return Picture("bullet-flight", caption, figure)

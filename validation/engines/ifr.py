@@ -132,11 +132,10 @@ def _figure(times: Array, apart: dict[str, Array]) -> Picture:
         ylim=(1e-16, 1e-10),
     )
     ax.legend(loc="lower right")
-    return Picture(
-        "bullet-ifr",
+    caption = (
         "A hundred aluminium coins between walls, moved by PyBullet and collided by `ifrdem.bullet.step`: "
         "median distance from their places in our engine. Contacts are computed within a step, so that the "
         "length of the step does not matter; rounding grows from collision to collision as between any two "
-        "codes.",
-        figure,
+        "codes."
     )
+    return Picture("bullet-ifr", caption, figure)

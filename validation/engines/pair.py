@@ -183,12 +183,11 @@ def _figure(lines: dict[str, list[tuple[Impact, After]]], random: dict[str, Arra
     off.set(xlabel=r"$\psi$ (deg)", ylabel=r"largest deviation $/\,v_o$", ylim=(1e-17, 1e-5))
     off.legend(loc="center right")
     style.letter(off, "(b)")
-    return Picture(
-        "bullet-pair",
+    caption = (
         "Two disks at the exact geometry of contact, lengths in units of R_1. (a) Lines: Eqs. 19 and 21 at "
         "e_t = -1; circles: PyBullet, crosses: pymunk. (b) Largest deviation of any velocity or R omega of "
         "all coins; dashed: 1e-6. Along y from the closed forms, in random directions from our kernels, "
         "whose own round-off shows in pymunk's. PyBullet's law is exact; its contact normals are not, except "
-        "along y.",
-        figure,
+        "along y."
     )
+    return Picture("bullet-pair", caption, figure)

@@ -39,13 +39,12 @@ def draw() -> Picture:
         when = "contact" if t == 0.0 else rf"$t = {t:+.1f}\,R/v_o$"
         ax.set_title(f"({name}) {when}", fontsize=9)
     coin = coins["1 pta"]
-    return Picture(
-        "bullet-cylinders",
+    caption = (
         "Two cylinders in PyBullet, drawn by its own renderer: the blue one comes from the left and hits the "
         f"one at rest, psi = 40 degrees (e_n = {coin.law.e_n}, mu = {coin.law.mu}, R = 1). Bars on their tops "
-        "show the spins that friction gives to both.",
-        figure,
+        "show the spins that friction gives to both."
     )
+    return Picture("bullet-cylinders", caption, figure)
 
 
 def _frames() -> list[NDArray[np.uint8]]:

@@ -305,7 +305,6 @@ def _figure_3(result: Result, points: dict[tuple[str, str], Readings]) -> Pictur
     ax.plot(1.0 / np.tan(slip.psi), e_t, "D", label="Kharaz et al. (2001)", zorder=4, **measured_look)
     ax.set(xlabel=r"$\cot\psi$", ylabel=r"$e_t^*$", xlim=(0, 3), ylim=(-1.3, 1.0))
     ax.legend(loc="lower right", fontsize=7)
-    style.letter(ax, "(a)")
     psi = np.radians(np.linspace(3.0, 89.0, 400))
     for (note, k), dash in zip(FACTORS.items(), ("-", "--"), strict=True):
         line = _observables(predicted.after(_impact(psi, k), "percussion_center"))["omega"]
@@ -317,7 +316,7 @@ def _figure_3(result: Result, points: dict[tuple[str, str], Readings]) -> Pictur
         xlabel=r"angle of incidence $\psi$ (deg)", ylabel="spin after (rad/s)", xlim=(0, 90), ylim=(0, 850)
     )
     spins.legend(loc="upper right", fontsize=7)
-    style.letter(spins, "(b)")
+    style.letters(ax, spins)
     caption = (
         "Figure 3. (a) Sliding spheres on a massive plane, coefficients of the paper. Solid lines and open markers: "
         "spheres (k = 5/2, factor 7/2); dashed and crosses: the factor 3 of disks that the paper uses. Diamonds: "
