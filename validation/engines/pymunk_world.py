@@ -11,7 +11,6 @@ import importlib
 import importlib.util
 import math
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -57,11 +56,8 @@ class PymunkWorld:
             self._add(body, self.pymunk.Circle(body, float(radius)), surface, DISK)
             self.bodies.append(body)
         for wall in walls:
-            point, along = (
-                np.array(wall.place),
-                LONG * diameter * np.array([-wall.towards[1], wall.towards[0]]),
-            )
-            ends = tuple((point - along).tolist()), tuple((point + along).tolist())
+            along = LONG * diameter * np.array([-wall.towards[1], wall.towards[0]])
+            ends = (tuple((wall.place + sign * along).tolist()) for sign in (-1.0, 1.0))
             segment = self.pymunk.Segment(self.space.static_body, *ends, 0.0)
             self._add(None, segment, surface, WALL)
         self.space.on_collision(DISK, DISK, begin=self._met)
@@ -81,9 +77,7 @@ class PymunkWorld:
     def __enter__(self) -> PymunkWorld:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         del self.space, self.bodies
 
     def place(self, position: NDArray, velocity: NDArray, spin: NDArray) -> None:
