@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import as_box, each, neighbours
 
@@ -33,7 +34,7 @@ class Clusters(Brief):
 
     label: NDArray[np.intp]
     sizes: NDArray[np.intp]
-    radius_of_gyration: NDArray[np.float64]
+    radius_of_gyration: Array
     spans: NDArray[np.bool_]
     gap: float
 
@@ -49,7 +50,7 @@ class Clusters(Brief):
 
 
 def clusters(
-    position: NDArray[np.float64], box: Box | ArrayLike, *, radius: ArrayLike, gap: float, time: float = 0.0
+    position: Array, box: Box | ArrayLike, *, radius: ArrayLike, gap: float, time: float = 0.0
 ) -> Clusters:
     """Clusters of one frame: neighbours by freud, connected components by SciPy.
 

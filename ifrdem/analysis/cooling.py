@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..tools.checked import Array
 from .common import correlation_time
 
 MODES = 5
@@ -25,7 +26,7 @@ cool by Haff's law had 0.4 (e_n = 0.8) to 0.65 (0.5) / sqrt(n) rms, 1.0 at most 
 ROUNDING = 1e-6
 """Waves below this part of what is fitted are no misfit, even in exact numbers."""
 
-Law = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Law = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,8 @@ class Fit:
         False where the waves are neither chance nor within the scatter that is allowed.
     """
 
-    values: NDArray[np.float64]
-    errors: NDArray[np.float64]
+    values: Array
+    errors: Array
     rms: float
     correlation_time: float
     misfit: float
@@ -57,14 +58,7 @@ class Fit:
     describes: bool
 
 
-def fit(
-    law: Law,
-    data: NDArray[np.float64],
-    start: NDArray[np.float64],
-    along: NDArray[np.float64],
-    *,
-    scatter: float,
-) -> Fit:
+def fit(law: Law, data: Array, start: Array, along: Array, *, scatter: float) -> Fit:
     """Fit a law by least squares, and test it against smooth deviations from it.
 
     A law that holds leaves noise; one that does not leaves slow waves. What is left, r, is split by linear least
@@ -117,7 +111,7 @@ def fit(
     return Fit(found.x, errors, float(np.sqrt(whole / n)), tau, misfit, p_value, describes)
 
 
-def _basis(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+def _basis(columns: Array) -> Array:
     """Orthonormal columns, shape (n, d), of which these are made, to rounding."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-10 * max(float(size.max()), 1e-300)]
@@ -126,7 +120,7 @@ def _basis(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(basis[:, weight > 1e-8])
 
 
-def _chance(left: NDArray[np.float64], own: NDArray[np.float64], beyond: NDArray[np.float64]) -> float:
+def _chance(left: Array, own: Array, beyond: Array) -> float:
     """Probability that noise has waves along `beyond` as large as what is left has; nan if that cannot be told."""
     from scipy.stats import f as f_distribution
 
@@ -144,7 +138,7 @@ def _chance(left: NDArray[np.float64], own: NDArray[np.float64], beyond: NDArray
     return float(f_distribution.sf(F, modes, freedom))
 
 
-def _correlated(columns: NDArray[np.float64], rho: float) -> NDArray[np.float64]:
+def _correlated(columns: Array, rho: float) -> Array:
     """R times columns, R_ij = rho^|i - j|."""
     from scipy.signal import lfilter
 
@@ -153,7 +147,7 @@ def _correlated(columns: NDArray[np.float64], rho: float) -> NDArray[np.float64]
     return np.asarray(later + earlier - columns)
 
 
-def _memory(rest: NDArray[np.float64], modes: NDArray[np.float64]) -> tuple[float, float]:
+def _memory(rest: Array, modes: Array) -> tuple[float, float]:
     """rho of noise of which the modes were taken off, and how many times its variance the rest's square has.
 
     With M = (1 - B B') R (1 - B B'), the square of the rest has the mean trace M, and its product with itself one point
@@ -299,7 +293,7 @@ def haff_fit(
     begin = max(float(begin), 0.1 * float(T[0] ** -0.5))
     start = np.array([-2.0 * np.log(begin), np.log(begin / slope)])
 
-    def law(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def law(p: Array) -> Array:
         return p[0] - 2.0 * np.log1p(x / np.exp(p[1]))
 
     scatter = 0.0 if disks is None else disks**-0.5
@@ -365,7 +359,7 @@ def ratio_fit(
     lag = float(along[np.argmax(below)]) if np.any(below[1:]) else 0.3 * float(along[-1])
     start = np.array([ratio[0], end, np.log(max(lag, 0.2 * float(along[1])))])
 
-    def law(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def law(p: Array) -> Array:
         return p[1] + (p[0] - p[1]) * np.exp(-along / np.exp(np.clip(p[2], -50.0, 50.0)))
 
     scatter = 0.0 if disks is None else float(np.mean(np.abs(ratio))) * (3.0 / disks) ** 0.5
@@ -389,7 +383,7 @@ def ratio_fit(
 
 def _window(
     x: ArrayLike, y: ArrayLike, first: float | None, last: float | None, least: int, what: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     at, value = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if at.shape != value.shape or at.ndim != 1:
         raise InputError(f"{what}: shapes {at.shape} and {value.shape} do not match")

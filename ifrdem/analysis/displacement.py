@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import as_box
 
@@ -38,10 +39,10 @@ class Correlation(Brief):
         "all" or "first".
     """
 
-    lag: NDArray[np.float64]
-    value: NDArray[np.float64]
-    error: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    lag: Array
+    value: Array
+    error: Array
+    covariance: Array
     components: int
     disks: int
     origins: str
@@ -70,7 +71,7 @@ class Diffusion:
 
 def unwrap(
     position: ArrayLike, box: Box | ArrayLike, *, image: ArrayLike | None = None, times: ArrayLike = 0.0
-) -> NDArray[np.float64]:
+) -> Array:
     """Paths without jumps through periodic sides [length], shape (frames, n, 2).
 
     Parameters
@@ -133,13 +134,13 @@ class _Means:
         self.sum = np.zeros(lags)
         self.square = np.zeros((lags, lags))
 
-    def add(self, values: NDArray[np.float64]) -> None:
+    def add(self, values: Array) -> None:
         """Add disks, shape (lags, n)."""
         self.disks += values.shape[1]
         self.sum += values.sum(axis=1)
         self.square += values @ values.T
 
-    def correlation(self, lag: NDArray[np.float64], components: int, origins: str) -> Correlation:
+    def correlation(self, lag: Array, components: int, origins: str) -> Correlation:
         n = self.disks
         mean = self.sum / n
         covariance = np.full_like(self.square, np.nan)
@@ -149,7 +150,7 @@ class _Means:
         return Correlation(lag, mean, error, covariance, components, n, origins)
 
 
-def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> NDArray[np.float64]:
+def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> Array:
     """Lags for these times, at most so many; InputError if they do not suit the origins, or are no times.
 
     `values` are the other argument, called `name`: who gives both in the wrong order is told.
@@ -182,7 +183,7 @@ def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> 
 
 def mean_square_displacement(
     times: ArrayLike,
-    paths: NDArray[np.float64] | Iterable[NDArray[np.float64]],
+    paths: Array | Iterable[Array],
     *,
     origins: Literal["all", "first"] = "all",
     most_lags: int = 500,
@@ -237,7 +238,7 @@ def mean_square_displacement(
 
 def velocity_autocorrelation(
     times: ArrayLike,
-    velocity: NDArray[np.float64] | Iterable[NDArray[np.float64]],
+    velocity: Array | Iterable[Array],
     *,
     origins: Literal["all", "first"] = "all",
     most_lags: int = 500,
@@ -266,9 +267,7 @@ def velocity_autocorrelation(
     return means.correlation(lag, components, origins)
 
 
-def _parts(
-    name: str, values: NDArray[np.float64] | Iterable[NDArray[np.float64]], frames: int
-) -> Iterable[NDArray[np.float64]]:
+def _parts(name: str, values: Array | Iterable[Array], frames: int) -> Iterable[Array]:
     found = False
     for part in [values] if isinstance(values, np.ndarray) else values:
         if part.ndim != 3 or len(part) != frames:
@@ -282,7 +281,7 @@ def _parts(
         raise InputError("no disks")
 
 
-def _autocorrelation(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _autocorrelation(x: Array) -> Array:
     """Sum over s of x(s) . x(s + t), shape (frames, n), of x of shape (frames, n, d)."""
     frames = len(x)
     transformed = np.fft.rfft(x, 2 * frames, axis=0)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import as_box, each
 
@@ -36,20 +37,20 @@ class Fields(Brief):
         Standard deviation of the Gaussian [length], 0 for plain cells.
     """
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    number: NDArray[np.float64]
-    packing_fraction: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    temperature: NDArray[np.float64]
-    rotational_temperature: NDArray[np.float64]
+    x: Array
+    y: Array
+    number: Array
+    packing_fraction: Array
+    velocity: Array
+    temperature: Array
+    rotational_temperature: Array
     width: float
 
 
 def coarse_grain(
-    position: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    spin: NDArray[np.float64] | None = None,
+    position: Array,
+    velocity: Array,
+    spin: Array | None = None,
     *,
     box: Box | ArrayLike,
     cells: tuple[int, int],
@@ -123,7 +124,7 @@ def coarse_grain(
     omega = np.zeros(n) if spin is None else np.asarray(spin, dtype=float)
     kernel = _Kernel(width, size, cells, box)
 
-    def total(weights: NDArray[np.float64], squared: bool = False) -> NDArray[np.float64]:
+    def total(weights: Array, squared: bool = False) -> Array:
         put = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64)
         return kernel.smooth(put.reshape(cells), squared)
 
@@ -152,13 +153,13 @@ def coarse_grain(
 class _Kernel:
     """Weights phi on the grid: a Gaussian that sums to 1 over cells, or 1 in the own cell."""
 
-    def __init__(self, width: float, size: NDArray[np.float64], cells: tuple[int, int], box: Box) -> None:
+    def __init__(self, width: float, size: Array, cells: tuple[int, int], box: Box) -> None:
         self.width, self.size, self.box = width, size, box
         self.inside = np.ones(cells)
         if width:
             self.inside = self._filter(np.ones(cells), width)
 
-    def smooth(self, deposited: NDArray[np.float64], squared: bool) -> NDArray[np.float64]:
+    def smooth(self, deposited: Array, squared: bool) -> Array:
         """Sum of phi, or of phi^2, times what was put into cells."""
         if not self.width:
             return deposited
@@ -168,7 +169,7 @@ class _Kernel:
         factor = float(np.prod(self.size)) / (4.0 * np.pi * self.width**2)
         return factor * self._filter(deposited, self.width / np.sqrt(2.0)) / self.inside**2
 
-    def _filter(self, values: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+    def _filter(self, values: Array, width: float) -> Array:
         from scipy.ndimage import gaussian_filter1d
 
         for axis in (0, 1):

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import Regime
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 
 REGIMES = {
@@ -61,9 +62,9 @@ class Impacts(Brief):
         Of how many the regimes are known.
     """
 
-    psi: NDArray[np.float64]
-    density: NDArray[np.float64]
-    density_error: NDArray[np.float64]
+    psi: Array
+    density: Array
+    density_error: Array
     mean_b: float
     mean_b_error: float
     p_value: float

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import cooling, displacement, impact, pressure
 from . import result as stored
@@ -45,7 +45,7 @@ def _steady(trajectory: Trajectory, used: list[int]) -> bool:
     return T is None or _keeps(T[used])
 
 
-def _keeps(T: NDArray[np.float64]) -> bool:
+def _keeps(T: Array) -> bool:
     """Whether temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
     if len(T) < 2:
         return True
@@ -53,14 +53,12 @@ def _keeps(T: NDArray[np.float64]) -> bool:
     return abs(late - early) <= 0.1 * max(early, late)
 
 
-def _unsteady(trajectory: Trajectory, T: NDArray[np.float64]) -> str:
+def _unsteady(trajectory: Trajectory, T: Array) -> str:
     first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
     return f"{NOT_STEADY}: T goes from {first} to {last} in that time"
 
 
-def _parts(
-    trajectory: Trajectory, used: Sequence[int], name: str
-) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[tuple[slice, Array]]:
     """A field of some disks over all frames, a part at a time: memory holds few millions of numbers."""
     data, n = trajectory.dataset(name), trajectory.disks.n
     size = max(1, 2_000_000 // len(used))
@@ -80,7 +78,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     if not has_image and not box.is_open:
         notes.append('no "image" in the file: each step is taken for the shortest through the sides')
 
-    def paths() -> Iterator[NDArray[np.float64]]:
+    def paths() -> Iterator[Array]:
         images = _parts(trajectory, used, "image") if has_image else None
         for _, position in _parts(trajectory, used, "position"):
             image = next(images)[1] if images is not None else None
@@ -134,7 +132,7 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     return Outcome(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
-def _span_mean(when: NDArray[np.float64], values: NDArray[np.float64], span: tuple[float, float]) -> float:
+def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
     """Mean of a series over a span of time, linear between its points."""
     inner = (when > span[0]) & (when < span[1])
     t = np.concatenate(([span[0]], when[inner], [span[1]]))
@@ -204,11 +202,7 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
 
 
 def _pressure_by_rate(
-    trajectory: Trajectory,
-    when: NDArray[np.float64],
-    T: NDArray[np.float64],
-    count: NDArray[np.float64],
-    notes: list[str],
+    trajectory: Trajectory, when: Array, T: Array, count: Array, notes: list[str]
 ) -> list[Row]:
     """chi and Z by the number of collisions, for equal disks of a law with a constant e_n."""
     disks = trajectory.disks

@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import Positions, as_box, each, freud_frame, times_of
@@ -34,10 +35,10 @@ class PairCorrelation(Brief):
         How many there were.
     """
 
-    r: NDArray[np.float64]
-    g: NDArray[np.float64]
-    g_error: NDArray[np.float64]
-    pairs: NDArray[np.float64]
+    r: Array
+    g: Array
+    g_error: Array
+    pairs: Array
     frames: int
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import cluster, common, fields, pairs, psi6, steadiness, structure, velocities
@@ -73,7 +74,7 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
     return Outcome(results, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
-def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
     return (trajectory[i].position for i in used)
 
 

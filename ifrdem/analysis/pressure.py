@@ -13,9 +13,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import mean_with_error
 
@@ -51,7 +52,7 @@ class Pressure(Brief):
     error: float
     total: float
     Z: float
-    collisional_tensor: NDArray[np.float64]
+    collisional_tensor: Array
 
 
 def pressure_from_impulses(
@@ -64,7 +65,7 @@ def pressure_from_impulses(
     area: float,
     disks: int,
     tracked: int,
-    temperature: float | NDArray[np.float64],
+    temperature: float | Array,
 ) -> Pressure:
     """Pressure from the collisions of tracked disks with disks, each listed once for every tracked disk in it.
 

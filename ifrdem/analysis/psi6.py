@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import as_box, each, freud_frame
@@ -40,7 +41,7 @@ class Hexatic(Brief):
 
 
 def hexatic(
-    position: NDArray[np.float64],
+    position: Array,
     box: Box | ArrayLike,
     *,
     neighbours: Literal["nearest", "voronoi"] = "nearest",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.observables import Measure
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 
@@ -31,12 +32,12 @@ class Collisions(Brief):
         The time that is known [time].
     """
 
-    time: NDArray[np.float64]
+    time: Array
     id: NDArray[np.int32]
     partner: NDArray[np.int32]
-    normal: NDArray[np.float64]
-    impulse: NDArray[np.float64]
-    psi: NDArray[np.float64]
+    normal: Array
+    impulse: Array
+    psi: Array
     regime: NDArray[np.int8]
     tracked: NDArray[np.int32]
     span: tuple[float, float]
@@ -58,7 +59,7 @@ def need(trajectory: Trajectory, *fields: str) -> None:
         )
 
 
-def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+def series(trajectory: Trajectory, *names: str) -> tuple[Array, list[Array]]:
     """Times, and whole-gas quantities by name: from `timeseries`, or at the frames if there are more of these.
 
     Raises

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import Positions, as_box, each, times_of
@@ -35,21 +36,16 @@ class StructureFactor(Brief):
         How many there were.
     """
 
-    k: NDArray[np.float64]
-    S: NDArray[np.float64]
-    S_error: NDArray[np.float64]
+    k: Array
+    S: Array
+    S_error: Array
     modes: NDArray[np.int64]
     frames: int
 
 
 def mode_intensities(
-    position: NDArray[np.float64],
-    box: Box | ArrayLike,
-    modes: tuple[int, int],
-    *,
-    stride: int = 1,
-    time: float = 0.0,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    position: Array, box: Box | ArrayLike, modes: tuple[int, int], *, stride: int = 1, time: float = 0.0
+) -> tuple[Array, Array]:
     """Vectors k that the box allows [1/length], shape (2 a + 1, 2 b + 1, 2), and |sum_j exp(-i k r_j)|^2 / n at them.
 
     k = 2 pi stride (i / Lx, j / Ly) with i from -a to a and j from -b to b, `modes` = (a, b), by finufft to 1e-9. The
@@ -154,7 +150,7 @@ def structure_factor(
     )
 
 
-def _passes(lengths: NDArray[np.float64], k_max: float) -> list[tuple[int, float]]:
+def _passes(lengths: Array, k_max: float) -> list[tuple[int, float]]:
     """Strides, and up to which k each goes: 1 as far as the modes reach, then one that reaches k_max."""
     half = MOST_MODES // 2
     reach = 2.0 * np.pi * half / float(lengths.max())

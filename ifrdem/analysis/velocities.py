@@ -6,9 +6,10 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import Positions, each
 
@@ -69,16 +70,16 @@ class VelocityDistribution(Brief):
         Of the same disks.
     """
 
-    speed: NDArray[np.float64]
-    density: NDArray[np.float64]
-    density_error: NDArray[np.float64]
-    spin: NDArray[np.float64]
-    spin_density: NDArray[np.float64]
-    spin_density_error: NDArray[np.float64]
+    speed: Array
+    density: Array
+    density_error: Array
+    spin: Array
+    spin_density: Array
+    spin_density_error: Array
     sonine: SonineCoefficients
 
 
-def gaussian(c: ArrayLike) -> NDArray[np.float64]:
+def gaussian(c: ArrayLike) -> Array:
     """Density of a component c over its thermal speed in a Gaussian gas: exp(-c^2) / sqrt(pi).
 
     Examples
@@ -91,7 +92,7 @@ def gaussian(c: ArrayLike) -> NDArray[np.float64]:
     return np.exp(-x * x) / np.sqrt(np.pi)
 
 
-def sonine_density(c: ArrayLike, a2: float) -> NDArray[np.float64]:
+def sonine_density(c: ArrayLike, a2: float) -> Array:
     """The same with a fourth cumulant: times 1 + a2 (c^4 / 2 - 3 c^2 / 2 + 3 / 8).
 
     That is L_2^(-1/2)(c^2), of a spin with a02 and, because L_2^(0)(c_x^2 + c_y^2) leaves it when c_y is integrated
@@ -149,7 +150,7 @@ def velocity_distribution(
     edges = np.linspace(-widest, widest, bins + 1)
     counts, spin_counts = np.zeros(bins), np.zeros(bins)
     root_mass, root_inertia = np.sqrt(np.asarray(mass, float)), np.sqrt(np.asarray(inertia, float))
-    sums: NDArray[np.float64] | None = None
+    sums: Array | None = None
     frames = 0
     for v, omega in itertools.zip_longest(each(velocity), each(spin, 1)):
         if v is None or omega is None:
@@ -187,21 +188,19 @@ def velocity_distribution(
     )
 
 
-def _density(
-    counts: NDArray[np.float64], total: int, width: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _density(counts: Array, total: int, width: float) -> tuple[Array, Array]:
     if total == 0:
         return np.full(len(counts), np.nan), np.full(len(counts), np.nan)
     share = counts / total
     return share / width, np.sqrt(share * (1.0 - share) / total) / width
 
 
-def _sonine(means: NDArray[np.float64], frames: int) -> SonineCoefficients:
+def _sonine(means: Array, frames: int) -> SonineCoefficients:
     """Coefficients and errors from each disk's means over frames of x, y, x^2, y^2, x y; <x> = <y> = 1."""
     x, y, xx, yy, xy = means
     n = len(x)
 
-    def estimate(q: NDArray[np.float64], influence: NDArray[np.float64]) -> tuple[float, float]:
+    def estimate(q: Array, influence: Array) -> tuple[float, float]:
         """The mean of q, less 1, and the error that the spread of each disk's influence on it makes."""
         return float(q.mean() - 1.0), float(np.std(influence, ddof=1) / np.sqrt(n))
 

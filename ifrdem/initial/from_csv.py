@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools import csv as csv_rows
+from ..tools.checked import Array
 
 POSITION = ("x", "y")
 MOTION = ("vx", "vy", "spin")
@@ -33,9 +33,9 @@ class Given:
         Spins, counter-clockwise [rad/time], if they are given.
     """
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None
-    spin: NDArray[np.float64] | None
+    position: Array
+    velocity: Array | None
+    spin: Array | None
 
 
 def read(path: Path, n: int, box: Box | None = None) -> Given:

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.walls import Wall
 from ..model.walls import check as check_walls
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import packing
 from .from_csv import Given
@@ -25,7 +25,7 @@ ROUNDING = 2.0**-22
 def read(
     path: Path,
     frame: int | None,
-    radius: NDArray[np.float64],
+    radius: Array,
     box: Box | None = None,
     *,
     motion: bool = False,
@@ -103,7 +103,7 @@ def read(
     return Given(position, velocity, spin)
 
 
-def _why(trajectory: Trajectory, radius: NDArray[np.float64], single: bool) -> str:
+def _why(trajectory: Trajectory, radius: Array, single: bool) -> str:
     """What may explain an overlap."""
     other = np.abs(trajectory.disks.radius - radius) > 1e-6 * radius  # more than rounding
     if other.any():

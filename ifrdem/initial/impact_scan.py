@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..model.state import Disks
 from ..tools import seeds
+from ..tools.checked import Array
 from .from_csv import Given
 
 PATCH = 8.0  # side of a pair's patch, in largest contact distances
 APPROACH = 0.5  # flight before the contact, in contact distances
 
 
-def angles(n: int, psi: tuple[float, float]) -> NDArray[np.float64]:
+def angles(n: int, psi: tuple[float, float]) -> Array:
     """Angles of impact of n pairs from the line of centres [rad], evenly from the first to the last [degrees]."""
     return np.radians(np.linspace(*psi, n))
 
@@ -56,9 +56,7 @@ def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) ->
     )
 
 
-def line_of_centres(
-    position: NDArray[np.float64], velocity: NDArray[np.float64], sigma: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def line_of_centres(position: Array, velocity: Array, sigma: Array) -> Array:
     """Unit vectors from the disks that hit to those that are hit, at their contact, shape (n, 2); from a start.
 
     Parameters
@@ -72,5 +70,5 @@ def line_of_centres(
     b, c, v2 = np.sum(r * v, axis=1), np.sum(r * r, axis=1) - sigma**2, np.sum(v * v, axis=1)
     time = c / (np.sqrt(b * b - v2 * c) - b)
     touching = r + v * time[:, None]
-    found: NDArray[np.float64] = touching / np.linalg.norm(touching, axis=1)[:, None]
+    found: Array = touching / np.linalg.norm(touching, axis=1)[:, None]
     return found

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.box import Box
@@ -33,6 +33,7 @@ from ..model.overlaps import (
 )
 from ..model.walls import Wall
 from ..tools import seeds
+from ..tools.checked import Array
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
@@ -54,13 +55,8 @@ Progress = Callable[[float], None]
 
 
 def grow(
-    box: Box,
-    radius: ArrayLike,
-    *,
-    seed: int,
-    walls: Sequence[Wall] = (),
-    progress: Progress = lambda _: None,
-) -> NDArray[np.float64]:
+    box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = (), progress: Progress = lambda _: None
+) -> Array:
     """Place disks at random as densely as random packing: to about 0.84 of the area, or a little less between walls.
 
     Bidisperse disks (as many of each, 1 to 1.4) reach 0.842 and a lognormal gas with a deviation of 30 % 0.84. Equal
@@ -131,9 +127,7 @@ def grow(
     return position
 
 
-def separate(
-    box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = ()
-) -> NDArray[np.float64]:
+def separate(box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = ()) -> Array:
     """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at t = 0 neither.
 
     For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then.
@@ -160,7 +154,7 @@ def separate(
     return found
 
 
-def _scattered(room: Room, n: int, random: np.random.Generator) -> NDArray[np.float64]:
+def _scattered(room: Room, n: int, random: np.random.Generator) -> Array:
     """Random points in the room, shape (n, 2)."""
     position = random.random((n, 2)) * room.box.lengths
     low, high = room.bounds()
@@ -175,9 +169,7 @@ class _SoftDisks:
     Disks are numbered along the rows of a grid meanwhile, so that neighbours lie close in memory.
     """
 
-    def __init__(
-        self, room: Room, radius: NDArray[np.float64], position: NDArray[np.float64], margin: float = MARGIN
-    ) -> None:
+    def __init__(self, room: Room, radius: Array, position: Array, margin: float = MARGIN) -> None:
         self.unit = 2.0 * float(radius.mean())
         box, self.walls = room.box, room.all_walls
         self.box = Box((box.lengths[0] / self.unit, box.lengths[1] / self.unit), box.periodic)
@@ -192,7 +184,7 @@ class _SoftDisks:
         self.per_mass = np.minimum(1.0, 1.0 / (2.0 * self.true_radius) ** 2)[:, None]
         self._list()
 
-    def wrapped(self) -> NDArray[np.float64]:
+    def wrapped(self) -> Array:
         """The positions in the order and unit of the caller."""
         position = np.empty_like(self.x)
         position[self.order] = self.box.wrap(self.x) * self.unit
@@ -224,7 +216,7 @@ class _SoftDisks:
         self.to_disks = self.difference.T.tocsr()
         self.listed_at = self.x.copy()
 
-    def force(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def force(self) -> tuple[Array, Array]:
         """Forces on the disks, shape (n, 2), and overlaps, 0 where none, in the order of `at_contact`.
 
         These are of the listed pairs first, and then of all disks with each wall.
@@ -248,7 +240,7 @@ class _SoftDisks:
             force += away * overlaps[-1][:, None]
         return force, np.concatenate(overlaps)
 
-    def worst(self, overlap: NDArray[np.float64]) -> float:
+    def worst(self, overlap: Array) -> float:
         """The largest overlap as a part of the contact distance."""
         return float(np.max(overlap / self.at_contact, initial=0.0))
 
@@ -303,12 +295,12 @@ class _SoftDisks:
                 progress(done / steps)
 
 
-def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def _product(a: Array, b: Array) -> float:
     """Sum of a_ik b_ik, in one order whatever number of threads a library for linear algebra has."""
     return float(np.sum(a * b))
 
 
-def _squared(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squared(vectors: Array) -> Array:
     return vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1]
 
 
@@ -316,7 +308,7 @@ def _report(progress: Progress, before: float, share: float, part: float) -> Non
     progress(before + share * part)
 
 
-def _attained(soft: _SoftDisks, room: Room, radius: NDArray[np.float64]) -> float:
+def _attained(soft: _SoftDisks, room: Room, radius: Array) -> float:
     """The packing fraction that jammed disks reach: that of smaller radii at which they do not overlap any more."""
     shrunk = 1.0
     while True:

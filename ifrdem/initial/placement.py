@@ -25,6 +25,7 @@ from ..model.overlaps import (
 )
 from ..model.walls import Wall
 from ..tools import checked, seeds
+from ..tools.checked import Array
 
 CLOSER, CLEAR = (
     1.0 - 1e-9,
@@ -33,7 +34,7 @@ CLOSER, CLEAR = (
 HALVINGS = 40
 
 
-def sites(room: Room, n: int, radius: float) -> NDArray[np.float64]:
+def sites(room: Room, n: int, radius: float) -> Array:
     """Sites [length], shape (n, 2), for disks of this radius [length] that overlap neither each other nor a wall.
 
     Rows along x or along y, which continue across periodic sides. What sites are left over are spread evenly.
@@ -64,7 +65,7 @@ def sites(room: Room, n: int, radius: float) -> NDArray[np.float64]:
     return found[np.arange(n, dtype=np.int64) * len(found) // n]
 
 
-def _free(room: Room, radius: float, distance: float, upright: bool) -> NDArray[np.float64]:
+def _free(room: Room, radius: float, distance: float, upright: bool) -> Array:
     """Sites at this distance from their nearest neighbours, or a little more, off the walls; shape (sites, 2).
 
     They keep half of the distance from straight walls along the axes, as if there were sites behind them too.
@@ -108,11 +109,7 @@ ATTEMPTS_PER_DISK = 400
 
 
 def _clear_of(
-    box: Box,
-    candidate: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    placed: NDArray[np.float64],
-    placed_radius: NDArray[np.float64],
+    box: Box, candidate: Array, radius: Array, placed: Array, placed_radius: Array
 ) -> NDArray[np.bool_]:
     """Which candidates, of these radii, overlap none of the placed disks; shape (candidates,)."""
     from scipy.spatial import cKDTree
@@ -133,9 +130,7 @@ def _clear_of(
     return clear
 
 
-def _one_by_one(
-    box: Box, candidate: NDArray[np.float64], radius: NDArray[np.float64], owner: NDArray[np.intp]
-) -> NDArray[np.intp]:
+def _one_by_one(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]) -> NDArray[np.intp]:
     """Which attempts succeed when they are made one after the other, in order; shape (successes,).
 
     Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
@@ -160,9 +155,7 @@ def _one_by_one(
     return np.flatnonzero(success)
 
 
-def random_positions(
-    box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = ()
-) -> NDArray[np.float64]:
+def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = ()) -> Array:
     """Place disks by random sequential addition: uniformly at random, each where it overlaps nothing before it.
 
     Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first
@@ -250,7 +243,7 @@ def random_positions(
 
 def _hexagonal_fit(
     lengths: tuple[float, float], sites: NDArray[np.int64] | int, columns: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.int64], Array]:
     """Rows that hold at least `sites` sites in each number of columns, and the distance of nearest sites.
 
     Every second row is shifted by half a column, so the number of rows is even, or 1.
@@ -276,7 +269,7 @@ def _most_sites(lengths: tuple[float, float], diameter: float) -> int:
 
 def hexagonal_positions(
     box: Box, radius: ArrayLike, *, seed: int | None = None, walls: Sequence[Wall] = ()
-) -> NDArray[np.float64]:
+) -> Array:
     """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
 
     Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest
@@ -346,9 +339,7 @@ def hexagonal_positions(
     return _dealt(box, radii, np.column_stack((y, x) if upright else (x, y)), seed)
 
 
-def _dealt(
-    box: Box, radius: NDArray[np.float64], sites: NDArray[np.float64], seed: int | None
-) -> NDArray[np.float64]:
+def _dealt(box: Box, radius: Array, sites: Array, seed: int | None) -> Array:
     """The sites of a lattice for the disks, in a random order if there is a seed."""
     position = sites if seed is None else sites[seeds.stream(seed, seeds.SITES).permutation(len(sites))]
     check_no_overlap(box, radius, position)
@@ -368,7 +359,7 @@ def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
 
 def maxwellian(
     mass: ArrayLike, *, speed_rms: float | None = None, temperature: float | None = None, seed: int
-) -> NDArray[np.float64]:
+) -> Array:
     """Draw velocities from a Maxwell distribution, with no total momentum and exactly the wanted energy.
 
     Disks of different masses get the same mean energy: each component has variance T / m. The total momentum
@@ -421,7 +412,7 @@ def maxwellian(
     return velocity
 
 
-def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> NDArray[np.float64]:
+def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
     Raises

@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..tools import seeds
+from ..tools.checked import Array
 
 TRUNCATION = 3.0
 """Standard deviations from the mean at which a Gaussian is cut off where the case does not say."""
@@ -30,7 +30,7 @@ PARAMETERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Of each distribution, the parameters that it needs and those that it may have."""
 
 
-def uniform(n: int, *, low: float, high: float, seed: int) -> NDArray[np.float64]:
+def uniform(n: int, *, low: float, high: float, seed: int) -> Array:
     """Radii that are equally frequent between `low` and `high` [length].
 
     Raises
@@ -50,7 +50,7 @@ def uniform(n: int, *, low: float, high: float, seed: int) -> NDArray[np.float64
 
 def gaussian(
     n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int
-) -> NDArray[np.float64]:
+) -> Array:
     """Radii from a normal distribution, cut off at `low` and `high` [length].
 
     Without these it is cut off three standard deviations from the mean, where 0.27 % of it lie outside; the
@@ -74,7 +74,7 @@ def gaussian(
 
 def lognormal(
     n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int
-) -> NDArray[np.float64]:
+) -> Array:
     """Radii whose logarithm is normal; `mean` and `deviation` [length] are those of the radius itself.
 
     The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off
@@ -95,7 +95,7 @@ def lognormal(
     return sample("lognormal", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
 
 
-def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: int) -> NDArray[np.float64]:
+def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: int) -> Array:
     """Radii of two sizes [length], of which the part `large_fraction` of all disks has `high`, in random order.
 
     Their number is the whole number nearest to `large_fraction * n`, not a random one.
@@ -115,7 +115,7 @@ def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: 
     return sample("bidisperse", n, seed=seed, low=low, high=high, large_fraction=large_fraction)
 
 
-def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) -> NDArray[np.float64]:
+def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) -> Array:
     """Radii [length], shape (n,), of a distribution by its name (`PARAMETERS`); see the functions of these names.
 
     Raises

@@ -12,6 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from ..errors import InputError
 from ..tools import checked
+from ..tools.checked import Array
 
 FASTEST_FLOW = 1e140
 """Largest difference of the flow's velocity across a sheared box [length/time]."""
@@ -117,12 +118,7 @@ class Box:
 
     @classmethod
     def from_packing_fraction(
-        cls,
-        radius: NDArray[np.float64],
-        packing_fraction: float,
-        aspect: float = 1.0,
-        *,
-        shear_rate: float = 0.0,
+        cls, radius: Array, packing_fraction: float, aspect: float = 1.0, *, shear_rate: float = 0.0
     ) -> Box:
         """The box in which disks of these radii [length], shape (n,), fill the given fraction of the area.
 
@@ -148,11 +144,11 @@ class Box:
         area = disk_area / packing_fraction
         return cls((math.sqrt(area * aspect), math.sqrt(area / aspect)), shear_rate=shear_rate)
 
-    def packing_fraction(self, radius: NDArray[np.float64]) -> float:
+    def packing_fraction(self, radius: Array) -> float:
         """Fraction of the area that disks of these radii [length], shape (n,), cover."""
         return math.pi * float(np.sum(np.square(radius))) / self.area
 
-    def flow(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def flow(self, position: Array) -> Array:
         """Velocity of the mean flow [length/time] at positions [length], both of shape (..., 2); 0 without shear."""
         flow = np.zeros_like(position, dtype=np.float64)
         if self.shear_rate == 0.0:
@@ -163,14 +159,12 @@ class Box:
     @overload
     def image_above(self, time: float) -> float: ...
     @overload
-    def image_above(self, time: NDArray[np.float64]) -> NDArray[np.float64]: ...
-    def image_above(self, time: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
+    def image_above(self, time: Array) -> Array: ...
+    def image_above(self, time: float | Array) -> float | Array:
         """How far along x the image above lies at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
         return self.shear_rate * self.lengths[1] * time % self.lengths[0]
 
-    def wrap(
-        self, position: NDArray[np.float64], time: float | NDArray[np.float64] = 0.0
-    ) -> NDArray[np.float64]:
+    def wrap(self, position: Array, time: float | Array = 0.0) -> Array:
         """Positions [length], shape (..., 2), moved by whole boxes into [0, Lx) x [0, Ly) where periodic.
 
         In a sheared box that depends on the `time` [time], a number or an array (...).
@@ -186,7 +180,7 @@ class Box:
         wrapped = np.where(wrapped >= lengths, 0.0, wrapped)
         return np.where(self.periodic, wrapped, position)
 
-    def minimum_image(self, difference: NDArray[np.float64], time: float = 0.0) -> NDArray[np.float64]:
+    def minimum_image(self, difference: Array, time: float = 0.0) -> Array:
         """The shortest periodic equivalent of differences of positions [length], shape (..., 2).
 
         In a sheared box that depends on the `time` [time], and is the shortest one if that is below half of each side.
@@ -199,12 +193,7 @@ class Box:
             difference[..., 0] -= np.round(difference[..., 1] / lengths[1]) * self.image_above(time)
         return difference - np.where(self.periodic, lengths * np.round(difference / lengths), 0.0)
 
-    def unwrap(
-        self,
-        position: NDArray[np.float64],
-        image: NDArray[np.int32],
-        time: float | NDArray[np.float64] = 0.0,
-    ) -> NDArray[np.float64]:
+    def unwrap(self, position: Array, image: NDArray[np.int32], time: float | Array = 0.0) -> Array:
         """Places on paths without jumps [length], shape (..., 2): of positions in the box and the boxes travelled.
 
         position + image * lengths; in a sheared box, the box above lies shear_rate Ly t further along x, and the path

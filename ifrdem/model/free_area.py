@@ -16,8 +16,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..tools.checked import Array
 from .box import Box
 from .walls import Point, Wall, sides
 
@@ -37,11 +37,11 @@ class _Line:
     point: Point
     normal: Point
 
-    def inward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inward(self, points: Array) -> Array:
         """Distances from points, shape (n, 2), to the boundary, positive inside."""
         return (points - self.point) @ np.array(self.normal)
 
-    def at(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, s: Array) -> Array:
         """Points at the lengths s from `point`, walking with the room on the left."""
         direction = np.array((self.normal[1], -self.normal[0]))
         return np.array(self.point) + s[:, None] * direction
@@ -72,12 +72,12 @@ class _Circle:
     radius: float
     inside: bool
 
-    def inward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inward(self, points: Array) -> Array:
         """As for a line."""
         r = np.hypot(*(points - self.center).T)
         return self.radius - r if self.inside else r - self.radius
 
-    def at(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, s: Array) -> Array:
         """Points at the angles s."""
         return np.array(self.center) + self.radius * np.column_stack((np.cos(s), np.sin(s)))
 
@@ -159,7 +159,7 @@ class Room:
         """Every wall, the sides of the box included."""
         return (*self.walls, *sides(self.box))
 
-    def gap(self, position: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.float64]:
+    def gap(self, position: Array, radius: Array) -> Array:
         """Distance of each disk to the nearest wall [length], shape (n,); negative if they overlap, inf without walls.
 
         Parameters
@@ -179,7 +179,7 @@ class Room:
             return math.inf
         return self._area(self._boundaries(inset))
 
-    def strips(self, axis: int, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    def strips(self, axis: int, edges: Array) -> Array:
         """Areas of the room [length^2] between lines across `axis` at `edges` [length], shape (edges - 1,)."""
         across = np.eye(2)[axis]
         found = []
@@ -188,7 +188,7 @@ class Room:
             found.append(self._area([*self._boundaries(0.0), *cut]))
         return np.array(found)
 
-    def packing_fraction(self, radius: NDArray[np.float64]) -> float:
+    def packing_fraction(self, radius: Array) -> float:
         """Fraction of the room that disks of these radii [length], shape (n,), cover."""
         if not self.all_walls:
             return self.box.packing_fraction(radius)
@@ -206,7 +206,7 @@ class Room:
         segments = (wall for wall in self.walls if wall.shape == "segment")
         return walls + sum(2.0 * (math.hypot(*each.towards) + math.pi * inset) for each in segments)
 
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self) -> tuple[Array, Array]:
         """Lower left and upper right corner of a rectangle around the room [length]; the box if there is none."""
         if not self.walls:
             return np.zeros(2), np.array(self.box.lengths)
@@ -225,7 +225,7 @@ class Room:
         )
         return np.where(open_, 0.0, low), np.where(open_, lengths, high)
 
-    def spans(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def spans(self, radius: Array) -> tuple[Array, Array]:
         """Lowest and highest x and y [length] that the centre of each disk can have, shape (n, 2)."""
         low, high = self.bounds()
         whole = np.array(self.box.periodic) & (low == 0.0) & (high == self.box.lengths)
@@ -274,5 +274,5 @@ class Room:
                     yield one, s, s_1
 
 
-def _line(point: NDArray[np.float64], normal: NDArray[np.float64]) -> _Line:
+def _line(point: Array, normal: Array) -> _Line:
     return _Line((float(point[0]), float(point[1])), (float(normal[0]), float(normal[1])))

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
 from ..tools import checked
+from ..tools.checked import Array
 from .law import CollisionLaw
 
 STICKING = ("percussion_center", "contact_point")
@@ -90,10 +91,10 @@ class Collision(NamedTuple):
         Values of `Regime`.
     """
 
-    velocity: NDArray[np.float64]
-    spin: NDArray[np.float64]
-    P_n: NDArray[np.float64]
-    P_t: NDArray[np.float64]
+    velocity: Array
+    spin: Array
+    P_n: Array
+    P_t: Array
     regime: NDArray[np.int8]
 
 
@@ -355,7 +356,7 @@ def _bounded(name: str, number: float) -> None:
         raise InputError(f"{name} = {number:g}: at most {_MOST:g} can be computed with")
 
 
-def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> NDArray[np.float64]:
+def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> Array:
     """kbar = (k_i m_j + k_j m_i) / (m_i + m_j): exact where k_i = k_j, and for a mass that is infinite."""
     k_i, k_j = np.asarray(k_i, dtype=np.float64), np.asarray(k_j, dtype=np.float64)
     with np.errstate(over="ignore", under="ignore"):
@@ -489,14 +490,14 @@ def collide(
     )
 
 
-def _pairs(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def _pairs(name: str, value: ArrayLike) -> Array:
     array = np.asarray(value, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != 2:
         raise InputError(f"{name} has shape {array.shape}: (..., 2) is needed")
     return array
 
 
-def _refuse(name: str, value: NDArray[np.float64], wrong: NDArray[np.bool_], needed: str) -> None:
+def _refuse(name: str, value: Array, wrong: NDArray[np.bool_], needed: str) -> None:
     """Raise for the first value that is wrong, if one is."""
     if np.any(wrong):
         value, wrong = np.broadcast_arrays(value, wrong)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.checked import Array
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls")
@@ -67,14 +68,14 @@ class Measure:
     rotational_energy: float
     temperature: float
     rotational_temperature: float
-    momentum: NDArray[np.float64]
+    momentum: Array
     energy_input: float = 0.0
     shear_pressure: float = 0.0
     wall_work: float = 0.0
     wall_heat: float = 0.0
     potential_energy: float = 0.0
     wall_hits: int = 0
-    dissipated: NDArray[np.float64] | None = None
+    dissipated: Array | None = None
     regimes: NDArray[np.int64] | None = None
 
     @property
@@ -96,7 +97,7 @@ def measure(
     wall_work: float = 0.0,
     wall_heat: float = 0.0,
     gravity: tuple[float, float] = (0.0, 0.0),
-    dissipated: NDArray[np.float64] | None = None,
+    dissipated: Array | None = None,
     regimes: NDArray[np.int64] | None = None,
 ) -> Measure:
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
@@ -144,9 +145,7 @@ def measure(
     )
 
 
-def from_totals(
-    disks: Disks, totals: NDArray[np.float64], time: float, wall_hits: int, **put_in: Any
-) -> Measure:
+def from_totals(disks: Disks, totals: Array, time: float, wall_hits: int, **put_in: Any) -> Measure:
     """The same of sums over all disks (`kernels/totals.py`), which `Engine.totals` gives.
 
     Examples

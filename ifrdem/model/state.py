@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..tools import checked
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..tools.sealed import Sealed
 
 
-def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) -> NDArray[np.float64]:
+def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) -> Array:
     column = checked.column(name, value, n)
     wrong = ~(column > 0.0) | (np.isinf(column) & (not infinite))
     if np.any(wrong):
@@ -62,9 +63,9 @@ class Disks(Brief):
     """
 
     n: int
-    mass: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    k: NDArray[np.float64] = field(default_factory=lambda: np.array(2.0))
+    mass: Array
+    radius: Array
+    k: Array = field(default_factory=lambda: np.array(2.0))
     material: NDArray[np.int32] = field(default_factory=lambda: np.array(0, dtype=np.int32))
 
     def __post_init__(self) -> None:
@@ -82,7 +83,7 @@ class Disks(Brief):
         return np.isfinite(self.mass)
 
     @property
-    def inertia(self) -> NDArray[np.float64]:
+    def inertia(self) -> Array:
         """Moments of inertia m R^2 / k [mass length^2], shape (n,); infinite for an immovable disk."""
         return self.mass * self.radius**2 / self.k
 
@@ -150,17 +151,17 @@ class State(Brief, Sealed):
         }
     )  # fmt: skip
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    spin: NDArray[np.float64]
+    position: Array
+    velocity: Array
+    spin: Array
     time: float = 0.0
     collisions: NDArray[np.int32] = None  # type: ignore[assignment]
     image: NDArray[np.int32] = None  # type: ignore[assignment]
     wall_hits: NDArray[np.int32] = None  # type: ignore[assignment]
-    latest_collision: NDArray[np.float64] = None  # type: ignore[assignment]
+    latest_collision: Array = None  # type: ignore[assignment]
     last_partner: NDArray[np.int32] = None  # type: ignore[assignment]
-    angle: NDArray[np.float64] = None  # type: ignore[assignment]
-    flow: NDArray[np.float64] | None = None
+    angle: Array = None  # type: ignore[assignment]
+    flow: Array | None = None
 
     def __post_init__(self) -> None:
         self.spin = checked.array("spin", self.spin)
@@ -210,7 +211,7 @@ class State(Brief, Sealed):
         return len(self.spin)
 
     @property
-    def peculiar_velocity(self) -> NDArray[np.float64]:
+    def peculiar_velocity(self) -> Array:
         """Velocities relative to the mean flow [length/time], shape (n, 2)."""
         return self.velocity if self.flow is None else self.velocity - self.flow
 

@@ -13,11 +13,11 @@ from dataclasses import asdict, dataclass
 from typing import Literal, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..kernels.limits import MOST_WALLS
 from ..tools import checked
+from ..tools.checked import Array
 from .box import Box
 
 Point = tuple[float, float]
@@ -240,7 +240,7 @@ class Wall:
         """A round wall among the disks; radius 0 is a point."""
         return cls("post", center, radius=radius, **options)
 
-    def row(self, offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    def row(self, offset: Array) -> Array:
         """The wall as a row of `kernels/walls.py`, every position moved by `offset` [length], shape (2,)."""
         motion = self.motion
         amplitude = motion.speed if motion.kind == "steady" else motion.amplitude
@@ -256,9 +256,7 @@ class Wall:
             dtype=np.float64,
         )  # fmt: skip
 
-    def gap(
-        self, position: NDArray[np.float64], radius: NDArray[np.float64], t: float = 0.0
-    ) -> NDArray[np.float64]:
+    def gap(self, position: Array, radius: Array, t: float = 0.0) -> Array:
         """Distance between wall and disks [length] at time t; negative where they overlap.
 
         Parameters
@@ -269,9 +267,7 @@ class Wall:
         _, distance = self.normal(position, t)
         return distance - radius
 
-    def normal(
-        self, position: NDArray[np.float64], t: float = 0.0
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def normal(self, position: Array, t: float = 0.0) -> tuple[Array, Array]:
         """Unit vectors from the wall to points, towards the disks' side, shape (n, 2), and distances, shape (n,).
 
         A distance [length] is negative on the wrong side of a line, outside of a container or inside of a post.
@@ -351,8 +347,8 @@ def check_place(wall: Wall, box: Box) -> None:
 def check(
     walls: Sequence[Wall],
     box: Box,
-    position: NDArray[np.float64],
-    radius: NDArray[np.float64],
+    position: Array,
+    radius: Array,
     materials: int | None = None,
     time: float = 0.0,
     tolerance: float = 0.0,

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..model.box import Box
 from ..model.walls import Wall
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .style import with_unit
 
@@ -52,7 +53,7 @@ def last_frame(figure: Any, axes: Axes, trajectory: Trajectory, index: int = -1)
         axes.set_title(f"disks at {time}")
 
 
-def shown_region(trajectory: Trajectory, position: NDArray[np.float64]) -> NDArray[np.float64]:
+def shown_region(trajectory: Trajectory, position: Array) -> Array:
     """Ends of x and of y [length], shape (2, 2), of the box; of an open one, of what holds these positions."""
     if not trajectory.box.is_open:
         return np.array([[0.0, side] for side in trajectory.box.lengths])
@@ -62,12 +63,7 @@ def shown_region(trajectory: Trajectory, position: NDArray[np.float64]) -> NDArr
 
 
 def _disks(
-    figure: Any,
-    axes: Axes,
-    trajectory: Trajectory,
-    position: NDArray[np.float64],
-    spin: NDArray[np.float64],
-    time: float,
+    figure: Any, axes: Axes, trajectory: Trajectory, position: Array, spin: Array, time: float
 ) -> None:
     from matplotlib.collections import EllipseCollection
     from matplotlib.colors import LinearSegmentedColormap
@@ -96,7 +92,7 @@ def _disks(
     bar.set_label(rf"spin $\omega$ ({unit}), counter-clockwise positive")
 
 
-def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64]) -> float:
+def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: Array) -> float:
     """Draw the local area fraction and return the mean side of its cells [length]."""
     region = shown_region(trajectory, position)
     covered = area_fraction(trajectory, position, region)
@@ -113,9 +109,7 @@ def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDAr
     return cell_side(covered, region)
 
 
-def area_fraction(
-    trajectory: Trajectory, position: NDArray[np.float64], region: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def area_fraction(trajectory: Trajectory, position: Array, region: Array) -> Array:
     """The part that disks cover of each cell of a region [length], shape (2, 2): cells along x and along y."""
     radius = trajectory.disks.radius
     lengths = np.ptp(region, axis=1)
@@ -131,14 +125,12 @@ def area_fraction(
     return covered * counts[0] * counts[1] / float(np.prod(lengths))
 
 
-def cell_side(covered: NDArray[np.float64], region: NDArray[np.float64]) -> float:
+def cell_side(covered: Array, region: Array) -> float:
     """Mean side of the cells of `area_fraction` [length]."""
     return float(np.sqrt(np.prod(np.ptp(region, axis=1)) / covered.size))
 
 
-def with_images(
-    position: NDArray[np.float64], radius: NDArray[np.float64], box: Box, time: float
-) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def with_images(position: Array, radius: Array, box: Box, time: float) -> tuple[Array, NDArray[np.intp]]:
     """Positions with the periodic images of disks that a side cuts, and which disk each of them is."""
     owner = np.arange(len(position))
     for axis in (1, 0):  # what comes in above or below may be cut at the side

@@ -12,11 +12,10 @@ from ..errors import InputError
 from ..initial import impact_scan as scan
 from ..model.ifr import IFRLaw, Regime, collide
 from ..model.state import Disks
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .run import save
 from .style import RATIO, ROTATION, TRANSLATION
-
-Array = NDArray[np.float64]
 
 
 def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:

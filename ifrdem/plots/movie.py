@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
+from ..tools.checked import Array
 from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
 from ..trajectory.reader import Trajectory
@@ -23,12 +24,12 @@ LEAST_MARKED = 5.0  # radius [pixels] below which no mark would be seen
 
 def draw(
     shape: tuple[int, int],
-    place: NDArray[np.float64],
-    radius: NDArray[np.float64],
+    place: Array,
+    radius: Array,
     number: NDArray[np.integer],
     *,
     empty: int,
-    angle: NDArray[np.float64] | None = None,
+    angle: Array | None = None,
     mark: int = 0,
 ) -> NDArray[np.uint16]:
     """The number of the disk's colour at each pixel.
@@ -63,11 +64,11 @@ def draw(
 
 def _by_offset(
     image: NDArray[np.uint16],
-    place: NDArray[np.float64],
-    radius: NDArray[np.float64],
+    place: Array,
+    radius: Array,
     number: NDArray[np.integer],
     window: int,
-    angle: NDArray[np.float64] | None,
+    angle: Array | None,
     mark: int,
 ) -> None:
     """Many small disks: all of them at once for each pixel of a window around the centre."""
@@ -90,11 +91,11 @@ def _by_offset(
 
 def _one_by_one(
     image: NDArray[np.uint16],
-    place: NDArray[np.float64],
-    radius: NDArray[np.float64],
+    place: Array,
+    radius: Array,
     number: NDArray[np.integer],
     window: int,
-    angle: NDArray[np.float64] | None,
+    angle: Array | None,
     mark: int,
 ) -> None:
     """Few large disks: all pixels of the window at once for each disk."""
@@ -114,12 +115,7 @@ def _one_by_one(
             part[hit & _marked(x, y, radius[i], angle[i])] = mark
 
 
-def _marked(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    radius: NDArray[np.float64] | np.float64,
-    angle: NDArray[np.float64] | np.float64,
-) -> NDArray[np.bool_]:
+def _marked(x: Array, y: Array, radius: Array | np.float64, angle: Array | np.float64) -> NDArray[np.bool_]:
     """Whether places (x, y) from the centre lie on the mark."""
     along = x * np.cos(angle) + y * np.sin(angle)
     across = y * np.cos(angle) - x * np.sin(angle)
@@ -231,7 +227,7 @@ class Scene:
         top = top if top > 0.0 else 1.0
         return (-top, top) if self._colour == "spin" else (0.0, top)
 
-    def _values(self, index: int) -> NDArray[np.float64]:
+    def _values(self, index: int) -> Array:
         """What colours the disks, shape (n,)."""
         frame, mass = self._trajectory[index], self._trajectory.disks.mass
         if self._colour == "spin":
@@ -239,7 +235,7 @@ class Scene:
         movable = self._trajectory.disks.movable
         return 0.5 * np.where(movable, mass, 0.0) * np.sum(frame.peculiar_velocity**2, axis=1)
 
-    def _covered(self, index: int) -> NDArray[np.float64]:
+    def _covered(self, index: int) -> Array:
         return plot_disks.area_fraction(self._trajectory, self._trajectory[index].position, self._region)
 
     def draw(self, index: int) -> NDArray[np.uint8]:
@@ -264,7 +260,7 @@ class Scene:
         self._draw_above(frame.time)
         return picture[..., :3].copy()
 
-    def _numbers(self, values: NDArray[np.float64]) -> NDArray[np.intp]:
+    def _numbers(self, values: Array) -> NDArray[np.intp]:
         part = (values - self._low) / (self._high - self._low)
         return (np.clip(part, 0.0, 1.0) * (SHADES - 1) + 0.5).astype(np.intp)
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .style import ACROSS, RATIO, ROTATION, TRANSLATION, with_unit
 
@@ -47,15 +47,15 @@ class Profile:
     """
 
     axis: int
-    edges: NDArray[np.float64]
-    packing_fraction: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    temperature: NDArray[np.float64]
-    rotational_temperature: NDArray[np.float64]
+    edges: Array
+    packing_fraction: Array
+    velocity: Array
+    temperature: Array
+    rotational_temperature: Array
     times: tuple[float, float]
 
     @property
-    def middle(self) -> NDArray[np.float64]:
+    def middle(self) -> Array:
         """Middles of the strips [length], shape (s,)."""
         return 0.5 * (self.edges[:-1] + self.edges[1:])
 
@@ -129,7 +129,7 @@ def _axis(trajectory: Trajectory) -> int:
     return int(trajectory.box.periodic[0])
 
 
-def _area_below(edge: float, center: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.float64]:
+def _area_below(edge: float, center: Array, radius: Array) -> Array:
     """Area of each disk that lies below an edge [length^2], shape (n,): the integral of its chords."""
     u = np.clip((edge - center) / radius, -1.0, 1.0)
     return radius**2 * (u * np.sqrt(1.0 - u * u) + np.arcsin(u) + 0.5 * np.pi)
@@ -172,7 +172,7 @@ def draw(figure: Any, place: Any, trajectory: Trajectory, profile: Profile) -> N
         axes.grid(True, which="major", lw=0.4, alpha=0.5)
 
 
-def _line(axes: Axes, profile: Profile, values: NDArray[np.float64], **look: Any) -> None:
+def _line(axes: Axes, profile: Profile, values: Array, **look: Any) -> None:
     places = profile.middle
     axes.plot(*((values, places) if profile.axis == 1 else (places, values)), **look)
 

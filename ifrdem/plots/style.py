@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..tools.checked import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,7 +16,7 @@ TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#444444"
 ACROSS = "#56B4E9"  # their sky blue: the part of the translation that is across an axis
 
 
-def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def positive(values: Array) -> Array:
     """With nan for what a logarithmic axis cannot show, such as the temperature of spins at rest."""
     return np.where(values > 0.0, values, np.nan)
 

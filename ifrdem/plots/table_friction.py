@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
 from .run import save, title
@@ -112,7 +112,7 @@ def _paths(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
         axes.add_collection(
             LineCollection(list(np.swapaxes(unwrapped, 0, 1)), colors="#999999", linewidths=0.5, alpha=0.7)
         )
-    away: NDArray[np.float64] = np.linalg.norm(unwrapped[-1] - unwrapped[0], axis=1)
+    away: Array = np.linalg.norm(unwrapped[-1] - unwrapped[0], axis=1)
     drawn = EllipseCollection(
         2.0 * radius, 2.0 * radius, np.zeros(n), units="xy", offsets=unwrapped[-1],
         offset_transform=axes.transData, array=away, cmap="cividis", linewidths=0.0,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import theory_curves
 from .style import RATIO, ROTATION, TRANSLATION, few_labels, from_zero, positive, with_unit
@@ -88,9 +89,7 @@ def walled(upper: Axes, trajectory: Trajectory) -> None:
     upper.legend(loc="best", frameon=False)
 
 
-def _points(
-    upper: Axes, lower: Axes | None, trajectory: Trajectory, shown: NDArray[np.bool_]
-) -> NDArray[np.float64]:
+def _points(upper: Axes, lower: Axes | None, trajectory: Trajectory, shown: NDArray[np.bool_]) -> Array:
     """Draw the temperatures and their ratio at the frames that are `shown`; returns T of all frames."""
     times = trajectory.times
     T = trajectory.observables["temperature"]
@@ -110,9 +109,7 @@ def _points(
     return T
 
 
-def _curves(
-    upper: Axes, lower: Axes, when: NDArray[np.float64], T: NDArray[np.float64], T_rot: NDArray[np.float64]
-) -> None:
+def _curves(upper: Axes, lower: Axes, when: Array, T: Array, T_rot: Array) -> None:
     """Draw temperatures by theory, and their ratio."""
     for axes, values, colour in (
         (upper, T, TRANSLATION),

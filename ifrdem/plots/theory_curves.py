@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.ifr import EnergyWarning, IFRLaw
@@ -17,9 +16,10 @@ from ..theory.choose import prediction
 from ..theory.driven_gas import Drive
 from ..theory.mixtures import Mixture
 from ..theory.sheared_gas import TheoryWarning
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 
-Curves = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Curves = tuple[Array, Array, Array]
 """Times, and T and T_rot [energy] at them."""
 
 MOST_KINDS = 16
@@ -33,8 +33,8 @@ class _Gas:
     disks: Disks
     laws: list[list[IFRLaw]]
     phi: float
-    T0: NDArray[np.float64]
-    T_rot0: NDArray[np.float64]
+    T0: Array
+    T_rot0: Array
     forces: list[dict[str, Any]]
     kinds: int
 
@@ -48,7 +48,7 @@ class _Gas:
             float(disks.mass[0]), float(disks.radius[0]), float(disks.k[0]), self.phi,
         )  # fmt: skip
 
-    def curves(self, trajectory: Trajectory, elapsed: NDArray[np.float64], shear_rate: float = 0.0) -> Curves:
+    def curves(self, trajectory: Trajectory, elapsed: Array, shear_rate: float = 0.0) -> Curves:
         """T and T_rot of all disks, `elapsed` after the first frame."""
         with warnings.catch_warnings():
             for told in (EnergyWarning, TheoryWarning):  # by the run

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
 from .driven_gas import Drive
@@ -32,9 +33,9 @@ class Prediction(Brief):
     """
 
     kind: Literal["cooling", "driven", "sheared"]
-    T: NDArray[np.float64]
-    T_rot: NDArray[np.float64]
-    collisions_per_disk: NDArray[np.float64]
+    T: Array
+    T_rot: Array
+    collisions_per_disk: Array
     species: MixtureTemperatures | None = None
 
 

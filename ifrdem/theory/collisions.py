@@ -39,10 +39,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .contact import checked_packing_fraction, checked_positive, contact_value
 
 
@@ -74,9 +75,7 @@ def checked_law(law: object) -> IFRLaw:
     return law
 
 
-def tangential_averages(
-    law: IFRLaw, inverse_a: ArrayLike, S: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def tangential_averages(law: IFRLaw, inverse_a: ArrayLike, S: ArrayLike) -> tuple[Array, Array]:
     """A and B of the tangential impulse, at inverse_a = m_t / m_n and S = <g_t^2> / V."""
     ratio, S = np.asarray(inverse_a, dtype=np.float64), np.asarray(S, dtype=np.float64)
     c = {"percussion_center": np.full_like(ratio, 0.5), "contact_point": ratio}[law.sticking]
@@ -88,7 +87,7 @@ def tangential_averages(
     return h + c * J_1, h**2 + 2.0 * h * c * J_1 + c**2 * J_2
 
 
-def energy_changes(law: IFRLaw, disk: Disk, other: Disk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def energy_changes(law: IFRLaw, disk: Disk, other: Disk) -> tuple[Array, Array]:
     """Mean energies [energy] that the motion and the spin of `disk` gain in a collision with `other`.
 
     The two gases may have different temperatures; one at least of the two must move. Derived in the module's text.
@@ -157,7 +156,7 @@ def mean_free_path(packing_fraction: float, radius: float) -> float:
 
 def mixture_collision_rates(
     T: ArrayLike, mass: ArrayLike, radius: ArrayLike, number_density: ArrayLike, g: ArrayLike
-) -> NDArray[np.float64]:
+) -> Array:
     """Collisions of a disk of species i with disks of species j per time [1/time], shape (s, s).
 
     As at `collision_rate`, with a relative velocity of variance V_ij = T_i/m_i + T_j/m_j and sigma_ij = R_i + R_j:

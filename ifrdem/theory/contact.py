@@ -9,9 +9,10 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
+from ..tools.checked import Array
 
 VIRIAL = (
     1.0,
@@ -111,10 +112,7 @@ def of_equal_disks(packing_fraction: float, contact: Contact = "virial") -> floa
 
 
 def crowding_of_mixture(
-    packing_fraction: float,
-    radius: ArrayLike,
-    fraction: ArrayLike | None = None,
-    contact: Contact = "virial",
+    packing_fraction: float, radius: ArrayLike, fraction: ArrayLike | None = None, contact: Contact = "virial"
 ) -> tuple[float, float]:
     """The two numbers (a, b) [1, 1/length] of which contact values are made: g_ij = a + b R_i R_j / (R_i + R_j).
 
@@ -153,11 +151,8 @@ def crowding_of_mixture(
 
 
 def mixture_contact_values(
-    packing_fraction: float,
-    radius: ArrayLike,
-    fraction: ArrayLike | None = None,
-    contact: Contact = "virial",
-) -> NDArray[np.float64]:
+    packing_fraction: float, radius: ArrayLike, fraction: ArrayLike | None = None, contact: Contact = "virial"
+) -> Array:
     """Contact values g_ij of hard disks of different sizes, shape (s, s); see `crowding_of_mixture`.
 
     Examples

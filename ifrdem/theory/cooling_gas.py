@@ -16,17 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .collisions import Disk, checked_law, collision_rate, energy_changes
 from .contact import checked_positive
 
 
-def changes_per_collision(
-    theta: ArrayLike, law: IFRLaw, k: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def changes_per_collision(theta: ArrayLike, law: IFRLaw, k: float) -> tuple[Array, Array]:
     """Relative changes (dT / T, dT_rot / T) per collision of a disk, at theta = T_rot / T.
 
     Derived in `cooling_rates`.
@@ -57,7 +56,7 @@ def cooling_rates(
     radius: float,
     k: float,
     number_density: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     r"""Rates (dT/dt, dT_rot/dt) [energy/time] at which a homogeneous gas of equal disks cools.
 
     Parameters
@@ -107,7 +106,7 @@ def cooling_rates(
     return rate * translational * translation, rate * translational * rotation
 
 
-def checked_times(times: ArrayLike) -> NDArray[np.float64]:
+def checked_times(times: ArrayLike) -> Array:
     """Times [time] as an array of shape (steps,); InputError unless they are finite, 0 or more, and do not decrease.
 
     Examples
@@ -126,11 +125,7 @@ def checked_times(times: ArrayLike) -> NDArray[np.float64]:
     return when
 
 
-def cooled(
-    slope: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    start: NDArray[np.float64],
-    x: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def cooled(slope: Callable[[Array], Array], start: Array, x: Array) -> Array:
     """Solution of dy/dx = slope(y) at x (steps,), y = start at x = 0; shape (unknowns, steps).
 
     Integrated over ln(1 + x), x being time in units of the first mean free time: temperatures fall like powers of time
@@ -162,7 +157,7 @@ def cooling(
     T0: float,
     T_rot0: float,
     times: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array, Array]:
     """Temperatures of a homogeneous gas of equal disks as it cools: `cooling_rates` integrated.
 
     Parameters
@@ -202,7 +197,7 @@ def cooling(
     if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
 
-    def slope(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(y: Array) -> Array:
         """Derivatives of ln(T/T0), theta and collisions per disk by rate0 t."""
         log_T, theta, _collisions = y
         translation, rotation = changes_per_collision(max(theta, 0.0), law, k)
@@ -234,7 +229,7 @@ def haff_time(e_n: float, rate0: float) -> float:
     return math.inf if e_n == 1.0 else 4.0 / ((1.0 - e_n**2) * rate0)
 
 
-def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> NDArray[np.float64]:
+def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> Array:
     """Temperature of smooth equal disks [energy]: Haff's law T0 / (1 + t / t_H)^2, shape of `times`.
 
     The special case mu = 0, e_t = -1 of `cooling_rates`; t_H and rate0 as in `haff_time`.
@@ -248,9 +243,7 @@ def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> NDArray[np.fl
     return T0 / (1.0 + np.asarray(times, dtype=np.float64) / haff_time(e_n, rate0)) ** 2
 
 
-def rough_rates(
-    theta: ArrayLike, e_n: float, beta: float, k: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rough_rates(theta: ArrayLike, e_n: float, beta: float, k: float) -> tuple[Array, Array]:
     """(dT / T, dT_rot / T) per collision of disks of constant roughness beta, at theta = T_rot / T.
 
     Every collision reverses the slip to -beta times itself: the limit mu -> infinity of the law that sticks at the

@@ -17,10 +17,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .collisions import collision_rate
 from .cooling_gas import checked_times, cooling_rates
 
@@ -179,7 +180,7 @@ def driven(
     T0: float,
     T_rot0: float,
     times: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array, Array]:
     """Temperatures of a homogeneous gas of equal disks that is driven.
 
     Parameters
@@ -216,7 +217,7 @@ def driven(
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
     scale = max(T0, (drive.power + drive.spin_power) * float(when[-1])) or 1.0
 
-    def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float]:
+    def slope(_: float, y: Array) -> tuple[float, float, float]:
         # From rest, a gas passes temperatures at which nothing collides yet.
         T, T_rot = max(float(y[0]), 1e-9), max(float(y[1]), 0.0)
         dT, dT_rot = balance(scale * T, scale * T_rot)

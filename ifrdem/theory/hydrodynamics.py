@@ -38,6 +38,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .collisions import checked_law, collision_rate
 from .contact import checked_positive, compressibility, contact_value
 from .cooling_gas import changes_per_collision
@@ -246,10 +247,10 @@ class _Course(NamedTuple):
         In units of the first mean free time.
     """
 
-    tau: NDArray[np.float64]
-    lost: NDArray[np.float64]
-    spread: NDArray[np.float64]
-    time: NDArray[np.float64]
+    tau: Array
+    lost: Array
+    spread: Array
+    time: Array
 
     @classmethod
     def of(
@@ -261,14 +262,14 @@ class _Course(NamedTuple):
         nu = collision_rate(packing_fraction, 1.0, 1.0, radius)
         per_eta = 2.0 * math.pi * radius**2 / (packing_fraction * nu)
 
-        def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float, float]:
+        def slope(_: float, y: Array) -> tuple[float, float, float, float]:
             lost, theta, _spread, _time = y
             theta = max(theta, 0.0)
             translation, rotation = (float(one) for one in changes_per_collision(theta, law, k))
             eta = shear_viscosity(packing_fraction, 1.0, 1.0, radius, law=law, k=k, theta=theta)
             return -translation, rotation - theta * translation, per_eta * eta, math.exp(0.5 * lost)
 
-        def cold(_: float, y: NDArray[np.float64]) -> float:
+        def cold(_: float, y: Array) -> float:
             return float(y[0]) - _COLDEST
 
         cold.terminal = True  # type: ignore[attr-defined]
@@ -282,7 +283,7 @@ class _Course(NamedTuple):
         lost, _, spread, time = found.sol(tau)
         return cls(tau, lost, spread, time)
 
-    def excess(self, waves_q2: NDArray[np.float64], times: NDArray[np.intp]) -> NDArray[np.float64]:
+    def excess(self, waves_q2: Array, times: NDArray[np.intp]) -> Array:
         """Sum of S - 1 over waves (k / 2 pi)^2, each so many times, that have grown on the whole, at all tau."""
         grown = self.lost[:, None] - (2.0 * math.pi) ** 2 * waves_q2 * self.spread[:, None]
         rise = np.diff(grown, axis=0)  # linear in tau over a step, as what is lost
@@ -342,7 +343,7 @@ def shear_mode_energy(
 def _mode_energy(
     law: IFRLaw, radius: float, packing_fraction: float, box: tuple[float, float], k: float,
     theta0: float | None, end: float,
-) -> tuple[_Course, NDArray[np.float64]]:  # fmt: skip
+) -> tuple[_Course, Array]:  # fmt: skip
     """The course of the gas until tau = end, and `shear_mode_energy` at its times."""
     checked_positive(box_x=box[0], box_y=box[1], radius=radius, k=k, packing_fraction=packing_fraction)
     course = _Course.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
@@ -352,7 +353,7 @@ def _mode_energy(
     return course, course.excess(*found) / (2.0 * n)
 
 
-def waves(box: tuple[float, float], most: float) -> NDArray[np.float64]:
+def waves(box: tuple[float, float], most: float) -> Array:
     """(k / 2 pi)^2 [1/length^2] of all waves of a periodic box with wave numbers 0 < k < `most` [1/length]."""
     most = most / (2.0 * math.pi)
     x, y = (np.arange(-int(side * most), int(side * most) + 1) / side for side in box)
@@ -360,7 +361,7 @@ def waves(box: tuple[float, float], most: float) -> NDArray[np.float64]:
     return np.asarray(q2[(q2 > 0.0) & (q2 < most**2)])
 
 
-def excess(z_tau: ArrayLike, growth: NDArray[np.float64]) -> NDArray[np.float64]:
+def excess(z_tau: ArrayLike, growth: Array) -> Array:
     """S - 1 = [exp(z tau (1 - q)) - 1] / (1 - q) for growth = 1 - q, q = k^2 xi^2; shape (times, waves)."""
     x = np.atleast_1d(np.asarray(z_tau, dtype=np.float64))[:, None]
     critical = np.abs(growth) < 1e-9

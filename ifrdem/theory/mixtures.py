@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
+from ..tools.checked import Array
 from .collisions import Disk, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, checked_packing_fraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled
@@ -30,7 +31,7 @@ from .driven_gas import Drive
 MOST_SPECIES = 64  # every pair of them is summed at every step
 
 
-def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def _column(name: str, value: ArrayLike) -> Array:
     column = np.atleast_1d(np.asarray(value, dtype=np.float64))
     wrong = ~(np.isfinite(column) & (column > 0.0))
     if column.ndim != 1 or len(column) == 0:
@@ -75,12 +76,12 @@ class Mixture:
     array([0.8, 0.2])
     """
 
-    mass: NDArray[np.float64]
-    radius: NDArray[np.float64]
+    mass: Array
+    radius: Array
     law: tuple[tuple[IFRLaw, ...], ...]
     packing_fraction: float
-    k: NDArray[np.float64]
-    fraction: NDArray[np.float64]
+    k: Array
+    fraction: Array
     contact: Contact
 
     def __init__(
@@ -164,15 +165,15 @@ class Mixture:
         return len(self.mass)
 
     @property
-    def number_density(self) -> NDArray[np.float64]:
+    def number_density(self) -> Array:
         """Disks of each species per area [1/length^2], shape (s,)."""
         return self.fraction * self.packing_fraction / (math.pi * float(self.fraction @ self.radius**2))
 
-    def contact_values(self) -> NDArray[np.float64]:
+    def contact_values(self) -> Array:
         """g_ij, shape (s, s)."""
         return mixture_contact_values(self.packing_fraction, self.radius, self.fraction, self.contact)
 
-    def collision_rates(self, T: ArrayLike) -> NDArray[np.float64]:
+    def collision_rates(self, T: ArrayLike) -> Array:
         """Collisions of a disk of species i with species j per time [1/time], shape (s, s), at T (s,) [energy]."""
         return mixture_collision_rates(T, self.mass, self.radius, self.number_density, self.contact_values())
 
@@ -188,19 +189,17 @@ class MixtureTemperatures(NamedTuple):
         Collisions that a disk of each species has had on average.
     """
 
-    T: NDArray[np.float64]
-    T_rot: NDArray[np.float64]
-    collisions_per_disk: NDArray[np.float64]
+    T: Array
+    T_rot: Array
+    collisions_per_disk: Array
 
-    def mean(self, mixture: Mixture) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def mean(self, mixture: Mixture) -> tuple[Array, Array, Array]:
         """T, T_rot and collisions of all disks together, shape (steps,) each, as `observables.measure` has them."""
         x = mixture.fraction
         return self.T @ x, self.T_rot @ x, self.collisions_per_disk @ x
 
 
-def mixture_cooling_rates(
-    mixture: Mixture, T: ArrayLike, T_rot: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def mixture_cooling_rates(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Array, Array]:
     """Rates (dT_i/dt, dT_rot,i/dt) [energy/time], shape (s,) each, at which species of a mixture change by collisions.
 
     Parameters
@@ -226,9 +225,7 @@ def mixture_cooling_rates(
     return _rates(mixture, T, T_rot, mixture.collision_rates(T))
 
 
-def _temperatures(
-    mixture: Mixture, T: ArrayLike, T_rot: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _temperatures(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Array, Array]:
     found = []
     for name, value in (("T", T), ("T_rot", T_rot)):
         try:
@@ -243,9 +240,7 @@ def _temperatures(
     return found[0], found[1]
 
 
-def _rates(
-    mixture: Mixture, T: NDArray[np.float64], T_rot: NDArray[np.float64], often: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rates(mixture: Mixture, T: Array, T_rot: Array, often: Array) -> tuple[Array, Array]:
     s = mixture.species
     translation, rotation = np.zeros(s), np.zeros(s)
     disks = [Disk(*each) for each in zip(mixture.mass, mixture.k, T, T_rot, strict=True)]
@@ -296,7 +291,7 @@ def mixture_cooling(
     if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
         return _unpacked(np.tile(start, (len(when), 1)).T, mean0, s)
 
-    def slope(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(y: Array) -> Array:
         """Derivatives, by rate0 t, of ln(T/T0) of all disks, T_i/T, T_rot,i/T and collisions."""
         part, part_rot = np.maximum(y[1 : 1 + s], 0.0), np.maximum(y[1 + s : 1 + 2 * s], 0.0)
         speed = math.exp(0.5 * y[0])
@@ -310,7 +305,7 @@ def mixture_cooling(
     return _unpacked(cooled(slope, start, rate0 * when), mean0, s)
 
 
-def _unpacked(y: NDArray[np.float64], mean0: float, s: int) -> MixtureTemperatures:
+def _unpacked(y: Array, mean0: float, s: int) -> MixtureTemperatures:
     mean = mean0 * np.exp(y[0])
     return MixtureTemperatures((mean * y[1 : 1 + s]).T, (mean * y[1 + s : 1 + 2 * s]).T, y[1 + 2 * s :].T)
 
@@ -352,7 +347,7 @@ def mixture_driven(
         return MixtureTemperatures(np.empty((0, s)), np.empty((0, s)), np.empty((0, s)))
     scale = max(float(T0.max()), float((power + spin_power).max() * when[-1]))
 
-    def slope(_: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(_: float, y: Array) -> Array:
         # From rest, a gas passes temperatures at which nothing collides yet.
         T, T_rot = scale * np.maximum(y[:s], 1e-9), scale * np.maximum(y[s : 2 * s], 0.0)
         often = mixture.collision_rates(T)

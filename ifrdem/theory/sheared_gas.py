@@ -42,10 +42,11 @@ import warnings
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .collisions import collision_rate
 from .contact import checked_positive, contact_value
 from .cooling_gas import changes_per_collision, checked_times
@@ -65,7 +66,7 @@ MOST_CALLS = 10_000
 """Evaluations of the right-hand side that one integration may take; hundreds over nine decades of both rates."""
 
 
-def _half_normal() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _half_normal() -> tuple[Array, Array]:
     """Nodes and weights of averages over the positive half of a normal variable, of total weight 1/2."""
     nodes = 0.5 * _HIGHEST * (_NODES + 1.0)
     return nodes, 0.5 * _HIGHEST * _WEIGHTS * np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
@@ -181,7 +182,7 @@ class _Flow(NamedTuple):
 
 def collisional_changes(
     p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float, g: float, law: IFRLaw, k: float
-) -> NDArray[np.float64]:
+) -> Array:
     r"""Changes of a disk by its collisions, over 8 phi chi and per time: of 1, of m V V (xx, yy, xy), of w and I w^2.
 
     In units m = sigma = 1. Let n = (cos a, sin a) point from a disk to the other and t = (-sin a, cos a). The relative
@@ -244,7 +245,7 @@ def collisional_changes(
     by_n, by_t = C_nt * nn + C_tt * nt, C_nt * nt + C_tt * tt
     c_t, c_t0 = by_n * g_n + by_t * g_t, by_n * flow_n + by_t * flow_t  # mean of c_t: r c_t - c_t0
 
-    def average(square: NDArray[np.float64], linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    def average(square: Array, linear: Array) -> Array:
         """Over b and r, of square r^2 - linear r."""
         return np.asarray(np.sum(weight * (square * I_4 - linear * I_3), axis=1))
 
@@ -323,7 +324,7 @@ def steady_state(
     shear = -T * math.sqrt(part * (1.0 - part))
     guess = _Flow.of(T * (1.0 + part), T * (1.0 - part), shear, -0.5, theta * T)
 
-    def change(y: NDArray[np.float64]) -> tuple[float, ...]:
+    def change(y: Array) -> tuple[float, ...]:
         if smooth:
             return _Flow._make((*y, 0.0, 0.0)).rates(law, k, packing_fraction, 1.0)[0][:3]
         state = _Flow(y[0], y[1], y[2], y[3], math.exp(y[4]))
@@ -365,7 +366,7 @@ def sheared(
     T0: float,
     T_rot0: float,
     times: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array, Array]:
     """Temperatures of a gas of equal disks, isotropic at time 0, from when its flow begins.
 
     Parameters
@@ -405,7 +406,7 @@ def sheared(
 
     calls = 0
 
-    def slope(_: float, y: NDArray[np.float64]) -> tuple[float, ...]:
+    def slope(_: float, y: Array) -> tuple[float, ...]:
         """Of the state and the collisions."""
         nonlocal calls
         calls += 1

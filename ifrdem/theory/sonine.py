@@ -20,9 +20,10 @@ a_2 of the cooling gas is -0.0303 at e = 0.9 and -0.0260 at 0.8, here -0.0269 an
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..tools.checked import Array
 
 _D = 2  # dimensions
 
@@ -94,7 +95,7 @@ def heated_sonine(e_n: float) -> float:
     return _solved(e_n, 0.0)
 
 
-def cooling_factor(a_2: ArrayLike) -> NDArray[np.float64]:
+def cooling_factor(a_2: ArrayLike) -> Array:
     """By how much faster smooth disks lose energy than Gaussian ones at the same T: 1 + (3/16) a_2.
 
     The relative velocity of two disks has a_2 / 2 of its own; the mean of its cube, to which the loss per time is
@@ -109,7 +110,7 @@ def cooling_factor(a_2: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(1.0 + 3.0 / 16.0 * np.asarray(a_2, dtype=np.float64))
 
 
-def collision_factor(a_2: ArrayLike) -> NDArray[np.float64]:
+def collision_factor(a_2: ArrayLike) -> Array:
     """By how much more often smooth disks collide than Gaussian ones at the same T: 1 - a_2 / 16.
 
     As at `cooling_factor`, with the mean relative speed instead of its cube: 1 - (1/8) (a_2 / 2).

@@ -16,6 +16,7 @@ from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import sides
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result, Table
 from . import bullet_world, pymunk_world, stepped
@@ -27,8 +28,6 @@ QUESTION = (
     "Does a gas of a hundred disks between walls cool, spin up and collide in other codes as in our engine?"
 )
 REFERENCE = "our engine, walled box, e_t = -1, contact point, from the same starts"
-
-Array = NDArray[np.float64]
 
 N, PHI, E_N, MU = 100, 0.3, 0.8, 0.2
 SURFACE = Surface(E_N, MU)
@@ -135,7 +134,7 @@ def exact(law: IFRLaw, begin: State, times: Sequence[float] | Array) -> Snapshot
     timed = Simulation(DISKS, BOX, law, begin, threads=1)
     began = time.process_time()
     timed.run(t_end=float(times[-1]))
-    return Snapshots(states, *np.array(counts).T, seconds=time.process_time() - began)
+    return Snapshots(states, *np.array(counts).T, time.process_time() - began)
 
 
 def mean_and_error(values: Array) -> tuple[Array, Array]:

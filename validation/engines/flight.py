@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...tools.checked import Array
 from ..paper import pairs, predicted
 from ..paper.equations import Impact
 from ..report import style
@@ -14,8 +14,6 @@ from ..report.registry import Picture, Result, Table
 from . import bullet_world, stepped
 from .pair import AGREEMENT, EXACT, NORMAL
 from .stepped import deviation
-
-Array = NDArray[np.float64]
 
 QUESTION = "How far off is an impact that a time step finds late, and how does that go with the step?"
 REFERENCE = "first order in v dt / R, because the overlap when it is found is; ours by the closed forms"

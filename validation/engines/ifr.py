@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import bullet
 from ...model.coin_table import coins
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import sides
+from ...tools.checked import Array
 from ..paper import pairs, predicted
 from ..paper.equations import Impact
 from ..report import style
@@ -22,8 +22,6 @@ from .stepped import Snapshots, deviation
 
 QUESTION = "Do PyBullet's bodies collide by the IFR law when `ifrdem.bullet.step` moves them?"
 REFERENCE = "Eqs. 6 to 17 for a pair; our engine for a hundred disks between walls"
-
-Array = NDArray[np.float64]
 
 LAW = coins["1 pta"].law
 NO_RESPONSE = Surface(1.0, 0.0)  # what Bullet would do by itself, which the adapter switches off

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...tools.checked import Array
 from ..paper import equations, pairs, predicted
 from ..paper.angles import Lines, coin_impact, joined
 from ..paper.equations import TABLE_II, Impact
@@ -16,8 +16,6 @@ from ..report import style
 from ..report.registry import Picture, Result, Table
 from . import bullet_world, picture, stepped
 from .stepped import deviation
-
-Array = NDArray[np.float64]
 
 QUESTION = "Does code that nobody here wrote collide two disks as our kernels do at e_t = -1, contact-point sticking?"
 REFERENCE = (

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...model.state import Disks, State
 from ...model.walls import Wall
+from ...tools.checked import Array
 from ..paper import pairs
 from ..paper.equations import Impact
 from ..paper.pairs import After
@@ -18,7 +19,6 @@ from . import pymunk_world
 from .bullet_world import BulletWorld, Surface
 from .pymunk_world import PymunkWorld
 
-Array = NDArray[np.float64]
 World = type[BulletWorld] | type[PymunkWorld]
 
 OVERLAP = 1e-6  # of a nominal contact, as a part of R_1 + R_2: Bullet's solver acts on what overlaps
@@ -140,4 +140,4 @@ def gas(
             done = number
             states.append(one.state())
             counts.append((one.collisions, one.wall_hits))
-    return Snapshots(states, *np.array(counts, dtype=np.int64).T, seconds=seconds)
+    return Snapshots(states, *np.array(counts, dtype=np.int64).T, seconds)

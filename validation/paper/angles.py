@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.coin_table import coins
+from ...tools.checked import Array
 from ..report.registry import Result, Table
 from . import angle_figures, equations, pairs, predicted
 from .equations import CLOSURES, TABLE_II, Impact
@@ -16,8 +16,6 @@ from .pairs import After
 
 QUESTION = "Do both disks leave at the angles of Eqs. 18 to 25, for any mass ratio, radii, k and spins?"
 REFERENCE = "Eqs. 18 to 25 and Table II; Eqs. 6, 7, 10, 11, 13, 14, 16, 17 where those are too narrow"
-
-Array = NDArray[np.float64]
 
 STEEPEST = np.radians(85.0)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...model.ifr import EnergyWarning, IFRLaw
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
 from . import pairs
@@ -18,8 +19,6 @@ from .equations import CLOSURES, Impact
 
 QUESTION = "Does a collision add energy exactly where the inequalities of the law say so?"
 REFERENCE = "inequalities of IFRLaw (its docstring derives them)"
-
-Array = NDArray[np.float64]
 
 E_N = 0.87
 GAIN = 1e-12  # relative gain of energy that rounding cannot make

@@ -19,11 +19,9 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...errors import InputError
-
-Array = NDArray[np.float64]
+from ...tools.checked import Array
 
 
 @dataclass(frozen=True)

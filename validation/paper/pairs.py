@@ -24,12 +24,11 @@ from ...model import ifr as law_module
 from ...model.box import Box
 from ...model.state import Disks, State
 from ...simulation.engine import Engine
+from ...tools.checked import Array
 from ...trajectory.reader import Trajectory
 from ...trajectory.writer import TrajectoryWriter
 from ..report.registry import ROUND_OFF as ROUND_OFF
 from .equations import Impact
-
-Array = NDArray[np.float64]
 
 PATCH = 8.0  # side of a pair's patch, in largest contact distances
 APPROACH = 0.5  # flight before the contact of the fastest disk, in smallest contact distances
@@ -53,7 +52,7 @@ class After:
         """From velocities (n, 2, 2) and counter-clockwise spins (n, 2) after: pair, disk, component."""
         along = (normal, perpendicular(normal))
         v = [np.sum(velocity[:, disk] * unit, axis=1) for disk in (0, 1) for unit in along]
-        return cls(impact, w_2o, *v, Rw_1=impact.R_1 * spin[:, 0], Rw_2=-impact.R_2 * spin[:, 1])
+        return cls(impact, w_2o, *v, impact.R_1 * spin[:, 0], -impact.R_2 * spin[:, 1])
 
     def __getitem__(self, chosen: Any) -> After:
         """The pairs that an index, a slice or a mask chooses."""

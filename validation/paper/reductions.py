@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
 from . import classic, pairs, predicted
@@ -14,8 +14,6 @@ QUESTION = "Does IFR become Walton's, Brach's, smooth and perfectly rough disks 
 REFERENCE = (
     "Sec. II E (Brach's sticking: e_t = -1, not 0), momentum and energy balance; validation/paper/classic.py"
 )
-
-Array = NDArray[np.float64]
 
 CONTACT = "contact_point"
 ALUMINIUM = TABLE_II[1]

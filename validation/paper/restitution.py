@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...tools import csv as csv_rows
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import EXACT, Picture, Result, Table
 from . import equations, pairs, predicted
@@ -38,15 +39,10 @@ QUESTION = (
 )
 REFERENCE = "Eqs. 26 to 28, Table I (corrected); 1 + k = 7/2 for a sphere; doi:10.1016/S0032-5910(01)00283-2"
 
-Array = NDArray[np.float64]
-
 REASON = "f64 round-off, divided by the slip before, 0.05 or more"
 # Fig. 3: coefficients e_n, e_t, mu that the paper gives oxide spheres on a glass anvil (Kharaz et al.), and granules on
 # a steel plate (Antonyuk et al.).
-SPHERES = (
-    ("oxide spheres on glass", (0.98, -0.96, 0.09)),
-    ("granules on steel", (0.77, -0.86, 0.16)),
-)
+SPHERES = (("oxide spheres on glass", (0.98, -0.96, 0.09)), ("granules on steel", (0.77, -0.86, 0.16)))
 FACTORS = {"7/2": 2.5, "3": 2.0}
 """k, by the factor 1 + k: that of a sphere, and that of a disk, which the paper takes."""
 SPEED, RADIUS = 3.875, 2.5e-3  # of the spheres [m/s, m]: 3.85 to 3.9 m/s, and 5 mm across

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
 from . import equations, pairs, predicted
@@ -16,7 +17,6 @@ from .equations import TABLE_II, Impact, Law
 QUESTION = "Does disk 2 spin as Eqs. 34 to 41 say, and do the four regimes meet where they should?"
 REFERENCE = "Eqs. 31 to 41 (33, 35, 38, 41 corrected); boundaries by equality of the impulses"
 
-Array = NDArray[np.float64]
 BRONZE = (TABLE_II[5].e_n, TABLE_II[5].e_t, TABLE_II[5].mu)
 REGIMES = (
     "sliding plus rolling",

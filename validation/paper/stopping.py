@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.box import Box
 from ...model.coin_table import coins
 from ...model.state import Disks, State
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result, Table
 from . import angles, equations, pairs, predicted, table_reference
@@ -22,8 +22,6 @@ QUESTION = "Where do the coins stop, how wrong is Eq. 29, and does the collision
 REFERENCE = (
     "F and T by quadrature, flights by SciPy's DOP853 (validation/paper/table_reference.py); Eqs. 29 and 30"
 )
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-12  # of a step of the table kernels
 POLE = "f64 round-off; K is cut off at 36 where eps = 1, and cancels"

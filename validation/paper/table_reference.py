@@ -6,9 +6,9 @@ Speeds and lengths are reduced: mu_s g = 1.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from ...tools.checked import Array
 
 
 def friction_by_quadrature(eps: float) -> tuple[float, float]:
