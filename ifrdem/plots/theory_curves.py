@@ -41,12 +41,8 @@ class _Gas:
     @property
     def one_kind(self) -> tuple[IFRLaw, float, float, float, float]:
         """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
-        disks = self.disks
-        material = int(disks.material[0])
-        return (
-            self.laws[material][material],
-            float(disks.mass[0]), float(disks.radius[0]), float(disks.k[0]), self.phi,
-        )  # fmt: skip
+        d, material = self.disks, int(self.disks.material[0])
+        return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
 
     def curves(self, trajectory: Trajectory, elapsed: Array, shear_rate: float = 0.0) -> Curves:
         """T and T_rot of all disks, `elapsed` after the first frame."""
@@ -62,28 +58,23 @@ class _Gas:
     @property
     def text(self) -> str:
         """What the legend says of the curves."""
-        return (
-            "kinetic theory (homogeneous gas)" if self.kinds == 1 else "kinetic theory (homogeneous mixture)"
-        )
+        return f"kinetic theory (homogeneous {'gas' if self.kinds == 1 else 'mixture'})"
 
 
 def _gas(trajectory: Trajectory) -> _Gas | str:
     """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
-    if trajectory.room.all_walls:
-        return "walls: no kinetic theory here"
-    if trajectory.parameters.get("collapse", "none") != "none":
-        return "elastic exceptions against collapse: no kinetic theory here"
     disks = trajectory.disks
-    if trajectory.box.is_open:
-        return "open box: no kinetic theory here"
-    if not disks.movable.all():
-        return "immovable disks: no kinetic theory here"
-    if "laws" not in trajectory.parameters:
-        return "no law in the file: no kinetic theory here"
-    columns = np.stack([disks.mass, disks.radius, disks.k, disks.material.astype(np.float64)])
-    kinds = len(np.unique(columns, axis=1).T)
-    if kinds > MOST_KINDS:
-        return f"more than {MOST_KINDS} kinds of disks: no kinetic theory here"
+    kinds = len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T)
+    for wrong, text in (
+        (trajectory.room.all_walls, "walls"),
+        (trajectory.parameters.get("collapse", "none") != "none", "elastic exceptions against collapse"),
+        (trajectory.box.is_open, "open box"),
+        (not disks.movable.all(), "immovable disks"),
+        ("laws" not in trajectory.parameters, "no law in the file"),
+        (kinds > MOST_KINDS, f"more than {MOST_KINDS} kinds of disks"),
+    ):
+        if wrong:
+            return f"{text}: no kinetic theory here"
     phi = trajectory.box.packing_fraction(disks.radius)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnergyWarning)
@@ -99,9 +90,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
             return f"no kinetic theory here: {error}"
     forces = trajectory.record("forces", _forces, "[]")
     if kinds == 1:
-        start = [
-            np.array([trajectory.observables[name][0]]) for name in ("temperature", "rotational_temperature")
-        ]
+        start = [trajectory.observables[name][:1] for name in ("temperature", "rotational_temperature")]
     else:
         frame, members = trajectory[0], [which == kind for kind in range(kinds)]
         moving = 0.5 * disks.mass * np.sum(frame.velocity**2, axis=1)

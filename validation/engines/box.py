@@ -134,7 +134,8 @@ def exact(law: IFRLaw, begin: State, times: Sequence[float] | Array) -> Snapshot
     timed = Simulation(DISKS, BOX, law, begin, threads=1)
     began = time.process_time()
     timed.run(t_end=float(times[-1]))
-    return Snapshots(states, *np.array(counts).T, time.process_time() - began)
+    collisions, wall_hits = np.array(counts).T
+    return Snapshots(states, collisions, wall_hits, time.process_time() - began)
 
 
 def mean_and_error(values: Array) -> tuple[Array, Array]:

@@ -140,4 +140,5 @@ def gas(
             done = number
             states.append(one.state())
             counts.append((one.collisions, one.wall_hits))
-    return Snapshots(states, *np.array(counts, dtype=np.int64).T, seconds)
+    collisions, wall_hits = np.array(counts, dtype=np.int64).T
+    return Snapshots(states, collisions, wall_hits, seconds)

@@ -52,7 +52,8 @@ class After:
         """From velocities (n, 2, 2) and counter-clockwise spins (n, 2) after: pair, disk, component."""
         along = (normal, perpendicular(normal))
         v = [np.sum(velocity[:, disk] * unit, axis=1) for disk in (0, 1) for unit in along]
-        return cls(impact, w_2o, *v, impact.R_1 * spin[:, 0], -impact.R_2 * spin[:, 1])
+        Rw = impact.R_1 * spin[:, 0], -impact.R_2 * spin[:, 1]
+        return cls(impact, w_2o, v[0], v[1], v[2], v[3], *Rw)
 
     def __getitem__(self, chosen: Any) -> After:
         """The pairs that an index, a slice or a mask chooses."""
