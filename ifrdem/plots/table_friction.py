@@ -51,9 +51,8 @@ def _energies(axes: Axes, trajectory: Trajectory) -> None:
 
 
 def _moving(axes: Axes, trajectory: Trajectory) -> None:
-    moving = [
-        np.count_nonzero(np.any(each.velocity != 0.0, axis=1) | (each.spin != 0.0))) for each in trajectory
-    ]
+    moves = (np.any(each.velocity != 0.0, axis=1) | (each.spin != 0.0) for each in trajectory)
+    moving = [int(np.sum(each)) for each in moves]
     axes.plot(trajectory.times, moving, "-", color=RATIO)
     axes.set(
         xlabel=label(trajectory, "time $t$", "time"),
