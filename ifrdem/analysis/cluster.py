@@ -54,6 +54,8 @@ def clusters(
 ) -> Clusters:
     """Clusters of one frame: neighbours by freud, connected components by SciPy.
 
+    InputError if the gap is negative, or so long that disks would see themselves through periodic sides.
+
     Parameters
     ----------
     position : array (n, 2)
@@ -67,11 +69,6 @@ def clusters(
         be told from clusters, a tenth of a diameter or less.
     time : float
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        If the gap is negative, or so long that disks would see themselves through periodic sides.
 
     Examples
     --------

@@ -21,10 +21,7 @@ PACKAGES = {"freud": "freud-analysis", "finufft": "finufft"}
 def load(name: str, purpose: str) -> ModuleType:
     """Import one of them.
 
-    Raises
-    ------
-    InputError
-        If it is absent: the message says what needs it and how to install it.
+    InputError if it is absent: the message says what needs it and how to install it.
     """
     try:
         return importlib.import_module(name)
@@ -83,12 +80,8 @@ def freud_frame(position: Array, box: Box, reach: float, time: float, purpose: s
     """Positions [length] in a box of freud whose sides are all periodic, for neighbours up to `reach` [length].
 
     Where the box is not periodic it is wider by `reach`, so that nothing has neighbours through a side. A sheared box
-    is a skewed one. freud computes in single precision.
-
-    Raises
-    ------
-    InputError
-        If the reach is more than half the shortest side, where neighbours would be counted twice.
+    is a skewed one. freud computes in single precision. InputError if the reach is more than half the shortest side,
+    where neighbours would be counted twice.
     """
     freud = load("freud", purpose)
     low, lengths = np.zeros(2), np.array(box.lengths)

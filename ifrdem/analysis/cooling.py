@@ -256,6 +256,8 @@ def haff_fit(
 ) -> HaffFit:
     """Fit Haff's law to ln T by least squares, between two times, and test whether it holds (`goodness.fit`).
 
+    InputError for fewer than 4 points, temperatures that are not positive, or a gas that does not cool.
+
     Parameters
     ----------
     time, temperature : array (s,)
@@ -266,11 +268,6 @@ def haff_fit(
         How many there are: ln T of n disks scatters slowly by 1 / sqrt(n) about any law (the energy of n independent
         Gaussian velocities in two dimensions has the relative variance 1 / n), which is no misfit. Without it, no
         scatter is allowed for.
-
-    Raises
-    ------
-    InputError
-        For fewer than 4 points, temperatures that are not positive, or a gas that does not cool.
 
     Examples
     --------
@@ -324,6 +321,8 @@ def ratio_fit(
 ) -> RatioFit:
     """Fit an exponential approach to the ratio of temperatures, and test whether it holds (`goodness.fit`).
 
+    InputError for fewer than 6 points, or a ratio that does not change.
+
     Parameters
     ----------
     x : array (s,)
@@ -334,11 +333,6 @@ def ratio_fit(
         Where the fit begins and ends; without them, everywhere.
     disks : int, optional
         As for `haff_fit`: theta of n disks scatters by theta sqrt(3 / n), 1 / n of ln T and 2 / n of ln T_rot.
-
-    Raises
-    ------
-    InputError
-        For fewer than 6 points, or a ratio that does not change.
 
     Examples
     --------

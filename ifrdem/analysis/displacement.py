@@ -74,6 +74,8 @@ def unwrap(
 ) -> Array:
     """Paths without jumps through periodic sides [length], shape (frames, n, 2).
 
+    InputError if steps are too long, or a sheared box has no images.
+
     Parameters
     ----------
     position : array (frames, n, 2)
@@ -83,11 +85,6 @@ def unwrap(
         refused if steps are so long (root of the mean square above an eighth of the box) that some would be wrong.
     times : array (frames,), optional
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        If steps are too long, or a sheared box has no images.
 
     Examples
     --------
@@ -191,8 +188,8 @@ def mean_square_displacement(
     """<|x(s + t) - x(s)|^2> over disks, and over all frames s or from the first frame only.
 
     Over all frames by the Fourier transform (V. Calandrini et al., Collection SFN 12, 201 (2011),
-    doi:10.1051/sfn/201112010), which needs frames that are evenly spaced and a gas in a steady state. A gas that cools
-    has no such mean: take "first" there.
+    doi:10.1051/sfn/201112010), which needs frames that are evenly spaced and a gas in a steady state. A gas that
+    cools has no such mean: take "first" there. InputError if times are not even for "all", or shapes do not match.
 
     Parameters
     ----------
@@ -202,11 +199,6 @@ def mean_square_displacement(
         Unwrapped positions [length] (see `unwrap`); d directions count.
     most_lags : int
         Lags at most, from the shortest on, where all origins count.
-
-    Raises
-    ------
-    InputError
-        If times are not even for "all", or shapes do not match.
 
     Examples
     --------
@@ -293,13 +285,9 @@ def diffusion_coefficient(
 ) -> Diffusion:
     """Slope of the line of least squares through a mean-square displacement between two lags [time].
 
-    By default from a half of the longest lag to its end where the origin is the first frame, and from a tenth of it to
-    a half, which more origins know, where all are; all lags if these are fewer than 3.
-
-    Raises
-    ------
-    InputError
-        If fewer than 3 lags lie between.
+    By default from a half of the longest lag to its end where the origin is the first frame, and from a tenth of it
+    to a half, which more origins know, where all are; all lags if these are fewer than 3. InputError if fewer than 3
+    lags lie between.
 
     Examples
     --------

@@ -64,7 +64,8 @@ def coarse_grain(
     With weights phi of the disks at a place (1 in its cell, or the Gaussian of the distance), u = sum m v phi over
     sum m phi, and T = sum m |v - u|^2 phi / (2 (sum phi - sum m phi^2 / sum m phi)): the bracket makes the mean of T
     right if velocities are independent and all have one temperature. Weights as in I. Goldhirsch, Granul. Matter 12,
-    239 (2010), doi:10.1007/s10035-010-0181-z.
+    239 (2010), doi:10.1007/s10035-010-0181-z. InputError if shapes do not match, cells are not positive, the width is
+    below half a cell, or Gaussians are asked for in a sheared box.
 
     Parameters
     ----------
@@ -81,12 +82,6 @@ def coarse_grain(
     width : float
         Standard deviation of Gaussians [length]; 0 for plain cells. Each disk is put into its cell and the grid is
         smoothed, so that cells should be smaller than the width. Beside walls, weights count inside only.
-
-    Raises
-    ------
-    InputError
-        If shapes do not match, cells are not positive, the width is below half a cell, or Gaussians are asked for in a
-        sheared box.
 
     Examples
     --------

@@ -76,12 +76,8 @@ class Impacts(Brief):
 def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None = None) -> Impacts:
     """Distributions of angles of impact psi [rad], shape (c,), and of regimes, shape (c,) (values of `law.Regime`).
 
-    Without `bins`, there are so many that a bin has `PER_BIN` collisions in the mean, within `BINS`.
-
-    Raises
-    ------
-    InputError
-        Without collisions, or if an angle is outside of 0 to pi / 2.
+    Without `bins`, there are so many that a bin has `PER_BIN` collisions in the mean, within `BINS`. InputError
+    without collisions, or if an angle is outside of 0 to pi / 2.
 
     Examples
     --------

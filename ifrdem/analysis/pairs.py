@@ -76,6 +76,8 @@ def pair_correlation(
 ) -> PairCorrelation:
     """g(r) of one or several frames, by freud.
 
+    InputError if the box is open, r_max is too long, there are fewer than 2 disks, or freud is missing.
+
     Parameters
     ----------
     position : array (n, 2) or frames of them
@@ -89,11 +91,6 @@ def pair_correlation(
         Number of bins.
     time : float or one for each frame
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        If the box is open, r_max is too long, there are fewer than 2 disks, or freud is missing.
 
     Examples
     --------
@@ -151,12 +148,8 @@ def contact_value(
 ) -> ContactValue:
     """g at contact of equal disks: a parabola fitted to ln g from contact to 1.25 diameters, weighted by pairs counted.
 
-    `radius` are their radii [length], one number or shape (n,); the rest as `pair_correlation`.
-
-    Raises
-    ------
-    InputError
-        As `pair_correlation`; if radii differ, or too few pairs are near contact for a fit.
+    `radius` are their radii [length], one number or shape (n,); the rest as `pair_correlation`. InputError as
+    `pair_correlation`; if radii differ, or too few pairs are near contact for a fit.
 
     Examples
     --------

@@ -69,9 +69,9 @@ def pressure_from_impulses(
 ) -> Pressure:
     """Pressure from the collisions of tracked disks with disks, each listed once for every tracked disk in it.
 
-    Of each listed collision, half belongs to the disk that it is listed for; the sum over tracked disks stands for all
-    disks in the ratio of their numbers. That is exact if all are tracked, else right in the mean for a choice at
-    random.
+    Of each listed collision, half belongs to the disk that it is listed for; the sum over tracked disks stands for
+    all disks in the ratio of their numbers. That is exact if all are tracked, else right in the mean for a choice at
+    random. InputError if the span is empty, or a collision lies outside.
 
     Parameters
     ----------
@@ -90,11 +90,6 @@ def pressure_from_impulses(
     temperature : float or array (BLOCKS,)
         T of the gas, mean over that time, or over each of `blocks(span)` [energy]. The latter tells what a gas that
         cools has from what scatters: the error is then that of the collisional part over T in the blocks, times T.
-
-    Raises
-    ------
-    InputError
-        If the span is empty, or a collision lies outside.
 
     Examples
     --------

@@ -49,6 +49,8 @@ def hexatic(
 ) -> Hexatic:
     """psi_6 of one frame, by freud.
 
+    InputError for fewer than 7 disks, an unknown kind of neighbours, or without freud.
+
     Parameters
     ----------
     position : array (n, 2)
@@ -60,11 +62,6 @@ def hexatic(
         at most).
     time : float
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        For fewer than 7 disks, an unknown kind of neighbours, or without freud.
 
     Examples
     --------

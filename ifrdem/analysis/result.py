@@ -62,10 +62,7 @@ def need(trajectory: Trajectory, *fields: str) -> None:
 def series(trajectory: Trajectory, *names: str) -> tuple[Array, list[Array]]:
     """Times, and whole-gas quantities by name: from `timeseries`, or at the frames if there are more of these.
 
-    Raises
-    ------
-    InputError
-        If the file has not got one of them.
+    InputError if the file has not got one of them.
     """
     at_frames = all(name in trajectory.observables for name in names)
     rows = len(trajectory.series.time)
@@ -97,10 +94,7 @@ def _measured(name: str) -> str:
 def collisions(trajectory: Trajectory) -> Collisions:
     """Collisions of tracked disks with other disks; those with walls and kicks are left out.
 
-    Raises
-    ------
-    InputError
-        If the file has no histories, or no time of them is known.
+    InputError if the file has no histories, or no time of them is known.
     """
     tracked = trajectory.tracked
     if not len(tracked):

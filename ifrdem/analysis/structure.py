@@ -80,7 +80,8 @@ def structure_factor(
 ) -> StructureFactor:
     """S(k) of one or several frames at the k that a periodic box allows, from 2 pi / L to `k_max` [1/length].
 
-    All of them while there are not more than `MOST_MODES` along an axis; above that, every p-th.
+    All of them while there are not more than `MOST_MODES` along an axis; above that, every p-th. InputError if the
+    box is not periodic, k_max is below 2 pi / L, or finufft is missing.
 
     Parameters
     ----------
@@ -90,11 +91,6 @@ def structure_factor(
         Rings between 0 and `k_max`; they are no narrower than 2 pi / L, and empty ones are left out.
     time : float or one for each frame
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        If the box is not periodic, k_max is below 2 pi / L, or finufft is missing.
 
     Examples
     --------

@@ -119,6 +119,8 @@ def velocity_distribution(
 ) -> VelocityDistribution:
     """Distributions of velocities and spins, each frame relative to its own mean velocity and its own temperatures.
 
+    InputError if shapes do not match, there are no frames, fewer than 2 disks, or nothing moves.
+
     Parameters
     ----------
     velocity : array (n, 2) or frames of them
@@ -132,11 +134,6 @@ def velocity_distribution(
         Number of bins.
     widest : float
         End of the outermost bins; what is beyond is not in the densities, and is in the coefficients.
-
-    Raises
-    ------
-    InputError
-        If shapes do not match, there are no frames, fewer than 2 disks, or nothing moves.
 
     Examples
     --------

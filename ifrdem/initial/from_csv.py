@@ -41,8 +41,9 @@ class Given:
 def read(path: Path, n: int, box: Box | None = None) -> Given:
     """Read a start file.
 
-    The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and
-    spin [rad/time], in any order, separated by commas. Empty lines, and lines that begin with #, are skipped.
+    The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
+    [rad/time], in any order, separated by commas. Empty lines, and lines that begin with #, are skipped. InputError
+    with a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
 
     Parameters
     ----------
@@ -52,11 +53,6 @@ def read(path: Path, n: int, box: Box | None = None) -> Given:
         Number of disks that it must have.
     box : Box, optional
         The box that the positions must lie in, lower sides included.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
     """
     rows, lines = csv_rows.read(path, most=MOST_BYTES)
     if not rows:

@@ -33,6 +33,9 @@ def read(
 ) -> Given:
     """Read a start from a trajectory.
 
+    InputError if the file cannot be read, or holds no such frame or field, another number of disks or another box; or
+    if the disks overlap. The message says what is there.
+
     Parameters
     ----------
     path : Path
@@ -53,12 +56,6 @@ def read(
     Given
         Positions inside the box without overlaps. Disks that touch in a file in single precision overlap by its
         rounding, some 1e-7 of the box: these are moved apart by as much (`growth.separate`).
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or holds no such frame or field, another number of disks or another box; or if
-        the disks overlap. The message says what is there.
     """
     if not path.exists():
         names = [each.name for each in path.parent.glob("*.h5")] if path.parent.is_dir() else []

@@ -61,6 +61,7 @@ def grow(
 
     Bidisperse disks (as many of each, 1 to 1.4) reach 0.842 and a lognormal gas with a deviation of 30 % 0.84. Equal
     disks crystallise on the way, in grains that do not fit together: 0.86 was reached, above it only a lattice helps.
+    InputError if they do not fit; the message says which packing fraction the same disks reached.
 
     Parameters
     ----------
@@ -79,11 +80,6 @@ def grow(
     array (n, 2)
         Centres [length], inside the box, without any overlap. Pairs that almost touch are about as frequent as in a
         gas at equilibrium (by 20 % more or less up to 0.7); a few collisions per disk make it one.
-
-    Raises
-    ------
-    InputError
-        If they do not fit; the message says which packing fraction the same disks reached.
 
     Examples
     --------
@@ -131,12 +127,8 @@ def separate(box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequenc
     """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at t = 0 neither.
 
     For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then.
-    Only disks that overlap, and those that they push, are moved.
-
-    Raises
-    ------
-    InputError
-        If overlaps remain: names the worst of them.
+    Only disks that overlap, and those that they push, are moved. InputError if overlaps remain: names the worst of
+    them.
 
     Examples
     --------

@@ -38,11 +38,7 @@ def sites(room: Room, n: int, radius: float) -> Array:
     """Sites [length], shape (n, 2), for disks of this radius [length] that overlap neither each other nor a wall.
 
     Rows along x or along y, which continue across periodic sides. What sites are left over are spread evenly.
-
-    Raises
-    ------
-    InputError
-        If fewer sites than n find room; the message says how many do.
+    InputError if fewer sites than n find room; the message says how many do.
     """
     low = 2.0 * radius * CLOSER
     most = {upright: _free(room, radius, low, upright) for upright in (False, True)}
@@ -158,8 +154,10 @@ def _one_by_one(box: Box, candidate: Array, radius: Array, owner: NDArray[np.int
 def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = ()) -> Array:
     """Place disks by random sequential addition: uniformly at random, each where it overlaps nothing before it.
 
-    Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first
-    (in size classes of 25 %), which lets mixtures become denser than the equal-disk limit.
+    Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first (in size
+    classes of 25 %), which lets mixtures become denser than the equal-disk limit. InputError if the disks do not fit:
+    equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when the attempts are used up (400
+    per disk; equal disks reach about 0.53). The message says how far it came.
 
     Parameters
     ----------
@@ -174,12 +172,6 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[
     -------
     array (n, 2)
         Centres [length], inside the box.
-
-    Raises
-    ------
-    InputError
-        If the disks do not fit: equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when
-        the attempts are used up (400 per disk; equal disks reach about 0.53). The message says how far it came.
 
     Examples
     --------
@@ -272,9 +264,10 @@ def hexagonal_positions(
 ) -> Array:
     """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
 
-    Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest
-    apart. Sites that are left over are spread evenly. Disks of different radii need the room of the largest.
-    Between walls it takes those sites where a disk overlaps none (`py`).
+    Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest apart. Sites
+    that are left over are spread evenly. Disks of different radii need the room of the largest. Between walls it
+    takes those sites where a disk overlaps none (`py`). InputError if the lattice does not fit; the message says how
+    many disks of that size would.
 
     Parameters
     ----------
@@ -289,11 +282,6 @@ def hexagonal_positions(
     -------
     array (n, 2)
         Centres [length], inside the box.
-
-    Raises
-    ------
-    InputError
-        If the lattice does not fit; the message says how many disks of that size would.
 
     Examples
     --------
@@ -362,8 +350,9 @@ def maxwellian(
 ) -> Array:
     """Draw velocities from a Maxwell distribution, with no total momentum and exactly the wanted energy.
 
-    Disks of different masses get the same mean energy: each component has variance T / m. The total momentum
-    of the sample is then removed, and the rest scaled.
+    Disks of different masses get the same mean energy: each component has variance T / m. The total momentum of the
+    sample is then removed, and the rest scaled. InputError if not exactly one of `speed_rms` and `temperature` is
+    given, or a value is negative or not finite.
 
     Parameters
     ----------
@@ -381,11 +370,6 @@ def maxwellian(
     array (n, 2)
         Velocities [length/time]. One disk alone keeps its speed, in a random direction: it cannot have both
         energy and no momentum.
-
-    Raises
-    ------
-    InputError
-        If not exactly one of `speed_rms` and `temperature` is given, or a value is negative or not finite.
 
     Examples
     --------
@@ -415,10 +399,7 @@ def maxwellian(
 def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
-    Raises
-    ------
-    InputError
-        If `spin_rms` is negative or not finite.
+    InputError if `spin_rms` is negative or not finite.
 
     Examples
     --------

@@ -33,10 +33,7 @@ PARAMETERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 def uniform(n: int, *, low: float, high: float, seed: int) -> Array:
     """Radii that are equally frequent between `low` and `high` [length].
 
-    Raises
-    ------
-    InputError
-        If not 0 < low < high, or a number is not finite.
+    InputError if not 0 < low < high, or a number is not finite.
 
     Examples
     --------
@@ -53,14 +50,10 @@ def gaussian(
 ) -> Array:
     """Radii from a normal distribution, cut off at `low` and `high` [length].
 
-    Without these it is cut off three standard deviations from the mean, where 0.27 % of it lie outside; the
-    standard deviation of what is left is 1.3 % smaller than `deviation`.
-
-    Raises
-    ------
-    InputError
-        If a number is not positive and finite, the lower end is not positive (a deviation above a third of the
-        mean needs a `low`), or hardly anything of the distribution lies between the ends.
+    Without these it is cut off three standard deviations from the mean, where 0.27 % of it lie outside; the standard
+    deviation of what is left is 1.3 % smaller than `deviation`. InputError if a number is not positive and finite,
+    the lower end is not positive (a deviation above a third of the mean needs a `low`), or hardly anything of the
+    distribution lies between the ends.
 
     Examples
     --------
@@ -77,13 +70,9 @@ def lognormal(
 ) -> Array:
     """Radii whose logarithm is normal; `mean` and `deviation` [length] are those of the radius itself.
 
-    The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off
-    only where `low` or `high` [length] say so.
-
-    Raises
-    ------
-    InputError
-        If a number is not positive and finite, or hardly anything of the distribution lies between the ends.
+    The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off only
+    where `low` or `high` [length] say so. InputError if a number is not positive and finite, or hardly anything of
+    the distribution lies between the ends.
 
     Examples
     --------
@@ -98,12 +87,8 @@ def lognormal(
 def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: int) -> Array:
     """Radii of two sizes [length], of which the part `large_fraction` of all disks has `high`, in random order.
 
-    Their number is the whole number nearest to `large_fraction * n`, not a random one.
-
-    Raises
-    ------
-    InputError
-        If not 0 < low < high, or the fraction is not between 0 and 1.
+    Their number is the whole number nearest to `large_fraction * n`, not a random one. InputError if not 0 < low <
+    high, or the fraction is not between 0 and 1.
 
     Examples
     --------
@@ -118,10 +103,7 @@ def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: 
 def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) -> Array:
     """Radii [length], shape (n,), of a distribution by its name (`PARAMETERS`); see the functions of these names.
 
-    Raises
-    ------
-    InputError
-        As `check`.
+    InputError as `check`.
 
     Examples
     --------
@@ -152,11 +134,8 @@ def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) 
 def check(distribution: str, **parameters: float | None) -> None:
     """Refuse parameters that describe no radii.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown, a parameter is missing or foreign to it, not positive and finite, or the ends
-        contradict each other or the rest.
+    InputError if the name is unknown, a parameter is missing or foreign to it, not positive and finite, or the ends
+    contradict each other or the rest.
 
     Examples
     --------

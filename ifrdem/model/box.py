@@ -22,6 +22,8 @@ FASTEST_FLOW = 1e140
 class Box:
     """A rectangle with its lower left corner at the origin; or the whole plane, `Box.open()`.
 
+    InputError if a length is not a positive finite number, the shear rate is not finite, or a sheared box has walls.
+
     Parameters
     ----------
     lengths : tuple of two floats
@@ -33,11 +35,6 @@ class Box:
         Edwards (1972), doi:10.1088/0022-3719/5/15/006: at time t the image above lies shear_rate Ly t further along x,
         and moves shear_rate Ly faster. The box is a window at rest in the lab; a disk that leaves it above comes in
         below, that much further to the left and slower.
-
-    Raises
-    ------
-    InputError
-        If a length is not a positive finite number, the shear rate is not finite, or a sheared box has walls.
 
     Notes
     -----
@@ -122,13 +119,8 @@ class Box:
     ) -> Box:
         """The box in which disks of these radii [length], shape (n,), fill the given fraction of the area.
 
-        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time].
-
-        Raises
-        ------
-        InputError
-            If the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the densest packing of
-            equal disks, or if there are no disks.
+        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time]. InputError if the packing fraction is not between 0
+        and pi / (2 sqrt 3) = 0.9069, the densest packing of equal disks, or if there are no disks.
         """
         densest = math.pi / (2.0 * math.sqrt(3.0))
         if not 0.0 < packing_fraction <= densest:

@@ -84,11 +84,8 @@ class Coins(Mapping[str, Coin]):
     def pair(self, a: str, b: str) -> IFRLaw:
         """The law for collisions between coins named `a` and `b`, in either order.
 
-        Raises
-        ------
-        InputError
-            If a name is unknown, or Table II has no coefficients for the pair: it has like pairs, and 500 pts
-            with 100 pts.
+        InputError if a name is unknown, or Table II has no coefficients for the pair: it has like pairs, and 500 pts
+        with 100 pts.
         """
         coin_a, coin_b = self[a], self[b]
         if coin_a is coin_b:

@@ -14,6 +14,8 @@ COLLAPSE = ("none", "tc", "velocity_cutoff")
 class Collapse:
     """What is done about inelastic collapse: infinitely many collisions in a finite time.
 
+    InputError if the kind is unknown, or a number is missing, not above 0, or of no use.
+
     Parameters
     ----------
     kind : {"none", "tc", "velocity_cutoff"}
@@ -25,11 +27,6 @@ class Collapse:
         Above 0 [time]; "tc" needs it, and nothing else may have it.
     velocity_cutoff : float, optional
         Above 0 [length/time]; "velocity_cutoff" needs it, and nothing else may have it.
-
-    Raises
-    ------
-    InputError
-        If the kind is unknown, or a number is missing, not above 0, or of no use.
 
     Notes
     -----

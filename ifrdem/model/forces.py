@@ -37,6 +37,8 @@ __all__ = [
 class Force:
     """A force on every disk; subclasses say in `act` what it does to one of them during a step.
 
+    InputError if the step is not a positive finite number or a parameter is not finite.
+
     Parameters
     ----------
     step : float
@@ -51,11 +53,6 @@ class Force:
     keeps_rest : bool
         Whether a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
         goes to its end without further steps.
-
-    Raises
-    ------
-    InputError
-        If the step is not a positive finite number or a parameter is not finite.
 
     Notes
     -----

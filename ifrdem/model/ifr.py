@@ -109,6 +109,10 @@ def _number(name: str, value: object, low: float, high: float, why: str) -> floa
 class IFRLaw(CollisionLaw):
     """The independent friction-restitution law of one pair of materials.
 
+    InputError if a coefficient is out of range by itself, `sticking` is unknown, or the coefficients together can add
+    energy in a collision of two disks with this k: the message names the inequality and both its sides. EnergyWarning
+    if the tangential impulses alone could add energy and only the loss along the line of centres outweighs it.
+
     Parameters
     ----------
     e_n : float
@@ -128,19 +132,6 @@ class IFRLaw(CollisionLaw):
         that differs the larger one. It enters no collision. It only says for which disks the coefficients are
         examined here, because whether they can add energy depends on k; the larger, the sooner they do.
         `check` examines any other pair, and `collide` and the simulation do so for what they collide.
-
-    Raises
-    ------
-    InputError
-        If a coefficient is out of range by itself, `sticking` is unknown, or the coefficients together can
-        add energy in a collision of two disks with this k: the message names the inequality and both its
-        sides.
-
-    Warns
-    -----
-    EnergyWarning
-        If the tangential impulses alone could add energy and only the loss along the line of centres
-        outweighs it.
 
     Notes
     -----
@@ -214,6 +205,8 @@ class IFRLaw(CollisionLaw):
     def admissibility(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> Admissibility:
         """Whether the law can add energy in collisions of disks with these k and masses.
 
+        InputError if a k is not positive and finite, a mass is not positive, or both masses are infinite.
+
         Parameters
         ----------
         k_i, k_j : float
@@ -221,11 +214,6 @@ class IFRLaw(CollisionLaw):
         m_i, m_j : float
             Masses [any one unit]; one of them may be infinite, a wall. They matter only where k_i and k_j
             differ.
-
-        Raises
-        ------
-        InputError
-            If a k is not positive and finite, a mass is not positive, or both masses are infinite.
         """
         k_i, k_j = _positive("k_i", k_i), _positive("k_j", k_j)
         if not (m_i > 0.0 and m_j > 0.0) or (math.isinf(m_i) and math.isinf(m_j)):
@@ -237,15 +225,8 @@ class IFRLaw(CollisionLaw):
     def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
         """Refuse the law, or warn, for collisions of disks with these k and masses; see `admissibility`.
 
-        Raises
-        ------
-        InputError
-            If a collision of such a pair can add energy.
-
-        Warns
-        -----
-        EnergyWarning
-            If only the loss along the line of centres keeps it from that.
+        InputError if a collision of such a pair can add energy. EnergyWarning if only the loss along the line of
+        centres keeps it from that.
         """
         self._act_on(self.admissibility(k_i, k_j, m_i, m_j), stacklevel=3)
 
@@ -375,8 +356,10 @@ def collide(
 ) -> Collision:
     """Collide pairs of disks, or disks with walls.
 
-    All arguments may have leading axes `...`, which broadcast; the axis of length 2 after them is the disk.
-    Computed in float64.
+    All arguments may have leading axes `...`, which broadcast; the axis of length 2 after them is the disk. Computed
+    in float64. InputError if a shape does not fit, a value is not finite or not positive where it must be, a normal
+    is not a unit vector, both masses are infinite, or the law can add energy for these k. EnergyWarning if k is
+    larger than the law was made for, and only the loss along the line of centres keeps the energy.
 
     Parameters
     ----------
@@ -400,18 +383,6 @@ def collide(
     -------
     Collision
         Velocities and spins after, impulses, regime. Pairs that separate come back unchanged.
-
-    Raises
-    ------
-    InputError
-        If a shape does not fit, a value is not finite or not positive where it must be, a normal is not a
-        unit vector, both masses are infinite, or the law can add energy for these k.
-
-    Warns
-    -----
-    EnergyWarning
-        If k is larger than the law was made for, and only the loss along the line of centres keeps the
-        energy.
 
     Notes
     -----

@@ -28,6 +28,8 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
     """Try a law on pairs drawn from these disks and walls, always the same ones.
 
     Angles are uniform, spins up to twice the speed at the rim, and speeds spread over 1e-3 to 10 times `speed`.
+    InputError if impulses are not finite, or too small to keep two disks from going through each other. EnergyWarning
+    always: how many of these collisions added energy, and how much; others are not checked.
 
     Parameters
     ----------
@@ -39,16 +41,6 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
         Materials of the walls.
     speed : float
         The fastest at the start [length/time].
-
-    Raises
-    ------
-    InputError
-        If impulses are not finite, or too small to keep two disks from going through each other.
-
-    Warns
-    -----
-    EnergyWarning
-        Always: how many of these collisions added energy, and how much; others are not checked.
     """
     from taichi.lang.exception import TaichiCompilationError
 
@@ -131,17 +123,14 @@ def law_table(
 ) -> list[list[CollisionLaw]]:
     """The table [material][material] of one law for all, or of a table that is checked.
 
+    InputError if it is neither, not square, too small for the materials that are there, or not symmetric.
+
     Parameters
     ----------
     law : CollisionLaw or sequence of sequences of CollisionLaw
     disks : Disks
     most_of_walls : int
         The highest material of walls.
-
-    Raises
-    ------
-    InputError
-        If it is neither, not square, too small for the materials that are there, or not symmetric.
     """
     materials = max(int(disks.material.max()) if disks.n else 0, most_of_walls) + 1
     if isinstance(law, CollisionLaw):

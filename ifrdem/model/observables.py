@@ -102,10 +102,7 @@ def measure(
 ) -> Measure:
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
-    Raises
-    ------
-    InputError
-        If the disks and the state differ in their number.
+    InputError if the disks and the state differ in their number.
 
     Examples
     --------

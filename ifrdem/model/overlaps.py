@@ -101,7 +101,9 @@ def check_no_overlap(
 ) -> None:
     """Refuse positions at which disks overlap, across the periodic sides too.
 
-    Distances are computed pair by pair and exactly; a tree only finds which pairs are near.
+    Distances are computed pair by pair and exactly; a tree only finds which pairs are near. InputError names the pair
+    that overlaps most, by how much, and how many pairs overlap; or the disk that is wider than the box, or whose
+    position is not finite.
 
     Parameters
     ----------
@@ -113,12 +115,6 @@ def check_no_overlap(
         Overlap that is taken as rounding, as a part of the contact distance R_i + R_j.
     time : float
         The time [time], which says where the images above and below are in a sheared box.
-
-    Raises
-    ------
-    InputError
-        Names the pair that overlaps most, by how much, and how many pairs overlap; or the disk that is wider
-        than the box, or whose position is not finite.
     """
     radii = checked_radii(radius)
     centres = np.asarray(position, dtype=np.float64)

@@ -33,7 +33,8 @@ def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) ->
 class Disks(Brief):
     """The constant properties of n disks.
 
-    Every argument but `n` may be a number (the same for all) or an array of shape (n,).
+    Every argument but `n` may be a number (the same for all) or an array of shape (n,). InputError if n is negative,
+    or a mass, radius or k is not a positive finite number (a mass may be infinite).
 
     Parameters
     ----------
@@ -48,11 +49,6 @@ class Disks(Brief):
         Shape number in the moment of inertia I = m R^2 / k: 2 for a homogeneous disk, 1 for a hoop.
     material : array_like of int
         Index of each disk's material in the law table; 0 where there is one material.
-
-    Raises
-    ------
-    InputError
-        If n is negative, or a mass, radius or k is not a positive finite number (a mass may be infinite).
 
     Examples
     --------
@@ -102,6 +98,8 @@ _COUNTS = (
 class State(Brief, Sealed):
     """Where n disks are and how they move at one time.
 
+    InputError if shapes do not fit or a value is not finite (the first such disk is named).
+
     Attributes
     ----------
     position : array (n, 2)
@@ -130,11 +128,6 @@ class State(Brief, Sealed):
     flow : array (n, 2) or None
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.
-
-    Raises
-    ------
-    InputError
-        If shapes do not fit or a value is not finite (the first such disk is named).
 
     Examples
     --------

@@ -45,6 +45,8 @@ def _number(
 class Motion:
     """How a wall moves as a whole: a displacement s(t) along a direction; t is the time of the run.
 
+    InputError if a number is not finite or out of its range.
+
     Parameters
     ----------
     kind : {"still", "steady", "sine", "sawtooth"}
@@ -62,11 +64,6 @@ class Motion:
         At t = 0 [rad]; 2 pi is a whole period.
     rise : float
         Between 0 and 1.
-
-    Raises
-    ------
-    InputError
-        If a number is not finite or out of its range.
 
     Examples
     --------
@@ -356,11 +353,7 @@ def check(
     """Refuse walls that cannot be simulated, or that disks overlap at the start, which is at `time` [time].
 
     `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
-
-    Raises
-    ------
-    InputError
-        Names wall and disk, and by how much they overlap.
+    InputError names wall and disk, and by how much they overlap.
     """
     if walls and box.is_open:
         raise InputError(

@@ -22,7 +22,8 @@ def cooling(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -
     """Draw a cooling gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
     The theory is `theory.prediction` from the first frame on, of one kind of disks or of a mixture. Where it does not
-    hold (more than `curves.MOST_KINDS` kinds of disks, rolling friction), the picture says so.
+    hold (more than `curves.MOST_KINDS` kinds of disks, rolling friction), the picture says so. InputError if the
+    trajectory cannot be read or lacks these observables, or the picture cannot be written.
 
     Parameters
     ----------
@@ -31,11 +32,6 @@ def cooling(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -
         parameter `laws` that `ifrdem run` writes: rows of IFRLaw arguments as JSON.
     path_png : path
         The picture to write: it appears whole or not at all. An existing one is replaced.
-
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be read or lacks these observables, or the picture cannot be written.
 
     Examples
     --------

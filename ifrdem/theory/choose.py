@@ -52,6 +52,9 @@ def prediction(
 ) -> Prediction:
     """What kinetic theory says of a gas: the theory that belongs to it is chosen here.
 
+    InputError if no theory here describes such a gas (rolling friction, a force that is not linear, a sheared
+    mixture, forces in a flow), or as the theories do.
+
     Parameters
     ----------
     disks : Disks
@@ -67,12 +70,6 @@ def prediction(
         Forces as a case has them (`driven_gas.Drive.of`).
     shear_rate : float
         Of a mean flow [1/time].
-
-    Raises
-    ------
-    InputError
-        If no theory here describes such a gas (rolling friction, a force that is not linear, a sheared mixture, forces
-        in a flow), or as the theories do.
 
     Examples
     --------

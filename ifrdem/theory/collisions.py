@@ -59,10 +59,7 @@ class Disk(NamedTuple):
 def checked_law(law: object) -> IFRLaw:
     """The law, if the averages are known for it.
 
-    Raises
-    ------
-    InputError
-        If it is no IFR law, or has rolling friction.
+    InputError if it is no IFR law, or has rolling friction.
     """
     if not isinstance(law, IFRLaw):
         raise InputError(
@@ -117,12 +114,8 @@ def collision_rate(
     Gaussian with variance 2 T / m, so <max(g_n, 0)> = sqrt(T / (pi m)), and with phi = pi n sigma^2 / 4 the
     rate is 8 phi g sqrt(T / (pi m)) / sigma.
 
-    `g` is the pair correlation at contact; `contact_value(packing_fraction)` if not given.
-
-    Raises
-    ------
-    InputError
-        If T, mass or radius is not positive, or for an impossible packing fraction.
+    `g` is the pair correlation at contact; `contact_value(packing_fraction)` if not given. InputError if T, mass or
+    radius is not positive, or for an impossible packing fraction.
 
     Examples
     --------

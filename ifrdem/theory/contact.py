@@ -54,14 +54,9 @@ def checked_positive(**values: float) -> None:
 def contact_value(packing_fraction: float) -> float:
     """Pair correlation g of equal hard disks at contact: how much crowding raises the collision rate.
 
-    From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about
-    1e-5 at packing fraction 0.3 and 1e-4 at 0.5, if the spread of other resummations of the same series
-    tells; near freezing (0.70) the real fluid orders and its g is smaller.
-
-    Raises
-    ------
-    InputError
-        If the packing fraction is not between 0 and 0.9069.
+    From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about 1e-5 at
+    packing fraction 0.3 and 1e-4 at 0.5, if the spread of other resummations of the same series tells; near freezing
+    (0.70) the real fluid orders and its g is smaller. InputError if the packing fraction is not between 0 and 0.9069.
 
     Examples
     --------
@@ -76,12 +71,8 @@ def contact_value(packing_fraction: float) -> float:
 def henderson(packing_fraction: float) -> float:
     """Contact value of equal hard disks by Henderson, (1 - 7 phi / 16) / (1 - phi)^2.
 
-    D. Henderson, Mol. Phys. 30, 971 (1975). Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to 0.55.
-
-    Raises
-    ------
-    InputError
-        As `contact_value`.
+    D. Henderson, Mol. Phys. 30, 971 (1975). Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to
+    0.55. InputError as `contact_value`.
 
     Examples
     --------
@@ -96,10 +87,7 @@ def henderson(packing_fraction: float) -> float:
 def of_equal_disks(packing_fraction: float, contact: Contact = "virial") -> float:
     """The contact value of equal disks by one of `CONTACT`.
 
-    Raises
-    ------
-    InputError
-        If there is no such, or as `contact_value`.
+    InputError if there is no such, or as `contact_value`.
     """
     if contact not in CONTACT:
         raise InputError(
@@ -121,8 +109,8 @@ def crowding_of_mixture(
         g_ij = 1 / (1 - phi) + [g(phi) - 1 / (1 - phi)] (<sigma> / <sigma^2>) sigma_i sigma_j / sigma_ij,
 
     with sigma_ij = R_i + R_j. It gives g(phi) for equal disks, and for a point, sigma_i = 0, the exact 1 / (1 - phi):
-    only the area that is left decides how often a point is hit. With Henderson's g(phi) the bracket is
-    (9/16) phi / (1 - phi)^2.
+    only the area that is left decides how often a point is hit. With Henderson's g(phi) the bracket is (9/16) phi /
+    (1 - phi)^2. InputError as `of_equal_disks`.
 
     Parameters
     ----------
@@ -133,11 +121,6 @@ def crowding_of_mixture(
         What part of all disks each is; alike without it.
     contact : {"virial", "henderson", "dilute"}
         g(phi) of equal disks; "dilute" makes all contact values 1.
-
-    Raises
-    ------
-    InputError
-        As `of_equal_disks`.
     """
     g = of_equal_disks(packing_fraction, contact)
     if contact == "dilute":

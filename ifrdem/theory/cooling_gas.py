@@ -59,6 +59,8 @@ def cooling_rates(
 ) -> tuple[Array, Array]:
     r"""Rates (dT/dt, dT_rot/dt) [energy/time] at which a homogeneous gas of equal disks cools.
 
+    InputError if the law has rolling friction, a property is not positive, or T <= 0 or T_rot < 0.
+
     Parameters
     ----------
     T, T_rot : array_like
@@ -69,11 +71,6 @@ def cooling_rates(
         Of one disk [mass], [length], I = m R^2 / k.
     number_density : float
         Disks per area [1/length^2].
-
-    Raises
-    ------
-    InputError
-        If the law has rolling friction, a property is not positive, or T <= 0 or T_rot < 0.
 
     Notes
     -----
@@ -160,6 +157,8 @@ def cooling(
 ) -> tuple[Array, Array, Array]:
     """Temperatures of a homogeneous gas of equal disks as it cools: `cooling_rates` integrated.
 
+    InputError as `cooling_rates`, or if the times decrease or are negative.
+
     Parameters
     ----------
     law, mass, radius, k
@@ -175,11 +174,6 @@ def cooling(
     -------
     T, T_rot, collisions_per_disk : arrays (steps,)
         [energy], [energy], and the collisions each disk has had on average (each pair's counts for both).
-
-    Raises
-    ------
-    InputError
-        As `cooling_rates`, or if the times decrease or are negative.
 
     Examples
     --------
@@ -284,11 +278,7 @@ def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
 
     A gas may have two stable ones with an unstable one between: to which it tends depends on its start
     (`cooling_ratio`). In simulations of some laws spins get tails that are heavier than Gaussian, and another theta.
-
-    Raises
-    ------
-    InputError
-        As `cooling_rates`.
+    InputError as `cooling_rates`.
 
     Notes
     -----
@@ -326,10 +316,7 @@ def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
 def cooling_ratio(law: IFRLaw, k: float, theta0: float) -> float:
     """T_rot / T to which a cooling gas with T_rot / T = theta0 tends by the theory; inf where T_rot outlives T.
 
-    Raises
-    ------
-    InputError
-        As `cooling_ratios`, or if theta0 is not a finite number of 0 or more.
+    InputError as `cooling_ratios`, or if theta0 is not a finite number of 0 or more.
 
     Examples
     --------

@@ -124,7 +124,8 @@ def steady_state(
 ) -> tuple[float, float] | None:
     """Temperatures (T, T_rot) [energy] at which the gas loses what it gets; None if it has no such state with T > 0.
 
-    T_rot is nan where nothing acts on the spins (smooth disks): they keep what they have.
+    T_rot is nan where nothing acts on the spins (smooth disks): they keep what they have. InputError as
+    `theory.cooling_rates`.
 
     Parameters
     ----------
@@ -134,11 +135,6 @@ def steady_state(
         Part of the area that the disks cover.
     drive : Drive
         What heats and slows the disks.
-
-    Raises
-    ------
-    InputError
-        As `theory.cooling_rates`.
     """
     from scipy.optimize import brentq
 
@@ -183,6 +179,9 @@ def driven(
 ) -> tuple[Array, Array, Array]:
     """Temperatures of a homogeneous gas of equal disks that is driven.
 
+    InputError as `theory.cooling_rates`, if the times decrease or are negative, or nothing moves (T0 = 0) and only
+    spins, if any, are driven: without motion there are no collisions.
+
     Parameters
     ----------
     law, mass, radius, k, packing_fraction, drive
@@ -196,12 +195,6 @@ def driven(
     -------
     T, T_rot, collisions_per_disk : arrays (steps,)
         [energy], [energy], and the collisions each disk has had on average.
-
-    Raises
-    ------
-    InputError
-        As `theory.cooling_rates`, if the times decrease or are negative, or nothing moves (T0 = 0) and only spins, if
-        any, are driven: without motion there are no collisions.
     """
     from scipy.integrate import solve_ivp
 

@@ -92,6 +92,8 @@ def shear_viscosity(
 ) -> float:
     """Shear viscosity eta [mass/time] of a gas of equal disks that cools; of elastic smooth disks without a law.
 
+    InputError if a property is not positive, the law has rolling friction, or theta is missing.
+
     Parameters
     ----------
     packing_fraction, T, mass, radius
@@ -102,11 +104,6 @@ def shear_viscosity(
         Shape number in I = m R^2 / k.
     theta : float, optional
         T_rot / T at the time; not needed of smooth disks. In a gas that cools it changes.
-
-    Raises
-    ------
-    InputError
-        If a property is not positive, the law has rolling friction, or theta is missing.
 
     Notes
     -----
@@ -189,6 +186,9 @@ def shear_length(
 def clustering_length(e_n: float, radius: float, packing_fraction: float) -> float:
     """Wavelength [length] above which density waves of cooling smooth disks grow: clusters; infinite for elastic ones.
 
+    InputError if e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do
+    not lose more (0.5 and above).
+
     Parameters
     ----------
     e_n : float
@@ -197,12 +197,6 @@ def clustering_length(e_n: float, radius: float, packing_fraction: float) -> flo
         [length].
     packing_fraction : float
         Above 0, and below that of freezing.
-
-    Raises
-    ------
-    InputError
-        If e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do not
-        lose more (0.5 and above).
 
     Examples
     --------
@@ -309,7 +303,8 @@ def shear_mode_energy(
     """Energy of growing shear modes beyond their thermal share, as part of the thermal energy N T of all N disks.
 
     (1 / 2N) sum (S - 1) over the waves of a periodic box that have grown since the start, Z > k^2 X (module's text).
-    Where it is small, the gas is still homogeneous.
+    Where it is small, the gas is still homogeneous. InputError as `shear_length`; if a side of the box is not
+    positive.
 
     Parameters
     ----------
@@ -321,11 +316,6 @@ def shear_mode_energy(
         As for `shear_length`.
     theta0 : float, optional
         T_rot / T at the start, from where it changes as the gas cools; not needed of smooth disks.
-
-    Raises
-    ------
-    InputError
-        As `shear_length`; if a side of the box is not positive.
 
     Examples
     --------
@@ -383,7 +373,8 @@ def shear_mode_time(
     """When growing shear modes hold `share` of the thermal energy in a periodic box: until about then theory holds.
 
     In simulations of 5,700 disks at packing fraction 0.2 (smooth with e_n = 0.8, and coins) T was 3 % above that of a
-    homogeneous gas where the share was 0.02, and 13 % where it was 0.06; from 0.1 on modes grow more slowly than here.
+    homogeneous gas where the share was 0.02, and 13 % where it was 0.06; from 0.1 on modes grow more slowly than
+    here. InputError as `shear_mode_energy`; if the mass, T0 or the share is not positive.
 
     Parameters
     ----------
@@ -395,11 +386,6 @@ def shear_mode_time(
         Temperature at the start [energy].
     share : float
         `shear_mode_energy` that counts, above 0.
-
-    Raises
-    ------
-    InputError
-        As `shear_mode_energy`; if the mass, T0 or the share is not positive.
 
     Examples
     --------

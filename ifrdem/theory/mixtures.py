@@ -46,6 +46,10 @@ def _column(name: str, value: ArrayLike) -> Array:
 class Mixture:
     """What a homogeneous gas of s species is made of.
 
+    InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, is not an
+    `IFRLaw`, has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is
+    impossible.
+
     Parameters
     ----------
     mass, radius : array_like (s,)
@@ -60,12 +64,6 @@ class Mixture:
         What part of all disks each species is, in any unit (numbers of disks do); equal parts without it.
     contact : {"virial", "henderson", "dilute"}
         Contact values: see `contact.crowding_of_mixture`.
-
-    Raises
-    ------
-    InputError
-        If a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`, has
-        rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
 
     Examples
     --------
@@ -123,12 +121,8 @@ class Mixture:
     ) -> tuple[Mixture, NDArray[np.int64]]:
         """The mixture of these disks, whose `law` is a table of materials, and each disk's species, shape (n,).
 
-        Disks are of one species if mass, radius, k and material agree.
-
-        Raises
-        ------
-        InputError
-            As the class, or if a disk is immovable, or there are none.
+        Disks are of one species if mass, radius, k and material agree. InputError as the class, or if a disk is
+        immovable, or there are none.
         """
         if disks.n == 0 or not disks.movable.all():
             raise InputError("mixture: disks of finite mass are needed, one at least")
@@ -202,16 +196,13 @@ class MixtureTemperatures(NamedTuple):
 def mixture_cooling_rates(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Array, Array]:
     """Rates (dT_i/dt, dT_rot,i/dt) [energy/time], shape (s,) each, at which species of a mixture change by collisions.
 
+    InputError if shapes do not fit or a temperature is negative.
+
     Parameters
     ----------
     mixture : Mixture
     T, T_rot : array_like (s,)
         Temperatures m <v^2> / 2 and I <w^2> of each species [energy], 0 or more.
-
-    Raises
-    ------
-    InputError
-        If shapes do not fit or a temperature is negative.
 
     Examples
     --------
@@ -258,6 +249,8 @@ def mixture_cooling(
 ) -> MixtureTemperatures:
     """Temperatures of the species of a mixture as it cools: `mixture_cooling_rates` integrated.
 
+    InputError as `mixture_cooling_rates`, if nothing moves, or if the times decrease or are negative.
+
     Parameters
     ----------
     mixture : Mixture
@@ -265,11 +258,6 @@ def mixture_cooling(
         Temperatures at time 0 [energy], 0 or more; one species at least moves.
     times : array_like (steps,)
         Times since the start [time], 0 or more and not decreasing.
-
-    Raises
-    ------
-    InputError
-        As `mixture_cooling_rates`, if nothing moves, or if the times decrease or are negative.
 
     Examples
     --------
@@ -315,10 +303,7 @@ def mixture_driven(
 ) -> MixtureTemperatures:
     """Temperatures of the species of a driven mixture: as `mixture_cooling`, with a `Drive` for each species.
 
-    Raises
-    ------
-    InputError
-        As `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
+    InputError as `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
 
     Examples
     --------

@@ -286,7 +286,8 @@ def steady_state(
 ) -> tuple[float, float] | None:
     """T and T_rot [energy] at which a sheared gas stays; None where it goes on heating, as elastic disks do.
 
-    T_rot is nan for smooth disks, whose spins nothing changes.
+    T_rot is nan for smooth disks, whose spins nothing changes. InputError if the law has rolling friction, the shear
+    rate is 0 or a property is not positive. TheoryWarning outside the range of the module's text.
 
     Parameters
     ----------
@@ -294,16 +295,6 @@ def steady_state(
         As for `theory.cooling`.
     shear_rate : float
         [1/time].
-
-    Raises
-    ------
-    InputError
-        If the law has rolling friction, the shear rate is 0 or a property is not positive.
-
-    Warns
-    -----
-    TheoryWarning
-        Outside the range of the module's text.
     """
     from scipy.optimize import root
 
@@ -369,6 +360,10 @@ def sheared(
 ) -> tuple[Array, Array, Array]:
     """Temperatures of a gas of equal disks, isotropic at time 0, from when its flow begins.
 
+    InputError as `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
+    TheoryError if the equations cannot be integrated: shear and collision rates differ by too many orders of
+    magnitude. TheoryWarning as `steady_state`.
+
     Parameters
     ----------
     law, mass, radius, k, packing_fraction, T0, T_rot0, times
@@ -380,18 +375,6 @@ def sheared(
     -------
     T, T_rot, collisions_per_disk : arrays (steps,)
         [energy], [energy], and the collisions that each disk has had on average.
-
-    Raises
-    ------
-    InputError
-        As `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
-    TheoryError
-        If the equations cannot be integrated: shear and collision rates differ by too many orders of magnitude.
-
-    Warns
-    -----
-    TheoryWarning
-        As `steady_state`.
     """
     from scipy.integrate import solve_ivp
 

@@ -62,12 +62,7 @@ def _solved(e_n: float, a_2_of_the_state: float) -> float:
 def cooling_sonine(e_n: float) -> float:
     """a_2 of smooth disks that cool: 16 (1 - e) (1 - 2 e^2) / (57 - 25 e + 30 e^2 (1 - e)).
 
-    Reached after some 10 collisions of each disk, while the gas is homogeneous.
-
-    Raises
-    ------
-    InputError
-        If e_n is not from 0 to 1.
+    Reached after some 10 collisions of each disk, while the gas is homogeneous. InputError if e_n is not from 0 to 1.
 
     Examples
     --------
@@ -81,10 +76,7 @@ def cooling_sonine(e_n: float) -> float:
 def heated_sonine(e_n: float) -> float:
     """a_2 of smooth disks in the steady state of white noise: 16 (1 - e) (1 - 2 e^2) / (185 - 153 e + 30 e^2 (1 - e)).
 
-    Raises
-    ------
-    InputError
-        If e_n is not from 0 to 1.
+    InputError if e_n is not from 0 to 1.
 
     Examples
     --------
