@@ -30,27 +30,20 @@ Law = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
-class Fit:
-    """A law of least squares.
+class Goodness:
+    """How well a law of least squares describes data; errors of its parameters are nan where it does not.
 
     Attributes
     ----------
-    values, errors : array (p,)
-        Parameters, and their standard errors: nan where the law does not describe the data.
-    rms : float
-        Root of the mean square of what is left.
-    correlation_time : float
-        Integrated autocorrelation time of what is left, in points.
-    misfit : float
-        Root of the mean square of its slow waves.
-    p_value : float
-        Probability of such waves by chance; nan where too few points are left to tell.
+    rms, correlation_time : float
+        Root of the mean square of what is left, and its integrated autocorrelation time, in points.
+    misfit, p_value : float
+        Root of the mean square of its slow waves, and the probability of such waves by chance (`fit`); nan where too
+        few points are left to tell.
     describes : bool
         False where the waves are neither chance nor within the scatter that is allowed.
     """
 
-    values: Array
-    errors: Array
     rms: float
     correlation_time: float
     misfit: float
@@ -58,7 +51,9 @@ class Fit:
     describes: bool
 
 
-def fit(law: Law, data: Array, start: Array, along: Array, *, scatter: float) -> Fit:
+def fit(
+    law: Law, data: Array, start: Array, along: Array, *, scatter: float
+) -> tuple[Array, Array, Goodness]:
     """Fit a law by least squares, and test it against smooth deviations from it.
 
     A law that holds leaves noise; one that does not leaves slow waves. What is left, r, is split by linear least
@@ -78,17 +73,9 @@ def fit(law: Law, data: Array, start: Array, along: Array, *, scatter: float) ->
 
     Otherwise errors are those of independent points times sqrt(2 tau), tau of r itself.
 
-    Parameters
-    ----------
-    law : callable
-        Parameters -> values where the data are.
-    data : array (n,)
-    start : array (p,)
-        Parameters to begin with.
-    along : array (n,)
-        A coordinate in which misfits are smooth; rising.
-    scatter : float
-        Root mean square of slow waves that noise has anyway, in the units of the data; 0 if that is not known.
+    `law` gives values where the data (n,) are from parameters (p,), of which `start` are the first; `along` (n,) is a
+    rising coordinate in which misfits are smooth; `scatter` the root mean square of slow waves that noise has anyway,
+    in the units of the data, 0 if that is not known. Returns parameters, their standard errors, and the goodness.
     """
     from scipy.optimize import least_squares
 
@@ -108,7 +95,7 @@ def fit(law: Law, data: Array, start: Array, along: Array, *, scatter: float) ->
     )
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * whole / max(n - len(start), 1) * 2.0 * tau
     errors = np.sqrt(np.diag(covariance)) if describes else np.full(len(start), np.nan)
-    return Fit(found.x, errors, float(np.sqrt(whole / n)), tau, misfit, p_value, describes)
+    return found.x, errors, Goodness(float(np.sqrt(whole / n)), tau, misfit, p_value, describes)
 
 
 def _basis(columns: Array) -> Array:
@@ -180,7 +167,7 @@ def _memory(rest: Array, modes: Array) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class HaffFit:
+class HaffFit(Goodness):
     """T(t) = T0 / (1 + (t - t_first) / t_H)^2: P. K. Haff, J. Fluid Mech. 134, 401 (1983).
 
     Attributes
@@ -188,36 +175,22 @@ class HaffFit:
     T0, T0_error : float
         Temperature at the first time of the fit [energy].
     t_H, t_H_error : float
-        Haff's time [time], counted from there. Errors are nan where the law does not describe the gas.
-    rms : float
-        Root of the mean square of what is left of ln T.
-    correlation_time : float
-        Integrated autocorrelation time of what is left, in points; errors are sqrt(2 of it) times those of independent
-        points.
-    misfit : float
-        Root of the mean square of the slow waves in what is left of ln T: by so much the gas leaves the law.
-    p_value : float
-        Probability of such waves by chance (`goodness.fit`); nan where too few points are left to tell.
-    describes : bool
-        Whether the law describes the gas: False where the waves are neither chance nor within the scatter of T.
+        Haff's time [time], counted from there.
     times : tuple of two floats
         First and last time of the fit.
+    rms, correlation_time, misfit, p_value, describes
+        Of what is left of ln T, as in `Goodness`.
     """
 
     T0: float
     T0_error: float
     t_H: float
     t_H_error: float
-    rms: float
-    correlation_time: float
-    misfit: float
-    p_value: float
-    describes: bool
     times: tuple[float, float]
 
 
 @dataclass(frozen=True)
-class RatioFit:
+class RatioFit(Goodness):
     """theta(x) = theta_end + (theta_0 - theta_end) exp(-(x - x_first) / lag), x a time or collisions per disk.
 
     Attributes
@@ -228,9 +201,8 @@ class RatioFit:
         Ratio that it tends to.
     lag, lag_error : float
         After which 1/e of the way is left, as x.
-    rms, correlation_time, misfit, p_value : float
-    describes : bool
-        Of what is left of theta, as in `HaffFit`. Errors are nan where the exponential does not describe it.
+    rms, correlation_time, misfit, p_value, describes
+        Of what is left of theta, as in `Goodness`.
     """
 
     theta_0: float
@@ -239,11 +211,6 @@ class RatioFit:
     theta_end_error: float
     lag: float
     lag_error: float
-    rms: float
-    correlation_time: float
-    misfit: float
-    p_value: float
-    describes: bool
 
 
 def haff_fit(
@@ -254,7 +221,7 @@ def haff_fit(
     last: float | None = None,
     disks: int | None = None,
 ) -> HaffFit:
-    """Fit Haff's law to ln T by least squares, between two times, and test whether it holds (`goodness.fit`).
+    """Fit Haff's law to ln T by least squares, between two times, and test whether it holds (`fit`).
 
     InputError for fewer than 4 points, temperatures that are not positive, or a gas that does not cool.
 
@@ -294,21 +261,10 @@ def haff_fit(
         return p[0] - 2.0 * np.log1p(x / np.exp(p[1]))
 
     scatter = 0.0 if disks is None else disks**-0.5
-    found = fit(law, np.log(T), start, np.log1p(x / np.exp(start[1])), scatter=scatter)
-    T0, t_H = (float(one) for one in np.exp(found.values))
-    error = [float(one) for one in found.errors]
-    return HaffFit(
-        T0,
-        T0 * error[0],
-        t_H,
-        t_H * error[1],
-        found.rms,
-        found.correlation_time,
-        found.misfit,
-        found.p_value,
-        found.describes,
-        (float(t[0]), float(t[-1])),
-    )
+    values, errors, goodness = fit(law, np.log(T), start, np.log1p(x / np.exp(start[1])), scatter=scatter)
+    (T0, t_H), (T0_error, t_H_error) = np.exp(values).tolist(), (np.exp(values) * errors).tolist()
+    return HaffFit(**vars(goodness), T0=T0, T0_error=T0_error, t_H=t_H, t_H_error=t_H_error,
+                   times=(float(t[0]), float(t[-1])))  # fmt: skip
 
 
 def ratio_fit(
@@ -319,7 +275,7 @@ def ratio_fit(
     last: float | None = None,
     disks: int | None = None,
 ) -> RatioFit:
-    """Fit an exponential approach to the ratio of temperatures, and test whether it holds (`goodness.fit`).
+    """Fit an exponential approach to the ratio of temperatures, and test whether it holds (`fit`).
 
     InputError for fewer than 6 points, or a ratio that does not change.
 
@@ -357,22 +313,11 @@ def ratio_fit(
         return p[1] + (p[0] - p[1]) * np.exp(-along / np.exp(np.clip(p[2], -50.0, 50.0)))
 
     scatter = 0.0 if disks is None else float(np.mean(np.abs(ratio))) * (3.0 / disks) ** 0.5
-    found = fit(law, ratio, start, np.log1p(along / np.exp(start[2])), scatter=scatter)
-    begin, end, lag = float(found.values[0]), float(found.values[1]), float(np.exp(found.values[2]))
-    error = [float(one) for one in found.errors]
-    return RatioFit(
-        begin,
-        error[0],
-        end,
-        error[1],
-        lag,
-        lag * error[2],
-        found.rms,
-        found.correlation_time,
-        found.misfit,
-        found.p_value,
-        found.describes,
-    )
+    values, errors, goodness = fit(law, ratio, start, np.log1p(along / np.exp(start[2])), scatter=scatter)
+    begin, end, lag = float(values[0]), float(values[1]), float(np.exp(values[2]))
+    begin_error, end_error, of_lag = errors.tolist()
+    return RatioFit(**vars(goodness), theta_0=begin, theta_0_error=begin_error, theta_end=end,
+                    theta_end_error=end_error, lag=lag, lag_error=lag * of_lag)  # fmt: skip
 
 
 def _window(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -13,7 +14,7 @@ from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import cooling, displacement, impact, pressure
 from . import result as stored
-from .result import NOT_STEADY, Columns, Outcome, Row, every, times, unit
+from .result import NOT_STEADY, Outcome, Row, every, times, unit
 
 
 def _motion(trajectory: Trajectory, chosen: Sequence[int] | None) -> tuple[list[int], str, list[str]]:
@@ -40,13 +41,13 @@ def _even(trajectory: Trajectory, used: list[int]) -> bool:
 
 
 def _steady(trajectory: Trajectory, used: list[int]) -> bool:
-    """Whether the temperature keeps its value over these frames, as far as the file tells."""
+    """True if the temperature keeps its value over these frames, as far as the file tells."""
     T = trajectory.observables.get("temperature")
     return T is None or _keeps(T[used])
 
 
 def _keeps(T: Array) -> bool:
-    """Whether temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
+    """True if temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
     if len(T) < 2:
         return True
     early, late = (float(np.mean(part)) for part in np.array_split(T, 2))
@@ -70,6 +71,14 @@ def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[t
         yield disks, data[rows, disks].astype(np.float64)
 
 
+def _change_doubt(trajectory: Trajectory, used: list[int], text: str) -> list[str]:
+    """A doubt, if the temperature changes over these frames."""
+    if _steady(trajectory, used):
+        return []
+    T = trajectory.observables["temperature"][used]
+    return [f"{_unsteady(trajectory, T)}{text}less than a tenth, or drive the gas"]
+
+
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     stored.need(trajectory, "position")
     used, origins, notes = _motion(trajectory, chosen)
@@ -89,20 +98,14 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         notes.append("across the flow only")
     found = displacement.mean_square_displacement(when, paths(), origins=origins)  # type: ignore[arg-type]
     fit = displacement.diffusion_coefficient(found)
-    steady = _steady(trajectory, used)
-    in_unit = unit(trajectory, "length^2/time")
-    rows = [Row("D", fit.D, fit.error, in_unit) if steady else Row("D", float("nan"), unit=in_unit)]
-    rows.append(Row("exponent", fit.exponent))
-    doubts = []
-    if steady:
+    words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
+    doubts = _change_doubt(trajectory, used, words)
+    D = (math.nan, math.nan) if doubts else (fit.D, fit.error)
+    rows = [Row("D", *D, unit(trajectory, "length^2/time")), Row("exponent", fit.exponent)]
+    if not doubts:
         notes.append(f"line fitted at lags from {fit.lags[0]:.4g} to {fit.lags[1]:.4g}")
         if abs(fit.exponent - 1.0) > 0.2:
             notes.append("the exponent is not 1: this D is no diffusion coefficient")
-    else:
-        doubts.append(
-            f"{_unsteady(trajectory, trajectory.observables['temperature'][used])}, and D with it, as sqrt(T): no "
-            "single D. Choose --frames over which T changes by less than a tenth, or drive the gas"
-        )
     table = {"lag": found.lag, "msd": found.value, "error": found.error}
     return Outcome((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
@@ -122,13 +125,11 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     if len(below):
         rows.append(Row("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
     table = {"lag": found.lag, "vacf": found.value, "error": found.error}
-    doubts = []
-    if not _steady(trajectory, used):
-        doubts.append(
-            f"{_unsteady(trajectory, trajectory.observables['temperature'][used])}: velocities shrink or grow with "
-            "sqrt(T), so that they do not decay by loss of memory alone. Choose --frames over which T changes by "
-            "less than a tenth, or drive the gas"
-        )
+    words = (
+        ": velocities shrink or grow with sqrt(T), so that they do not decay by loss of memory alone. Choose --frames "
+        "over which T changes by "
+    )
+    doubts = _change_doubt(trajectory, used, words)
     return Outcome(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
@@ -150,11 +151,9 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
-    force = unit(trajectory, "energy/length^2")
     rows: list[Row] = []
     notes: list[str] = []
     doubts: list[str] = []
-    tables: dict[str, Columns] = {}
     result = None
     if not _keeps(T):
         doubts.append(
@@ -171,33 +170,29 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         if not span[1] > span[0]:
             raise InputError(f"{trajectory.path}: its histories know no time between the frames chosen")
         seen = (found.time >= span[0]) & (found.time <= span[1])
-        result = pressure.pressure_from_impulses(
-            found.time[seen],
-            found.normal[seen],
-            found.impulse[seen],
-            (disks.radius[found.id] + disks.radius[found.partner])[seen],
-            span=span,
-            area=box.area,
-            disks=disks.n,
-            tracked=len(found.tracked),
-            temperature=np.array([_span_mean(when, T, part) for part in pressure.blocks(span)]),
+        columns = (
+            found.time,
+            found.normal,
+            found.impulse,
+            disks.radius[found.id] + disks.radius[found.partner],
         )
+        result = pressure.pressure_from_impulses(
+            *(column[seen] for column in columns), span=span, area=box.area, disks=disks.n, tracked=len(found.tracked),
+            temperature=np.array([_span_mean(when, T, part) for part in pressure.blocks(span)]),
+        )  # fmt: skip
+        force, of_Z = unit(trajectory, "energy/length^2"), result.error / (result.kinetic or math.nan)
         rows += [
             Row("pressure", result.total, result.error, force),
             Row("kinetic part", result.kinetic, unit=force),
             Row("collisional part", result.collisional, result.error, force),
-            Row(
-                "Z = p A / (N T)", result.Z, result.error / result.kinetic if result.kinetic else float("nan")
-            ),
+            Row("Z = p A / (N T)", result.Z, of_Z),
         ]
         notes.append(f"impulses of {len(found.tracked)} tracked disks")
     rows += _pressure_by_rate(trajectory, when, T, count, notes)
     if not rows:
         raise InputError(f"{trajectory.path}: no pressure: " + "; ".join(notes))
-    tables[""] = {
-        "quantity": np.array([row.name for row in rows]),
-        "value": np.array([row.value for row in rows]),
-    }
+    names, values = ([getattr(row, name) for row in rows] for name in ("name", "value"))
+    tables = {"": {"quantity": np.array(names), "value": np.array(values)}}
     return Outcome(result, rows, tables, notes, span, doubts)
 
 
@@ -209,24 +204,21 @@ def _pressure_by_rate(
     if any(np.ptp(one) != 0 for one in (disks.mass, disks.radius, disks.material)) or len(when) < 2:
         notes.append("not by the rate of collisions: it takes equal disks and two times")
         return []
-    collisions = float(count[-1] - count[0])
-    phi = trajectory.box.packing_fraction(disks.radius)
+    collisions, phi = float(count[-1] - count[0]), trajectory.box.packing_fraction(disks.radius)
     # The rate goes like sqrt(T): of the mean of that, a gas that cools has the collisions that it has.
     mean = _span_mean(when, np.sqrt(T), (float(when[0]), float(when[-1]))) ** 2
     if collisions < 1 or mean <= 0.0:
         notes.append("not by the rate of collisions: there are none")
         return []
     rate = 2.0 * collisions / disks.n / float(when[-1] - when[0])
-    chi = pressure.contact_from_rate(
-        rate, packing_fraction=phi, temperature=mean, mass=float(disks.mass[0]), radius=float(disks.radius[0])
-    )
+    mass, radius = float(disks.mass[0]), float(disks.radius[0])
+    chi = pressure.contact_from_rate(rate, packing_fraction=phi, temperature=mean, mass=mass, radius=radius)
     rows = [Row("g at contact, by the rate of collisions", chi, chi / np.sqrt(collisions))]
     if "laws" in trajectory.parameters:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
         assert law is not None  # its disks have collided
-        e_n = float(law["e_n"])
-        Z = pressure.compressibility(phi, chi, e_n)
+        Z = pressure.compressibility(phi, chi, float(law["e_n"]))
         rows.append(Row("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
     notes.append("the rate tells g at contact where velocities are Maxwellian and without correlations")
     return rows
@@ -276,12 +268,8 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         elif not ratio.lag_error < ratio.lag:
             doubts.append("the run is too short to tell where theta ends, and its lag: theta has hardly bent")
     table = {
-        "time": when,
-        "collisions_per_disk": tau,
-        "temperature": T,
-        "rotational_temperature": T_rot,
-        "theta": theta,
-    }
+        "time": when, "collisions_per_disk": tau, "temperature": T, "rotational_temperature": T_rot, "theta": theta,
+    }  # fmt: skip
     return Outcome((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])), doubts)
 
 
