@@ -70,22 +70,22 @@ class Box:
         whole_plane = lengths == (math.inf, math.inf) and not any(periodic)
         if not (whole_plane or all(math.isfinite(side) and side > 0 for side in lengths)):
             raise InputError(f"box lengths = {self.lengths}: {needed}")
-        object.__setattr__(self, "lengths", lengths)
-        object.__setattr__(self, "periodic", periodic)
         shear_rate = checked.real("box shear_rate", self.shear_rate, "a finite number is needed")
+        text, across = f"box shear_rate = {shear_rate:g}", abs(shear_rate) * lengths[1]
         if not math.isfinite(shear_rate):
-            raise InputError(f"box shear_rate = {self.shear_rate}: a finite number is needed")
-        if shear_rate != 0.0 and abs(shear_rate) * lengths[1] > FASTEST_FLOW:
+            raise InputError(f"{text}: a finite number is needed")
+        if shear_rate != 0.0 and across > FASTEST_FLOW:
             raise InputError(
-                f"box shear_rate = {shear_rate:g}: across the box the flow would differ by "
-                f"{abs(shear_rate) * lengths[1]:.3g}, more than {FASTEST_FLOW:g}, whose square can be computed with"
+                f"{text}: across the box the flow would differ by {across:.3g}, more than {FASTEST_FLOW:g}, whose "
+                "square can be computed with"
             )
         if shear_rate != 0.0 and not all(periodic):
-            axis = "xy"[periodic.index(False)]
             raise InputError(
-                f"box shear_rate = {shear_rate:g}: the box must be periodic along x and y, and is not along {axis}; "
+                f"{text}: the box must be periodic along x and y, and is not along {'xy'[periodic.index(False)]}; "
                 "shear between walls by walls that move instead (Box without shear_rate, Wall.line with a surface)"
             )
+        object.__setattr__(self, "lengths", lengths)
+        object.__setattr__(self, "periodic", periodic)
         object.__setattr__(self, "shear_rate", shear_rate)
 
     @classmethod
@@ -210,6 +210,5 @@ def describe_sides(box: Box) -> str:
         return f"periodic, sheared at the rate {box.shear_rate:.6g}"
     if box.periodic[0] == box.periodic[1]:
         return "periodic" if box.periodic[0] else "between walls"
-    return (
-        f"periodic in {'x' if box.periodic[0] else 'y'}, between walls in {'y' if box.periodic[0] else 'x'}"
-    )
+    across, between = "xy" if box.periodic[0] else "yx"
+    return f"periodic in {across}, between walls in {between}"

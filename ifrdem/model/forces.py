@@ -22,16 +22,8 @@ from ..tools import checked
 from .state import Disks
 
 __all__ = [
-    "Drag",
-    "Force",
-    "Langevin",
-    "RandomKicks",
-    "Rescale",
-    "SpinKicks",
-    "TableFriction",
-    "normals",
-    "uniforms",
-]
+    "Drag", "Force", "Langevin", "RandomKicks", "Rescale", "SpinKicks", "TableFriction", "normals", "uniforms",
+]  # fmt: skip
 
 
 class Force:
@@ -138,8 +130,6 @@ class RandomKicks(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two kicks [time].
     power : float
         Energy that each disk gets per time, on average [energy/time].
     diffusion : float
@@ -148,9 +138,8 @@ class RandomKicks(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.RandomKicks(step=0.05, power=0.1)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [0.1, 0.0])
+    >>> [float(value) for value in ifrdem.forces.RandomKicks(step=0.05, power=0.1).parameters]
+    [0.1, 0.0]
     """
 
     __slots__ = ()
@@ -185,8 +174,6 @@ class SpinKicks(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two kicks [time].
     power : float
         Energy that each disk gets per time, on average [energy/time].
     diffusion : float
@@ -195,9 +182,8 @@ class SpinKicks(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.SpinKicks(step=0.05, power=0.1)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [0.1, 0.0])
+    >>> [float(value) for value in ifrdem.forces.SpinKicks(step=0.05, power=0.1).parameters]
+    [0.1, 0.0]
     """
 
     __slots__ = ()
@@ -221,8 +207,6 @@ class Langevin(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two applications [time].
     temperature : float
         Of the bath for velocities [energy], 0 or more.
     rate : float
@@ -235,39 +219,30 @@ class Langevin(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [1.0, 0.2, 1.0, 0.0])
+    >>> [float(value) for value in ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2).parameters]
+    [1.0, 0.2, 1.0, 0.0]
     """
 
     __slots__ = ()
 
     def __init__(
-        self,
-        step: float,
-        *,
-        temperature: float,
-        rate: float = 0.0,
-        spin_temperature: float | None = None,
+        self, step: float, *, temperature: float, rate: float = 0.0, spin_temperature: float | None = None,
         spin_rate: float = 0.0,
-    ) -> None:
+    ) -> None:  # fmt: skip
+        _some(rate=rate, spin_rate=spin_rate)
+        of_spins = temperature if spin_temperature is None else spin_temperature
         given = {
             "temperature": temperature,
             "rate": rate,
-            "spin_temperature": temperature if spin_temperature is None else spin_temperature,
+            "spin_temperature": of_spins,
             "spin_rate": spin_rate,
         }
-        _some(rate=rate, spin_rate=spin_rate)
         super().__init__(step, [number(name, value) for name, value in given.items()])
 
     @staticmethod
     def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
-        temperature, rate, spin_temperature, spin_rate = (
-            parameters[0],
-            parameters[1],
-            parameters[2],
-            parameters[3],
-        )
+        temperature, rate = parameters[0], parameters[1]
+        spin_temperature, spin_rate = parameters[2], parameters[3]
         left, spin_left = ti.exp(-rate * step.dt), ti.exp(-spin_rate * step.dt)
         spread = ti.sqrt(temperature / disk.mass * (1.0 - left * left))
         spin_spread = ti.sqrt(spin_temperature / disk.inertia * (1.0 - spin_left * spin_left))
@@ -287,8 +262,6 @@ class Drag(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two applications [time].
     rate : float
         Of linear drag [1/time], as by a viscous gas.
     quadratic : float
@@ -299,9 +272,8 @@ class Drag(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.Drag(step=0.05, rate=0.2)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [0.2, 0.0, 0.0])
+    >>> [float(value) for value in ifrdem.forces.Drag(step=0.05, rate=0.2).parameters]
+    [0.2, 0.0, 0.0]
     """
 
     __slots__ = ()
@@ -353,9 +325,8 @@ class TableFriction(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.TableFriction(step=1e-3, mu=0.2, gravity=10.0)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.001, [2.0])
+    >>> [float(value) for value in ifrdem.forces.TableFriction(step=1e-3, mu=0.2, gravity=10.0).parameters]
+    [2.0]
     """
 
     __slots__ = ()
@@ -385,8 +356,6 @@ class Rescale(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two applications [time].
     temperature : float
         Translational temperature after each, the mean of m v^2 / 2 [energy]; spins are left alone.
     energy : float
@@ -396,9 +365,8 @@ class Rescale(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.Rescale(step=0.05, temperature=1.0)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [1.0, 0.0])
+    >>> [float(value) for value in ifrdem.forces.Rescale(step=0.05, temperature=1.0).parameters]
+    [1.0, 0.0]
     """
 
     __slots__ = ()

@@ -141,18 +141,10 @@ def _anchor(boundary: _Boundary) -> Point:
 
 @dataclass(frozen=True)
 class Room:
-    """Where disks can be in a box between walls, at t = 0.
+    """Where disks can be in a box between walls, at t = 0."""
 
-    Attributes
-    ----------
-    box : Box
-        Those of its sides that are not periodic are walls too.
-    walls : tuple of Wall
-        Others.
-    """
-
-    box: Box
-    walls: tuple[Wall, ...] = ()
+    box: Box  # sides that are not periodic are walls too
+    walls: tuple[Wall, ...] = ()  # others
 
     @property
     def all_walls(self) -> tuple[Wall, ...]:
@@ -160,13 +152,7 @@ class Room:
         return (*self.walls, *sides(self.box))
 
     def gap(self, position: Array, radius: Array) -> Array:
-        """Distance of each disk to the nearest wall [length], shape (n,); negative if they overlap, inf without walls.
-
-        Parameters
-        ----------
-        position : array (n, 2)
-        radius : array (n,)
-        """
+        """Distance of each disk to the nearest wall [length], (n,); negative if they overlap, inf without walls."""
         gaps = [wall.gap(position, radius) for wall in self.all_walls]
         return np.min(gaps, axis=0) if gaps else np.full(len(position), np.inf)
 
@@ -208,21 +194,16 @@ class Room:
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower left and upper right corner of a rectangle around the room [length]; the box if there is none."""
-        if not self.walls:
-            return np.zeros(2), np.array(self.box.lengths)
-        points = [
-            piece.at(np.array(piece.extremes(s, s_1)))
-            for piece, s, s_1 in self._pieces(self._boundaries(0.0))
-        ]
-        if not points:
-            return np.zeros(2), np.array(self.box.lengths)
         lengths = np.array(self.box.lengths)
+        pieces = self._pieces(self._boundaries(0.0)) if self.walls else ()
+        points = [piece.at(np.array(piece.extremes(s, s_1))) for piece, s, s_1 in pieces]
+        if not points:
+            return np.zeros(2), lengths
         found = np.clip(np.concatenate(points), 0.0, lengths)
         low, high = found.min(axis=0), found.max(axis=0)
         # Across a periodic side the room goes on, where it reaches it.
-        open_ = np.array(self.box.periodic) & (
-            (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
-        )
+        open_ = (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
+        open_ &= np.array(self.box.periodic)
         return np.where(open_, 0.0, low), np.where(open_, lengths, high)
 
     def spans(self, radius: Array) -> tuple[Array, Array]:

@@ -137,12 +137,10 @@ class State(Brief, Sealed):
     (0.0, (2, 2))
     """
 
-    assignable: ClassVar[frozenset[str]] = frozenset(
-        {
-            "angle", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
-            "velocity", "wall_hits",
-        }
-    )  # fmt: skip
+    assignable: ClassVar[frozenset[str]] = frozenset({
+        "angle", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
+        "velocity", "wall_hits",
+    })  # fmt: skip
 
     position: Array
     velocity: Array
@@ -166,33 +164,26 @@ class State(Brief, Sealed):
         self.time = checked.real("time", self.time)
         if not math.isfinite(self.time):
             raise InputError(f"time = {self.time}: a finite number is needed")
-        for name, value in (("position", self.position), ("velocity", self.velocity), ("spin", self.spin)):
-            finite = np.isfinite(value)
-            if not finite.all():
-                i = int(np.argmin(finite)) // max(value.size // n, 1)
-                raise InputError(f"{name}[{i}] = {value[i]}: every value must be finite")
         for name, shape, least in _COUNTS:
             value = getattr(self, name)
             if value is None:
-                filled = np.full((n, *shape), -1 if name == "last_partner" else 0, dtype=np.int32)
-                setattr(self, name, filled)
-            else:
-                setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
+                value = np.full((n, *shape), -1 if name == "last_partner" else 0, dtype=np.int32)
+            setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
         if self.latest_collision is None:
             self.latest_collision = np.full(n, -np.inf)
         self.latest_collision = checked.array("latest_collision", self.latest_collision, (n,))
         self.angle = np.zeros(n) if self.angle is None else checked.array("angle", self.angle, (n,))
-        if not np.isfinite(self.angle).all():
-            i = int(np.argmin(np.isfinite(self.angle)))
-            raise InputError(f"angle[{i}] = {self.angle[i]}: every value must be finite")
+        for name in ("position", "velocity", "spin", "angle"):
+            value = getattr(self, name)
+            finite = np.isfinite(value)
+            if not finite.all():
+                i = int(np.argmin(finite)) // max(value.size // n, 1)
+                raise InputError(f"{name}[{i}] = {value[i]}: every value must be finite")
         late = ~(self.latest_collision <= self.time)
         if np.any(late):
             i = int(np.argmax(late))
-            raise InputError(
-                f"latest_collision[{i}] = {self.latest_collision[i]}: a time not after the state's, {self.time}, is "
-                "needed"
-            )
-
+            needed = f"a time not after the state's, {self.time}, is needed"
+            raise InputError(f"latest_collision[{i}] = {self.latest_collision[i]}: {needed}")
         if self.flow is not None:
             self.flow = checked.array("flow", self.flow, (n, 2))
             if not np.isfinite(self.flow).all():
