@@ -1,4 +1,4 @@
-"""What kinetic theory says of a gas, whatever it is: one species or several, cooling, driven or sheared."""
+"""Kinetic theory of a gas, whatever it is: one species or several, cooling, driven or sheared."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def prediction(
     forces: Iterable[Mapping[str, Any]] = (),
     shear_rate: float = 0.0,
 ) -> Prediction:
-    """What kinetic theory says of a gas: the theory that belongs to it is chosen here.
+    """Temperatures of a gas by the kinetic theory that belongs to it.
 
     InputError if no theory here describes such a gas (rolling friction, a force that is not linear, a sheared
     mixture, forces in a flow), or as the theories do.

@@ -131,30 +131,17 @@ def cooled(slope: Callable[[Array], Array], start: Array, x: Array) -> Array:
     from scipy.integrate import solve_ivp
 
     when = np.log1p(x)
-    solution = solve_ivp(
-        lambda s, y: math.exp(s) * slope(y),
-        (0.0, float(when[-1])),
-        start,
-        method="LSODA",
-        t_eval=when,
-        rtol=1e-10,
-        atol=1e-12,
-    )
+    options = {"method": "LSODA", "t_eval": when, "rtol": 1e-10, "atol": 1e-12}
+    solution = solve_ivp(lambda s, y: math.exp(s) * slope(y), (0.0, float(when[-1])), start, **options)
     if not solution.success:
         raise TheoryError(f"the cooling equations could not be integrated: {solution.message}")
     return np.asarray(solution.y)
 
 
 def cooling(
-    law: IFRLaw,
-    mass: float,
-    radius: float,
-    k: float,
-    packing_fraction: float,
-    T0: float,
-    T_rot0: float,
+    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, T0: float, T_rot0: float,
     times: ArrayLike,
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Temperatures of a homogeneous gas of equal disks as it cools: `cooling_rates` integrated.
 
     InputError as `cooling_rates`, or if the times decrease or are negative.
@@ -260,17 +247,10 @@ def rough_rates(theta: ArrayLike, e_n: float, beta: float, k: float) -> tuple[Ar
 
 
 class CoolingRatio(NamedTuple):
-    """A ratio theta = T_rot / T that stays in a cooling gas.
-
-    Attributes
-    ----------
-    theta : float
-    stable : bool
-        True if nearby ratios tend to it, False if they go away from it.
-    """
+    """A ratio theta = T_rot / T that stays in a cooling gas."""
 
     theta: float
-    stable: bool
+    stable: bool  # True if nearby ratios tend to it, False if they go away from it
 
 
 def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:

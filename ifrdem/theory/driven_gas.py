@@ -47,12 +47,7 @@ class Drive:
     def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Drive | None:
         """The drive of the forces of a case (`forces_section.py`) on equal disks; None where a force is not linear.
 
-        Parameters
-        ----------
-        forces : iterable of mappings
-            The keys of each force; None stands for a key that is not given.
-        mass, inertia : float
-            Of one disk [mass], [mass length^2].
+        Each force is a mapping of its keys, None for a key that is not given; mass and inertia are those of a disk.
         """
         found = {"power": 0.0, "spin_power": 0.0, "rate": 0.0, "spin_rate": 0.0}
         for force in forces:
@@ -90,20 +85,17 @@ class _Balance:
 
     def __call__(self, T: float, T_rot: float) -> tuple[float, float]:
         """(dT/dt, dT_rot/dt) [energy/time], T > 0."""
-        cooling = cooling_rates(
-            T,
-            T_rot,
-            law=self.law,
-            mass=self.mass,
-            radius=self.radius,
-            k=self.k,
-            number_density=self.packing_fraction / (math.pi * self.radius**2),
-        )
-        d = self.drive
-        return (
-            d.power - 2.0 * d.rate * T + float(cooling[0]),
-            2.0 * (d.spin_power - d.spin_rate * T_rot) + float(cooling[1]),
-        )
+        density, d = self.packing_fraction / (math.pi * self.radius**2), self.drive
+        one: Any = {
+            "law": self.law,
+            "mass": self.mass,
+            "radius": self.radius,
+            "k": self.k,
+            "number_density": density,
+        }
+        translation, rotation = (float(rate) for rate in cooling_rates(T, T_rot, **one))
+        turning = 2.0 * (d.spin_power - d.spin_rate * T_rot) + rotation
+        return d.power - 2.0 * d.rate * T + translation, turning
 
     def steady_spins(self, T: float) -> float:
         """T_rot at which spins get what they lose, at a given T; nan if both are nothing, inf if they get more."""
@@ -124,17 +116,8 @@ def steady_state(
 ) -> tuple[float, float] | None:
     """Temperatures (T, T_rot) [energy] at which the gas loses what it gets; None if it has no such state with T > 0.
 
-    T_rot is nan where nothing acts on the spins (smooth disks): they keep what they have. InputError as
-    `theory.cooling_rates`.
-
-    Parameters
-    ----------
-    law, mass, radius, k
-        As for `theory.cooling_rates`.
-    packing_fraction : float
-        Part of the area that the disks cover.
-    drive : Drive
-        What heats and slows the disks.
+    T_rot is nan where nothing acts on the spins (smooth disks): they keep what they have. Arguments as for
+    `theory.cooling`; errors as `theory.cooling_rates`.
     """
     from scipy.optimize import brentq
 
@@ -167,34 +150,13 @@ def steady_state(
 
 
 def driven(
-    law: IFRLaw,
-    mass: float,
-    radius: float,
-    k: float,
-    packing_fraction: float,
-    drive: Drive,
-    T0: float,
-    T_rot0: float,
-    times: ArrayLike,
-) -> tuple[Array, Array, Array]:
+    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, drive: Drive, T0: float,
+    T_rot0: float, times: ArrayLike,
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Temperatures of a homogeneous gas of equal disks that is driven.
 
-    InputError as `theory.cooling_rates`, if the times decrease or are negative, or nothing moves (T0 = 0) and only
-    spins, if any, are driven: without motion there are no collisions.
-
-    Parameters
-    ----------
-    law, mass, radius, k, packing_fraction, drive
-        As for `steady_state`.
-    T0, T_rot0 : float
-        Temperatures at time 0, 0 or more [energy].
-    times : array_like (steps,)
-        Times since the start [time], 0 or more and not decreasing.
-
-    Returns
-    -------
-    T, T_rot, collisions_per_disk : arrays (steps,)
-        [energy], [energy], and the collisions each disk has had on average.
+    Arguments and what is returned as for `theory.cooling`, but T0 may be 0. InputError as there, or if nothing moves
+    (T0 = 0) and only spins, if any, are driven: without motion there are no collisions.
     """
     from scipy.integrate import solve_ivp
 
@@ -217,15 +179,8 @@ def driven(
         collisions = collision_rate(packing_fraction, scale * T, mass, radius)
         return dT / scale, dT_rot / scale, collisions
 
-    solution = solve_ivp(
-        slope,
-        (0.0, float(when[-1])),
-        (T0 / scale, T_rot0 / scale, 0.0),
-        method="LSODA",
-        t_eval=when,
-        rtol=1e-9,
-        atol=1e-12,
-    )
+    start, options = (T0 / scale, T_rot0 / scale, 0.0), {"t_eval": when, "rtol": 1e-9, "atol": 1e-12}
+    solution = solve_ivp(slope, (0.0, float(when[-1])), start, method="LSODA", **options)
     if not solution.success:
         raise TheoryError(f"the equations of the driven gas could not be integrated: {solution.message}")
     T, T_rot, collisions = solution.y

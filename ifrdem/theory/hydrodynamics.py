@@ -51,18 +51,13 @@ _STEPS = 2000  # of a course: what is interpolated between two of them is off by
 
 
 class ShearModes(NamedTuple):
-    """When shear modes hold a certain part of the energy of a cooling gas.
+    """When shear modes hold a certain part of the energy of a cooling gas, since it was homogeneous and thermal.
 
-    Attributes
-    ----------
-    collisions_per_disk : float
-        Since the gas was homogeneous and thermal; infinite if they do not within 1e5, or before T is 1e-200 T0.
-    time : float
-        The same [time].
+    Infinite if they do not within 1e5 collisions per disk, or before T is 1e-200 T0.
     """
 
     collisions_per_disk: float
-    time: float
+    time: float  # [time]
 
 
 def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
@@ -227,24 +222,12 @@ def clustering_length(e_n: float, radius: float, packing_fraction: float) -> flo
 
 
 class _Course(NamedTuple):
-    """A homogeneous gas that cools, at collisions per disk tau (steps,): see the module's text.
-
-    Attributes
-    ----------
-    tau : array
-        Collisions per disk.
-    lost : array
-        Z, ln(T0 / T).
-    spread : array
-        X [length^2], the integral of z xi^2.
-    time : array
-        In units of the first mean free time.
-    """
+    """A homogeneous gas that cools, at collisions per disk tau (steps,): see the module's text."""
 
     tau: Array
-    lost: Array
-    spread: Array
-    time: Array
+    lost: Array  # Z, ln(T0 / T)
+    spread: Array  # X [length^2], the integral of z xi^2
+    time: Array  # in units of the first mean free time
 
     @classmethod
     def of(

@@ -83,16 +83,9 @@ class Mixture:
     contact: Contact
 
     def __init__(
-        self,
-        mass: ArrayLike,
-        radius: ArrayLike,
-        law: IFRLaw | Sequence[Sequence[IFRLaw]],
-        packing_fraction: float,
-        *,
-        k: ArrayLike = 2.0,
-        fraction: ArrayLike | None = None,
-        contact: Contact = "virial",
-    ) -> None:
+        self, mass: ArrayLike, radius: ArrayLike, law: IFRLaw | Sequence[Sequence[IFRLaw]], packing_fraction: float, *,
+        k: ArrayLike = 2.0, fraction: ArrayLike | None = None, contact: Contact = "virial",
+    ) -> None:  # fmt: skip
         columns = {"mass": mass, "radius": radius, "k": k, "fraction": 1.0 if fraction is None else fraction}
         found = {name: _column(name, value) for name, value in columns.items()}
         try:
@@ -102,23 +95,20 @@ class Mixture:
             raise InputError(f"mixture: {shapes}: one number per species is needed") from None
         if s > MOST_SPECIES:
             raise InputError(f"mixture: {s} species; {MOST_SPECIES} at most (ifrdem.dsmc has no such limit)")
+        set_ = object.__setattr__
         for name, column in found.items():
-            object.__setattr__(self, name, np.array(np.broadcast_to(column, s)))
-        object.__setattr__(self, "fraction", self.fraction / self.fraction.sum())
-        object.__setattr__(self, "packing_fraction", checked_packing_fraction(packing_fraction))
-        object.__setattr__(self, "contact", contact)
+            set_(self, name, np.array(np.broadcast_to(column, s)))
+        set_(self, "fraction", self.fraction / self.fraction.sum())
+        set_(self, "packing_fraction", checked_packing_fraction(packing_fraction))
+        set_(self, "contact", contact)
         self.contact_values()  # refuses an unknown `contact`
-        object.__setattr__(self, "law", self._table(law))
+        set_(self, "law", self._table(law))
 
     @classmethod
     def of(
-        cls,
-        disks: Disks,
-        law: IFRLaw | Sequence[Sequence[IFRLaw]],
-        packing_fraction: float,
-        *,
+        cls, disks: Disks, law: IFRLaw | Sequence[Sequence[IFRLaw]], packing_fraction: float, *,
         contact: Contact = "virial",
-    ) -> tuple[Mixture, NDArray[np.int64]]:
+    ) -> tuple[Mixture, NDArray[np.int64]]:  # fmt: skip
         """The mixture of these disks, whose `law` is a table of materials, and each disk's species, shape (n,).
 
         Disks are of one species if mass, radius, k and material agree. InputError as the class, or if a disk is
@@ -173,19 +163,11 @@ class Mixture:
 
 
 class MixtureTemperatures(NamedTuple):
-    """Temperatures of the species of a mixture over time.
+    """Temperatures of the s species of a mixture over time; arrays (steps, s)."""
 
-    Attributes
-    ----------
-    T, T_rot : array (steps, s)
-        [energy].
-    collisions_per_disk : array (steps, s)
-        Collisions that a disk of each species has had on average.
-    """
-
-    T: Array
-    T_rot: Array
-    collisions_per_disk: Array
+    T: Array  # [energy]
+    T_rot: Array  # [energy]
+    collisions_per_disk: Array  # that a disk of each species has had on average
 
     def mean(self, mixture: Mixture) -> tuple[Array, Array, Array]:
         """T, T_rot and collisions of all disks together, shape (steps,) each, as `observables.measure` has them."""
@@ -286,9 +268,8 @@ def mixture_cooling(
         often = mixture.collision_rates(part * mean0) / rate0  # at T = T0; rates go with sqrt(T)
         translation, rotation = _rates(mixture, part, part_rot, often)
         change = float(x @ translation)
-        return speed * np.concatenate(
-            [[change], translation - part * change, rotation - part_rot * change, often.sum(axis=1)]
-        )
+        rates = ([change], translation - part * change, rotation - part_rot * change, often.sum(axis=1))
+        return speed * np.concatenate(rates)
 
     return _unpacked(cooled(slope, start, rate0 * when), mean0, s)
 
@@ -322,9 +303,9 @@ def mixture_driven(
     s = mixture.species
     if len(drives) != s:
         raise InputError(f"drives: {len(drives)} for {s} species; one each is needed")
+    names = ("power", "spin_power", "rate", "spin_rate")
     power, spin_power, rate, spin_rate = (
-        np.array([getattr(each, name) for each in drives])
-        for name in ("power", "spin_power", "rate", "spin_rate")
+        np.array([getattr(each, name) for each in drives]) for name in names
     )
     if not T0.any() and not power.any():
         raise InputError("T0 = 0 and no power: nothing moves")

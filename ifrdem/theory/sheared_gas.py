@@ -39,7 +39,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -86,16 +86,8 @@ def relaxation(theta: float, law: IFRLaw, k: float) -> float:
         l = -(sqrt(2 pi) / 4) < g_n [ (D_nn - D_tt)(g_n^2 - v_t^2)/4 + D_nt g_n v_t ] >_(g_n > 0).
 
     The slip of the contact points is sqrt(S) u, u normal, S = 1 + k theta; given it, v_t is Gaussian with mean
-    u/sqrt(S) and variance 1 - 1/S. P_t is as at `theory.cooling_rates`.
-
-    Parameters
-    ----------
-    theta : float
-        T_rot / T.
-    law : IFRLaw
-        Without rolling friction.
-    k : float
-        Shape number in I = m R^2 / k.
+    u/sqrt(S) and variance 1 - 1/S. P_t is as at `theory.cooling_rates`. `theta` is T_rot / T, `k` the shape number in
+    I = m R^2 / k; the law has no rolling friction.
     """
     e, S = law.e_n, 1.0 + k * theta
     c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
@@ -127,25 +119,13 @@ class TheoryWarning(UserWarning):
 
 
 class _Flow(NamedTuple):
-    """State of a sheared gas, for m = sigma = 1: in free flight only `tilt` changes, at the rate -g.
+    """State of a sheared gas, for m = sigma = 1: in free flight only `tilt` changes, at the rate -g."""
 
-    Attributes
-    ----------
-    across, along : float
-        ln p_yy and ln(p_xx - p_xy^2 / p_yy): both are positive whatever an integrator tries.
-    tilt : float
-        p_xy / p_yy.
-    turn : float
-        Mean spin W.
-    tau : float
-        I <(w - W)^2>.
-    """
-
-    across: float
+    across: float  # ln p_yy and ln(p_xx - p_xy^2 / p_yy): both are positive whatever an integrator tries
     along: float
-    tilt: float
-    turn: float
-    tau: float
+    tilt: float  # p_xy / p_yy
+    turn: float  # mean spin W
+    tau: float  # I <(w - W)^2>
 
     @classmethod
     def of(cls, p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float) -> _Flow:
@@ -196,14 +176,7 @@ def collisional_changes(
 
         d(V V) = -(P c + c P) / 2 + P P,    dw = -2 k P_t,    d(I w^2) = -P_t w + k P_t^2.
 
-    Parameters
-    ----------
-    p_xx, p_yy, p_xy, turn, tau
-        As in the module's text, turn being W.
-    g : float
-        Shear rate.
-    law, k
-        As for `relaxation`.
+    Arguments as in the module's text: `turn` is W, g the shear rate; law and k as for `relaxation`.
     """
     from scipy.special import erfc
 
@@ -255,16 +228,15 @@ def collisional_changes(
     d_w = np.sum(weight * I_3 * -2.0 * k * P_t, axis=1)
     d_spinning = average(k * P_t**2 - P_t * (g_t - c_t), -P_t * (flow_t - c_t0 - turn))
     x, y = x[:, 0], y[:, 0]
-    return np.array(
-        (
-            np.sum(weight * I_2, axis=1),
-            x**2 * d_nn - 2.0 * x * y * d_nt + y**2 * d_tt,
-            y**2 * d_nn + 2.0 * x * y * d_nt + x**2 * d_tt,
-            x * y * (d_nn - d_tt) + (x**2 - y**2) * d_nt,
-            d_w,
-            d_spinning,
-        )
-    ).mean(axis=1)
+    changes = (
+        np.sum(weight * I_2, axis=1),
+        x**2 * d_nn - 2.0 * x * y * d_nt + y**2 * d_tt,
+        y**2 * d_nn + 2.0 * x * y * d_nt + x**2 * d_tt,
+        x * y * (d_nn - d_tt) + (x**2 - y**2) * d_nt,
+        d_w,
+        d_spinning,
+    )
+    return np.array(changes).mean(axis=1)
 
 
 def _check(law: IFRLaw, packing_fraction: float, shear_rate: float) -> None:
@@ -286,15 +258,9 @@ def steady_state(
 ) -> tuple[float, float] | None:
     """T and T_rot [energy] at which a sheared gas stays; None where it goes on heating, as elastic disks do.
 
-    T_rot is nan for smooth disks, whose spins nothing changes. InputError if the law has rolling friction, the shear
-    rate is 0 or a property is not positive. TheoryWarning outside the range of the module's text.
-
-    Parameters
-    ----------
-    law, mass, radius, k, packing_fraction
-        As for `theory.cooling`.
-    shear_rate : float
-        [1/time].
+    T_rot is nan for smooth disks, whose spins nothing changes. Arguments as for `theory.cooling`, with the shear rate
+    [1/time]. InputError if the law has rolling friction, the shear rate is 0 or a property is not positive. TheoryWarning
+    outside the range of the module's text.
     """
     from scipy.optimize import root
 
@@ -335,7 +301,6 @@ def steady_state(
 
 def _steady_theta(law: IFRLaw, k: float) -> float | None:
     """T_rot / T at which collisions leave T_rot alone while T is held; None if there is none up to 1e6."""
-
     from scipy.optimize import brentq
 
     def rotation(log_theta: float) -> float:
@@ -348,33 +313,16 @@ def _steady_theta(law: IFRLaw, k: float) -> float | None:
 
 
 def sheared(
-    law: IFRLaw,
-    mass: float,
-    radius: float,
-    k: float,
-    packing_fraction: float,
-    shear_rate: float,
-    T0: float,
-    T_rot0: float,
-    times: ArrayLike,
-) -> tuple[Array, Array, Array]:
+    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, shear_rate: float, T0: float,
+    T_rot0: float, times: ArrayLike,
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Temperatures of a gas of equal disks, isotropic at time 0, from when its flow begins.
 
     InputError as `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
     TheoryError if the equations cannot be integrated: shear and collision rates differ by too many orders of
     magnitude. TheoryWarning as `steady_state`.
 
-    Parameters
-    ----------
-    law, mass, radius, k, packing_fraction, T0, T_rot0, times
-        As for `theory.cooling`.
-    shear_rate : float
-        [1/time].
-
-    Returns
-    -------
-    T, T_rot, collisions_per_disk : arrays (steps,)
-        [energy], [energy], and the collisions that each disk has had on average.
+    Arguments and what is returned as for `theory.cooling`, with the shear rate [1/time].
     """
     from scipy.integrate import solve_ivp
 
@@ -408,17 +356,11 @@ def sheared(
             ) from None
         return (*rates, often)
 
+    start = (*_Flow.of(1.0, 1.0, 0.0, 0.0, T_rot0 / T0), 0.0)
+    options: Any = {"method": "LSODA", "t_eval": unit * when, "rtol": 1e-8, "atol": 1e-10}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # `success` and `message` say the same
-        solution = solve_ivp(
-            slope,
-            (0.0, unit * when[-1]),
-            (*_Flow.of(1.0, 1.0, 0.0, 0.0, T_rot0 / T0), 0.0),
-            method="LSODA",
-            t_eval=unit * when,
-            rtol=1e-8,
-            atol=1e-10,
-        )
+        solution = solve_ivp(slope, (0.0, unit * when[-1]), start, **options)
     if not solution.success:
         raise TheoryError(f"the equations of the sheared gas could not be integrated: {solution.message}")
     T, T_rot = np.array([_Flow._make(one).temperatures(k) for one in solution.y[:5].T]).T
