@@ -1,4 +1,4 @@
-"""What all analyses share: frames as arrays, boxes, neighbours, standard errors of correlated series."""
+"""Frames as arrays, boxes, neighbours, standard errors of correlated series, for all analyses."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -123,28 +123,21 @@ def unwrap(
     return np.concatenate((x[:1], x[:1] + np.cumsum(step, axis=0)))
 
 
-class _Means:
-    """Sums over disks of values at lags, from which mean and covariance of the mean come; a few disks at a time."""
-
-    def __init__(self, lags: int) -> None:
-        self.disks = 0
-        self.sum = np.zeros(lags)
-        self.square = np.zeros((lags, lags))
-
-    def add(self, values: Array) -> None:
-        """Add disks, shape (lags, n)."""
-        self.disks += values.shape[1]
-        self.sum += values.sum(axis=1)
-        self.square += values @ values.T
-
-    def correlation(self, lag: Array, components: int, origins: str) -> Correlation:
-        n = self.disks
-        mean = self.sum / n
-        covariance = np.full_like(self.square, np.nan)
-        if n > 1:
-            covariance = (self.square / n - np.outer(mean, mean)) / (n - 1)
-        error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        return Correlation(lag, mean, error, covariance, components, n, origins)
+def _correlation(
+    name: str, times: ArrayLike, paths: Any, origins: str, most: int, values: Callable[[Array, int], Array]
+) -> Correlation:
+    """The mean over disks of values (lags, n) of paths (frames, n, d), a few disks at a time."""
+    lag = _lags(times, name, paths, origins, most)
+    n, components, total, square = 0, 0, np.zeros(len(lag)), np.zeros((len(lag), len(lag)))
+    for path in _parts(name, paths, len(np.asarray(times))):
+        found = values(path, len(lag))
+        n, components = n + path.shape[1], path.shape[2]
+        total += found.sum(axis=1)
+        square += found @ found.T
+    mean = total / n
+    covariance = (square / n - np.outer(mean, mean)) / (n - 1) if n > 1 else np.full_like(square, np.nan)
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return Correlation(lag, mean, error, covariance, components, n, origins)
 
 
 def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> Array:
@@ -211,21 +204,18 @@ def mean_square_displacement(
     >>> bool(abs(msd.value[msd.lag == 10.0][0] / 20.0 - 1.0) < 0.1)  # a random walk of unit steps: 2 t
     True
     """
-    lag = _lags(times, "paths", paths, origins, most_lags)
-    means, components = _Means(len(lag)), 0
-    for path in _parts("paths", paths, len(np.asarray(times))):
-        components = path.shape[2]
+
+    def values(path: Array, lags: int) -> Array:
         path = path - path[0]
         if origins == "first":
-            means.add(np.sum(path**2, axis=2))
-            continue
-        frames = len(path)
+            return np.sum(path**2, axis=2)
+        frames, step = len(path), np.arange(lags)
         square = np.concatenate((np.zeros_like(path[:1, :, 0]), np.cumsum(np.sum(path**2, axis=2), axis=0)))
-        step = np.arange(len(lag))
         # Sums of |x(s)|^2 and |x(s + t)|^2 over the origins s that a lag has.
         ends = square[frames - step] + (square[frames] - square[step])
-        means.add((ends - 2.0 * _autocorrelation(path)[: len(lag)]) / (frames - step)[:, None])
-    return means.correlation(lag, components, origins)
+        return (ends - 2.0 * _autocorrelation(path)[:lags]) / (frames - step)[:, None]
+
+    return _correlation("paths", times, paths, origins, most_lags, values)
 
 
 def velocity_autocorrelation(
@@ -248,15 +238,13 @@ def velocity_autocorrelation(
     >>> found.value[:2].round(1) + 0.0
     array([2., 0.])
     """
-    lag = _lags(times, "velocity", velocity, origins, most_lags)
-    means, components = _Means(len(lag)), 0
-    for v in _parts("velocity", velocity, len(np.asarray(times))):
-        components = v.shape[2]
+
+    def values(v: Array, lags: int) -> Array:
         if origins == "first":
-            means.add(np.sum(v * v[0], axis=2))
-        else:
-            means.add(_autocorrelation(v)[: len(lag)] / (len(v) - np.arange(len(lag)))[:, None])
-    return means.correlation(lag, components, origins)
+            return np.sum(v * v[0], axis=2)
+        return _autocorrelation(v)[:lags] / (len(v) - np.arange(lags))[:, None]
+
+    return _correlation("velocity", times, velocity, origins, most_lags, values)
 
 
 def _parts(name: str, values: Array | Iterable[Array], frames: int) -> Iterable[Array]:
@@ -317,9 +305,5 @@ def diffusion_coefficient(
     variance = float(weight @ msd.covariance[np.ix_(used, used)] @ weight)
     factor = 2.0 * msd.components
     exponent = float(np.polyfit(np.log(t), np.log(value), 1)[0]) if np.all(value > 0.0) else float("nan")
-    return Diffusion(
-        D=float(weight @ value) / factor,
-        error=float(np.sqrt(variance)) / factor,
-        exponent=exponent,
-        lags=(float(t[0]), float(t[-1])),
-    )
+    lags = (float(t[0]), float(t[-1]))
+    return Diffusion(float(weight @ value) / factor, float(np.sqrt(variance)) / factor, exponent, lags)

@@ -48,17 +48,9 @@ class Fields(Brief):
 
 
 def coarse_grain(
-    position: Array,
-    velocity: Array,
-    spin: Array | None = None,
-    *,
-    box: Box | ArrayLike,
-    cells: tuple[int, int],
-    mass: ArrayLike = 1.0,
-    radius: ArrayLike = 0.0,
-    inertia: ArrayLike = 0.0,
-    width: float = 0.0,
-) -> Fields:
+    position: Array, velocity: Array, spin: Array | None = None, *, box: Box | ArrayLike, cells: tuple[int, int],
+    mass: ArrayLike = 1.0, radius: ArrayLike = 0.0, inertia: ArrayLike = 0.0, width: float = 0.0,
+) -> Fields:  # fmt: skip
     """Fields of one frame, by cells or by Gaussians around each disk.
 
     With weights phi of the disks at a place (1 in its cell, or the Gaussian of the distance), u = sum m v phi over
@@ -133,16 +125,8 @@ def coarse_grain(
         T = np.where(enough, np.maximum(spread, 0.0) / (2.0 * freedom), np.nan)
         T_rot = total(inertia_of * omega * omega) / number
     area = float(np.prod(size))
-    return Fields(
-        x=low[0] + (np.arange(cells[0]) + 0.5) * size[0],
-        y=low[1] + (np.arange(cells[1]) + 0.5) * size[1],
-        number=number / area,
-        packing_fraction=total(np.pi * R * R) / area,
-        velocity=u + drift,
-        temperature=T,
-        rotational_temperature=T_rot,
-        width=width,
-    )
+    x, y = (low[axis] + (np.arange(cells[axis]) + 0.5) * size[axis] for axis in (0, 1))
+    return Fields(x, y, number / area, total(np.pi * R * R) / area, u + drift, T, T_rot, width)
 
 
 class _Kernel:
@@ -150,9 +134,7 @@ class _Kernel:
 
     def __init__(self, width: float, size: Array, cells: tuple[int, int], box: Box) -> None:
         self.width, self.size, self.box = width, size, box
-        self.inside = np.ones(cells)
-        if width:
-            self.inside = self._filter(np.ones(cells), width)
+        self.inside = self._filter(np.ones(cells), width) if width else np.ones(cells)
 
     def smooth(self, deposited: Array, squared: bool) -> Array:
         """Sum of phi, or of phi^2, times what was put into cells."""

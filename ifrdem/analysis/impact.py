@@ -91,29 +91,26 @@ def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None
     from scipy.stats import kstest
 
     angle = np.asarray(psi, dtype=float)
-    n = len(angle)
+    n, quarter = len(angle), 0.5 * np.pi * (1.0 + 1e-12)
     if n == 0:
         raise InputError("no collisions: there are no angles of impact")
-    if not (np.all(angle >= 0.0) and np.all(angle <= 0.5 * np.pi * (1.0 + 1e-12))):
+    if not (np.all(angle >= 0.0) and np.all(angle <= quarter)):
         raise InputError("angles of impact must be from 0 to pi / 2 [rad]")
-    if bins is None:
-        bins = int(np.clip(n // PER_BIN, *BINS))
-    counts, edges = np.histogram(angle, bins, (0.0, 0.5 * np.pi * (1.0 + 1e-12)))
-    share, width = counts / n, edges[1] - edges[0]
-    likely = (counts + 0.5) / (n + 1.0)
+    counts, edges = np.histogram(
+        angle, int(np.clip(n // PER_BIN, *BINS)) if bins is None else bins, (0.0, quarter)
+    )
+    width, likely = edges[1] - edges[0], (counts + 0.5) / (n + 1.0)
     b = np.sin(angle)
     shares: dict[str, tuple[float, float]] = {}
     if regime is not None:
         values = np.asarray(regime)
         if len(values) != n:
             raise InputError(f"{len(values)} regimes of {n} collisions: as many are needed")
-        found = zip(*np.unique(values, return_counts=True), strict=True)
-        shares = regime_shares(
-            {REGIMES.get(int(value), f"regime {int(value)}"): int(count) for value, count in found}
-        )
+        found = np.array(np.unique(values, return_counts=True)).T.tolist()
+        shares = regime_shares({REGIMES.get(value, f"regime {value}"): count for value, count in found})
     return Impacts(
         psi=0.5 * (edges[1:] + edges[:-1]),
-        density=share / width,
+        density=counts / n / width,
         density_error=np.sqrt(likely * (1.0 - likely) / (n + 2.0)) / width,
         mean_b=float(b.mean()),
         mean_b_error=float(np.std(b, ddof=1) / np.sqrt(n)) if n > 1 else float("nan"),
@@ -127,8 +124,5 @@ def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None
 def regime_shares(counts: Mapping[str, int]) -> dict[str, tuple[float, float]]:
     """Share of each regime that occurs, and its standard error, from numbers of independent collisions."""
     n = sum(counts.values())
-    return {
-        name: (count / n, float(np.sqrt(count / n * (1.0 - count / n) / n)))
-        for name, count in counts.items()
-        if count
-    }
+    shares = {name: count / n for name, count in counts.items() if count}
+    return {name: (share, float(np.sqrt(share * (1.0 - share) / n))) for name, share in shares.items()}

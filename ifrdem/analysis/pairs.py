@@ -66,14 +66,9 @@ class ContactValue:
 
 
 def pair_correlation(
-    position: Positions,
-    box: Box | ArrayLike,
-    *,
-    r_max: float,
-    bins: int = 200,
-    r_min: float = 0.0,
+    position: Positions, box: Box | ArrayLike, *, r_max: float, bins: int = 200, r_min: float = 0.0,
     time: float | Iterable[float] = 0.0,
-) -> PairCorrelation:
+) -> PairCorrelation:  # fmt: skip
     """g(r) of one or several frames, by freud.
 
     InputError if the box is open, r_max is too long, there are fewer than 2 disks, or freud is missing.
@@ -133,14 +128,8 @@ def pair_correlation(
     if not np.any(ideal):
         raise InputError(f"no centre is farther than r_max = {r_max:g} from the walls: choose a shorter one")
     # Each pair of a periodic gas is counted from both ends: its count says only half as much as it shows.
-    g = count / ideal
-    return PairCorrelation(
-        r=0.5 * (edges[1:] + edges[:-1]),
-        g=g,
-        g_error=np.sqrt(2.0 * np.maximum(count, 1.0)) / ideal,
-        pairs=0.5 * count,
-        frames=frames,
-    )
+    error = np.sqrt(2.0 * np.maximum(count, 1.0)) / ideal
+    return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), count / ideal, error, 0.5 * count, frames)
 
 
 def contact_value(
@@ -167,23 +156,18 @@ def contact_value(
     if np.ptp(radii) > 1e-9 * radii[0]:
         raise InputError("radii differ: a contact value is found here for equal disks only")
     sigma = 2.0 * float(radii[0])
-    found = pair_correlation(
-        position, box, r_min=sigma, r_max=(1.0 + CONTACT_RANGE) * sigma, bins=CONTACT_BINS, time=time
-    )
+    reach = (1.0 + CONTACT_RANGE) * sigma
+    found = pair_correlation(position, box, r_min=sigma, r_max=reach, bins=CONTACT_BINS, time=time)
     used = found.pairs >= 5.0
     if np.count_nonzero(used) < 8:
         raise InputError(
             f"{found.pairs.sum():.0f} pairs between 1 and {1.0 + CONTACT_RANGE} diameters are too few to "
             "extrapolate g to contact: more disks or frames are needed"
         )
-    x = found.r[used] / sigma - 1.0
-    weight = np.sqrt(found.pairs[used])  # 1 / error of ln g
-    design = np.stack((np.ones_like(x), x, x * x), axis=1) * weight[:, None]
-    covariance = np.linalg.inv(design.T @ design)
-    # Middles of bins stand for their means: off by (width^2 / 24) g'' / g, 1e-4 here.
-    parameters = covariance @ (design.T @ (np.log(found.g[used]) * weight))
-    residual = np.log(found.g[used]) * weight - design @ parameters
-    g = float(np.exp(parameters[0]))
-    return ContactValue(
-        g, g * float(np.sqrt(covariance[0, 0])), float(residual @ residual), len(x) - design.shape[1]
-    )
+    x, y = found.r[used] / sigma - 1.0, np.log(found.g[used])
+    # Weighted by 1 / error of ln g. Middles of bins stand for their means: off by (width^2 / 24) g'' / g, 1e-4 here.
+    weight = np.sqrt(found.pairs[used])
+    fit, covariance = np.polyfit(x, y, 2, w=weight, cov="unscaled")
+    chi_square = float(np.sum(((y - np.polyval(fit, x)) * weight) ** 2))
+    g = float(np.exp(fit[2]))
+    return ContactValue(g, g * float(np.sqrt(covariance[2, 2])), chi_square, len(x) - 3)

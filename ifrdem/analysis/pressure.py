@@ -56,17 +56,9 @@ class Pressure(Brief):
 
 
 def pressure_from_impulses(
-    time: ArrayLike,
-    normal: ArrayLike,
-    impulse: ArrayLike,
-    distance: ArrayLike,
-    *,
-    span: tuple[float, float],
-    area: float,
-    disks: int,
-    tracked: int,
-    temperature: float | Array,
-) -> Pressure:
+    time: ArrayLike, normal: ArrayLike, impulse: ArrayLike, distance: ArrayLike, *, span: tuple[float, float],
+    area: float, disks: int, tracked: int, temperature: float | Array,
+) -> Pressure:  # fmt: skip
     """Pressure from the collisions of tracked disks with disks, each listed once for every tracked disk in it.
 
     Of each listed collision, half belongs to the disk that it is listed for; the sum over tracked disks stands for
@@ -96,17 +88,9 @@ def pressure_from_impulses(
     >>> import numpy as np
     >>> from ifrdem import analysis
     >>> n = np.arange(100)
-    >>> found = analysis.pressure_from_impulses(
-    ...     0.1 * n + 0.05,
-    ...     np.tile([[1.0, 0.0], [0.0, 1.0]], (50, 1)),
-    ...     np.tile([2.0, 0.0], (100, 1)),
-    ...     np.ones(100),
-    ...     span=(0.0, 10.0),
-    ...     area=100.0,
-    ...     disks=10,
-    ...     tracked=10,
-    ...     temperature=1.0,
-    ... )
+    >>> normal, impulse = np.tile([[1.0, 0.0], [0.0, 1.0]], (50, 1)), np.tile([2.0, 0.0], (100, 1))
+    >>> gas = {"span": (0.0, 10.0), "area": 100.0, "disks": 10, "tracked": 10, "temperature": 1.0}
+    >>> found = analysis.pressure_from_impulses(0.1 * n + 0.05, normal, impulse, np.ones(100), **gas)
     >>> round(found.kinetic, 6), round(found.collisional, 6)  # n T; sum of P_n sigma / 2, over 2 area span
     (0.1, 0.05)
     """

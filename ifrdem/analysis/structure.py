@@ -113,7 +113,7 @@ def structure_factor(
     count = min(rings, max(1, int(k_max / least)))
     edges = np.linspace(0.0, k_max, count + 1)
     edges[0] = 1e-9 * least  # k = 0 is no fluctuation
-    number, sum_S, sum_k = np.zeros(count), np.zeros(count), np.zeros(count)
+    number, sum_S, sum_k = np.zeros((3, count))
     frames = 0
     for points, when in zip(each(position), times_of(time), strict=False):
         begin = 0.0
@@ -136,14 +136,8 @@ def structure_factor(
     if frames == 0:
         raise InputError("no frames: there is no S(k)")
     full = number > 0.0
-    S = sum_S[full] / number[full]
-    return StructureFactor(
-        k=sum_k[full] / number[full],
-        S=S,
-        S_error=S / np.sqrt(number[full]),
-        modes=np.rint(number[full] / frames).astype(np.int64),
-        frames=frames,
-    )
+    number, S, k = number[full], sum_S[full] / number[full], sum_k[full] / number[full]
+    return StructureFactor(k, S, S / np.sqrt(number), np.rint(number / frames).astype(np.int64), frames)
 
 
 def _passes(lengths: Array, k_max: float) -> list[tuple[int, float]]:

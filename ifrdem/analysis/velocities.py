@@ -109,14 +109,9 @@ def sonine_density(c: ArrayLike, a2: float) -> Array:
 
 
 def velocity_distribution(
-    velocity: Positions,
-    spin: Positions,
-    *,
-    mass: ArrayLike = 1.0,
-    inertia: ArrayLike = 1.0,
-    bins: int = 81,
+    velocity: Positions, spin: Positions, *, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0, bins: int = 81,
     widest: float = 5.0,
-) -> VelocityDistribution:
+) -> VelocityDistribution:  # fmt: skip
     """Distributions of velocities and spins, each frame relative to its own mean velocity and its own temperatures.
 
     InputError if shapes do not match, there are no frames, fewer than 2 disks, or nothing moves.
@@ -180,9 +175,8 @@ def velocity_distribution(
     density, error = _density(counts, 2 * n * frames, width)
     spin_density, spin_error = _density(spin_counts, spins, width)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    return VelocityDistribution(
-        middle, density, error, middle, spin_density, spin_error, _sonine(sums / frames, frames)
-    )
+    sonine = _sonine(sums / frames, frames)
+    return VelocityDistribution(middle, density, error, middle, spin_density, spin_error, sonine)
 
 
 def _density(counts: Array, total: int, width: float) -> tuple[Array, Array]:

@@ -259,8 +259,8 @@ def steady_state(
     """T and T_rot [energy] at which a sheared gas stays; None where it goes on heating, as elastic disks do.
 
     T_rot is nan for smooth disks, whose spins nothing changes. Arguments as for `theory.cooling`, with the shear rate
-    [1/time]. InputError if the law has rolling friction, the shear rate is 0 or a property is not positive. TheoryWarning
-    outside the range of the module's text.
+    [1/time]. InputError if the law has rolling friction, the shear rate is 0 or a property is not positive.
+    TheoryWarning outside the range of the module's text.
     """
     from scipy.optimize import root
 
