@@ -21,21 +21,11 @@ MOST_REPORTED = 5  # wrong lines that are listed one by one
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """A start that a file gives.
+    """A start of n disks that a file gives."""
 
-    Attributes
-    ----------
-    position : array (n, 2)
-        Centres [length], inside the box.
-    velocity : array (n, 2) or None
-        Velocities in the lab [length/time], if they are given.
-    spin : array (n,) or None
-        Spins, counter-clockwise [rad/time], if they are given.
-    """
-
-    position: Array
-    velocity: Array | None
-    spin: Array | None
+    position: Array  # centres [length], inside the box, shape (n, 2)
+    velocity: Array | None  # in the lab [length/time], (n, 2), if given
+    spin: Array | None  # counter-clockwise [rad/time], (n,), if given
 
 
 def read(path: Path, n: int, box: Box | None = None) -> Given:
@@ -45,14 +35,7 @@ def read(path: Path, n: int, box: Box | None = None) -> Given:
     [rad/time], in any order, separated by commas. Empty lines, and lines that begin with #, are skipped. InputError
     with a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    n : int
-        Number of disks that it must have.
-    box : Box, optional
-        The box that the positions must lie in, lower sides included.
+    There must be `n` disks, in the `box` (lower sides included), if there is one.
     """
     rows, lines = csv_rows.read(path, most=MOST_BYTES)
     if not rows:

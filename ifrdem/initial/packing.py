@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -63,23 +62,10 @@ def grow(
     disks crystallise on the way, in grains that do not fit together: 0.86 was reached, above it only a lattice helps.
     InputError if they do not fit; the message says which packing fraction the same disks reached.
 
-    Parameters
-    ----------
-    radius : array_like (n,)
-        Radii [length].
-    seed : int
-        Seed of the random numbers. The result is the same for the same seed on one machine.
-    walls : sequence of Wall
-        What the disks must not overlap, at t = 0, beside the sides of the box that are not periodic. They push disks
-        away as other disks do.
-    progress : callable
-        Told how much is done, 0 to 1.
-
-    Returns
-    -------
-    array (n, 2)
-        Centres [length], inside the box, without any overlap. Pairs that almost touch are about as frequent as in a
-        gas at equilibrium (by 20 % more or less up to 0.7); a few collisions per disk make it one.
+    Arguments and what is returned as for `placement.random_positions`; walls push disks away as other disks do, and
+    `progress` is told how much is done, 0 to 1. The result is the same for the same seed on one machine. Pairs that
+    almost touch are about as frequent as in a gas at equilibrium (by 20 % more or less up to 0.7); a few collisions per
+    disk make it one.
 
     Examples
     --------
@@ -106,7 +92,11 @@ def grow(
     most = 3 + 20_000 // (n + 1000)  # few disks jam earlier or later by chance
     for attempt in range(most):
         # Nobody knows how many attempts it takes: each gets half of what is left of the bar.
-        told = partial(_report, progress, 1.0 - 0.5**attempt, 0.5 ** (attempt + 1))
+        before, share = 1.0 - 0.5**attempt, 0.5 ** (attempt + 1)
+
+        def told(part: float, before: float = before, share: float = share) -> None:
+            progress(before + share * part)
+
         soft.cool(agitation, MIXING_STEPS if easy and attempt == 0 else COOLING_STEPS, told)
         done = soft.minimise(LAST_STEPS)
         if done or soft.mean_overlap() > NEARLY:
@@ -201,10 +191,8 @@ class _SoftDisks:
         self.at_contact = np.concatenate((self.contact, np.tile(self.radius, len(self.walls))))
         self.image = (nearest - raw)[near]
         count = len(pairs)
-        self.difference = csr_matrix(
-            (np.tile([-1.0, 1.0], count), pairs.ravel(), np.arange(0, 2 * count + 1, 2)),
-            shape=(count, len(self.x)),
-        )
+        rows = (np.tile([-1.0, 1.0], count), pairs.ravel(), np.arange(0, 2 * count + 1, 2))
+        self.difference = csr_matrix(rows, shape=(count, len(self.x)))
         self.to_disks = self.difference.T.tocsr()
         self.listed_at = self.x.copy()
 
@@ -281,9 +269,8 @@ class _SoftDisks:
             velocity += 0.5 * STEP * self.per_mass * force
             if done % 10 == 0:
                 temperature = HOT * (COLD / HOT) ** max(0.0, (done / steps - HELD) / (1.0 - HELD))
-                velocity *= math.sqrt(
-                    temperature / (0.5 * float(np.mean(np.sum(velocity**2 / self.per_mass, axis=1))))
-                )
+                present = 0.5 * float(np.mean(np.sum(velocity**2 / self.per_mass, axis=1)))
+                velocity *= math.sqrt(temperature / present)
                 progress(done / steps)
 
 
@@ -294,10 +281,6 @@ def _product(a: Array, b: Array) -> float:
 
 def _squared(vectors: Array) -> Array:
     return vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1]
-
-
-def _report(progress: Progress, before: float, share: float, part: float) -> None:
-    progress(before + share * part)
 
 
 def _attained(soft: _SoftDisks, room: Room, radius: Array) -> float:

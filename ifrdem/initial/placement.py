@@ -1,4 +1,4 @@
-"""How a gas starts: positions without overlap, and velocities at a temperature.
+"""Starts of a gas: positions without overlap, and velocities at a temperature.
 
 Each function takes a seed and draws from a random stream of its own, so that the same seed for positions and
 velocities does not tie the two together.
@@ -99,9 +99,6 @@ MOST_SPEED = 1e140
 """Largest rms of speeds [length/time] or spins [rad/time] that is drawn: energies are its square."""
 ATTEMPTS_PER_DISK = 400
 """How often random sequential addition tries each disk on average before it gives up."""
-
-
-# --- positions --------------------------------------------------------------------------------------------
 
 
 def _clear_of(
@@ -209,10 +206,11 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[
         todo = members
         while len(todo):
             if attempts_left <= 0:
+                reached = (
+                    f"{room.packing_fraction(radii[placed]):.4f}, with {len(placed)} of {n} disks placed"
+                )
                 raise InputError(
-                    f"packing fraction = {wanted:.4f}: random positions ended at "
-                    f"{room.packing_fraction(radii[placed]):.4f}, with {len(placed)} of {n} disks placed; "
-                    + instead
+                    f"packing fraction = {wanted:.4f}: random positions ended at {reached}; {instead}"
                 )
             # When few disks are left space is scarce: try each of them many times in one go.
             owner = np.resize(todo, max(len(todo), min(n, 50_000), 200))
@@ -266,22 +264,11 @@ def hexagonal_positions(
 
     Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest apart. Sites
     that are left over are spread evenly. Disks of different radii need the room of the largest. Between walls it
-    takes those sites where a disk overlaps none (`py`). InputError if the lattice does not fit; the message says how
+    takes those sites where a disk overlaps none. InputError if the lattice does not fit; the message says how
     many disks of that size would.
 
-    Parameters
-    ----------
-    radius : array_like (n,)
-        Radii [length].
-    seed : int, optional
-        Deals the disks to the sites in a random order (for mixtures). Without it disk by disk, row by row.
-    walls : sequence of Wall
-        Beside the sides of the box that are not periodic; at t = 0.
-
-    Returns
-    -------
-    array (n, 2)
-        Centres [length], inside the box.
+    Arguments and what is returned as for `random_positions`; a `seed` deals the disks to the sites in a random order
+    (for mixtures), without it disk by disk, row by row.
 
     Examples
     --------
@@ -309,18 +296,16 @@ def hexagonal_positions(
         if nearest[i] > best[0]:
             best = (float(nearest[i]), int(columns[i]), int(rows[i]), upright)
     distance, m_columns, m_rows, upright = best
+    lengths = box.lengths[::-1] if upright else box.lengths
     if distance < diameter * (1.0 - TOLERANCE):
         most = max(_most_sites(box.lengths, diameter), _most_sites(box.lengths[::-1], diameter))
         covered = most * math.pi * diameter**2 / 4.0 / box.area
         raise InputError(
             f"{n} disks of diameter {diameter:.6g} do not fit on a hexagonal lattice in a box of "
-            f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}: at most {most} do, "
-            f"which is packing fraction {covered:.4f}. "
+            f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}: at most {most} do, which is packing fraction {covered:.4f}. "
             "Sides that are whole numbers of diameters and of pairs of rows (sqrt(3) diameters) hold more"
         )
-    lengths = box.lengths[::-1] if upright else box.lengths
-    site = np.arange(n, dtype=np.int64) * (m_columns * m_rows) // n
-    row, column = np.divmod(site, m_columns)
+    row, column = np.divmod(np.arange(n, dtype=np.int64) * (m_columns * m_rows) // n, m_columns)
     # A quarter column from the side: both kinds of row then have the same margin.
     x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / m_columns)
     y = (row + 0.5) * (lengths[1] / m_rows)
@@ -332,9 +317,6 @@ def _dealt(box: Box, radius: Array, sites: Array, seed: int | None) -> Array:
     position = sites if seed is None else sites[seeds.stream(seed, seeds.SITES).permutation(len(sites))]
     check_no_overlap(box, radius, position)
     return position
-
-
-# --- velocities -------------------------------------------------------------------------------------------
 
 
 def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
@@ -358,18 +340,13 @@ def maxwellian(
     ----------
     mass : array_like (n,)
         Masses m [mass].
-    speed_rms : float
-        Root mean square of the speeds over all disks, sqrt(<v^2>) [length/time].
-    temperature : float
-        T = <m v^2> / 2 [energy], instead of `speed_rms`.
-    seed : int
-        Seed of the random velocities.
+    speed_rms, temperature : float
+        One of them: sqrt(<v^2>) over all disks [length/time], or T = <m v^2> / 2 [energy].
 
     Returns
     -------
     array (n, 2)
-        Velocities [length/time]. One disk alone keeps its speed, in a random direction: it cannot have both
-        energy and no momentum.
+        Velocities [length/time]. One disk alone keeps its speed: it cannot have both energy and no momentum.
 
     Examples
     --------

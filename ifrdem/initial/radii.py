@@ -199,12 +199,11 @@ def wrong_parameters(distribution: str, given: Mapping[str, object]) -> str | No
 
 def _ends(distribution: str, given: Mapping[str, float]) -> tuple[float, float]:
     """The smallest and the largest radius that the distribution may give [length]."""
-    low, high = given.get("low"), given.get("high")
+    low, high = 0.0, math.inf
     if distribution == "gaussian":
         reach = TRUNCATION * given["deviation"]
-        low = given["mean"] - reach if low is None else low
-        high = given["mean"] + reach if high is None else high
-    return (0.0 if low is None else low), (math.inf if high is None else high)
+        low, high = given["mean"] - reach, given["mean"] + reach
+    return given.get("low", low), given.get("high", high)
 
 
 def _normal(distribution: str, given: Mapping[str, float]) -> tuple[float, float, float, float]:
