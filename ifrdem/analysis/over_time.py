@@ -170,12 +170,8 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         if not span[1] > span[0]:
             raise InputError(f"{trajectory.path}: its histories know no time between the frames chosen")
         seen = (found.time >= span[0]) & (found.time <= span[1])
-        columns = (
-            found.time,
-            found.normal,
-            found.impulse,
-            disks.radius[found.id] + disks.radius[found.partner],
-        )
+        sigma = disks.radius[found.id] + disks.radius[found.partner]
+        columns = (found.time, found.normal, found.impulse, sigma)
         result = pressure.pressure_from_impulses(
             *(column[seen] for column in columns), span=span, area=box.area, disks=disks.n, tracked=len(found.tracked),
             temperature=np.array([_span_mean(when, T, part) for part in pressure.blocks(span)]),

@@ -230,14 +230,15 @@ class Langevin(Force):
         spin_rate: float = 0.0,
     ) -> None:  # fmt: skip
         _some(rate=rate, spin_rate=spin_rate)
-        of_spins = temperature if spin_temperature is None else spin_temperature
-        given = {
-            "temperature": temperature,
-            "rate": rate,
-            "spin_temperature": of_spins,
-            "spin_rate": spin_rate,
-        }
-        super().__init__(step, [number(name, value) for name, value in given.items()])
+        super().__init__(
+            step,
+            (
+                number("temperature", temperature),
+                number("rate", rate),
+                number("spin_temperature", temperature if spin_temperature is None else spin_temperature),
+                number("spin_rate", spin_rate),
+            ),
+        )
 
     @staticmethod
     def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:

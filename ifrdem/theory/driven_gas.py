@@ -86,14 +86,9 @@ class _Balance:
     def __call__(self, T: float, T_rot: float) -> tuple[float, float]:
         """(dT/dt, dT_rot/dt) [energy/time], T > 0."""
         density, d = self.packing_fraction / (math.pi * self.radius**2), self.drive
-        one: Any = {
-            "law": self.law,
-            "mass": self.mass,
-            "radius": self.radius,
-            "k": self.k,
-            "number_density": density,
-        }
-        translation, rotation = (float(rate) for rate in cooling_rates(T, T_rot, **one))
+        one: Any = {"law": self.law, "mass": self.mass, "radius": self.radius, "k": self.k}
+        cooling = cooling_rates(T, T_rot, number_density=density, **one)
+        translation, rotation = (float(rate) for rate in cooling)
         turning = 2.0 * (d.spin_power - d.spin_rate * T_rot) + rotation
         return d.power - 2.0 * d.rate * T + translation, turning
 

@@ -57,19 +57,17 @@ def run(quick: bool) -> Result:
         at_80 = replace(c, psi=np.radians(80.0))
         gap = float(equations.tan_delta_2_sliding(at_80)) - row.mu
         cells.append((row.disks, row.e_t, slope, float(ours.sliding_2[0]), float(theirs.sliding_2[0]), gap))
-    result.tables.append(
-        Table(
-            "Slope of tan(delta_2) against tan(psi) in the sliding regime",
-            (
-                "disks",
-                "e_t",
-                "Eq. 19",
-                "IFR, simulated",
-                "PyBullet",
-                "tan(delta_2) at 80 deg: IFR minus Coulomb",
-            ),
-            cells,
-        )
+    result.table(
+        "Slope of tan(delta_2) against tan(psi) in the sliding regime",
+        (
+            "disks",
+            "e_t",
+            "Eq. 19",
+            "IFR, simulated",
+            "PyBullet",
+            "tan(delta_2) at 80 deg: IFR minus Coulomb",
+        ),
+        cells,
     )
     result.tables.append(
         Table("What agreement with PyBullet and pymunk proves, and what it does not", ("", ""), IN_WORDS)

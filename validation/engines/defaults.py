@@ -9,7 +9,7 @@ import numpy as np
 
 from ...model.state import Disks
 from ..report import style
-from ..report.registry import Picture, Result, Table
+from ..report.registry import Picture, Result
 from . import bullet_world
 from .bullet_world import BulletWorld, Surface
 
@@ -42,24 +42,19 @@ def run(quick: bool) -> Result:
             "it lies between 0 and 0.5, by the phase of the step; defaults that give 0.8 would make this page "
             "superfluous, and the row fail", "seen with PyBullet 3.2.7",
         )  # fmt: skip
-    result.tables.append(
-        Table(
-            "Effective e_n of a head-on impact at 1 m/s, PyBullet's defaults, step 1/240 s: median, least "
-            "and largest",
-            ("asked for", *(f"{text}: {word}" for text in sizes for word in ("median", "least", "largest"))),
-            [
-                (
-                    float(e),
-                    *(float(f(found[i])) for found in defaults.values() for f in (np.median, np.min, np.max)),
-                )
-                for i, e in enumerate(asked)
-            ],
-            f"Over {PHASES} phases of the step at which the disks meet. For R = 1 the fault is mostly that "
-            "contacts are made 0.02 (contactBreakingThreshold) before the disks touch: the solver then "
-            "brakes the approach to what closes that gap in one step. With 1e-4 alone 0.80 to 0.87 comes out "
-            "for 0.8. For a coin in metres that is not enough. The square root of e_n was set on each body, "
-            "because Bullet multiplies them.",
-        )
+    summaries = np.stack(
+        [f(found, axis=1) for found in defaults.values() for f in (np.median, np.min, np.max)], 1
+    )
+    result.table(
+        "Effective e_n of a head-on impact at 1 m/s, PyBullet's defaults, step 1/240 s: median, least "
+        "and largest",
+        ("asked for", *(f"{text}: {word}" for text in sizes for word in ("median", "least", "largest"))),
+        [(float(e), *summary) for e, summary in zip(asked.tolist(), summaries.tolist(), strict=True)],
+        f"Over {PHASES} phases of the step at which the disks meet. For R = 1 the fault is mostly that "
+        "contacts are made 0.02 (contactBreakingThreshold) before the disks touch: the solver then "
+        "brakes the approach to what closes that gap in one step. With 1e-4 alone 0.80 to 0.87 comes out "
+        "for 0.8. For a coin in metres that is not enough. The square root of e_n was set on each body, "
+        "because Bullet multiplies them.",
     )
     result.pictures.append(_figure(asked, defaults, ours))
     return result

@@ -10,7 +10,7 @@ from ...tools.checked import Array
 from ..paper import pairs, predicted
 from ..paper.equations import Impact
 from ..report import style
-from ..report.registry import Picture, Result, Table
+from ..report.registry import Picture, Result
 from . import bullet_world, stepped
 from .pair import AGREEMENT, EXACT, NORMAL
 from .stepped import deviation
@@ -47,14 +47,12 @@ def run(quick: bool) -> Result:
             NORMAL if world.name == "PyBullet" else EXACT, "closed forms at a line of centres that has turned",
         )  # fmt: skip
     names = list(errors)
-    result.tables.append(
-        Table(
-            "rms error of velocities and R omega after one impact, in units of v_o",
-            ("v dt / R", *names),
-            [(float(one), *(float(errors[name][i]) for name in names)) for i, one in enumerate(step)],
-            f"Our engine: {np.sqrt(np.mean(ours**2)):.1e}, whatever the length of its epochs. "
-            + stepped.not_measured(),
-        )
+    result.table(
+        "rms error of velocities and R omega after one impact, in units of v_o",
+        ("v dt / R", *names),
+        [(float(one), *(float(errors[name][i]) for name in names)) for i, one in enumerate(step)],
+        f"Our engine: {np.sqrt(np.mean(ours**2)):.1e}, whatever the length of its epochs. "
+        + stepped.not_measured(),
     )
     result.pictures.append(_figure(step, errors, ours))
     return result

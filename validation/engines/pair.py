@@ -13,7 +13,7 @@ from ..paper.angles import Lines, coin_impact, joined
 from ..paper.equations import TABLE_II, Impact
 from ..paper.pairs import After
 from ..report import style
-from ..report.registry import Picture, Result, Table
+from ..report.registry import Picture, Result
 from . import bullet_world, picture, stepped
 from .stepped import deviation
 
@@ -69,15 +69,13 @@ def run(quick: bool) -> Result:
     for name in names:
         _compare_lines(result, name, lines[name])
     columns = (f"{name}: {word}" for name in names for word in ("along y", "any direction", "median"))
-    result.tables.append(
-        Table(
-            "Deviation from our kernels, in units of v_o",
-            ("pairs", "number", *columns),
-            cells,
-            "Largest deviations, and the median of those in any direction. Along y Bullet's contact normals "
-            "are exact and its law is ours; elsewhere they are off by up to 8e-7, and by 8e-5 in metres: "
-            "choose units in which R is 1. " + stepped.not_measured(),
-        )
+    result.table(
+        "Deviation from our kernels, in units of v_o",
+        ("pairs", "number", *columns),
+        cells,
+        "Largest deviations, and the median of those in any direction. Along y Bullet's contact normals "
+        "are exact and its law is ours; elsewhere they are off by up to 8e-7, and by 8e-5 in metres: "
+        "choose units in which R is 1. " + stepped.not_measured(),
     )
     result.pictures += [_figure(lines, random, psi), picture.draw()]
     return result

@@ -11,6 +11,7 @@ import importlib
 import importlib.util
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,19 +61,16 @@ class PymunkWorld:
             ends = (tuple((wall.place + sign * along).tolist()) for sign in (-1.0, 1.0))
             segment = self.pymunk.Segment(self.space.static_body, *ends, 0.0)
             self._add(None, segment, surface, WALL)
-        self.space.on_collision(DISK, DISK, begin=self._met)
-        self.space.on_collision(DISK, WALL, begin=self._hit_wall)
+        self.space.on_collision(DISK, DISK, begin=partial(self._count, "collisions"))
+        self.space.on_collision(DISK, WALL, begin=partial(self._count, "wall_hits"))
 
     def _add(self, body: Any, shape: Any, surface: Surface, kind: int) -> None:
         shape.elasticity, shape.friction = math.sqrt(surface.e_n), math.sqrt(surface.mu)
         shape.collision_type = kind
         self.space.add(*((shape,) if body is None else (body, shape)))
 
-    def _met(self, arbiter: Any, space: Any, data: Any) -> None:
-        self.collisions += 1
-
-    def _hit_wall(self, arbiter: Any, space: Any, data: Any) -> None:
-        self.wall_hits += 1
+    def _count(self, name: str, arbiter: Any, space: Any, data: Any) -> None:
+        setattr(self, name, getattr(self, name) + 1)
 
     def __enter__(self) -> PymunkWorld:
         return self
@@ -83,11 +81,8 @@ class PymunkWorld:
     def place(self, position: NDArray, velocity: NDArray, spin: NDArray) -> None:
         """Put all disks at positions (n, 2), with velocities (n, 2) and spins (n,)."""
         for body, x, v, w in zip(self.bodies, position, velocity, spin, strict=True):
-            body.position, body.velocity, body.angular_velocity = (
-                tuple(x.tolist()),
-                tuple(v.tolist()),
-                float(w),
-            )
+            body.position, body.velocity = tuple(x.tolist()), tuple(v.tolist())
+            body.angular_velocity = float(w)
 
     def step(self, steps: int = 1) -> None:
         """Let pymunk advance by time steps."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...model.coin_table import coins
 from ...tools.checked import Array
-from ..report.registry import Result, Table
+from ..report.registry import Result
 from . import angle_figures, equations, pairs, predicted
 from .equations import CLOSURES, TABLE_II, Impact
 from .pairs import After
@@ -90,33 +90,19 @@ def _table_ii(result: Result, n: int) -> None:
             angle, right = np.degrees(np.arctan([line.transit, transit]))
             text = f"{row.disks}: transition angle [deg]"
             result.near(text, angle, right, 1e-9, pairs.ROUND_OFF, "Eq. 25, Table II")
-            e_n, e_t, mu = line.coefficients
-            cells.append(
-                (
-                    row.disks,
-                    round(float(c.M), 3),
-                    row.e_n,
-                    e_n,
-                    row.e_t,
-                    e_t,
-                    row.mu,
-                    mu,
-                    row.psi_transit,
-                    angle,
-                )
-            )
+            pairs_of = zip((row.e_n, row.e_t, row.mu), line.coefficients, strict=True)
+            given = [value for pair in pairs_of for value in pair]
+            cells.append((row.disks, round(float(c.M), 3), *given, row.psi_transit, float(angle)))
         result.exact(
             "e_n, e_t, mu recovered from the lines of all coins", [line.coefficients for line in lines],
             [(row.e_n, row.e_t, row.mu) for row in TABLE_II], "Table II; Eqs. 19 and 23 solved for them",
         )  # fmt: skip
-    result.tables.append(
-        Table(
-            "Table II: coefficients that went in, and those recovered from the simulated angles",
-            ("disks", "M", "e_n", "recovered", "e_t", "recovered", "mu", "recovered", "psi_transit, printed",
-             "simulated (deg)"),
-            cells,
-            "M from the masses of Sec. III. The printed 29.6 degrees is 29.68; see the misprints.",
-        )
+    result.table(
+        "Table II: coefficients that went in, and those recovered from the simulated angles",
+        ("disks", "M", "e_n", "recovered", "e_t", "recovered", "mu", "recovered", "psi_transit, printed",
+         "simulated (deg)"),
+        cells,
+        "M from the masses of Sec. III. The printed 29.6 degrees is 29.68; see the misprints.",
     )  # fmt: skip
 
 

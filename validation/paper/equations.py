@@ -466,27 +466,16 @@ class Table2Row(NamedTuple):
 
 # Misprints kept here: "25 cts" is the 50 cts coin of Sec. III; the masses of Sec. III give M = 1.300 and
 # 0.769 for 500 and 100 pts; Eq. 25 gives 29.68 degrees, not 29.6, for them.
-TABLE_II = tuple(
-    Table2Row(*row)
-    for row in (
-        ("25 cts-25 cts coins", "Copper-nickel", 1.00, 0.86, -0.99, 0.19, 35.2, ("50 cts", "50 cts")),
-        ("1 pta-1 pta coins", "Aluminum", 1.00, 0.87, -0.88, 0.21, 38.1, ("1 pta", "1 pta")),
-        ("5 pts-5 pts coins", "Bronze-aluminum", 1.00, 0.80, -0.98, 0.11, 21.6, ("5 pts", "5 pts")),
-        ("200 pts-200 pts coins", "Copper-nickel", 1.00, 0.77, -0.96, 0.15, 28.0, ("200 pts", "200 pts")),
-        ("500 pts-100 pts coins", "Bronze-aluminum", 1.28, 0.90, -0.90, 0.15, 29.6, ("500 pts", "100 pts")),
-        ("100 pts-100 pts coins", "Bronze-aluminum", 1.00, 0.90, -0.90, 0.15, 29.6, ("100 pts", "100 pts")),
-        ("100 pts-500 pts coins", "Bronze-aluminum", 0.79, 0.90, -0.90, 0.15, 29.6, ("100 pts", "500 pts")),
-        (
-            "Polyester resin disks",
-            "Polyester resin",
-            1.00,
-            0.67,
-            -0.95,
-            0.14,
-            25.1,
-            ("polyester", "polyester"),
-        ),
-    )
+LARGE_BRONZE = (0.90, -0.90, 0.15, 29.6)
+TABLE_II = (
+    Table2Row("25 cts-25 cts coins", "Copper-nickel", 1.00, 0.86, -0.99, 0.19, 35.2, ("50 cts", "50 cts")),
+    Table2Row("1 pta-1 pta coins", "Aluminum", 1.00, 0.87, -0.88, 0.21, 38.1, ("1 pta", "1 pta")),
+    Table2Row("5 pts-5 pts coins", "Bronze-aluminum", 1.00, 0.80, -0.98, 0.11, 21.6, ("5 pts", "5 pts")),
+    Table2Row("200 pts-200 pts coins", "Copper-nickel", 1.00, 0.77, -0.96, 0.15, 28.0, ("200 pts",) * 2),
+    Table2Row("500 pts-100 pts coins", "Bronze-aluminum", 1.28, *LARGE_BRONZE, ("500 pts", "100 pts")),
+    Table2Row("100 pts-100 pts coins", "Bronze-aluminum", 1.00, *LARGE_BRONZE, ("100 pts", "100 pts")),
+    Table2Row("100 pts-500 pts coins", "Bronze-aluminum", 0.79, *LARGE_BRONZE, ("100 pts", "500 pts")),
+    Table2Row("Polyester resin disks", "Polyester resin", 1.00, 0.67, -0.95, 0.14, 25.1, ("polyester",) * 2),
 )
 
 # Fig. 5a is captioned "copper-aluminum", a coin that the paper does not have; its coefficients e_n, e_t, mu

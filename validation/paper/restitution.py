@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ...tools import csv as csv_rows
 from ...tools.checked import Array
 from ..report import style
-from ..report.registry import EXACT, Picture, Result, Table
+from ..report.registry import EXACT, Picture, Result
 from . import equations, pairs, predicted
 from .equations import CLOSURES, TABLE_II, Impact
 from .pairs import After
@@ -56,6 +56,7 @@ QUANTITIES = {
 """Name, unit and scale of what was measured."""
 KHARAZ = "Kharaz et al. (2001), doi:10.1016/S0032-5910(01)00283-2, digitised by others (kharaz2001.csv)"
 USED = ("Kratos", "Lethe")
+PERCUSSION = "percussion_center"
 POLYESTER = (TABLE_II[7].e_n, TABLE_II[7].e_t, TABLE_II[7].mu)
 
 
@@ -108,14 +109,9 @@ def _table_i(result: Result, n: int) -> None:
     )  # fmt: skip
     cells: list[tuple[str | float, ...]] = []
     for name, sticking, without, words in (
-        ("sliding", "percussion_center", equations.e_t_apparent_sliding, "e_t + 3 mu (1 + e_n) cot(psi)"),
+        ("sliding", PERCUSSION, equations.e_t_apparent_sliding, "e_t + 3 mu (1 + e_n) cot(psi)"),
         ("sticking, contact point", "contact_point", equations.e_t_apparent_contact_point, "1 + e_t"),
-        (
-            "sticking, percussion centre",
-            "percussion_center",
-            equations.e_t_apparent_percussion_center,
-            "3/2 + e_t",
-        ),
+        ("sticking, percussion centre", PERCUSSION, equations.e_t_apparent_percussion_center, "3/2 + e_t"),
     ):
         for kind, rho, right, less, misprint, wrong in torques:
             one = replace(c, rho=rho)
@@ -128,14 +124,12 @@ def _table_i(result: Result, n: int) -> None:
             result.all_near(f"e_t*, {text}", measured, expected, EXACT, REASON, "Table I, corrected")
             off = [float(np.max(np.abs(measured - each), initial=0.0)) for each in (expected, printed)]
             cells.append((text, f"{words} - {less}", off[0], f"{words} - {wrong}", off[1]))
-    result.tables.append(
-        Table(
-            "Table I: apparent tangential restitution, corrected and as printed",
-            ("regime", "e_t*, corrected", "largest deviation", "as printed", "largest deviation"),
-            cells,
-            "Two homogeneous disks of random masses and radii (0.8 to 1.2). r (1/R_1 + M/R_2)/(1 + M) is 1 for "
-            "R_1 = R_2 or M = 1.",
-        )
+    result.table(
+        "Table I: apparent tangential restitution, corrected and as printed",
+        ("regime", "e_t*, corrected", "largest deviation", "as printed", "largest deviation"),
+        cells,
+        "Two homogeneous disks of random masses and radii (0.8 to 1.2). r (1/R_1 + M/R_2)/(1 + M) is 1 for "
+        "R_1 = R_2 or M = 1.",
     )
 
 
@@ -146,10 +140,8 @@ def _spheres(result: Result) -> None:
         for body, k, factor in (("spheres", 2.5, 3.5), ("disks", 2.0, 3.0)):
             c = Impact(psi, e_n, e_t, mu, M=0.0, k_1=k, k_2=k)
             slope, _ = np.polyfit(mu * (1.0 + e_n) / np.tan(psi), pairs.fly(c).e_t_apparent, 1)
-            result.near(
-                f"slope of e_t* over mu (1 + e_n) cot(psi), {body}, {text}", slope, factor, EXACT, REASON,
-                "Eq. 26 with m_n/m_t = 1 + k",
-            )  # fmt: skip
+            quantity = f"slope of e_t* over mu (1 + e_n) cot(psi), {body}, {text}"
+            result.near(quantity, slope, factor, EXACT, REASON, "Eq. 26 with m_n/m_t = 1 + k")
 
 
 class Readings(NamedTuple):
@@ -169,10 +161,8 @@ def measured() -> dict[tuple[str, str], Readings]:
     found: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for quantity, psi, value, who in lines:
         found.setdefault((quantity, who), []).append((float(psi), float(value)))
-    return {
-        key: Readings(np.radians([p for p, _ in all_]), np.array([v for _, v in all_]))
-        for key, all_ in found.items()
-    }
+    columns = {key: np.array(pairs_).T for key, pairs_ in found.items()}
+    return {key: Readings(np.radians(psi), value) for key, (psi, value) in columns.items()}
 
 
 def _together(points: dict[tuple[str, str], Readings], quantity: str) -> Readings:
@@ -270,15 +260,13 @@ def _residuals(result: Result, points: dict[tuple[str, str], Readings]) -> None:
         apart = float(np.sqrt(np.mean((curves[0] - curves[1]) ** 2)))
         better = "7/2" if spread[0] < spread[1] else "3"
         cells.append((*line, *spread, apart, better, fits[0], fits[2], fits[1], fits[3]))
-    result.tables.append(
-        Table(
-            "Spheres of Kharaz et al. that slide: residuals with the paper's coefficients, and fits of mu and e_t",
-            ("quantity", "points", "rms, 7/2", "rms, 3", "7/2 and 3 apart (rms)", "smaller rms", "mu fitted, 7/2",
-             "mu fitted, 3", "e_t fitted, 7/2", "e_t fitted, 3"),
-            cells,
-            "e_n = 0.98 throughout. A factor that is right must give one mu for all four quantities. e_com and the "
-            "angle of the centre do not tell the factors: there they are less apart than the residuals of either.",
-        )
+    result.table(
+        "Spheres of Kharaz et al. that slide: residuals with the paper's coefficients, and fits of mu and e_t",
+        ("quantity", "points", "rms, 7/2", "rms, 3", "7/2 and 3 apart (rms)", "smaller rms", "mu fitted, 7/2",
+         "mu fitted, 3", "e_t fitted, 7/2", "e_t fitted, 3"),
+        cells,
+        "e_n = 0.98 throughout. A factor that is right must give one mu for all four quantities. e_com and the "
+        "angle of the centre do not tell the factors: there they are less apart than the residuals of either.",
     )  # fmt: skip
 
 

@@ -18,11 +18,8 @@ QUESTION = "Does disk 2 spin as Eqs. 34 to 41 say, and do the four regimes meet 
 REFERENCE = "Eqs. 31 to 41 (33, 35, 38, 41 corrected); boundaries by equality of the impulses"
 
 BRONZE = (TABLE_II[5].e_n, TABLE_II[5].e_t, TABLE_II[5].mu)
-REGIMES = (
-    "sliding plus rolling",
-    "sticking plus rolling",
-    "sliding plus nonrolling",
-    "sticking plus nonrolling",
+REGIMES = tuple(
+    f"{slide} plus {roll}" for roll in ("rolling", "nonrolling") for slide in ("sliding", "sticking")
 )
 
 

@@ -171,26 +171,16 @@ def _balance(result: Result, psi: Array, flown: list[After], slides: list[tuple[
         M = float(got.impact.M[0])
         by_speed = equations.balance(got.v_1, got.alpha_1, got.v_2, got.alpha_2)
         by_distance = equations.balance(np.sqrt(first.x), got.alpha_1, np.sqrt(second.x), got.alpha_2)
-        text, source = (
-            f"{row.disks}: m_1/m_2 from speeds and angles",
-            "Eq. 30, corrected: momentum across the incoming direction",
-        )
-        result.all_near(text, by_speed, M, 1e-9, ROUND_OFF, source)
+        source = "Eq. 30, corrected: momentum across the incoming direction"
+        result.all_near(f"{row.disks}: m_1/m_2 from speeds and angles", by_speed, M, 1e-9, ROUND_OFF, source)
         worst = 100.0 * float(np.max(np.abs(by_distance / M - 1.0)))
         cells.append((row.disks, M, float(np.mean(by_speed)), *_at_angles(psi, by_distance), worst))
-    header = (
-        "disks",
-        "m_1/m_2",
-        "by speeds",
-        *(f"by distances, {angle} deg" for angle in SHOWN),
-        "worst (%)",
-    )
+    columns = (f"by distances, {angle} deg" for angle in SHOWN)
     note = (
         "The inertial balance is exact with speeds. With stopping distances it inherits the error of Eq. 29."
     )
-    result.tables.append(
-        Table("The collision as a balance (Eq. 30, which gives m_1/m_2)", header, cells, note)
-    )
+    title = "The collision as a balance (Eq. 30, which gives m_1/m_2)"
+    result.table(title, ("disks", "m_1/m_2", "by speeds", *columns, "worst (%)"), cells, note)
 
 
 class Table10(NamedTuple):
@@ -273,13 +263,8 @@ def _figure_10(result: Result) -> Picture:
     ratio = np.sqrt(got.d_2 / got.d_1)
     style.points(ax, np.degrees(psi), got.v_2 / got.v_1, style.BLUE, r"simulated $v_2/v_1$")
     style.points(ax, np.degrees(psi), ratio, style.VERMILION, r"simulated $(d_2/d_1)^{1/2}$", "s")
-    ax.set(
-        xlabel=r"$\psi$ (deg)",
-        ylabel=r"$(d_2/d_1)^{1/2}$, $v_2/v_1$",
-        xlim=(0, 90),
-        ylim=(0.02, 40.0),
-        yscale="log",
-    )
+    ax.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2}$, $v_2/v_1$")
+    ax.set(xlim=(0, 90), ylim=(0.02, 40.0), yscale="log")
     ax.legend(loc="lower left")
     style.points(low, np.degrees(psi), ratio / (got.v_2 / got.v_1), style.VERMILION, "simulated", "s")
     low.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2} / (v_2/v_1)$", xlim=(0, 90), ylim=(0.92, 1.1))
@@ -319,12 +304,8 @@ def _figure_table() -> Picture:
     for i, (values, name, colour) in enumerate(((F, "F", style.BLUE), (T, "T", style.VERMILION))):
         left.plot(fine, by_quadrature[:, i], color=colour, label=f"{name}, quadrature")
         style.points(left, eps, values, colour, f"{name}, kernel")
-    left.set(
-        xscale="log",
-        xlabel=r"$\varepsilon = v / (R\,|\omega|)$",
-        ylabel="force, torque (reduced)",
-        ylim=(0, 1.05),
-    )
+    left.set(xscale="log", ylim=(0, 1.05))
+    left.set(xlabel=r"$\varepsilon = v / (R\,|\omega|)$", ylabel="force, torque (reduced)")
     left.legend(loc="center right", fontsize=7)
     common = table_reference.common_ratio()
     for start, colour in zip((0.05, 0.3, 1.0, 3.0, 20.0), style.COLOURS, strict=False):

@@ -130,16 +130,9 @@ class Result:
     tables: list[Table] = field(default_factory=list)
 
     def near(
-        self,
-        quantity: str,
-        measured: Any,
-        expected: Any,
-        tolerance: float,
-        reason: str,
-        source: str,
-        *,
-        printed: float | None = None,
-    ) -> None:
+        self, quantity: str, measured: Any, expected: Any, tolerance: float, reason: str, source: str,
+        *, printed: float | None = None,
+    ) -> None:  # fmt: skip
         """Add a row of one number against one number."""
         misprint = None if printed is None else float(printed)
         self.rows.append(Row(quantity, float(measured), float(expected), tolerance, reason, source, misprint))
@@ -153,19 +146,19 @@ class Result:
         else:
             self.all_near(quantity, measured, expected, EXACT, ROUND_OFF, source)
 
+    def table(
+        self, title: str, header: tuple[str, ...], rows: list[tuple[str | float, ...]], note: str = ""
+    ) -> None:
+        """Add a table; cells are texts or numbers."""
+        self.tables.append(Table(title, header, rows, note))
+
     def at_least(self, quantity: str, measured: Any, bound: float, reason: str, source: str) -> None:
         """Add a row of one number that must not be below a bound."""
         self.rows.append(Row(quantity, float(measured), bound, 0.0, reason, source, least=True))
 
     def all_near(
-        self,
-        quantity: str,
-        measured: ArrayLike,
-        expected: ArrayLike,
-        tolerance: float,
-        reason: str,
-        source: str,
-    ) -> None:
+        self, quantity: str, measured: ArrayLike, expected: ArrayLike, tolerance: float, reason: str, source: str,
+    ) -> None:  # fmt: skip
         """Add a row of arrays against arrays that broadcast: its `measured` is the largest deviation.
 
         It is NaN, and the row fails, if one of the values is NaN or there is nothing to compare.
