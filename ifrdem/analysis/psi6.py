@@ -58,8 +58,7 @@ def hexatic(
     box : Box, or two lengths of a periodic one
         Of any kind. Disks at walls count with the neighbours that they have inside.
     neighbours : {"nearest", "voronoi"}
-        The six nearest, or those across an edge of the Voronoi cell, all alike (a few 1e5 disks
-        at most).
+        The six nearest, or those across an edge of the Voronoi cell, all alike (a few 1e5 disks at most).
     time : float
         Needed for sheared boxes [time].
 

@@ -116,9 +116,8 @@ def grow(
 def separate(box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = ()) -> Array:
     """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at t = 0 neither.
 
-    For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then.
-    Only disks that overlap, and those that they push, are moved. InputError if overlaps remain: names the worst of
-    them.
+    For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then. Only
+    disks that overlap, and those that they push, are moved. InputError if overlaps remain: names the worst of them.
 
     Examples
     --------

@@ -131,9 +131,8 @@ class IFRLaw(CollisionLaw):
 
     Notes
     -----
-    With kbar = (k_i m_j + k_j m_i) / (m_i + m_j), a = 1 + kbar, c = 1/2 (percussion centre) or 1/a (contact
-    point) and e_s = e_t + a c, no collision adds energy if and only if e_n <= 1, -1 <= e_t <= 1, and where
-    mu > 0 also e_t < 1 and
+    With kbar = (k_i m_j + k_j m_i) / (m_i + m_j), a = 1 + kbar, c = 1/2 (percussion centre) or 1/a (contact point) and
+    e_s = e_t + a c, no collision adds energy if and only if e_n <= 1, -1 <= e_t <= 1, and where mu > 0 also e_t < 1 and
 
     1. a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2, and
     2. where e_t a c > 1 - e_t^2, also (1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n).

@@ -12,12 +12,11 @@ centre, m_t / m_n for the contact point,
     P_n = (1 + e_n) m_n g_n,    P_t = m_n sign(g_t) [h |g_t| + min(c |g_t|, mu (1 + e_n) g_n)].
 
 *Averages.* The relative velocity of the centres has the variance V = T_i/m_i + T_j/m_j per component. Colliding pairs
-are weighted by the approach speed g_n = sqrt(V) y: y has the density y exp(-y^2/2), with <y^2> = 2. The slip
-g_t = v_t + R_i w_i + R_j w_j is Gaussian with variance V S, S = 1 + (k_i tau_i/m_i + k_j tau_j/m_j) / V, because
-R^2 <w^2> = k tau / m; call it sqrt(V S) u. Then P_t = m_n sqrt(V S) sign(u) [h |u| + c min(|u|, kappa y)] with
-kappa = mu (1 + e_n) / (c sqrt S). Since P(y > a) = exp(-a^2/2), the average over y of min(|u|, kappa y) is the
-integral of exp(-z^2 / (2 kappa^2)) from 0 to |u|, and likewise for its square with 2 z in the integrand. Averaging
-over the normal u,
+are weighted by the approach speed g_n = sqrt(V) y: y has the density y exp(-y^2/2), with <y^2> = 2. The slip g_t = v_t
++ R_i w_i + R_j w_j is Gaussian with variance V S, S = 1 + (k_i tau_i/m_i + k_j tau_j/m_j) / V, because R^2 <w^2> = k
+tau / m; call it sqrt(V S) u. Then P_t = m_n sqrt(V S) sign(u) [h |u| + c min(|u|, kappa y)] with kappa = mu (1 + e_n) /
+(c sqrt S). Since P(y > a) = exp(-a^2/2), the average over y of min(|u|, kappa y) is the integral of exp(-z^2 / (2
+kappa^2)) from 0 to |u|, and likewise for its square with 2 z in the integrand. Averaging over the normal u,
 
     J_1 = <|u| min> = sqrt(2/pi) int_0^inf exp(-z^2 (1 + 1/kappa^2) / 2) dz = kappa / sqrt(1 + kappa^2)
     J_2 = <min^2> = int_0^inf 2 z exp(-z^2 / (2 kappa^2)) erfc(z / sqrt 2) dz = 2 kappa^2 (1 - J_1),

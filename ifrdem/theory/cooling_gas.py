@@ -192,9 +192,8 @@ def cooling(
 def haff_time(e_n: float, rate0: float) -> float:
     """Haff's time t_H [time] of smooth equal disks, 4 / ((1 - e_n^2) rate0): infinite for elastic ones.
 
-    Each collision of a disk takes (1 - e_n^2) / 2 of its temperature, at a rate nu = rate0 sqrt(T / T0):
-    dT/dt = -(1 - e_n^2) nu T / 2, of which T0 / (1 + t / t_H)^2 is the solution. P. K. Haff,
-    J. Fluid Mech. 134, 401 (1983).
+    Each collision of a disk takes (1 - e_n^2) / 2 of its temperature, at a rate nu = rate0 sqrt(T / T0): dT/dt = -(1 -
+    e_n^2) nu T / 2, of which T0 / (1 + t / t_H)^2 is the solution. P. K. Haff, J. Fluid Mech. 134, 401 (1983).
 
     Parameters
     ----------

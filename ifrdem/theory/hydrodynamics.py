@@ -22,9 +22,8 @@ z(tau') exp(G - G') over tau' from 0 to tau; where z and xi stay, [exp(z tau (1 
 
 *Heat modes.* In a long wave that neither grows nor decays beside T the pressure is uniform and nothing flows, so that
 density and temperature differ by factors 1 + r and 1 + q with r p_n + q p_T = 0; losses go with n g n T^(3/2). What a
-denser part loses more must come by heat conduction: z nu (a p_T / p_n - 1/2) = kappa k^2 / n, with
-a = 1 + d ln g / d ln phi and p_T / p_n = 1 / (1 + d ln Z / d ln phi). Longer waves become clusters. To lowest order in
-1 - e_n.
+denser part loses more must come by heat conduction: z nu (a p_T / p_n - 1/2) = kappa k^2 / n, with a = 1 + d ln g / d
+ln phi and p_T / p_n = 1 / (1 + d ln Z / d ln phi). Longer waves become clusters. To lowest order in 1 - e_n.
 """
 
 from __future__ import annotations
@@ -286,8 +285,7 @@ def shear_mode_energy(
     """Energy of growing shear modes beyond their thermal share, as part of the thermal energy N T of all N disks.
 
     (1 / 2N) sum (S - 1) over the waves of a periodic box that have grown since the start, Z > k^2 X (module's text).
-    Where it is small, the gas is still homogeneous. InputError as `shear_length`; if a side of the box is not
-    positive.
+    Where it is small, the gas is still homogeneous. InputError as `shear_length`; if a side of the box is not positive.
 
     Parameters
     ----------

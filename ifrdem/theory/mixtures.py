@@ -46,9 +46,8 @@ def _column(name: str, value: ArrayLike) -> Array:
 class Mixture:
     """What a homogeneous gas of s species is made of.
 
-    InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, is not an
-    `IFRLaw`, has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is
-    impossible.
+    InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`,
+    has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
 
     Parameters
     ----------
