@@ -22,12 +22,9 @@ class Clusters(Brief):
     ----------
     label : array (n,) of int
         The cluster of each disk, from 0, the largest first.
-    sizes : array (c,) of int
-        Disks of each cluster, falling.
-    radius_of_gyration : array (c,)
-        Root of the mean square distance from the mean of the cluster's centres [length]; nan where it spans the box.
-    spans : array (c,) of bool
-        Whether a cluster is connected to its own image through periodic sides.
+    sizes, radius_of_gyration, spans : array (c,)
+        Of each cluster: number of disks, falling; root of the mean square distance from the mean of its centres
+        [length], nan where it spans the box; True if it is connected to its own image through periodic sides.
     gap : float
         The criterion [length].
     """
@@ -58,12 +55,9 @@ def clusters(
 
     Parameters
     ----------
-    position : array (n, 2)
-        Centres [length].
+    position, radius : array (n, 2), and float or array (n,)
+        Centres and radii [length].
     box : Box, or two lengths of a periodic one
-        Of any kind.
-    radius : float or array (n,)
-        Radii [length].
     gap : float
         Disks whose surfaces are nearer than this are joined [length]. In a homogeneous gas of equal disks that are to
         be told from clusters, a tenth of a diameter or less.

@@ -172,10 +172,8 @@ class HaffFit(Goodness):
 
     Attributes
     ----------
-    T0, T0_error : float
-        Temperature at the first time of the fit [energy].
-    t_H, t_H_error : float
-        Haff's time [time], counted from there.
+    T0, T0_error, t_H, t_H_error : float
+        Temperature at the first time of the fit [energy], and Haff's time [time], counted from there.
     times : tuple of two floats
         First and last time of the fit.
     rms, correlation_time, misfit, p_value, describes
@@ -195,12 +193,8 @@ class RatioFit(Goodness):
 
     Attributes
     ----------
-    theta_0, theta_0_error : float
-        Ratio T_rot / T at the begin.
-    theta_end, theta_end_error : float
-        Ratio that it tends to.
-    lag, lag_error : float
-        After which 1/e of the way is left, as x.
+    theta_0, theta_end, lag, and theta_0_error, theta_end_error, lag_error : float
+        Ratio T_rot / T at the begin, the one that it tends to, after which x 1/e of the way is left; and their errors.
     rms, correlation_time, misfit, p_value, describes
         Of what is left of theta, as in `Goodness`.
     """
@@ -281,10 +275,8 @@ def ratio_fit(
 
     Parameters
     ----------
-    x : array (s,)
-        Collisions per disk, in which a cooling gas has one lag, or times; rising.
-    theta : array (s,)
-        T_rot / T.
+    x, theta : array (s,)
+        Collisions per disk, in which a cooling gas has one lag, or times, rising; and T_rot / T.
     first, last : float, optional
         Where the fit begins and ends; without them, everywhere.
     disks : int, optional

@@ -25,18 +25,13 @@ class Correlation(Brief):
 
     Attributes
     ----------
-    lag : array (lags,)
-        Lags [time]; the first is 0.
-    value, error : array (lags,)
-        The mean, and its standard error: disks count as independent, lags and origins of a disk do not.
+    lag, value, error : array (lags,)
+        Lags [time], the first is 0; the mean, and its standard error: disks count as independent, lags and origins of a
+        disk do not.
     covariance : array (lags, lags)
         Covariance of `value` by the spread over disks: what a fit to it needs.
-    components : int
-        Directions in space that it is the sum of.
-    disks : int
-        How many there were.
-    origins : str
-        "all" or "first".
+    components, disks, origins : int, int, str
+        Directions in space that it is the sum of, number of disks, "all" or "first".
     """
 
     lag: Array

@@ -22,17 +22,14 @@ class Fields(Brief):
     ----------
     x, y : array (a,), (b,)
         Middles of the cells [length].
-    number : array (a, b)
-        Number density [1/length^2].
-    packing_fraction : array (a, b)
-        Area of the disks in it over area, each counted whole at its centre.
+    number, packing_fraction : array (a, b)
+        Number density [1/length^2], and area of the disks in it over area, each counted whole at its centre.
     velocity : array (a, b, 2)
         Mean velocity weighted by mass [length/time]; nan where there is nobody.
-    temperature : array (a, b)
-        T = <m |v - u|^2> / 2 relative to the mean velocity u of the place [energy], without bias by the number of
-        disks that u is the mean of; nan where fewer than two are. It contains what u varies by within the place.
-    rotational_temperature : array (a, b)
-        T_rot = <I omega^2> [energy].
+    temperature, rotational_temperature : array (a, b)
+        T = <m |v - u|^2> / 2 relative to the mean velocity u of the place, without bias by the number of disks that u
+        is the mean of, nan where fewer than two are; it contains what u varies by within the place. T_rot = <I
+        omega^2>. [energy]
     width : float
         Standard deviation of the Gaussian [length], 0 for plain cells.
     """
@@ -61,10 +58,8 @@ def coarse_grain(
 
     Parameters
     ----------
-    position, velocity : array (n, 2)
-        Centres [length] and velocities [length/time].
-    spin : array (n,), optional
-        Spins [rad/time]; without them, T_rot is 0.
+    position, velocity, spin : arrays (n, 2), (n, 2) and (n,)
+        Centres [length], velocities [length/time] and spins [rad/time], without which T_rot is 0.
     box : Box, or two lengths of a periodic one
         An open one takes what holds all centres.
     cells : tuple of two ints

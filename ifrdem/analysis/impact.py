@@ -43,23 +43,17 @@ class Impacts(Brief):
 
     Attributes
     ----------
-    psi : array (bins,)
-        Middles of bins from 0 to pi / 2 [rad].
-    density, density_error : array (bins,)
-        Probability density [1/rad], and its standard error by counting: with c of n collisions in a bin, that of a
-        probability of which nothing else is known (its posterior by Jeffreys' prior, a beta distribution with
-        c + 1/2 and n - c + 1/2), which is not 0 for empty bins.
-    mean_b, mean_b_error : float
-        Mean of sin psi, 1/2 in molecular chaos.
-    p_value : float
-        Probability that as many independent collisions would be as far from a uniform b, or farther, if it were uniform
-        (Kolmogorov and Smirnov); not that it is.
+    psi, density, density_error : array (bins,)
+        Middles of bins from 0 to pi / 2 [rad]; probability density [1/rad], and its standard error by counting: with c
+        of n collisions in a bin, that of a probability of which nothing else is known (its posterior by Jeffreys'
+        prior, a beta distribution with c + 1/2 and n - c + 1/2), which is not 0 for empty bins.
+    mean_b, mean_b_error, p_value : float
+        Mean of sin psi, 1/2 in molecular chaos. Probability that as many independent collisions would be as far from a
+        uniform b, or farther, if it were uniform (Kolmogorov and Smirnov); not that it is.
     regimes : dict
         Name of a regime -> share of the collisions, its standard error.
-    collisions : int
-        How many there were.
-    regime_collisions : int
-        Of how many the regimes are known.
+    collisions, regime_collisions : int
+        How many there were, and of how many the regimes are known.
     """
 
     psi: Array

@@ -25,14 +25,10 @@ class PairCorrelation(Brief):
 
     Attributes
     ----------
-    r : array (bins,)
-        Middles of the bins [length].
-    g, g_error : array (bins,)
-        g(r), and its standard error by the number of pairs, which count as independent.
-    pairs : array (bins,)
-        Pairs counted, each once, over all frames.
+    r, g, g_error, pairs : array (bins,)
+        Middles of the bins [length]; g(r), and its standard error by the number of pairs, which count as independent;
+        pairs counted, each once, over all frames.
     frames : int
-        How many there were.
     """
 
     r: Array
@@ -80,10 +76,8 @@ def pair_correlation(
     box : Box, or two lengths of a periodic one
         Where it is not periodic, only centres farther than `r_max` from the sides count as the first of a pair, and
         what walls inside it take away is not regarded.
-    r_max, r_min : float
+    r_max, r_min, bins : float, float, int
         Where the bins end and begin [length]; less than half the shortest side.
-    bins : int
-        Number of bins.
     time : float or one for each frame
         Needed for sheared boxes [time].
 

@@ -35,12 +35,8 @@ class Pressure(Brief):
 
     Attributes
     ----------
-    kinetic : float
-        N T / A.
-    collisional, error : float
-        What collisions pass on, and its standard error, from blocks of time.
-    total : float
-        Their sum.
+    kinetic, collisional, error, total : float
+        N T / A; what collisions pass on, and its standard error, from blocks of time; the sum.
     Z : float
         Compressibility factor p A / (N T).
     collisional_tensor : array (2, 2)
@@ -67,14 +63,11 @@ def pressure_from_impulses(
 
     Parameters
     ----------
-    time : array (c,)
-        When they happened [time], inside `span`.
-    normal : array (c, 2)
-        Unit vectors from the disk to its partner.
-    impulse : array (c, 2)
-        P_n and P_t that it gives to the partner along n and t = (-n_y, n_x) [mass length/time].
-    distance : array (c,)
-        Of the two centres: the sum of the radii [length].
+    time, distance : array (c,)
+        When they happened [time], inside `span`; distance of the two centres, the sum of the radii [length].
+    normal, impulse : array (c, 2)
+        Unit vectors from the disk to its partner; P_n and P_t that it gives to the partner along n and t = (-n_y, n_x)
+        [mass length/time].
     span : tuple of two floats
         The time that was watched [time].
     area, disks, tracked : float, int, int

@@ -26,12 +26,10 @@ class Hexatic(Brief):
     ----------
     psi6 : array (n,) of complex
         Of each disk.
-    local : float
-        Mean of |psi_6|: 1 in a perfect hexagonal lattice.
-    whole : float
-        |mean of psi_6|: 1 if it is a single crystal, about local / sqrt(n) in a fluid.
-    neighbours : str
-        "nearest" or "voronoi".
+    local, whole : float
+        Mean of |psi_6|, 1 in a perfect hexagonal lattice; |mean of psi_6|, 1 if it is a single crystal, about local /
+        sqrt(n) in a fluid.
+    neighbours : {"nearest", "voronoi"}
     """
 
     psi6: NDArray[np.complex128]
@@ -56,7 +54,7 @@ def hexatic(
     position : array (n, 2)
         Centres [length], 7 or more.
     box : Box, or two lengths of a periodic one
-        Of any kind. Disks at walls count with the neighbours that they have inside.
+        Disks at walls count with the neighbours that they have inside.
     neighbours : {"nearest", "voronoi"}
         The six nearest, or those across an edge of the Voronoi cell, all alike (a few 1e5 disks at most).
     time : float

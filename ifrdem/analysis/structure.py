@@ -25,15 +25,11 @@ class StructureFactor(Brief):
 
     Attributes
     ----------
-    k : array (rings,)
-        Mean |k| of the modes in each ring [1/length].
-    S, S_error : array (rings,)
-        Mean, and standard error S / sqrt(modes frames): modes and frames count as independent, each mode as
-        exponentially distributed.
-    modes : array (rings,) of int
-        Modes counted in a frame, of k and -k one.
-    frames : int
-        How many there were.
+    k, S, S_error : array (rings,)
+        Mean |k| of the modes in each ring [1/length]; mean of S, and standard error S / sqrt(modes frames): modes and
+        frames count as independent, each mode as exponentially distributed.
+    modes, frames : array (rings,) of int, int
+        Modes counted in a frame, of k and -k one; how many frames there were.
     """
 
     k: Array

@@ -34,14 +34,12 @@ class SonineCoefficients:
 
     Attributes
     ----------
-    a20, a02, a11 : float
-        nan for what does not move: without spins, a02 and a11.
-    a20_error, a02_error, a11_error : float
-        Standard errors, to first order in them. Disks count as independent of one another, frames do not: a disk's
-        contributions are summed over the frames first. Of n disks of a Gaussian gas in one frame they are
-        1 / sqrt(n), sqrt(8 / (3 n)) and sqrt(2 / n). Where velocities are correlated in space, errors are larger.
+    a20, a02, a11, a20_error, a02_error, a11_error : float
+        The coefficients, nan for what does not move; and their standard errors, to first order in them. Disks count as
+        independent of one another, frames do not: a disk's contributions are summed over the frames first. Of n disks
+        of a Gaussian gas in one frame they are 1 / sqrt(n), sqrt(8 / (3 n)) and sqrt(2 / n). Where velocities are
+        correlated in space, errors are larger.
     disks, frames : int
-        How many of them there were.
     """
 
     a20: float
@@ -60,14 +58,12 @@ class VelocityDistribution(Brief):
 
     Attributes
     ----------
-    speed : array (bins,)
-        Middles of the bins of c_x and c_y, c = v / sqrt(2 T / m).
-    density, density_error : array (bins,)
-        Probability density of a component, both counted; standard error if disks and frames were independent.
+    speed, density, density_error : array (bins,)
+        Middles of the bins of c_x and c_y, c = v / sqrt(2 T / m); probability density of a component, both counted;
+        standard error if disks and frames were independent.
     spin, spin_density, spin_density_error : array (bins,)
         The same of w = omega / sqrt(2 T_rot / I); densities are nan where nothing spins.
     sonine : SonineCoefficients
-        Of the same disks.
     """
 
     speed: Array
@@ -118,17 +114,13 @@ def velocity_distribution(
 
     Parameters
     ----------
-    velocity : array (n, 2) or frames of them
-        Velocities [length/time]; of a sheared gas the peculiar ones.
-    spin : array (n,) or as many frames of them
-        Spins [rad/time]; their mean is not taken off.
+    velocity, spin : arrays (n, 2) and (n,), or as many frames of them
+        Velocities [length/time], of a sheared gas the peculiar ones; spins [rad/time], whose mean is not taken off.
     mass, inertia : float or array (n,)
-        Masses [mass] and moments of inertia [mass length^2]. Different ones count with v sqrt(m): right if all have
-        one temperature; pass one species at a time where they have not.
-    bins : int
-        Number of bins.
-    widest : float
-        End of the outermost bins; what is beyond is not in the densities, and is in the coefficients.
+        Masses [mass] and moments of inertia [mass length^2]. Different ones count with v sqrt(m): right if all have one
+        temperature; pass one species at a time where they have not.
+    bins, widest : int, float
+        Number of bins, and end of the outermost; what is beyond is not in the densities, and is in the coefficients.
 
     Examples
     --------

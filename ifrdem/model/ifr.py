@@ -78,13 +78,11 @@ class Collision(NamedTuple):
 
     Attributes
     ----------
-    velocity : array (..., 2, 2)
-        Velocities after the collision [length/time]: disk, then component.
-    spin : array (..., 2)
-        Spins after the collision, counter-clockwise [rad/time].
+    velocity, spin : arrays (..., 2, 2) and (..., 2)
+        After the collision: velocities [length/time], disk, then component; spins, counter-clockwise [rad/time].
     P_n, P_t : array (...)
-        Impulses [mass length/time] that the first disk gives to the second along the normal n and along
-        t = (-n_y, n_x).
+        Impulses [mass length/time] that the first disk gives to the second along the normal n and along t = (-n_y,
+        n_x).
     regime : array (...) of int8
         Values of `Regime`.
     """
@@ -334,17 +332,15 @@ def collide(
         The law of the pair's materials.
     normal : array (..., 2)
         Unit vectors from the centre of the first disk to that of the second.
-    mass : array (..., 2)
-        Masses [mass]. An infinite one is a wall: its own velocity and spin are kept.
-    radius : array (..., 2)
-        Radii [length]. That of an infinite mass may be infinite, a flat wall. For rolling friction it then
-        counts as equal to the partner's, so that the paper's r is the partner's radius.
+    mass, radius : array (..., 2)
+        Masses [mass] and radii [length]. An infinite mass is a wall, which keeps its velocity and spin; its radius may
+        be infinite, a flat wall. For rolling friction that counts as the partner's, so that the paper's r is the
+        partner's.
     k : array (..., 2)
         Shape numbers in I = m R^2 / k.
-    velocity : array (..., 2, 2)
-        Velocities before the collision [length/time]: disk, then component.
-    spin : array (..., 2)
-        Spins before the collision, counter-clockwise [rad/time]; 0 for a flat wall.
+    velocity, spin : arrays (..., 2, 2) and (..., 2)
+        Before the collision: velocities [length/time], disk, then component; spins, counter-clockwise [rad/time], 0 for
+        a flat wall.
 
     Returns
     -------

@@ -40,11 +40,9 @@ class Disks(Brief):
     ----------
     n : int
         Number of disks.
-    mass : array_like
-        Masses m [mass]. An infinite one makes an immovable disk: it must be at rest, without spin, and counts
-        neither in energies nor in momentum.
-    radius : array_like
-        Radii R [length].
+    mass, radius : array_like
+        Masses m [mass] and radii R [length]. An infinite mass makes an immovable disk: it must be at rest, without
+        spin, and counts neither in energies nor in momentum.
     k : array_like
         Shape number in the moment of inertia I = m R^2 / k: 2 for a homogeneous disk, 1 for a hoop.
     material : array_like of int
@@ -102,23 +100,18 @@ class State(Brief, Sealed):
 
     Attributes
     ----------
-    position : array (n, 2)
-        Centres [length], inside the box.
-    velocity : array (n, 2)
-        Velocities of the centres [length/time], in the lab: in a sheared box too.
+    position, velocity : array (n, 2)
+        Centres [length], inside the box, and their velocities in the lab [length/time], in a sheared box too.
     spin : array (n,)
         Angular velocities, counter-clockwise [rad/time].
     time : float
-        The time [time].
-    collisions : array (n,) of int32
-        Collisions that each disk has had.
-    image : array (n, 2) of int32
-        How often each disk has left the box through each side: `Box.unwrap` makes paths without jumps of it.
-    wall_hits : array (n,) of int32
-        Collisions with walls that each disk has had. Thermal walls count them to draw their random numbers.
+        [time].
+    collisions, wall_hits, image : array (n,), (n,) and (n, 2) of int32
+        Collisions that each disk has had, those with walls, and how often it has left the box through each side, of
+        which `Box.unwrap` makes paths. Thermal walls count their hits to draw random numbers.
     latest_collision : array (n,)
-        When each disk last collided with a disk or wall [time], -inf if never. Only runs with the tc rule
-        (`Collapse`) keep it up to date.
+        When each disk last collided with a disk or wall [time], -inf if never. Only runs with the tc rule (`Collapse`)
+        keep it up to date.
     last_partner : array (n,) of int32
         Whom each disk hit last: an id, -1 if nobody yet, -2 - w for wall w. Only runs that are asked to
         (`Simulation(partners=True)`) keep it up to date.

@@ -134,10 +134,9 @@ class Wall:
     Attributes
     ----------
     shape : {"line", "segment", "container", "post"}
-    place : two floats
-        A point of a line, the beginning of a segment, the centre of a circle [length].
-    towards : two floats
-        A line's unit normal towards the disks; from the beginning of a segment to its end [length].
+    place, towards : two floats each
+        A point of a line and its unit normal towards the disks; the beginning of a segment and the vector to its end
+        [length]; the centre of a circle [length].
     radius : float
         Of a circle [length].
     material : int

@@ -185,12 +185,8 @@ def clustering_length(e_n: float, radius: float, packing_fraction: float) -> flo
 
     Parameters
     ----------
-    e_n : float
-        Normal restitution. To lowest order in 1 - e_n.
-    radius : float
-        [length].
-    packing_fraction : float
-        Above 0, and below that of freezing.
+    e_n, radius, packing_fraction : float
+        Normal restitution, to lowest order in 1 - e_n; [length]; above 0, and below that of freezing.
 
     Examples
     --------
@@ -361,10 +357,8 @@ def shear_mode_time(
     ----------
     law, radius, packing_fraction, box, k, theta0
         As for `shear_mode_energy`.
-    mass : float
-        [mass].
-    T0 : float
-        Temperature at the start [energy].
+    mass, T0 : float
+        [mass], and temperature at the start [energy].
     share : float
         `shear_mode_energy` that counts, above 0.
 
