@@ -111,7 +111,7 @@ NOT_STEADY = "the gas is not steady"
 Columns = dict[str, NDArray[Any]]
 
 
-class Row(NamedTuple):
+class Quantity(NamedTuple):
     """A number that was found: what it is, its standard error (nan where there is none), its unit ("" for none)."""
 
     name: str
@@ -121,13 +121,13 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Outcome(Brief):
+class Findings(Brief):
     """Results of an analysis of a file."""
 
     result: (
         Any  # what the function of `ifrdem.analysis` returned; for velocities a dict of them by kind of disk
     )
-    rows: list[Row]  # numbers for people
+    rows: list[Quantity]  # numbers for people
     tables: dict[str, Columns]  # name ("" for the only or main one) -> columns by name, of one length
     notes: list[str]  # what to know of them
     times: tuple[float, float]  # first and last time that was used
@@ -166,7 +166,7 @@ def unit(trajectory: Trajectory, text: str) -> str:
     return text
 
 
-def span_text(trajectory: Trajectory, outcome: Outcome) -> str:
+def span_text(trajectory: Trajectory, outcome: Findings) -> str:
     """How many frames an outcome is of, and of which times."""
     first, last = outcome.times
     span = f"t = {first:.4g}" if first == last else f"t = {first:.4g} to {last:.4g}"

@@ -118,7 +118,7 @@ class Motion:
         return 0.0
 
 
-class Options(TypedDict, total=False):
+class WallOptions(TypedDict, total=False):
     """What any wall may have; see `Wall`."""
 
     material: int
@@ -204,12 +204,12 @@ class Wall:
             set_(self, "temperature", _number(f"{name}, temperature", self.temperature, 0.0, open_=True))
 
     @classmethod
-    def line(cls, point: Point, normal: Point, **options: Unpack[Options]) -> Wall:
+    def line(cls, point: Point, normal: Point, **options: Unpack[WallOptions]) -> Wall:
         """An endless straight wall through `point`; disks are on the side to which `normal` points."""
         return cls("line", point, normal, **options)
 
     @classmethod
-    def segment(cls, start: Point, end: Point, **options: Unpack[Options]) -> Wall:
+    def segment(cls, start: Point, end: Point, **options: Unpack[WallOptions]) -> Wall:
         """A straight wall from `start` to `end`, without thickness; disks collide with both sides and the ends."""
         (x, y), (x_1, y_1) = (
             checked.finite_pair("segment wall, start", start),
@@ -218,12 +218,12 @@ class Wall:
         return cls("segment", (x, y), (x_1 - x, y_1 - y), **options)
 
     @classmethod
-    def container(cls, center: Point, radius: float, **options: Unpack[Options]) -> Wall:
+    def container(cls, center: Point, radius: float, **options: Unpack[WallOptions]) -> Wall:
         """A circular wall around the disks."""
         return cls("container", center, radius=radius, **options)
 
     @classmethod
-    def post(cls, center: Point, radius: float, **options: Unpack[Options]) -> Wall:
+    def post(cls, center: Point, radius: float, **options: Unpack[WallOptions]) -> Wall:
         """A round wall among the disks; radius 0 is a point."""
         return cls("post", center, radius=radius, **options)
 

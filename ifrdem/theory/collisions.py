@@ -46,7 +46,7 @@ from ..tools.checked import Array
 from .contact import checked_packing_fraction, checked_positive, contact_value
 
 
-class Disk(NamedTuple):
+class Collider(NamedTuple):
     """One of the two: mass [mass], shape number k in I = m R^2 / k, temperatures T, T_rot [energy]; or arrays."""
 
     mass: ArrayLike
@@ -83,7 +83,7 @@ def tangential_averages(law: IFRLaw, inverse_a: ArrayLike, S: ArrayLike) -> tupl
     return h + c * J_1, h**2 + 2.0 * h * c * J_1 + c**2 * J_2
 
 
-def energy_changes(law: IFRLaw, disk: Disk, other: Disk) -> tuple[Array, Array]:
+def energy_changes(law: IFRLaw, disk: Collider, other: Collider) -> tuple[Array, Array]:
     """Mean energies [energy] that the motion and the spin of `disk` gain in a collision with `other`.
 
     The two gases may have different temperatures; one at least of the two must move. Derived in the module's text.

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from ..tools.checked import Array
-from .collisions import Disk, checked_law, collision_rate, energy_changes
+from .collisions import Collider, checked_law, collision_rate, energy_changes
 from .contact import checked_positive
 
 
@@ -37,7 +37,7 @@ def changes_per_collision(theta: ArrayLike, law: IFRLaw, k: float) -> tuple[Arra
     >>> [float(change) for change in theory.changes_per_collision(0.5, law, 2.0)]
     [0.0, 0.0]
     """
-    disk = Disk(1.0, k, 1.0, np.asarray(theta, dtype=np.float64))
+    disk = Collider(1.0, k, 1.0, np.asarray(theta, dtype=np.float64))
     translation, rotation = energy_changes(law, disk, disk)
     return translation, 2.0 * rotation  # energies T and T_rot / 2
 

@@ -23,7 +23,7 @@ from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
 from ..tools.checked import Array
-from .collisions import Disk, checked_law, energy_changes, mixture_collision_rates
+from .collisions import Collider, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, checked_packing_fraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled
 from .driven_gas import Drive
@@ -215,7 +215,7 @@ def _temperatures(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Arr
 def _rates(mixture: Mixture, T: Array, T_rot: Array, often: Array) -> tuple[Array, Array]:
     s = mixture.species
     translation, rotation = np.zeros(s), np.zeros(s)
-    disks = [Disk(*each) for each in zip(mixture.mass, mixture.k, T, T_rot, strict=True)]
+    disks = [Collider(*each) for each in zip(mixture.mass, mixture.k, T, T_rot, strict=True)]
     for i in range(s):
         for j in range(s):
             if often[i, j] > 0.0:  # not where both are at rest: they never meet

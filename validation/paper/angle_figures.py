@@ -88,8 +88,7 @@ def _figure_5(result: Result) -> Picture:
 
 def _angle_of_disk_1(
     result: Result, number: int, name: str, coins: Sequence[tuple[str, tuple[float, float, float], float, str, str]],
-    limits: dict[str, Any],
-    about: str,
+    limits: dict[str, Any], about: str,
 ) -> Picture:  # fmt: skip
     """An angle of disk 1 against psi: name, coefficients, M, colour and marker of each kind of pairs."""
     figure, (ax,) = style.panels()

@@ -108,7 +108,7 @@ def _table_ii(result: Result, n: int) -> None:
 
 def _compare_lines(
     result: Result,
-    closure: equations.Closure,
+    closure: equations.StickingEquations,
     impacts: list[Impact],
     lines: list[Lines],
     transits: list[float],

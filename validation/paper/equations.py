@@ -414,7 +414,7 @@ def e_t_apparent_nonrolling_printed(c: Impact, without: Array) -> Array:
 Law = Callable[[Impact], Array]
 
 
-class Closure(NamedTuple):
+class StickingEquations(NamedTuple):
     """Equations of pairs that stick at one point, and their numbers: the paper's, corrected."""
 
     text: str
@@ -431,14 +431,14 @@ class Closure(NamedTuple):
 
 
 CLOSURES = {
-    "percussion_center": Closure(
+    "percussion_center": StickingEquations(
         "percussion centre", P_f_percussion_center, v_1t_percussion_center, v_2t_percussion_center,
         tan_delta_1_percussion_center, tan_delta_2_percussion_center, tan_psi_transit_percussion_center,
         e_t_apparent_percussion_center, Rw_2_percussion_center_rolling, Rw_2_percussion_center_nonrolling,
         {"P_f": "15", "v_1t": "16", "v_2t": "17", "tan_delta": "22, 23", "tan_delta_1": "22",
          "tan_psi_transit": "25", "e_t_apparent": "28", "rolling": "40", "nonrolling": "41, corrected"},
     ),
-    "contact_point": Closure(
+    "contact_point": StickingEquations(
         "contact point", P_f_contact_point, v_1t_contact_point, v_2t_contact_point,
         tan_delta_1_contact_point, tan_delta_2_contact_point, tan_psi_transit_contact_point,
         e_t_apparent_contact_point, Rw_2_contact_point_rolling, Rw_2_contact_point_nonrolling,

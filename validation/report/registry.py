@@ -169,7 +169,7 @@ class Result:
         self.rows.append(Row(text, largest, 0.0, tolerance, reason, source))
 
 
-class Case(Protocol):
+class CaseModule(Protocol):
     """The module of a case."""
 
     QUESTION: str
@@ -180,13 +180,13 @@ class Case(Protocol):
         ...
 
 
-def load(name: str) -> Case:
+def load(name: str) -> CaseModule:
     """The case of this name; InputError if there is none."""
     check_names([name])
     room, module = next(
         (ROOMS[group], name.removeprefix(f"{group}_")) for group, has in GROUPS.items() if name in has
     )
-    return cast(Case, importlib.import_module(f"...validation.{room}.{module}", __package__))
+    return cast(CaseModule, importlib.import_module(f"...validation.{room}.{module}", __package__))
 
 
 def check_names(names: list[str]) -> None:
