@@ -31,7 +31,7 @@ Law = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Goodness:
-    """How well a law of least squares describes data; errors of its parameters are nan where it does not.
+    """Goodness of a law of least squares; errors of its parameters are nan where it does not.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ REGIMES = {
     **{int(one): one.name.lower().replace("_", " + ") for one in Regime},
     9: "elastic (remedy)",
 }
-"""What the numbers of `regime` in a file mean."""
+"""Names of the numbers of `regime` in a file."""
 COUNTED = {
     "sliding": REGIMES[Regime.SLIDING],
     "sticking": REGIMES[Regime.STICKING],

@@ -14,7 +14,7 @@ from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import cooling, displacement, impact, pressure
 from . import result as stored
-from .result import NOT_STEADY, Findings, Quantity, every, times, unit
+from .result import NOT_STEADY, Evaluation, Reading, every, times, unit
 
 
 def _motion(trajectory: Trajectory, chosen: Sequence[int] | None) -> tuple[list[int], str, list[str]]:
@@ -79,7 +79,7 @@ def _change_doubt(trajectory: Trajectory, used: list[int], text: str) -> list[st
     return [f"{_unsteady(trajectory, T)}{text}less than a tenth, or drive the gas"]
 
 
-def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     used, origins, notes = _motion(trajectory, chosen)
     box, when = trajectory.box, trajectory.times[used]
@@ -101,16 +101,16 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
     words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
     doubts = _change_doubt(trajectory, used, words)
     D = (math.nan, math.nan) if doubts else (fit.D, fit.error)
-    rows = [Quantity("D", *D, unit(trajectory, "length^2/time")), Quantity("exponent", fit.exponent)]
+    rows = [Reading("D", *D, unit(trajectory, "length^2/time")), Reading("exponent", fit.exponent)]
     if not doubts:
         notes.append(f"line fitted at lags from {fit.lags[0]:.4g} to {fit.lags[1]:.4g}")
         if abs(fit.exponent - 1.0) > 0.2:
             notes.append("the exponent is not 1: this D is no diffusion coefficient")
     table = {"lag": found.lag, "msd": found.value, "error": found.error}
-    return Findings((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
-def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "velocity")
     if trajectory.box.shear_rate:
         raise InputError(
@@ -122,19 +122,17 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
     below = np.flatnonzero(found.value < scale / np.e)
     rows = [
-        Quantity("<v^2>", float(found.value[0]), float(found.error[0]), unit(trajectory, "length^2/time^2"))
+        Reading("<v^2>", float(found.value[0]), float(found.error[0]), unit(trajectory, "length^2/time^2"))
     ]
     if len(below):
-        rows.append(
-            Quantity("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time"))
-        )
+        rows.append(Reading("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
     table = {"lag": found.lag, "vacf": found.value, "error": found.error}
     words = (
         ": velocities shrink or grow with sqrt(T), so that they do not decay by loss of memory alone. Choose --frames "
         "over which T changes by "
     )
     doubts = _change_doubt(trajectory, used, words)
-    return Findings(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
@@ -144,7 +142,7 @@ def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
     return float(np.trapezoid(np.interp(t, when, values), t) / (span[1] - span[0]))
 
 
-def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     box, disks = trajectory.box, trajectory.disks
     if box.is_open or trajectory.room.all_walls:
         raise InputError(
@@ -155,7 +153,7 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Finding
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
-    rows: list[Quantity] = []
+    rows: list[Reading] = []
     notes: list[str] = []
     doubts: list[str] = []
     result = None
@@ -182,10 +180,10 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Finding
         )  # fmt: skip
         force, of_Z = unit(trajectory, "energy/length^2"), result.error / (result.kinetic or math.nan)
         rows += [
-            Quantity("pressure", result.total, result.error, force),
-            Quantity("kinetic part", result.kinetic, unit=force),
-            Quantity("collisional part", result.collisional, result.error, force),
-            Quantity("Z = p A / (N T)", result.Z, of_Z),
+            Reading("pressure", result.total, result.error, force),
+            Reading("kinetic part", result.kinetic, unit=force),
+            Reading("collisional part", result.collisional, result.error, force),
+            Reading("Z = p A / (N T)", result.Z, of_Z),
         ]
         notes.append(f"impulses of {len(found.tracked)} tracked disks")
     rows += _pressure_by_rate(trajectory, when, T, count, notes)
@@ -193,12 +191,12 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Finding
         raise InputError(f"{trajectory.path}: no pressure: " + "; ".join(notes))
     names, values = ([getattr(row, name) for row in rows] for name in ("name", "value"))
     tables = {"": {"quantity": np.array(names), "value": np.array(values)}}
-    return Findings(result, rows, tables, notes, span, doubts)
+    return Evaluation(result, rows, tables, notes, span, doubts)
 
 
 def _pressure_by_rate(
     trajectory: Trajectory, when: Array, T: Array, count: Array, notes: list[str]
-) -> list[Quantity]:
+) -> list[Reading]:
     """chi and Z by the number of collisions, for equal disks of a law with a constant e_n."""
     disks = trajectory.disks
     if any(np.ptp(one) != 0 for one in (disks.mass, disks.radius, disks.material)) or len(when) < 2:
@@ -213,18 +211,18 @@ def _pressure_by_rate(
     rate = 2.0 * collisions / disks.n / float(when[-1] - when[0])
     mass, radius = float(disks.mass[0]), float(disks.radius[0])
     chi = pressure.contact_from_rate(rate, packing_fraction=phi, temperature=mean, mass=mass, radius=radius)
-    rows = [Quantity("g at contact, by the rate of collisions", chi, chi / np.sqrt(collisions))]
+    rows = [Reading("g at contact, by the rate of collisions", chi, chi / np.sqrt(collisions))]
     if "laws" in trajectory.parameters:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
         assert law is not None  # its disks have collided
         Z = pressure.compressibility(phi, chi, float(law["e_n"]))
-        rows.append(Quantity("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
+        rows.append(Reading("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
     notes.append("the rate tells g at contact where velocities are Maxwellian and without correlations")
     return rows
 
 
-def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     for name in ("energy_input", "wall_work", "wall_heat"):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
             raise InputError(
@@ -240,9 +238,9 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings
     haff = cooling.haff_fit(when, T, disks=n)
     energy, time = unit(trajectory, "energy"), unit(trajectory, "time")
     rows = [
-        Quantity("T0", haff.T0, haff.T0_error, energy),
-        Quantity("t_H", haff.t_H, haff.t_H_error, time),
-        Quantity("rms of what is left of ln T", haff.rms),
+        Reading("T0", haff.T0, haff.T0_error, energy),
+        Reading("t_H", haff.t_H, haff.t_H_error, time),
+        Reading("rms of what is left of ln T", haff.rms),
     ]
     notes = ["Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors with the autocorrelation of what is left"]
     doubts = [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
@@ -256,10 +254,10 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings
         notes.append(f"no fit to theta: {error}")
     else:
         rows += [
-            Quantity("theta_0", ratio.theta_0, ratio.theta_0_error),
-            Quantity("theta_end", ratio.theta_end, ratio.theta_end_error),
-            Quantity("lag of theta, collisions per disk", ratio.lag, ratio.lag_error),
-            Quantity("rms of what is left of theta", ratio.rms),
+            Reading("theta_0", ratio.theta_0, ratio.theta_0_error),
+            Reading("theta_end", ratio.theta_end, ratio.theta_end_error),
+            Reading("lag of theta, collisions per disk", ratio.lag, ratio.lag_error),
+            Reading("rms of what is left of theta", ratio.rms),
         ]
         notes.append("theta = T_rot / T, exponential in collisions per disk")
         if not ratio.describes:
@@ -270,7 +268,7 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings
     table = {
         "time": when, "collisions_per_disk": tau, "temperature": T, "rotational_temperature": T_rot, "theta": theta,
     }  # fmt: skip
-    return Findings((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])), doubts)
+    return Evaluation((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])), doubts)
 
 
 def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> str:
@@ -282,7 +280,7 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
     )
 
 
-def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     found = stored.collisions(trajectory)
     seen = found.once
     span = found.span
@@ -295,10 +293,10 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
     if counts is not None:
         result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))
     rows = [
-        Quantity("collisions", result.collisions),
-        Quantity("mean of b = sin psi", result.mean_b, result.mean_b_error),
-        Quantity("p-value of a uniform b (Kolmogorov-Smirnov)", result.p_value),
-        *(Quantity(f"share of {name}", *share) for name, share in result.regimes.items()),
+        Reading("collisions", result.collisions),
+        Reading("mean of b = sin psi", result.mean_b, result.mean_b_error),
+        Reading("p-value of a uniform b (Kolmogorov-Smirnov)", result.p_value),
+        *(Reading(f"share of {name}", *share) for name, share in result.regimes.items()),
     ]
     table = {"psi": result.psi, "density": result.density, "error": result.density_error}
     notes = [f"{of_whom}; in molecular chaos b is uniform and psi has the density cos psi"]
@@ -306,11 +304,11 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
         notes.append(
             f"regimes by the time series: of all {result.regime_collisions} collisions of two disks, within rows of it"
         )
-    return Findings(result, rows, {"": table}, notes, span)
+    return Evaluation(result, rows, {"": table}, notes, span)
 
 
 def _counted_regimes(trajectory: Trajectory, span: tuple[float, float]) -> dict[str, int] | None:
-    """How many collisions of the whole gas had which regime within a span of time; None if the file does not tell."""
+    """Collisions of the whole gas by regime within a span of time; None if the file does not tell."""
     name, time = "collisions_by_regime", trajectory.series.time
     inside = np.flatnonzero((time >= span[0]) & (time <= span[1]))
     if name not in trajectory.series or len(inside) < 2:

@@ -21,7 +21,7 @@ CONTACT_BINS = 25
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PairCorrelation(Brief):
-    """How often centres are at a distance r, relative to an ideal gas of the same density.
+    """Frequency of centres at a distance r, relative to an ideal gas of the same density.
 
     Attributes
     ----------

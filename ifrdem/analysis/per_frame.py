@@ -14,7 +14,7 @@ from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 from . import cluster, common, fields, pairs, psi6, steadiness, structure, velocities
 from . import result as stored
-from .result import Columns, Findings, Quantity, kinds, latest, times, unit
+from .result import Columns, Evaluation, Reading, kinds, latest, times, unit
 
 GAP = 0.1
 """Of the mean diameter: the gap below which disks are of one cluster."""
@@ -26,11 +26,11 @@ SONINE = ("a20", "a02", "a11")
 Indices = NDArray[np.intp]
 
 
-def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "velocity", "angular_velocity", *["position"] * bool(trajectory.box.shear_rate))
     used, disks = latest(trajectory, chosen), trajectory.disks
     results: dict[str, velocities.VelocityDistribution] = {}
-    rows: list[Quantity] = []
+    rows: list[Reading] = []
     table: Columns = {}
     changes: list[steadiness.Change] = []
 
@@ -47,7 +47,7 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Finding
     for name, which in kinds(trajectory).items():
         found = results[name] = distribution(which, used, BINS)
         of, mark = ("", "") if len(which) == disks.n else (f" of {name}", f" [{name}]")
-        rows += [Quantity(f"{label}{of}", *coefficient(found, label)) for label in SONINE]
+        rows += [Reading(f"{label}{of}", *coefficient(found, label)) for label in SONINE]
         if len(used) > 1:
             early, late = (distribution(which, half, 1) for half in steadiness.halves(used))
             for label in SONINE:
@@ -63,36 +63,36 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Finding
     notes = [f"of {name}" for name in results if "together" in name]
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
     doubts = steadiness.doubts(changes)
-    return Findings(results, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation(results, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def _positions(trajectory: Trajectory, used: Sequence[int]) -> Iterator[Array]:
     return (trajectory[i].position for i in used)
 
 
-def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_pairs(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     used = latest(trajectory, chosen)
     box, radius, when = trajectory.box, trajectory.disks.radius, trajectory.times[used]
     diameter = 2.0 * float(radius.mean())
     reach = min(6.0 * diameter, 0.45 * min(box.lengths))
     found = pairs.pair_correlation(_positions(trajectory, used), box, r_max=reach, bins=240, time=when)
-    rows: list[Quantity] = []
+    rows: list[Reading] = []
     try:
         if trajectory.room.all_walls:
             notes = ["walls: no contact value, and g is relative to the mean density of the whole box"]
         else:
             contact = pairs.contact_value(_positions(trajectory, used), box, radius=radius, time=when)
-            rows.append(Quantity("g at contact", contact.g, contact.error))
+            rows.append(Reading("g at contact", contact.g, contact.error))
             quality = f"chi^2 = {contact.chi_square:.1f} for {contact.degrees} degrees of freedom"
             notes = [f"parabola fitted to ln g up to 1.25 diameters: {quality}"]
     except InputError as error:
         notes = [f"no contact value: {error}"]
     highest = float(found.r[np.argmax(found.g)])
-    rows.append(Quantity("r of the highest g", highest, unit=unit(trajectory, "length")))
+    rows.append(Reading("r of the highest g", highest, unit=unit(trajectory, "length")))
     table = {"r": found.r, "g": found.g, "error": found.g_error}
     doubts = _neighbours_change(trajectory, used, min(NEAR * diameter, reach))
-    return Findings(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float) -> list[str]:
@@ -111,7 +111,7 @@ def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float
     return steadiness.doubts([steadiness.between_cells(what, count, where, trajectory.box)])
 
 
-def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     used = latest(trajectory, chosen)
     k_max, when = 10.0 / float(trajectory.disks.radius.mean()), trajectory.times[used]
@@ -119,17 +119,17 @@ def of_structure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findin
     high = int(np.argmax(found.S))
     wave = unit(trajectory, "1/length")
     rows = [
-        Quantity("S at the smallest k", float(found.S[0]), float(found.S_error[0])),
-        Quantity("smallest k", float(found.k[0]), unit=wave),
-        Quantity("highest S", float(found.S[high]), float(found.S_error[high])),
-        Quantity("its k", float(found.k[high]), unit=wave),
+        Reading("S at the smallest k", float(found.S[0]), float(found.S_error[0])),
+        Reading("smallest k", float(found.k[0]), unit=wave),
+        Reading("highest S", float(found.S[high]), float(found.S_error[high])),
+        Reading("its k", float(found.k[high]), unit=wave),
     ]
     table = {"k": found.k, "S": found.S, "error": found.S_error, "modes": found.modes}
     notes = [
         "errors as if frames were independent: at small k they are not if they follow each other closely"
     ]
     doubts = _modes_change(trajectory, used)
-    return Findings(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
 def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
@@ -150,7 +150,7 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
     return steadiness.doubts([steadiness.between_modes(what, [S.ravel()[longest] for _, S in modes])])
 
 
-def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position", "velocity")
     used = latest(trajectory, chosen)[-1]
     disks, frame, box = trajectory.disks, trajectory[used], trajectory.box
@@ -169,12 +169,12 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
     mean_T = float(T.mean()) if len(T) else float("nan")
     flow = float(np.sqrt(np.nanmean(np.sum(found.velocity**2, axis=-1))))
     rows = [
-        Quantity("cells along x", a),
-        Quantity("cells along y", b),
-        Quantity("packing fraction, mean", float(phi.mean())),
-        Quantity("packing fraction, standard deviation", float(phi.std())),
-        Quantity("thermal temperature, mean over cells", mean_T, unit=unit(trajectory, "energy")),
-        Quantity("flow, root mean square", flow, unit=unit(trajectory, "length/time")),
+        Reading("cells along x", a),
+        Reading("cells along y", b),
+        Reading("packing fraction, mean", float(phi.mean())),
+        Reading("packing fraction, standard deviation", float(phi.std())),
+        Reading("thermal temperature, mean over cells", mean_T, unit=unit(trajectory, "energy")),
+        Reading("flow, root mean square", flow, unit=unit(trajectory, "length/time")),
     ]
     x, y = np.meshgrid(found.x, found.y, indexing="ij")
     columns = {
@@ -186,7 +186,7 @@ def of_fields(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
     notes = [f"frame {used}; temperatures relative to the mean velocity of the cell"]
     if box.shear_rate:
         notes.append("velocities relative to the flow that the box imposes")
-    return Findings(found, rows, {"": table}, notes, times(trajectory, [used]), frames=1)
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, [used]), frames=1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -197,7 +197,7 @@ class ClusterSeries(Brief):
     clusters: list[cluster.Clusters] = field(default_factory=list)
 
 
-def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     used, box, radius = latest(trajectory, chosen), trajectory.box, trajectory.disks.radius
     gap = GAP * 2.0 * float(radius.mean())
@@ -208,13 +208,11 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Finding
         found.clusters.append(cluster.clusters(frame.position, box, radius=radius, gap=gap, time=frame.time))
     last = found.clusters[-1]
     rows = [
-        Quantity("share of the largest cluster, last frame", last.largest),
-        Quantity("disks in it", int(last.sizes[0]) if len(last.sizes) else 0),
-        Quantity(
-            "its radius of gyration", float(last.radius_of_gyration[0]), unit=unit(trajectory, "length")
-        ),
-        Quantity("mean size of the cluster of a disk", last.mean_size),
-        Quantity("clusters of 2 or more", int(np.count_nonzero(last.sizes > 1))),
+        Reading("share of the largest cluster, last frame", last.largest),
+        Reading("disks in it", int(last.sizes[0]) if len(last.sizes) else 0),
+        Reading("its radius of gyration", float(last.radius_of_gyration[0]), unit=unit(trajectory, "length")),
+        Reading("mean size of the cluster of a disk", last.mean_size),
+        Reading("clusters of 2 or more", int(np.count_nonzero(last.sizes > 1))),
     ]
     size, count = np.unique(last.sizes, return_counts=True)
     tables = {
@@ -230,10 +228,10 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Finding
     notes = [f"disks whose surfaces are nearer than {words} ({GAP:g} mean diameters) are joined"]
     if last.spans[:1].any():
         notes.append("the largest spans the box: it has no radius of gyration")
-    return Findings(found, rows, tables, notes, times(trajectory, used), frames=len(used))
+    return Evaluation(found, rows, tables, notes, times(trajectory, used), frames=len(used))
 
 
-def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
+def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     used = latest(trajectory, chosen)
     where = list(_positions(trajectory, used))
@@ -243,8 +241,8 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
     ]
     local, whole = ([getattr(one, name) for one in found] for name in ("local", "whole"))
     rows = [
-        Quantity("mean of |psi_6|", *common.mean_with_error(local)),
-        Quantity("|mean of psi_6|", *common.mean_with_error(whole)),
+        Reading("mean of |psi_6|", *common.mean_with_error(local)),
+        Reading("|mean of psi_6|", *common.mean_with_error(whole)),
     ]
     table = {"time": trajectory.times[used], "local": np.array(local), "whole": np.array(whole)}
     notes, doubts = ["of the six nearest neighbours"], []
@@ -254,4 +252,4 @@ def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Findings:
         doubts = steadiness.doubts(
             [steadiness.between_cells("the mean of |psi_6|", values, where, trajectory.box)]
         )
-    return Findings(found[-1], rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation(found[-1], rows, {"": table}, notes, times(trajectory, used), doubts, len(used))

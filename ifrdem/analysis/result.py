@@ -106,12 +106,12 @@ MOST_DISKS = 2_000_000
 """Disks times frames above which fewer are taken: some 30 s of g(r)."""
 MOST_KINDS = 8
 NOT_STEADY = "the gas is not steady"
-"""How a doubt begins that is one because the gas changes."""
+"""Beginning of a doubt that is one because the gas changes."""
 
 Columns = dict[str, NDArray[Any]]
 
 
-class Quantity(NamedTuple):
+class Reading(NamedTuple):
     """A number that was found: what it is, its standard error (nan where there is none), its unit ("" for none)."""
 
     name: str
@@ -121,13 +121,13 @@ class Quantity(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Findings(Brief):
+class Evaluation(Brief):
     """Results of an analysis of a file."""
 
     result: (
         Any  # what the function of `ifrdem.analysis` returned; for velocities a dict of them by kind of disk
     )
-    rows: list[Quantity]  # numbers for people
+    rows: list[Reading]  # numbers for people
     tables: dict[str, Columns]  # name ("" for the only or main one) -> columns by name, of one length
     notes: list[str]  # what to know of them
     times: tuple[float, float]  # first and last time that was used
@@ -166,8 +166,8 @@ def unit(trajectory: Trajectory, text: str) -> str:
     return text
 
 
-def span_text(trajectory: Trajectory, outcome: Findings) -> str:
-    """How many frames an outcome is of, and of which times."""
+def span_text(trajectory: Trajectory, outcome: Evaluation) -> str:
+    """Number and times of the frames that were used."""
     first, last = outcome.times
     span = f"t = {first:.4g}" if first == last else f"t = {first:.4g} to {last:.4g}"
     frames = f"{outcome.frames} frame{'s' * (outcome.frames > 1)}, " if outcome.frames else ""

@@ -1,4 +1,4 @@
-"""Whether what is averaged over frames keeps its value over them: their first half against their second.
+"""Steadiness of what is averaged over frames: their first half against their second.
 
 Frames that follow each other closely show nearly the same gas, and by how much they differ says little of how sure a
 mean is. So the scatter that a difference is held against is not that over frames, but that over parts of the gas which
@@ -51,7 +51,7 @@ def halves(used: Sequence[int]) -> tuple[list[int], list[int]]:
 
 
 def doubts(changes: Sequence[Change]) -> list[str]:
-    """Which of the quantities that an analysis compares change by more than chance does; none or one line."""
+    """Quantities of an analysis that change by more than chance does; none or one line."""
     from scipy.stats import t as student
 
     known = [one for one in changes if np.isfinite(one.t)]
@@ -94,7 +94,7 @@ def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array]
 
 
 def _cells(position: Array, box: Box, side: int) -> NDArray[np.intp]:
-    """Which cell of the box, or of what the disks span in an open one, each disk is in; so many along a side."""
+    """Cell of the box, or of what the disks span in an open one, of each disk; so many along a side."""
     low, lengths = np.zeros(2), np.array(box.lengths)
     if box.is_open:
         low, lengths = position.min(axis=0), np.ptp(position, axis=0)

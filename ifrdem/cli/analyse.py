@@ -17,7 +17,7 @@ from .options import FILE, File, Force, Frames, chosen, flag, opened, option
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..analysis.result import Columns, Findings
+    from ..analysis.result import Columns, Evaluation
     from ..trajectory.reader import Trajectory
 
 NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pressure", "cooling", "impact")
@@ -210,7 +210,7 @@ def _file(stem: str, name: str, part: str) -> str:
     return f"{stem}-{name}{f'-{part}' if part else ''}.csv"
 
 
-def _record(outcome: Findings, files: list[str]) -> dict[str, Any]:
+def _record(outcome: Evaluation, files: list[str]) -> dict[str, Any]:
     from ..analysis.catalogue import plain
 
     return {

@@ -81,7 +81,7 @@ def read(
 
 
 def _why(trajectory: Trajectory, radius: Array, single: bool) -> str:
-    """What may explain an overlap."""
+    """Likely cause of an overlap."""
     other = np.abs(trajectory.disks.radius - radius) > 1e-6 * radius  # more than rounding
     if other.any():
         i = int(np.argmax(other))

@@ -98,13 +98,13 @@ SATURATION = 0.547
 MOST_SPEED = 1e140
 """Largest rms of speeds [length/time] or spins [rad/time] that is drawn: energies are its square."""
 ATTEMPTS_PER_DISK = 400
-"""How often random sequential addition tries each disk on average before it gives up."""
+"""Attempts of random sequential addition for each disk on average before it gives up."""
 
 
 def _clear_of(
     box: Box, candidate: Array, radius: Array, placed: Array, placed_radius: Array
 ) -> NDArray[np.bool_]:
-    """Which candidates, of these radii, overlap none of the placed disks; shape (candidates,)."""
+    """Mask of candidates, of these radii, that overlap none of the placed disks; shape (candidates,)."""
     from scipy.spatial import cKDTree
 
     if np.ptp(placed_radius) == 0.0:
@@ -124,7 +124,7 @@ def _clear_of(
 
 
 def _one_by_one(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Which attempts succeed when they are made one after the other, in order; shape (successes,).
+    """Attempts that succeed when they are made one after the other, in order; shape (successes,).
 
     Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
     is in its way or has placed the same disk.

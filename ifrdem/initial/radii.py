@@ -177,7 +177,7 @@ def check(distribution: str, **parameters: float | None) -> None:
 
 
 def wrong_parameters(distribution: str, given: Mapping[str, object]) -> str | None:
-    """What is missing of the parameters of a known distribution, or foreign to it; None if nothing is.
+    """Parameters that a known distribution lacks, or that are foreign to it, in words; None if there are none.
 
     Examples
     --------

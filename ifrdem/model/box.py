@@ -99,7 +99,7 @@ class Box:
 
     @property
     def is_open(self) -> bool:
-        """Whether it is the whole plane."""
+        """True for the whole plane."""
         return math.isinf(self.lengths[0])
 
     @property
@@ -153,7 +153,7 @@ class Box:
     @overload
     def image_above(self, time: Array) -> Array: ...
     def image_above(self, time: float | Array) -> float | Array:
-        """How far along x the image above lies at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
+        """Shift along x of the image above at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
         return self.shear_rate * self.lengths[1] * time % self.lengths[0]
 
     def wrap(self, position: Array, time: float | Array = 0.0) -> Array:
@@ -205,7 +205,7 @@ def below(length: float, dtype: DTypeLike) -> float:
 
 
 def describe_sides(box: Box) -> str:
-    """What stands at the sides of a box, in words."""
+    """Sides of a box, in words."""
     if box.shear_rate:
         return f"periodic, sheared at the rate {box.shear_rate:.6g}"
     if box.periodic[0] == box.periodic[1]:

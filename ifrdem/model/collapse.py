@@ -12,7 +12,7 @@ COLLAPSE = ("none", "tc", "velocity_cutoff")
 
 @dataclass(frozen=True)
 class Collapse:
-    """What is done about inelastic collapse: infinitely many collisions in a finite time.
+    """Remedy for inelastic collapse: infinitely many collisions in a finite time.
 
     InputError if the kind is unknown, or a number is missing, not above 0, or of no use.
 

@@ -115,7 +115,7 @@ class Force:
 
     @staticmethod
     def measure(disk: Any, step: Any, parameters: Any) -> Any:
-        """What one disk adds to the `totals`, a vector of so many entries; called before `act`, with its arguments."""
+        """Share of one disk in the `totals`, a vector of so many entries; called before `act`, with its arguments."""
         # Abstract for forces with totals, of which `Splitting` refuses those without their own; others need none.
         raise NotImplementedError
 

@@ -47,7 +47,7 @@ class _Line:
         return np.array(self.point) + s[:, None] * direction
 
     def ends(self, far: float) -> tuple[float, float]:
-        """What s can be at most."""
+        """Largest and smallest s."""
         return -far, far
 
     def green(self, s: float, s_1: float) -> float:
@@ -60,7 +60,7 @@ class _Line:
         return s_1 - s
 
     def extremes(self, s: float, s_1: float) -> list[float]:
-        """Where along the piece x or y can be largest or smallest."""
+        """Places along the piece where x or y can be largest or smallest."""
         return [s, s_1]
 
 
@@ -82,7 +82,7 @@ class _Circle:
         return np.array(self.center) + self.radius * np.column_stack((np.cos(s), np.sin(s)))
 
     def ends(self, far: float) -> tuple[float, float]:
-        """What s can be: all angles, from where no other boundary has a special point."""
+        """Range of s: all angles, from where no other boundary has a special point."""
         return 0.1, 0.1 + 2.0 * math.pi
 
     def green(self, s: float, s_1: float) -> float:
@@ -106,7 +106,7 @@ _Piece = tuple[_Boundary, float, float]
 
 
 def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
-    """Where along `one` it meets `other`: its lengths or angles."""
+    """Lengths or angles along `one` at which it meets `other`."""
     if isinstance(one, _Line):
         x, y = (float(value) for value in np.subtract(one.point, _anchor(other)))
         ux, uy = one.normal[1], -one.normal[0]
@@ -141,7 +141,7 @@ def _anchor(boundary: _Boundary) -> Point:
 
 @dataclass(frozen=True)
 class Room:
-    """Where disks can be in a box between walls, at t = 0."""
+    """Area that disks can be in, in a box between walls, at t = 0."""
 
     box: Box  # sides that are not periodic are walls too
     walls: tuple[Wall, ...] = ()  # others

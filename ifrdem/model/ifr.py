@@ -39,7 +39,7 @@ class EnergyWarning(UserWarning):
 
 
 class Regime(IntEnum):
-    """What happened in a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not.
+    """Regime of a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not.
 
     Examples
     --------
@@ -224,7 +224,7 @@ class IFRLaw(CollisionLaw):
 
     @classmethod
     def parts(cls) -> Callable[..., Any]:
-        """What tells the ledger of P_et, and the regime."""
+        """Function that gives P_et for the ledger, and the regime."""
         from ..kernels.law import ifr_parts  # imports Taichi, which is slow
 
         return ifr_parts
@@ -278,7 +278,7 @@ class IFRLaw(CollisionLaw):
         return Admissibility(True, False, text)
 
     def _remedy(self, a: float, ac: float) -> str:
-        """Which mu and e_t would do, for a law that would not."""
+        """mu and e_t with which a law would not add energy that does."""
         loss = (1.0 - self.e_n) / (a * (1.0 + self.e_n))
         largest = ac * math.sqrt(loss / ((self.e_t + ac) ** 2 - 1.0))
         if self.e_t * ac > 1.0 - self.e_t**2:

@@ -107,7 +107,7 @@ class CollisionLaw:
 
     @classmethod
     def parts(cls) -> Callable[..., Any] | None:
-        """What tells the ledger which part of P_t restitution gives, and the regime; None where a law does not say."""
+        """Function that gives restitution's part of P_t for the ledger, and the regime; None where a law does not say."""
         return None
 
     def table_row(self) -> tuple[float, ...]:
@@ -120,7 +120,7 @@ class CollisionLaw:
 
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
-    """What kernels take of a class of laws, a `kernels.layout.Law`; one object for each class."""
+    """Compiled form of a class of laws, a `kernels.layout.Law`; one object for each class."""
     from ..kernels.language import ti
     from ..kernels.layout import Law, plain
 

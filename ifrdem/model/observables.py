@@ -1,4 +1,4 @@
-"""What is measured on a gas at one time: energies, temperatures, momentum, collisions."""
+"""Observables of a gas at one time: energies, temperatures, momentum, collisions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..tools.checked import Array
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls")
-"""What collisions take energy by: normal and tangential restitution, friction while it slides or sticks, rolling
+"""Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks, rolling
 friction, and all of these in collisions with walls."""
 REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
 """Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether

@@ -1,4 +1,4 @@
-"""What a gas is made of (`Disks`, constant) and where it is now (`State`, changing)."""
+"""Disks of a gas (`Disks`, constant), and their positions and motion at a time (`State`, changing)."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Disks(Brief):
 
     @property
     def movable(self) -> NDArray[np.bool_]:
-        """Which disks have a finite mass, shape (n,)."""
+        """True for disks of a finite mass, shape (n,)."""
         return np.isfinite(self.mass)
 
     @property
@@ -89,12 +89,12 @@ _COUNTS = (
     ("wall_hits", (), 0),
     ("last_partner", (), _LOWEST),
 )
-"""What a state counts, its shape beside the number of disks, and the lowest number."""
+"""Counts of a state, their shape beside the number of disks, and the lowest number."""
 
 
 @dataclass(eq=False, repr=False)
 class State(Brief, Sealed):
-    """Where n disks are and how they move at one time.
+    """Positions and motion of n disks at one time.
 
     InputError if shapes do not fit or a value is not finite (the first such disk is named).
 

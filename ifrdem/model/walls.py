@@ -39,7 +39,7 @@ def _number(
 
 @dataclass(frozen=True)
 class Motion:
-    """How a wall moves as a whole: a displacement s(t) along a direction; t is the time of the run.
+    """Motion of a wall as a whole: a displacement s(t) along a direction; t is the time of the run.
 
     InputError if a number is not finite or out of its range.
 
@@ -101,7 +101,7 @@ class Motion:
 
     @property
     def extent(self) -> float:
-        """How far it goes from its middle position [length]; infinite for a steady motion."""
+        """Largest displacement from its middle position [length]; infinite for a steady motion."""
         return math.inf if self.kind == "steady" and self.speed != 0.0 else self.amplitude
 
     def displacement(self, t: float) -> float:
@@ -119,7 +119,7 @@ class Motion:
 
 
 class WallOptions(TypedDict, total=False):
-    """What any wall may have; see `Wall`."""
+    """Options of any wall; see `Wall`."""
 
     material: int
     motion: Motion

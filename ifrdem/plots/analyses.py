@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import analysis
-from ..analysis.result import Findings
+from ..analysis.result import Evaluation
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from .style import (
@@ -34,7 +34,7 @@ MARKERS = "os^Dv<>P"
 POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLATION}
 
 
-def velocity(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def velocity(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """Distributions of velocity components and spins, logarithmic, beside Gaussians and their Sonine expansion."""
     left, right = figure.subplots(1, 2, sharey=True)
     x = np.linspace(-5.0, 5.0, 400)
@@ -67,7 +67,7 @@ def velocity(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
     grid(left, right)
 
 
-def pairs(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def pairs(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """g(r) with its errors, and its value at contact."""
     axes, found = figure.subplots(), outcome.result
     r, seen = found.r / (2.0 * float(trajectory.disks.radius.mean())), found.pairs > 0.0
@@ -86,7 +86,7 @@ def pairs(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
     grid(axes)
 
 
-def structure(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def structure(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """S(k), double logarithmic, with its errors."""
     axes, found = figure.subplots(), outcome.result
     k = found.k * 2.0 * float(trajectory.disks.radius.mean())
@@ -97,7 +97,7 @@ def structure(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None
     grid(axes)
 
 
-def msd(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def msd(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """The mean-square displacement, double logarithmic, with ballistic flight and the fitted diffusion."""
     axes = figure.subplots()
     found, fit = outcome.result
@@ -121,7 +121,7 @@ def msd(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
     grid(axes)
 
 
-def vacf(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def vacf(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """The velocity autocorrelation over its value at 0; over a logarithmic time, without lag 0, if frames are so."""
     axes, found = figure.subplots(), outcome.result
     step = np.diff(found.lag)
@@ -138,7 +138,7 @@ def vacf(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
     grid(axes)
 
 
-def fields(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def fields(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """Maps of the packing fraction with the flow, and of the thermal temperature."""
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     found = outcome.result
@@ -166,7 +166,7 @@ def fields(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
     right.set_ylabel("")
 
 
-def clusters(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def clusters(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """The largest cluster in time, and how many clusters have which size in the last frame."""
     left, right = figure.subplots(1, 2)
     found = outcome.result
@@ -183,7 +183,7 @@ def clusters(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
     grid(left, right)
 
 
-def psi6(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def psi6(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """|psi_6| of the disks of the last frame used, in place, and its distribution."""
     left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
     value, whole = np.abs(outcome.result.psi6), outcome.result.whole
@@ -208,7 +208,7 @@ def _with_error(value: float, error: float) -> str:
     return f"({value:.3g} $\\pm$ {error:.1g})" if np.isfinite(error) else f"{value:.3g}"
 
 
-def cooling(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def cooling(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """T against time with Haff's law, and theta against collisions per disk with its exponential."""
     left, right = figure.subplots(1, 2)
     haff, ratio = outcome.result
@@ -240,7 +240,7 @@ def cooling(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
     grid(left, right)
 
 
-def impact(figure: Figure, trajectory: Trajectory, outcome: Findings) -> None:
+def impact(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     """The density of the angle of impact beside that of molecular chaos, and shares of the regimes."""
     left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
     found = outcome.result

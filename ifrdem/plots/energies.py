@@ -37,7 +37,7 @@ def energy(figure: Figure, trajectory: Trajectory) -> None:
 
 
 def ledger(figure: Figure, trajectory: Trajectory) -> None:
-    """Where the energy is and went: present, dissipated, put in; and by how much the sum of it all changes.
+    """Energy ledger: present, dissipated, put in; and by how much the sum of it all changes.
 
     present + dissipated - input = start. The residual is that of the file's `ledger_residual` if it has one, which is
     counted collision by collision; otherwise there is nothing to compare and it is not drawn.

@@ -103,7 +103,7 @@ def predicted(law: IFRLaw, disks: Disks, tan_psi: Array) -> tuple[Array, NDArray
 
 
 def _change(law: IFRLaw, disks: Disks, low: float, high: float) -> float:
-    """Where sticking turns into sliding, or back, between two tangents of psi."""
+    """Tangent of psi, between two, at which sticking turns into sliding, or back."""
     from scipy.optimize import bisect
 
     return float(bisect(lambda at: predicted(law, disks, np.array([at]))[1][0] - 0.5, low, high, xtol=1e-15))

@@ -99,7 +99,7 @@ def _one_by_one(
 
 
 def _marked(x: Array, y: Array, radius: Array | np.float64, angle: Array | np.float64) -> NDArray[np.bool_]:
-    """Whether places (x, y) from the centre lie on the mark."""
+    """Mask of places (x, y) from the centre that lie on the mark."""
     along = x * np.cos(angle) + y * np.sin(angle)
     across = y * np.cos(angle) - x * np.sin(angle)
     return (along >= 0.0) & (np.abs(across) <= MARK_WIDTH * radius)
@@ -190,7 +190,7 @@ class Scene:
         return (-top, top) if self._colour == "spin" else (0.0, top)
 
     def _values(self, index: int) -> Array:
-        """What colours the disks, shape (n,)."""
+        """Values by which the disks are coloured, shape (n,)."""
         frame, mass = self._trajectory[index], self._trajectory.disks.mass
         if self._colour == "spin":
             return frame.spin

@@ -125,7 +125,7 @@ def drawing(
 
 
 def title(trajectory: Trajectory) -> str:
-    """What stands above a picture of a run."""
+    """Title of a picture of a run."""
     text, n = gas(trajectory), trajectory.disks.n
     if "collisions" in trajectory.observables and n:
         text += f", {2.0 * float(trajectory.observables['collisions'][-1]) / n:.3g} collisions per disk"

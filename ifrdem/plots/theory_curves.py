@@ -28,7 +28,7 @@ MOST_KINDS = 16
 
 @dataclass(frozen=True)
 class _Gas:
-    """What kinetic theory needs to know of a trajectory: temperatures at its start are those of each kind of disks."""
+    """Gas of a trajectory as kinetic theory takes it: temperatures at its start are those of each kind of disks."""
 
     disks: Disks
     laws: list[list[IFRLaw]]
@@ -57,7 +57,7 @@ class _Gas:
 
     @property
     def text(self) -> str:
-        """What the legend says of the curves."""
+        """Name of the curves in the legend."""
         return f"kinetic theory (homogeneous {'gas' if self.kinds == 1 else 'mixture'})"
 
 

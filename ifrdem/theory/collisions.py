@@ -1,4 +1,4 @@
-"""How often hard disks collide in a homogeneous gas whose velocities are Gaussian, and how far they fly between.
+"""Collision rates and free paths of hard disks in a homogeneous gas whose velocities are Gaussian.
 
 What a collision by the IFR law changes on average, of two disks that differ in all but are uncorrelated.
 

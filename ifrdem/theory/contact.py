@@ -33,7 +33,7 @@ _RESUMMED = np.convolve(VIRIAL, (1.0, -1.0, 0.25))[: len(VIRIAL)]
 
 CONTACT = ("virial", "henderson", "dilute")
 Contact = Literal["virial", "henderson", "dilute"]
-"""Where the contact value of equal disks comes from; "dilute" is g = 1, Boltzmann's gas."""
+"""Source of the contact value of equal disks; "dilute" is g = 1, Boltzmann's gas."""
 
 
 def checked_packing_fraction(value: float) -> float:

@@ -28,7 +28,7 @@ from .cooling_gas import checked_times, cooling_rates
 
 @dataclass(frozen=True)
 class Drive:
-    """What all forces together do to the temperatures.
+    """Heating and friction by all forces together.
 
     Attributes
     ----------

@@ -50,7 +50,7 @@ _STEPS = 2000  # of a course: what is interpolated between two of them is off by
 
 
 class ShearModes(NamedTuple):
-    """When shear modes hold a certain part of the energy of a cooling gas, since it was homogeneous and thermal.
+    """Time at which shear modes hold a certain part of the energy of a cooling gas, since it was homogeneous and thermal.
 
     Infinite if they do not within 1e5 collisions per disk, or before T is 1e-200 T0.
     """
@@ -347,7 +347,7 @@ def shear_mode_time(
     k: float = 2.0,
     theta0: float | None = None,
 ) -> ShearModes:
-    """When growing shear modes hold `share` of the thermal energy in a periodic box: until about then theory holds.
+    """Time at which growing shear modes hold `share` of the thermal energy in a periodic box: theory holds until then.
 
     In simulations of 5,700 disks at packing fraction 0.2 (smooth with e_n = 0.8, and coins) T was 3 % above that of a
     homogeneous gas where the share was 0.02, and 13 % where it was 0.06; from 0.1 on modes grow more slowly than

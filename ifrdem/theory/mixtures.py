@@ -44,7 +44,7 @@ def _column(name: str, value: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class Mixture:
-    """What a homogeneous gas of s species is made of.
+    """Species of a homogeneous gas, s of them.
 
     InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`,
     has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
@@ -144,7 +144,7 @@ class Mixture:
 
     @property
     def species(self) -> int:
-        """How many species there are."""
+        """Number of species."""
         return len(self.mass)
 
     @property

@@ -1,4 +1,4 @@
-r"""How far from Gaussian velocities of smooth disks are: the coefficient a_2 of Sonine's expansion.
+r"""Departure of velocities of smooth disks from Gaussian ones: the coefficient a_2 of Sonine's expansion.
 
 Symbols: c = v / sqrt(2 T / m); f(c) = exp(-c^2) / pi [1 + a_2 S_2(c^2)], S_2(x) = x^2/2 - 2 x + 1, so that
 <c^4> = 2 (1 + a_2), or a_2 = <v^4> / (2 <v^2>^2) - 1. e_n is the normal restitution; spins do not matter.

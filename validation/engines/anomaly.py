@@ -1,4 +1,4 @@
-"""What agreement with PyBullet does not show: the slope of tan(delta_2) against tan(psi) where the disks slide."""
+"""Limit of agreement with PyBullet: the slope of tan(delta_2) against tan(psi) where the disks slide."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ SETTINGS = {
     "deterministicOverlappingPairs": 1,
     "warmStartingFactor": 0.0,
 }
-"""What `setPhysicsEngineParameter` gets. With PyBullet's defaults restitution comes out near zero."""
+"""Parameters of `setPhysicsEngineParameter`. With PyBullet's defaults restitution comes out near zero."""
 
 
 def require() -> Any:
@@ -115,7 +115,7 @@ class BulletWorld:
             self.collisions += len(new) - hits
 
     def state(self) -> State:
-        """Where the disks are."""
+        """State of the disks."""
         position, velocity, spin = np.empty((self.n, 2)), np.empty((self.n, 2)), np.empty(self.n)
         for i, disk in enumerate(self.disks):
             position[i] = self.p.getBasePositionAndOrientation(disk.body, physicsClientId=self.client)[0][:2]

@@ -1,4 +1,4 @@
-"""What a comparison with PyBullet's defaults would have said: the restitution that comes out of them."""
+"""Restitution that comes out of PyBullet's defaults."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def run(quick: bool) -> Result:
 
 
 def _head_on(step: float, R: float, phase: float) -> float:
-    """Where the second cylinder stands, so that the first one meets it in the middle of a later step."""
+    """Place of the second cylinder, so that the first one meets it in the middle of a later step."""
     return 2.0 * R + (30.0 + phase) * SPEED * step
 
 

@@ -90,7 +90,7 @@ class PymunkWorld:
             self.space.step(self.time_step)
 
     def state(self) -> State:
-        """Where the disks are."""
+        """State of the disks."""
         return State(
             np.array([tuple(body.position) for body in self.bodies]),
             np.array([tuple(body.velocity) for body in self.bodies]),

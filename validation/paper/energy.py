@@ -1,4 +1,4 @@
-"""Which coefficients can add energy: a map by simulation, against the inequalities of `ifrdem.model.ifr`."""
+"""Coefficients that can add energy: a map by simulation, against the inequalities of `ifrdem.model.ifr`."""
 
 from __future__ import annotations
 

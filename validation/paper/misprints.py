@@ -36,7 +36,7 @@ def run(quick: bool) -> Result:
 
 
 Misprint = tuple[str, float, float, float, str]
-"""Where it stands; the simulated value, which must be the corrected one, and not the printed one; the evidence."""
+"""Place in the paper; the simulated value, which must be the corrected one, and not the printed one; the evidence."""
 
 
 def _case(psi: float, **changes: float) -> Impact:
@@ -93,7 +93,7 @@ def _sticking_condition() -> Misprint:
 
 
 def _transition(row: equations.Table2Row, tan_psi: Array, sticking: str = PERCUSSION) -> tuple[float, float]:
-    """Where the lines of the two regimes meet, simulated and by Eq. 24 or 25 [deg]."""
+    """Angle at which the lines of the two regimes meet, simulated and by Eq. 24 or 25 [deg]."""
     c = angles.coin_impact(row, np.arctan(tan_psi))
     right = float(equations.CLOSURES[sticking].tan_psi_transit(c))
     simulated = angles.Lines.fit(pairs.fly(c, sticking), right).transit

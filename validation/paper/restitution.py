@@ -180,7 +180,7 @@ def _impact(psi: Array, k: float, coefficients: Sequence[float] = SPHERES[0][1])
 
 
 def _observables(got: After) -> dict[str, Array]:
-    """What Kharaz et al. measured, of simulated or predicted impacts."""
+    """Observables of Kharaz et al., of simulated or predicted impacts."""
     away, c = -got.v_1n, got.impact
     return {
         "e_com": got.v_1t / (c.v_o * np.sin(c.psi)),

@@ -77,7 +77,7 @@ def _spins(result: Result, sticking: str, n: int) -> None:
 
 
 def _boundaries(result: Result, sticking: str, n: int) -> None:
-    """Where two regimes meet: R_2 omega_2 / V_on is a broken line in tan(psi), and its corners are measured.
+    """Boundaries of the regimes: R_2 omega_2 / V_on is a broken line in tan(psi), and its corners are measured.
 
     Eqs. 9 and 15 (or 12) are equal at tan(psi) = 2 mu (1 + e_n) (or 3 mu (1 + e_n)), Eqs. 31 and 32 at
     3 rho (1 + e_n) / r: with small rho nonrolling ends while the pair sticks, with large rho while it slides.

@@ -119,7 +119,7 @@ def _flights(result: Result, got: After, slides: tuple[Slides, Slides], every: i
 
 
 def _equation_29(result: Result, psi: Array, errors: list[Array]) -> None:
-    """How far sqrt(d_2/d_1) is from v_2/v_1, coin by coin."""
+    """Deviation of sqrt(d_2/d_1) from v_2/v_1, coin by coin."""
     cells: list[tuple[str | float, ...]] = []
     for row, error in zip(TABLE_II, errors, strict=True):
         i = int(np.argmax(np.abs(error)))

@@ -45,14 +45,14 @@ ROUND_OFF = (
     "f64 round-off: contact points 1e-16 of a box some hundred diameters wide, angles up to 85 degrees enlarge "
     "it by 1e2"
 )
-"""How near collisions of pairs are to closed forms, and why not to the last bit."""
+"""Tolerance of collisions of pairs against closed forms, and its reason."""
 
 SECONDS = {
     "gas_state": (320.0, 13.0), "gas_elastic": (80.0, 26.0), "gas_haff": (240.0, 60.0), "gas_cooling": (220.0, 60.0),
     "gas_equilibrium": (200.0, 30.0), "gas_rough": (200.0, 30.0),
     "gas_driven": (230.0, 50.0), "gas_collapse": (3.0, 5.0), "gas_clusters": (200.0, 23.0),
 }  # fmt: skip
-"""What cases take, in full and quick, on one thread of the machine that README names [s]; of others a second or so."""
+"""Processor time of cases, in full and quick, on one thread of the machine that README names [s]; of others a second or so."""
 
 
 class Skip(Exception):
@@ -201,7 +201,7 @@ def check_names(names: list[str]) -> None:
 
 
 def seconds(name: str, quick: bool) -> float:
-    """What a case takes, roughly: see `SECONDS`."""
+    """Time of a case, roughly [s]: see `SECONDS`."""
     return SECONDS.get(name, (1.0, 1.0))[quick]
 
 

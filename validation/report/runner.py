@@ -165,7 +165,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
-    """How many cases run at a time."""
+    """Number of cases that run at a time."""
     if jobs is None:
         jobs = min(device.cores(), sum(name in registry.GAS for name in chosen))
     elif jobs < 1:

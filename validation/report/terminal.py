@@ -112,7 +112,7 @@ def table(outcome: Verdict) -> str:
 
 
 def closing(outcomes: Sequence[Verdict], place: Path, seconds: float, status: int) -> str:
-    """How it ended."""
+    """Closing lines: rows, failures, place of the report."""
     rows = sum(len(each.result.rows) for each in outcomes)
     failed = sum(len(each.failures) for each in outcomes)
     lines = [f"{rows} rows in {seconds:.1f} s: {rows - failed} passed, {failed} failed"]

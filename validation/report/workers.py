@@ -120,7 +120,7 @@ def _end_with_parent() -> None:
 
 
 def how_it_ended(status: int | None) -> str:
-    """What became of a process that broke its line off; its exit status is None if it had to be killed for it."""
+    """End of a process that broke its line off; its exit status is None if it had to be killed for it."""
     if status is None:
         return "closed its line and had to be killed"
     if status < 0:
