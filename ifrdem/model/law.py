@@ -107,7 +107,7 @@ class CollisionLaw:
 
     @classmethod
     def parts(cls) -> Callable[..., Any] | None:
-        """Function that gives restitution's part of P_t for the ledger, and the regime; None where a law does not say."""
+        """Function that gives restitution's part of P_t for the ledger, and the regime; None of a law without."""
         return None
 
     def table_row(self) -> tuple[float, ...]:

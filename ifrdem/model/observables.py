@@ -13,8 +13,8 @@ from ..tools.checked import Array
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls")
-"""Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks, rolling
-friction, and all of these in collisions with walls."""
+"""Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks,
+rolling friction, and all of these in collisions with walls."""
 REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
 """Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
 a remedy for collapse made them elastic."""

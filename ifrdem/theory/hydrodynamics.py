@@ -50,7 +50,7 @@ _STEPS = 2000  # of a course: what is interpolated between two of them is off by
 
 
 class ShearModes(NamedTuple):
-    """Time at which shear modes hold a certain part of the energy of a cooling gas, since it was homogeneous and thermal.
+    """Time at which shear modes hold a part of the energy of a cooling gas, since it was homogeneous and thermal.
 
     Infinite if they do not within 1e5 collisions per disk, or before T is 1e-200 T0.
     """

@@ -47,15 +47,15 @@ def run(quick: bool) -> Result:
         ifr = pairs.fly(c)
         bullet = stepped.touch(stepped.BulletWorld, c, along_y=True)
         found[i] = (ifr, bullet)
-        ours = Lines.fit(ifr, float(equations.tan_psi_transit_percussion_center(c)))
-        theirs = Lines.fit(bullet, float(equations.tan_psi_transit_contact_point(c)))
+        ours = Lines.fit(ifr, float(equations.PERCUSSION_CENTER.tan_psi_transit(c)))
+        theirs = Lines.fit(bullet, float(equations.CONTACT_POINT.tan_psi_transit(c)))
         slope = (1.0 + row.e_t) / (3.0 * (1.0 + row.e_n))
         text = f"{row.disks}: sliding slope"
         result.exact(f"{text}, IFR at the coins' own e_t = {row.e_t}", ours.sliding_2[0], slope, "Eq. 19")
         source = "Coulomb's law: both impulses are in the ratio mu"
         result.exact(f"{text}, PyBullet", theirs.sliding_2[0], 0.0, source)
         at_80 = replace(c, psi=np.radians(80.0))
-        gap = float(equations.tan_delta_2_sliding(at_80)) - row.mu
+        gap = float(equations.SLIDING.tan_delta_2(at_80)) - row.mu
         cells.append((row.disks, row.e_t, slope, float(ours.sliding_2[0]), float(theirs.sliding_2[0]), gap))
     result.table(
         "Slope of tan(delta_2) against tan(psi) in the sliding regime",

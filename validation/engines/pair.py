@@ -113,8 +113,8 @@ def groups(psi: Any) -> list[tuple[str, list[Impact], Any, bool]]:
 
 def _compare_lines(result: Result, name: str, found: list[tuple[Impact, After]]) -> None:
     """The transition, the sticking slope and the sliding intercept, fitted to the other code's angles."""
-    lines = [Lines.fit(got, float(equations.tan_psi_transit_contact_point(c))) for c, got in found]
-    at_1 = [float(equations.tan_delta_2_contact_point(replace(c, psi=np.arctan(1.0)))) for c, _ in found]
+    lines = [Lines.fit(got, float(equations.CONTACT_POINT.tan_psi_transit(c))) for c, got in found]
+    at_1 = [float(equations.CONTACT_POINT.tan_delta_2(replace(c, psi=np.arctan(1.0)))) for c, _ in found]
     transit = [3.0 * c.mu * (1.0 + c.e_n) for c, _ in found]
     for text, measured, expected, source in (
         ("tan(psi) at the transition", [line.transit for line in lines], transit, "3 mu (1 + e_n): Eq. 24, corrected"),
@@ -131,8 +131,8 @@ def _figure(lines: dict[str, list[tuple[Impact, After]]], random: dict[str, Arra
     some = slice(None, None, max(len(psi) // 27, 1))
     for i, colour in zip((1, 0, 7, 2), style.COLOURS, strict=False):  # rows of Table II, by falling mu
         c = replace(lines["PyBullet"][i][0], psi=np.radians(np.linspace(0.1, 80.0, 400)))
-        slides = np.tan(c.psi) > equations.tan_psi_transit_contact_point(c)
-        y = np.where(slides, equations.tan_delta_2_sliding(c), equations.tan_delta_2_contact_point(c))
+        slides = np.tan(c.psi) > equations.CONTACT_POINT.tan_psi_transit(c)
+        y = np.where(slides, equations.SLIDING.tan_delta_2(c), equations.CONTACT_POINT.tan_delta_2(c))
         ax.plot(np.tan(c.psi), y, color=colour, label=TABLE_II[i].coins[0])
         for name in lines:
             got = lines[name][i][1][some]

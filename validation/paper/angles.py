@@ -108,7 +108,7 @@ def _table_ii(result: Result, n: int) -> None:
 
 def _compare_lines(
     result: Result,
-    closure: equations.StickingEquations,
+    closure: equations.Equations,
     impacts: list[Impact],
     lines: list[Lines],
     transits: list[float],
@@ -116,8 +116,8 @@ def _compare_lines(
     """Slopes are a law's difference over one unit of tan(psi), intercepts its value at psi = 0."""
     stick = f"Eqs. {closure.number['tan_delta']}"
     for field, text, law, source in (
-        ("sliding_1", "tan(delta_1), sliding", equations.tan_delta_1_sliding, "Eq. 18"),
-        ("sliding_2", "tan(delta_2), sliding", equations.tan_delta_2_sliding, "Eq. 19"),
+        ("sliding_1", "tan(delta_1), sliding", equations.SLIDING.tan_delta_1, "Eq. 18"),
+        ("sliding_2", "tan(delta_2), sliding", equations.SLIDING.tan_delta_2, "Eq. 19"),
         ("sticking_1", "tan(delta_1), sticking", closure.tan_delta_1, stick),
         ("sticking_2", "tan(delta_2), sticking", closure.tan_delta_2, stick),
     ):
@@ -169,7 +169,7 @@ def _massive_plane(result: Result, n: int) -> None:
     psi = np.linspace(0.01, STEEPEST, n)
     c = Impact(psi, 0.87, -0.88, 0.21, M=0.0)
     one = replace(c, psi=np.arctan(1.0))
-    sliding = equations.tan_delta_1_sliding(one) - equations.tan_delta_1_sliding(replace(c, psi=0.0))
+    sliding = equations.SLIDING.tan_delta_1(one) - equations.SLIDING.tan_delta_1(replace(c, psi=0.0))
     for sticking, closure in CLOSURES.items():
         got = pairs.fly(c, sticking)
         x, y = np.tan(psi), got.v_1t / got.v_1n

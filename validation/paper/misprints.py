@@ -51,7 +51,7 @@ def _inertia() -> Misprint:
     m_2 = c.m_1 / c.M
     unit = m_2 * c.R_2**2
     right, printed = (
-        float(law(m_2, c.R_2, 2.0)) / unit for law in (equations.inertia, equations.inertia_printed)
+        float(law(m_2, c.R_2, 2.0)) / unit for law in (equations.inertia, equations.Printed.inertia)
     )
     return "inertia of disk 2, in m R^2 (SI)", measured / unit, right, printed, "Eq. 3"
 
@@ -61,17 +61,17 @@ def _equations() -> Iterator[Misprint]:
     rho = 0.6 * float(_case(STEEP).R_2)  # nonrolling
     table: list[tuple[str, str, float, float, str, Law, Law, str]] = [
         ("Eq. 10: v_1t, sliding", PERCUSSION, STEEP, 0.0, "v_1t",
-         equations.v_1t_sliding, equations.v_1t_sliding_printed, "Eqs. 2 and 18"),
+         equations.SLIDING.v_1t, equations.Printed.eq_10, "Eqs. 2 and 18"),
         ("Eq. 14: v_2t, sticking, contact point", CONTACT, FLAT, 0.0, "v_2t",
-         equations.v_2t_contact_point, equations.v_2t_contact_point_printed, "Eqs. 2 and 21"),
+         equations.CONTACT_POINT.v_2t, equations.Printed.eq_14, "Eqs. 2 and 21"),
         ("Eq. 33: P_t / m_1, sliding", PERCUSSION, STEEP, 0.0, "P_t",
-         equations.P_t_sliding, equations.P_t_sliding_printed, "Eq. 34"),
+         equations.SLIDING.P_t, equations.Printed.eq_33, "Eq. 34"),
         ("Eq. 35: R_2 omega_2, sliding plus nonrolling", PERCUSSION, np.radians(32.0), rho, "Rw_2",
-         equations.Rw_2_sliding_nonrolling, equations.Rw_2_sliding_nonrolling_printed, "Eqs. 32 and 33"),
+         equations.SLIDING.Rw_2_nonrolling, equations.Printed.eq_35, "Eqs. 32 and 33"),
         ("Eq. 38: R_2 omega_2, sticking plus nonrolling, contact point", CONTACT, FLAT, rho, "Rw_2",
-         equations.Rw_2_contact_point_nonrolling, equations.Rw_2_contact_point_nonrolling_printed, "Eqs. 32 and 36"),
+         equations.CONTACT_POINT.Rw_2_nonrolling, equations.Printed.eq_38, "Eqs. 32 and 36"),
         ("Eq. 41: R_2 omega_2, sticking plus nonrolling", PERCUSSION, FLAT, rho, "Rw_2",
-         equations.Rw_2_percussion_center_nonrolling, equations.Rw_2_percussion_center_nonrolling_printed,
+         equations.PERCUSSION_CENTER.Rw_2_nonrolling, equations.Printed.eq_41,
          "Eqs. 32 and 39"),
     ]  # fmt: skip
     for where, sticking, psi, one_rho, quantity, right, printed, source in table:
@@ -88,7 +88,7 @@ def _sticking_condition() -> Misprint:
     state = (got.v_1t[0], got.v_2t[0], c.R_1, got.Rw_1[0] / c.R_1, c.R_2, got.Rw_2[0] / c.R_2)
     # Print: v_1t - R_1 omega_1 = v_2t + R_2 omega_2. Its left side, less the right one, is not 0.
     where = "above Eq. 12: v_1t + R_1 omega_1 - v_2t - R_2 omega_2 (printed with - R_1 omega_1)"
-    printed = float(equations.contact_slip_printed(*state))
+    printed = float(equations.Printed.contact_slip(*state))
     return where, float(equations.contact_slip(*state)), 0.0, printed, "Eq. 12"
 
 
@@ -102,7 +102,7 @@ def _transition(row: equations.Table2Row, tan_psi: Array, sticking: str = PERCUS
 
 def _equation_24() -> Misprint:
     measured, right = _transition(LARGE_ON_SMALL, np.linspace(0.05, 3.0, 120), CONTACT)
-    printed = float(np.degrees(np.arctan(equations.tan_psi_transit_contact_point_printed(_case(STEEP)))))
+    printed = float(np.degrees(np.arctan(equations.Printed.eq_24(_case(STEEP)))))
     return "Eq. 24: transition angle, contact point [deg]", measured, right, printed, "Eqs. 19 and 21"
 
 
@@ -128,11 +128,11 @@ def _balance() -> Misprint:
 
 def _table_i() -> Iterator[Misprint]:
     for kind, rho, right, printed, number in (
-        ("nonrolling", 0.6, equations.e_t_apparent_nonrolling, equations.e_t_apparent_nonrolling_printed, 32),
-        ("rolling", 0.02, equations.e_t_apparent_rolling, equations.e_t_apparent_rolling_printed, 31),
+        ("nonrolling", 0.6, equations.e_t_apparent_nonrolling, equations.Printed.nonrolling, 32),
+        ("rolling", 0.02, equations.e_t_apparent_rolling, equations.Printed.rolling, 31),
     ):
         c = _case(FLAT, rho=rho * float(_case(FLAT).R_2))
-        without = equations.e_t_apparent_percussion_center(c)
+        without = equations.PERCUSSION_CENTER.e_t_apparent(c)
         where = f"Table I: e_t*, sticking plus {kind}, percussion centre"
         measured, source = float(pairs.fly(c).e_t_apparent[0]), f"Eq. {number} and the contact velocities"
         yield where, measured, float(right(c, without)), float(printed(c, without)), source
@@ -147,14 +147,14 @@ def _figures_and_tables(result: Result) -> None:
     # Fig. 5a is captioned copper-aluminium. Its coefficients give the transition angle of one row of Table II.
     tan_psi = np.linspace(0.02, 2.0, 120)
     c = Impact(np.arctan(tan_psi), *FIGURE_5A)
-    lines = angles.Lines.fit(pairs.fly(c), float(equations.tan_psi_transit_percussion_center(c)))
+    lines = angles.Lines.fit(pairs.fly(c), float(equations.PERCUSSION_CENTER.tan_psi_transit(c)))
     result.near(
         "Fig. 5a: transition angle [deg]; 5 pts coins have 21.6, copper-nickel coins 35.2 and 28.0",
         np.degrees(np.arctan(lines.transit)), TABLE_II[2].psi_transit, 0.05, "printed to 0.1 deg",
         "Table II, 5 pts coins", printed=TABLE_II[3].psi_transit,
     )  # fmt: skip
     c = Impact(np.radians(45.0), 0.90, -0.90, 0.15)
-    right, printed = (float(equations.Rw_2_sliding_rolling(replace(c, rho=rho))) for rho in (0.0, 0.02))
+    right, printed = (float(equations.SLIDING.Rw_2_rolling(replace(c, rho=rho))) for rho in (0.0, 0.02))
     result.exact(
         "Fig. 11, dotted line: R_2 omega_2 / v_o at 45 deg", float(pairs.fly(c).Rw_2[0]), right,
         "Eq. 34 with rho = 0: the caption's own sentence", printed=printed,

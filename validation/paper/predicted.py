@@ -18,7 +18,7 @@ from .pairs import After
 
 def slides(c: Impact, sticking: str) -> NDArray[np.bool_]:
     """True for an impact that slides: Eq. 9's impulse is smaller than that of Eq. 12 or Eq. 15."""
-    return np.asarray(equations.P_f_sliding(c) < CLOSURES[sticking].P_f(c))
+    return np.asarray(equations.SLIDING.P_f(c) < CLOSURES[sticking].P_f(c))
 
 
 def after(c: Impact, sticking: str, w_2o: ArrayLike = 0.0) -> After:
@@ -36,14 +36,14 @@ def after(c: Impact, sticking: str, w_2o: ArrayLike = 0.0) -> After:
     sign = np.where(one.V_ot < 0.0, -1.0, 1.0)
     one = replace(one, psi=sign * one.psi, w_o=sign * one.w_o)
     slide, stick = slides(one, sticking), CLOSURES[sticking]
-    P_t = sign * (equations.P_et(one) + np.where(slide, equations.P_f_sliding(one), stick.P_f(one)))
+    P_t = sign * (equations.P_et(one) + np.where(slide, equations.SLIDING.P_f(one), stick.P_f(one)))
     return After(
         impact=c,
         w_2o=w_2o,
         v_1n=equations.v_1n(one),
-        v_1t=sign * np.where(slide, equations.v_1t_sliding(one), stick.v_1t(one)),
+        v_1t=sign * np.where(slide, equations.SLIDING.v_1t(one), stick.v_1t(one)),
         v_2n=equations.v_2n(one),
-        v_2t=sign * np.where(slide, equations.v_2t_sliding(one), stick.v_2t(one)),
+        v_2t=sign * np.where(slide, equations.SLIDING.v_2t(one), stick.v_2t(one)),
         Rw_1=c.R_1 * c.w_o - c.k_1 * P_t / c.m_1,  # Eq. 3 with I = m R^2 / k
         Rw_2=c.R_2 * w_2o + c.k_2 * P_t * c.M / c.m_1,
     )

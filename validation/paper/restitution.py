@@ -85,12 +85,12 @@ def _equations_26_to_28(result: Result, n: int) -> None:
     ):
         for sticking, stick in CLOSURES.items():
             got, slide = pairs.fly(c, sticking).e_t_apparent, predicted.slides(c, sticking)
-            for regime, where, law, number in (
-                ("sliding", slide, equations.e_t_apparent_sliding, "26"),
-                ("sticking", ~slide, stick.e_t_apparent, stick.number["e_t_apparent"]),
-            ):
-                quantity = f"e_t*, {regime}, {text}, {stick.text}"
-                result.all_near(quantity, got[where], law(c)[where], EXACT, REASON, f"Eq. {number}{more}")
+            for regime, where, by in (("sliding", slide, equations.SLIDING), ("sticking", ~slide, stick)):
+                quantity, source = (
+                    f"e_t*, {regime}, {text}, {stick.text}",
+                    f"Eq. {by.number['e_t_apparent']}{more}",
+                )
+                result.all_near(quantity, got[where], by.e_t_apparent(c)[where], EXACT, REASON, source)
 
 
 def _table_i(result: Result, n: int) -> None:
@@ -103,15 +103,15 @@ def _table_i(result: Result, n: int) -> None:
     lever = "(1/R_1 + M/R_2)/(1 + M)"
     torques = (
         ("rolling", 0.02, equations.e_t_apparent_rolling, f"2 rho (1 + e_n) cot(psi) {lever}",
-         equations.e_t_apparent_rolling_printed, "2 rho (1 + e_n) cot(psi) / r"),
+         equations.Printed.rolling, "2 rho (1 + e_n) cot(psi) / r"),
         ("nonrolling", 0.6, equations.e_t_apparent_nonrolling, f"2/3 r {lever}",
-         equations.e_t_apparent_nonrolling_printed, "2"),
+         equations.Printed.nonrolling, "2"),
     )  # fmt: skip
     cells: list[tuple[str | float, ...]] = []
     for name, sticking, without, words in (
-        ("sliding", PERCUSSION, equations.e_t_apparent_sliding, "e_t + 3 mu (1 + e_n) cot(psi)"),
-        ("sticking, contact point", "contact_point", equations.e_t_apparent_contact_point, "1 + e_t"),
-        ("sticking, percussion centre", PERCUSSION, equations.e_t_apparent_percussion_center, "3/2 + e_t"),
+        ("sliding", PERCUSSION, equations.SLIDING.e_t_apparent, "e_t + 3 mu (1 + e_n) cot(psi)"),
+        ("sticking, contact point", "contact_point", equations.CONTACT_POINT.e_t_apparent, "1 + e_t"),
+        ("sticking, percussion centre", PERCUSSION, equations.PERCUSSION_CENTER.e_t_apparent, "3/2 + e_t"),
     ):
         for kind, rho, right, less, misprint, wrong in torques:
             one = replace(c, rho=rho)
@@ -249,8 +249,8 @@ def _residuals(result: Result, points: dict[tuple[str, str], Readings]) -> None:
             def misfit(p: Array, k: float = k, psi: Array = psi, value: Array = value, quantity: str = quantity,
                        scale: float = scale) -> Array:  # fmt: skip
                 c = _impact(psi, k, (SPHERES[0][1][0], p[1], p[0]))
-                sliding = replace(predicted.after(c, "percussion_center"), v_1t=equations.v_1t_sliding(c),
-                                  Rw_1=-k * (equations.P_et(c) + equations.P_f_sliding(c)))  # fmt: skip
+                sliding = replace(predicted.after(c, "percussion_center"), v_1t=equations.SLIDING.v_1t(c),
+                                  Rw_1=-k * (equations.P_et(c) + equations.SLIDING.P_f(c)))  # fmt: skip
                 return np.asarray((_observables(sliding)[quantity] - value) / scale)
 
             fit = least_squares(misfit, [0.09, -0.96])
@@ -278,7 +278,7 @@ def _figure_3(result: Result, points: dict[tuple[str, str], Readings]) -> Pictur
             # The sliding regime: cot(psi) up to 1 / (2 mu (1 + e_n)).
             cot = np.linspace(0.02, 0.5 / (mu * (1.0 + e_n)), 15)
             c = Impact(np.arctan(1.0 / cot), *coefficients, M=0.0, k_1=k, k_2=k)
-            got, right = pairs.fly(c).e_t_apparent, equations.e_t_apparent_sliding(c)
+            got, right = pairs.fly(c).e_t_apparent, equations.SLIDING.e_t_apparent(c)
             ax.plot(cot, right, dash, color=colour, label=f"{text}, {note}")
             result.all_near(f"points of Fig. 3, {text}, factor {note}", got, right, EXACT, REASON, "Eq. 26")
             style.points(ax, cot, got, colour, None, marker if k == 2.5 else "x")

@@ -25,13 +25,11 @@ REGIMES = tuple(
 
 def spin_laws(sticking: str) -> dict[str, tuple[Law, str]]:
     """R_2 omega_2 in the four regimes, and its equation."""
-    stick = equations.CLOSURES[sticking]
-    return {
-        "sliding plus rolling": (equations.Rw_2_sliding_rolling, "Eq. 34"),
-        "sliding plus nonrolling": (equations.Rw_2_sliding_nonrolling, "Eq. 35, corrected"),
-        "sticking plus rolling": (stick.Rw_2_rolling, f"Eq. {stick.number['rolling']}"),
-        "sticking plus nonrolling": (stick.Rw_2_nonrolling, f"Eq. {stick.number['nonrolling']}"),
-    }
+    found = {}
+    for slide, by in (("sliding", equations.SLIDING), ("sticking", equations.CLOSURES[sticking])):
+        found[f"{slide} plus rolling"] = (by.Rw_2_rolling, f"Eq. {by.number['rolling']}")
+        found[f"{slide} plus nonrolling"] = (by.Rw_2_nonrolling, f"Eq. {by.number['nonrolling']}")
+    return found
 
 
 def regime_of(c: Impact, sticking: str) -> NDArray[np.str_]:

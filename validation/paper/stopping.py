@@ -237,7 +237,7 @@ def _figure_10(result: Result) -> Picture:
     line = predicted.after(angles.coin_impact(row, fine), "percussion_center")
     ax.plot(np.degrees(fine), line.v_2 / line.v_1, color=style.BLUE, label=r"$v_2/v_1$ (Eq. 29)")
     # Each point is a flight by SciPy: few of them, and the corner where sliding begins.
-    corner = np.arctan(equations.tan_psi_transit_percussion_center(angles.coin_impact(row, 0.0)))
+    corner = np.arctan(equations.PERCUSSION_CENTER.tan_psi_transit(angles.coin_impact(row, 0.0)))
     degrees = np.concatenate([np.linspace(1.0, 76.0, 22), np.linspace(78.0, STEEPEST, 8)])
     coarse, d_1, d_2 = _reference(row, np.sort(np.append(np.radians(degrees), corner)))
     at, exact, by_speed = np.degrees(coarse.impact.psi), np.sqrt(d_2 / d_1), coarse.v_2 / coarse.v_1

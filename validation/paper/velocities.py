@@ -41,23 +41,19 @@ def random_impacts(n: int) -> Impact:
 def _equations(result: Result, c: Impact, sticking: str) -> None:
     got, right, stick = pairs.fly(c, sticking), predicted.after(c, sticking), equations.CLOSURES[sticking]
     slide = predicted.slides(c, sticking)
-    no, eq_3 = stick.number, "Eq. 3 with I = m R^2 / k"
+    eq_3 = "Eq. 3 with I = m R^2 / k"
     rows = [
         ("v_2n - v_1n", got.v_2n - got.v_1n, equations.separation(c), "Eq. 4"),
         ("P_n", got.P_n, equations.P_n(c), "Eq. 5"),
         ("v_1n", got.v_1n, equations.v_1n(c), "Eq. 6"),
         ("v_2n", got.v_2n, equations.v_2n(c), "Eq. 7"),
     ]
-    for regime, where, friction, v_1t, v_2t, numbers in (
-        ("sliding", slide, equations.P_f_sliding, equations.v_1t_sliding, equations.v_2t_sliding,
-         ("9", "10, corrected", "11")),
-        ("sticking", ~slide, stick.P_f, stick.v_1t, stick.v_2t, (no["P_f"], no["v_1t"], no["v_2t"])),
-    ):  # fmt: skip
-        P_t = equations.P_et(c) + friction(c)
+    for regime, where, by in (("sliding", slide, equations.SLIDING), ("sticking", ~slide, stick)):
+        P_t = equations.P_et(c) + by.P_f(c)
         rows += [
-            (f"P_t, {regime}", got.P_t[where], P_t[where], f"Eqs. 8 and {numbers[0]}"),
-            (f"v_1t, {regime}", got.v_1t[where], v_1t(c)[where], f"Eq. {numbers[1]}"),
-            (f"v_2t, {regime}", got.v_2t[where], v_2t(c)[where], f"Eq. {numbers[2]}"),
+            (f"P_t, {regime}", got.P_t[where], P_t[where], f"Eqs. 8 and {by.number['P_f']}"),
+            (f"v_1t, {regime}", got.v_1t[where], by.v_1t(c)[where], f"Eq. {by.number['v_1t']}"),
+            (f"v_2t, {regime}", got.v_2t[where], by.v_2t(c)[where], f"Eq. {by.number['v_2t']}"),
         ]
     rows += [("R_1 omega_1", got.Rw_1, right.Rw_1, eq_3), ("R_2 omega_2", got.Rw_2, right.Rw_2, eq_3)]
     for quantity, measured, expected, source in rows:

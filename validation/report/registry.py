@@ -52,7 +52,7 @@ SECONDS = {
     "gas_equilibrium": (200.0, 30.0), "gas_rough": (200.0, 30.0),
     "gas_driven": (230.0, 50.0), "gas_collapse": (3.0, 5.0), "gas_clusters": (200.0, 23.0),
 }  # fmt: skip
-"""Processor time of cases, in full and quick, on one thread of the machine that README names [s]; of others a second or so."""
+"""Processor time of cases, in full and quick, on one thread [s]; of others a second or so."""
 
 
 class Skip(Exception):
