@@ -52,8 +52,8 @@ class Diffusion:
     D, error : float
         Slope over twice the number of directions [length^2/time], and its standard error by the spread over disks.
     exponent : float
-        Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the
-        fit is too early or the gas cools.
+        Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the fit
+        is too early or the gas cools.
     lags : tuple of two floats
         Of the first and the last lag used [time].
     """

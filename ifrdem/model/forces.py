@@ -43,7 +43,7 @@ class Force:
     totals : int
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
     keeps_rest : bool
-        Whether a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
+        True if a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
         goes to its end without further steps.
 
     Notes
@@ -207,14 +207,10 @@ class Langevin(Force):
 
     Parameters
     ----------
-    temperature : float
-        Of the bath for velocities [energy], 0 or more.
-    rate : float
-        Friction rate of velocities [1/time]; 0, the default, leaves them alone.
-    spin_temperature : float, optional
-        Of the bath for spins [energy]; `temperature` without it.
-    spin_rate : float
-        Friction rate of spins [1/time]; 0, the default, leaves them alone.
+    temperature, spin_temperature : float
+        Of the bath for velocities and for spins, where it differs [energy], 0 or more.
+    rate, spin_rate : float
+        Friction rates of velocities and spins [1/time]; 0, the default, leaves them alone.
 
     Examples
     --------
@@ -263,12 +259,10 @@ class Drag(Force):
 
     Parameters
     ----------
-    rate : float
-        Of linear drag [1/time], as by a viscous gas.
+    rate, spin_rate : float
+        Of linear drag of velocities, as by a viscous gas, and of spins [1/time].
     quadratic : float
         Quadratic drag over mass [1/length], as by a fast flow.
-    spin_rate : float
-        Of the spins' linear drag [1/time].
 
     Examples
     --------

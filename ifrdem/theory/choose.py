@@ -58,18 +58,16 @@ def prediction(
     Parameters
     ----------
     disks : Disks
-        Disks are of one species if mass, radius, k and material agree; `mixtures.MOST_SPECIES` at most.
+        Of one species if mass, radius, k and material agree; `mixtures.MOST_SPECIES` at most.
     law : IFRLaw or sequence of sequences of IFRLaw
         One for all, or a table `[material][material]`.
-    packing_fraction : float
-    T0, T_rot0 : float or array_like (s,)
-        Temperatures at time 0 [energy], of all or of each species in the order of `Mixture.of`.
-    times : array_like (steps,)
-        Times since the start [time].
+    packing_fraction, shear_rate : float
+        Part of the area that the disks cover, and du_x/dy of a mean flow [1/time].
+    T0, T_rot0, times : float or array_like (s,), and array_like (steps,)
+        Temperatures at time 0 [energy], of all or of each species in the order of `Mixture.of`; times since the start
+        [time].
     forces : iterable of mappings
         Forces as a case has them (`driven_gas.Drive.of`).
-    shear_rate : float
-        Of a mean flow [1/time].
 
     Examples
     --------

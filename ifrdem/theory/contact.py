@@ -115,10 +115,8 @@ def crowding_of_mixture(
     Parameters
     ----------
     packing_fraction : float
-    radius : array_like (s,)
-        Radii [length], of species or of disks.
-    fraction : array_like (s,), optional
-        What part of all disks each is; alike without it.
+    radius, fraction : array_like (s,)
+        Radii [length], of species or of disks; what part of all disks each is, alike without it.
     contact : {"virial", "henderson", "dilute"}
         g(phi) of equal disks; "dilute" makes all contact values 1.
     """

@@ -67,10 +67,8 @@ def cooling_rates(
         Translational and rotational temperature, m <v^2> / 2 and I <w^2> [energy]; shapes that broadcast.
     law : IFRLaw
         The collision law, without rolling friction.
-    mass, radius, k : float
-        Of one disk [mass], [length], I = m R^2 / k.
-    number_density : float
-        Disks per area [1/length^2].
+    mass, radius, k, number_density : float
+        Of one disk [mass], [length], I = m R^2 / k; disks per area [1/length^2].
 
     Notes
     -----
@@ -150,10 +148,8 @@ def cooling(
     ----------
     law, mass, radius, k
         As for `cooling_rates`.
-    packing_fraction : float
-        Part of the area that the disks cover.
-    T0, T_rot0 : float
-        Temperatures at time 0, T0 > 0 and T_rot0 >= 0 [energy].
+    packing_fraction, T0, T_rot0 : float
+        Part of the area that the disks cover; temperatures at time 0, T0 > 0 and T_rot0 >= 0 [energy].
     times : array_like (steps,)
         Times since the start [time], 0 or more and not decreasing.
 

@@ -92,10 +92,8 @@ def shear_viscosity(
     ----------
     packing_fraction, T, mass, radius
         As for `collisions.collision_rate`; the packing fraction above 0.
-    law : IFRLaw
-        Without rolling friction.
-    k : float
-        Shape number in I = m R^2 / k.
+    law, k : IFRLaw, float
+        Without rolling friction; shape number in I = m R^2 / k.
     theta : float, optional
         T_rot / T at the time; not needed of smooth disks. In a gas that cools it changes.
 
@@ -287,10 +285,10 @@ def shear_mode_energy(
     ----------
     collisions_per_disk : float
         tau since the gas was homogeneous and thermal.
-    box : two floats
-        Sides of the periodic box [length].
     law, radius, packing_fraction, k
         As for `shear_length`.
+    box : two floats
+        Sides of the periodic box [length].
     theta0 : float, optional
         T_rot / T at the start, from where it changes as the gas cools; not needed of smooth disks.
 

@@ -51,14 +51,12 @@ class Mixture:
 
     Parameters
     ----------
-    mass, radius : array_like (s,)
-        Of one disk of each species [mass], [length].
+    mass, radius, k : array_like (s,)
+        Of one disk of each species [mass], [length], shape numbers in I = m R^2 / k.
     law : IFRLaw or sequence of sequences of IFRLaw
         One for all pairs, or a symmetric table `[species][species]`. Without rolling friction.
     packing_fraction : float
         Part of the area that all disks together cover.
-    k : array_like (s,)
-        Shape numbers in I = m R^2 / k.
     fraction : array_like (s,), optional
         What part of all disks each species is, in any unit (numbers of disks do); equal parts without it.
     contact : {"virial", "henderson", "dilute"}
