@@ -5,6 +5,8 @@ these times disks fly freely and collide exactly. This splitting is symmetric in
 multiples of the step is off by the square of the step (and between them, where the force of up to half a step is still
 to come or came early, by the step itself).
 
+Every force takes its `step` first, the time between two applications [time] (`Force`).
+
 The module imports Taichi: `act` and `measure` are compiled to run on the device.
 """
 
@@ -226,15 +228,10 @@ class Langevin(Force):
         spin_rate: float = 0.0,
     ) -> None:  # fmt: skip
         _some(rate=rate, spin_rate=spin_rate)
-        super().__init__(
-            step,
-            (
-                number("temperature", temperature),
-                number("rate", rate),
-                number("spin_temperature", temperature if spin_temperature is None else spin_temperature),
-                number("spin_rate", spin_rate),
-            ),
-        )
+        names = ("temperature", "rate", "spin_temperature", "spin_rate")
+        of_spins = temperature if spin_temperature is None else spin_temperature
+        values = zip(names, (temperature, rate, of_spins, spin_rate), strict=True)
+        super().__init__(step, [number(name, value) for name, value in values])
 
     @staticmethod
     def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
