@@ -162,7 +162,7 @@ def e_t_apparent_nonrolling(c: Impact, without: Array) -> Array:
 
 
 def _friction(c: Impact) -> Array:
-    """What Eqs. 9 to 11 have in common, friction impulse over m_1."""
+    """Friction impulse over m_1, the common part of Eqs. 9 to 11."""
     return c.mu * (1.0 + c.e_n) / (1.0 + c.M) * c.V_on
 
 
@@ -190,7 +190,7 @@ def _Rw_2(c: Impact, tangential: Any, normal: Any) -> Array:
 
 
 class Equations(NamedTuple):
-    """Equations of a regime, the paper's, corrected: one or two disks' tangential motion after the impact."""
+    """Equations of a regime of the tangential motion, the paper's, corrected."""
 
     text: str
     P_f: Law  # friction impulse
@@ -275,25 +275,22 @@ CLOSURES = {"percussion_center": PERCUSSION_CENTER, "contact_point": CONTACT_POI
 class Printed:
     """Equations as printed, by number; each comment says what is wrong."""
 
-    inertia = staticmethod(
-        lambda m, R, k: np.asarray(m * R / k)
-    )  # above Eq. 3: R for R^2, no moment by its unit
+    # Above Eq. 3, with R for R^2: not even a moment of inertia by its unit.
+    inertia = staticmethod(lambda m, R, k: np.asarray(m * R / k))
     # Eq. 10 has a factor M in the friction: against Eq. 2 and Eq. 18 unless M = 1.
     eq_10 = staticmethod(lambda c: c.v_o * np.sin(c.psi) - (1.0 + c.e_t) * c.V_ot / c.D - c.M * _friction(c))
     # Above Eq. 12, with - R_1 w_1; Eq. 12 does not follow from it.
     contact_slip = staticmethod(
         lambda v_1t, v_2t, R_1, w_1, R_2, w_2: contact_slip(v_1t, v_2t, -R_1, w_1, R_2, w_2)
     )
-    eq_14 = staticmethod(
-        lambda c: (2.0 + c.e_t) * c.V_ot / c.D
-    )  # no factor M: against Eqs. 2 and 21 unless M = 1
+    # Eq. 14 has no factor M: against Eq. 2 and Eq. 21 unless M = 1.
+    eq_14 = staticmethod(lambda c: (2.0 + c.e_t) * c.V_ot / c.D)
     # Eq. 24 is divided by 1 + e_t: Eqs. 19 and 21 are not equal there.
     eq_24 = staticmethod(lambda c: np.asarray(3.0 * c.mu * (1.0 + c.e_n) / (1.0 + c.e_t)))
     # Eq. 26 has the 3 of homogeneous disks for every k: Fig. 3 uses it for spheres on a plane.
     eq_26 = staticmethod(lambda c: c.e_t + 3.0 * c.mu * (1.0 + c.e_n) / np.tan(c.psi))
-    eq_33 = staticmethod(
-        lambda c: _P_t(c, (1.0 + c.e_t) / 3.0) - c.mu * c.M * P_n(c)
-    )  # - mu M for + mu: against Eq. 34
+    # Eq. 33 has - mu M for + mu: against Eq. 34.
+    eq_33 = staticmethod(lambda c: _P_t(c, (1.0 + c.e_t) / 3.0) - c.mu * c.M * P_n(c))
     # Eqs. 35 and 38 have (r/R_2) M for r/R_2, which does not follow from Eqs. 32, 33 and 36 unless M = 1.
     eq_35 = staticmethod(lambda c: _Rw_2(c, 2.0 / 3.0 * (1.0 + c.e_t - c.r / c.R_2 * c.M), 2.0 * c.mu))
     eq_38 = staticmethod(lambda c: _Rw_2(c, 2.0 / 3.0 * (2.0 + c.e_t - c.r / c.R_2 * c.M), 0.0))
