@@ -35,7 +35,6 @@ IN_WORDS: list[tuple[str | float, ...]] = [
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     bullet_world.require()
     result = Result()
     psi = np.linspace(np.radians(5.0), STEEPEST, 40 if quick else 160)

@@ -79,7 +79,6 @@ class Code:
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     bullet_world.require()
     result = Result()
     seeds = range(1, 5 if quick else 21)

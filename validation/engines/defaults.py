@@ -22,7 +22,6 @@ SPEED = 1.0
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     p = bullet_world.require()
     result = Result()
     asked = np.linspace(0.1, 1.0, 4 if quick else 10)

@@ -20,7 +20,6 @@ REFERENCE = "first order in v dt / R, because the overlap when it is found is; o
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     bullet_world.require()
     result = Result()
     n = 40 if quick else 200

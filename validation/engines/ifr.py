@@ -28,7 +28,6 @@ NO_RESPONSE = Surface(1.0, 0.0)  # what Bullet would do by itself, which the ada
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     bullet_world.require()
     result = Result()
     _pairs(result, 12 if quick else 60)

@@ -35,7 +35,6 @@ OURS = "our kernels, e_t = -1, contact point (Eqs. 5, 9 and 12)"
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     bullet_world.require()
     result = Result()
     n = 17 if quick else 81

@@ -64,7 +64,6 @@ def coin_impact(row: equations.Table2Row, psi: Any) -> Impact:
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     n = 60 if quick else 400
     _table_ii(result, n)

@@ -39,7 +39,6 @@ class Map:
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     side, slopes = (15, 40) if quick else (61, 90)
     maps = {}

@@ -20,7 +20,6 @@ ALUMINIUM = TABLE_II[1]
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     n = 100 if quick else 2000
     psi = np.linspace(0.05, 1.48, n)

@@ -61,7 +61,6 @@ POLYESTER = (TABLE_II[7].e_n, TABLE_II[7].e_t, TABLE_II[7].mu)
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     n = 200 if quick else 3000
     _equations_26_to_28(result, n)

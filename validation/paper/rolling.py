@@ -40,7 +40,6 @@ def regime_of(c: Impact, sticking: str) -> NDArray[np.str_]:
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     n = 400 if quick else 4000
     for sticking in equations.CLOSURES:

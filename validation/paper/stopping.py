@@ -62,7 +62,6 @@ def to_rest(v: Array, u: Array, k: float = 2.0) -> Slides:
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     _friction(result)
     psi = np.radians(np.linspace(2.0, STEEPEST, 84 if quick else 333))

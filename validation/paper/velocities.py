@@ -18,7 +18,6 @@ SPEEDS = (0.2, 1.5)  # slowest and fastest launch of Sec. III [m/s]
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     c = random_impacts(400 if quick else 5000)
     for sticking in equations.CLOSURES:
