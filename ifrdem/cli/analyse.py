@@ -17,7 +17,7 @@ from .options import FILE, File, Force, Frames, chosen, flag, opened, option
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..analysis.result import Columns, Outcome
+    from ..analysis.result import Columns, Evaluation
     from ..trajectory.reader import Trajectory
 
 NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pressure", "cooling", "impact")
@@ -189,7 +189,7 @@ def _wanted(
     return missing, there
 
 
-def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
+def _record(outcome: Evaluation, files: list[str]) -> dict[str, Any]:
     from ..analysis.catalogue import plain
 
     return {

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 
+Array = NDArray[np.float64]
+"""An array of float64."""
+
 
 def real(name: str, value: object, needed: str = "a number is needed") -> float:
     """A real number as a float; infinities and NaN pass."""

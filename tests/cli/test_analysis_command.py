@@ -583,8 +583,8 @@ def test_every_kind_of_box_is_analysed_or_refused_with_a_reason(box: Box, tmp_pa
 
 
 def test_numbers_are_rounded_to_their_errors() -> None:
-    assert number(outcome.Row("x", 1.23456, 0.0123)) == "1.235 +- 0.012"
-    assert number(outcome.Row("x", 5.9515e-9, 2.03e-12, "J")) == "5.9515e-09 +- 2.0e-12 J"
-    assert number(outcome.Row("x", 12345.6, 230.0)) == "12346 +- 230"
-    assert number(outcome.Row("x", float("nan"))) == "none"
-    assert number(outcome.Row("x", 0.25, unit="m")) == "0.25 m"
+    assert number(outcome.Reading("x", 1.23456, 0.0123)) == "1.235 +- 0.012"
+    assert number(outcome.Reading("x", 5.9515e-9, 2.03e-12, "J")) == "5.9515e-09 +- 2.0e-12 J"
+    assert number(outcome.Reading("x", 12345.6, 230.0)) == "12346 +- 230"
+    assert number(outcome.Reading("x", float("nan"))) == "none"
+    assert number(outcome.Reading("x", 0.25, unit="m")) == "0.25 m"

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -33,17 +32,11 @@ SETTINGS = {
     "deterministicOverlappingPairs": 1,
     "warmStartingFactor": 0.0,
 }
-"""What `setPhysicsEngineParameter` gets. With PyBullet's defaults restitution comes out near zero."""
+"""Parameters of `setPhysicsEngineParameter`. With PyBullet's defaults restitution comes out near zero."""
 
 
 def require() -> Any:
-    """PyBullet's module.
-
-    Raises
-    ------
-    Skip
-        If it is not installed, with what to do.
-    """
+    """PyBullet's module; Skip, with what to do, if it is not installed."""
     reason = bullet.absence()
     if reason is not None:
         raise Skip(f"PyBullet is {reason}")
@@ -59,34 +52,16 @@ class Surface:
 
 
 class BulletWorld:
-    """Disks and straight walls in a PyBullet client of their own; use it in a `with` statement.
+    """Disks and straight walls (lines), all of one surface, in a PyBullet client of their own; in a `with` statement.
 
-    Parameters
-    ----------
-    disks : Disks
-    surface : Surface
-        Of all disks and walls.
-    walls : sequence of Wall
-        Lines.
-    time_step : float
-        [time].
-
-    Attributes
-    ----------
-    collisions, wall_hits : int
-        Contacts in which Bullet's solver pushed, so far: of two disks, and of a disk and a wall.
+    `collisions` and `wall_hits` count contacts in which Bullet's solver pushed: of two disks, and of a disk and a wall.
     """
 
     name = "PyBullet"
     moves_first = False  # whether a step moves bodies before they collide
 
     def __init__(
-        self,
-        disks: Disks,
-        surface: Surface,
-        *,
-        walls: Sequence[Wall] = (),
-        time_step: float,
+        self, disks: Disks, surface: Surface, *, walls: Sequence[Wall] = (), time_step: float
     ) -> None:
         p = require()
         self.p, self.n = p, disks.n
@@ -116,9 +91,7 @@ class BulletWorld:
     def __enter__(self) -> BulletWorld:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.p.disconnect(self.client)
 
     def place(self, position: NDArray, velocity: NDArray, spin: NDArray) -> None:
@@ -142,7 +115,7 @@ class BulletWorld:
             self.collisions += len(new) - hits
 
     def state(self) -> State:
-        """Where the disks are."""
+        """State of the disks."""
         position, velocity, spin = np.empty((self.n, 2)), np.empty((self.n, 2)), np.empty(self.n)
         for i, disk in enumerate(self.disks):
             position[i] = self.p.getBasePositionAndOrientation(disk.body, physicsClientId=self.client)[0][:2]
