@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import queue
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -32,12 +33,18 @@ class QueuedWriter:
     ----------
     writer : TrajectoryWriter
         It belongs to the thread until `close`; only what `QueuedWriter` has may be called.
+
+    Attributes
+    ----------
+    seconds : float
+        Processor time that the thread has taken.
     """
 
     def __init__(self, writer: TrajectoryWriter) -> None:
         self._writer = writer
         self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue(WAITING)
         self._closed = False
+        self.seconds = 0.0
         self._error: BaseException | None = None
         self._said = False
         # A daemon: a run that dies without closing is not held up by it, and the file stays whole.
@@ -89,6 +96,10 @@ class QueuedWriter:
         """As `TrajectoryWriter.write`, later."""
         self._put(lambda: self._writer.write(state, observables))
 
+    def write_frames(self, frames: Sequence[tuple[State, Mapping[str, ArrayLike] | None]]) -> None:
+        """As `TrajectoryWriter.write_frames`, later."""
+        self._put(lambda: self._writer.write_frames(frames))
+
     def write_series(
         self, time: float, values: Mapping[str, ArrayLike], columns: Mapping[str, Sequence[str]] | None = None
     ) -> None:
@@ -110,6 +121,10 @@ class QueuedWriter:
     def write_histories(self, events: Mapping[str, ArrayLike], time: float) -> None:
         """As `TrajectoryWriter.write_histories`, later."""
         self._put(lambda: self._writer.write_histories(events, time))
+
+    def write_history_parts(self, parts: Sequence[tuple[Mapping[str, ArrayLike], float]]) -> None:
+        """As `TrajectoryWriter.write_history_parts`, later."""
+        self._put(lambda: self._writer.write_history_parts(parts))
 
     def flush(self) -> None:
         """Wait until all that was given is committed.
@@ -154,6 +169,7 @@ class QueuedWriter:
             try:
                 if self._error is None:  # after an error the rest is dropped
                     job()
+                    self.seconds = time.thread_time()
             except BaseException as error:
                 # Whatever it is, the run's thread has to hear of it: this one has nobody to raise it to.
                 self._error = error
