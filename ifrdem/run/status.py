@@ -37,6 +37,9 @@ VALUES = (
     "energy",
     "dissipated_energy",
     "ledger_residual",
+    "runs",
+    "runs_done",
+    "runs_failed",
 )
 """Values that a run reports as it goes; null in the file while unknown."""
 RESERVED = 4096
@@ -49,9 +52,9 @@ QUIET = 600.0
 
 
 def path_of(trajectory: str | os.PathLike[str]) -> Path:
-    """The status file of a trajectory file."""
+    """The status file of a trajectory file, or of the results of a study."""
     path = Path(trajectory)
-    return path.with_name(path.name.removesuffix(".h5") + ENDING)
+    return path.with_name(path.name.removesuffix(".h5").removesuffix(".nc").removesuffix(".runs") + ENDING)
 
 
 class Status:
@@ -240,8 +243,11 @@ def _check(content: dict[str, Any], place: Path) -> None:
 def line(content: dict[str, Any]) -> str:
     """Progress of a run in one line: what is known of it, and time left or its end."""
     part, T, T_rot = (content.get(name) for name in ("fraction", "temperature", "rotational_temperature"))
+    runs, failed = content.get("runs"), content.get("runs_failed")
     values = (
         ("{:5.1f} %", None if part is None else 100.0 * part),
+        (f"{{}} of {runs} runs", None if runs is None else content.get("runs_done")),
+        ("{} failed", failed or None),
         ("t = {:.5g}", content.get("time")),
         ("{:.2f} collisions per disk", content.get("collisions_per_disk")),
         ("T = {:.4g}", T),

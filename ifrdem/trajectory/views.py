@@ -169,6 +169,9 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
         side if one else 0.0
         for side, one in zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
     ]
+    if "collisions" in trajectory.observables:
+        per_disk = 2.0 * trajectory.observables["collisions"] / n
+        attach(file.create_dataset("collisions_per_disk", data=per_disk), "frame")
     cell = file.create_dataset("cell_lengths", data=np.tile([*lengths, 0.0], (frames, 1)))
     attach(cell, "frame", "cell_spatial", unit=units.get("length"))
     angles = file.create_dataset("cell_angles", data=np.full((frames, 3), 90.0))
