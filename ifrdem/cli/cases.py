@@ -35,7 +35,10 @@ def check(case: Case, /, *, set: Set = None) -> None:
         warn(f"{error}: `ifrdem run` would refuse it here")
 
 
-KIND = "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), study (many cases at once), or cases/NAME.toml"
+KIND = (
+    "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), study (many gases at "
+    "once), or cases/NAME.toml"
+)
 
 
 def new(

@@ -83,11 +83,10 @@ def study(
     except Stopped as error:
         complain(str(error))
         return error.status
-    if share is None:
-        if it.output.exists():
-            note(
-                f"wrote {it.output}: `ifrdem plot {it.output} T --over tau` draws it; xarray.open_dataset opens it"
-            )
+    if share is None and it.output.exists():
+        note(
+            f"wrote {it.output}: `ifrdem plot {it.output} T --over tau` draws it; xarray.open_dataset opens it"
+        )
     if failed:
         complain(f"{len(failed)} of {it.runs} runs failed; the same command tries them again:")
         for name, message in failed.items():

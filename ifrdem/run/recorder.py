@@ -20,8 +20,8 @@ from ..trajectory.background import QueuedWriter
 from ..trajectory.file import TrajectoryError
 
 ROWS_AT_ONCE, BYTES_AT_ONCE, WAIT = 256, 4 << 20, 2.0
-"""Rows of the time series and bytes of frames that are written together at most, and seconds after which the next row or
-frame has those written that wait: each commit costs a run, however little there is in it."""
+"""Rows of the time series and bytes of frames that are written together at most, and seconds after which the next row
+or frame has those written that wait: each commit costs a run, however little there is in it."""
 BYTES_PER_DISK = 64
 """Of a state that waits, about."""
 EVENTS_AT_ONCE = 200_000

@@ -79,7 +79,7 @@ class Range(_Part):
 class EnsembleSection(_Part):
     """Seeds: a number, from run.seed of the case on, or a list."""
 
-    seeds: int | list[int] = Field(default=1)
+    seeds: Any = 1
 
 
 class OutputSection(_Part):
@@ -116,8 +116,8 @@ class StudyFile(_Part):
 
     case: str
     set: list[str] = Field(default=[])
-    sweep: dict[str, list[Any] | Range] = Field(default={})
-    zip: list[dict[str, list[Any] | Range]] = Field(default=[])
+    sweep: dict[str, Any] = Field(default={})
+    zip: list[dict[str, Any]] = Field(default=[])
     ensemble: EnsembleSection = EnsembleSection()
     output: OutputSection = OutputSection()
     cluster: ClusterSection = ClusterSection()
@@ -215,7 +215,7 @@ class Plan:
                     )
         lines = []
         for line, labels in wrong.items():
-            more = f" (and {len(labels) - 1} points more)" if len(labels) > 1 else ""
+            more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
             lines.append(
                 line
                 if not good and len(labels) == math.prod(self.shape[:-1])
@@ -310,17 +310,17 @@ def read(
     return plan
 
 
-def axis_of(text: str) -> dict[str, list[Any] | Range]:
+def axis_of(text: str) -> dict[str, Any]:
     """Keys that vary together, from "KEY=1,2,3", "KEY=0.1:0.9:5" or "KEY=0.1:10:5:log", several parted by ";".
 
     Examples
     --------
     >>> axis_of("material[0].e_n=0.7,0.8,0.9")
     {'material[0].e_n': [0.7, 0.8, 0.9]}
-    >>> axis_of("material[0].mu=0.1:10:3:log")["material[0].mu"].values()
-    [0.1, 1.0, 10.0]
+    >>> axis_of("material[0].mu=0.1:10:3:log")
+    {'material[0].mu': {'from': 0.1, 'to': 10, 'number': 3, 'spacing': 'log'}}
     """
-    found: dict[str, list[Any] | Range] = {}
+    found: dict[str, Any] = {}
     for part in text.split(";"):
         key, equals, values = (each.strip() for each in part.partition("="))
         if not (key and equals and values):
@@ -334,11 +334,7 @@ def axis_of(text: str) -> dict[str, list[Any] | Range]:
             start, to = (
                 tomllib.loads(f"v = {each}")["v"] if _is_toml(each) else each for each in match.group(1, 2)
             )
-            ends = {"from": start, "to": to, "number": int(match[3]), "spacing": match[4] or "linear"}
-            try:
-                found[key] = Range.model_validate(ends)
-            except ValidationError as error:
-                raise InputError(f"--vary {text}: {'; '.join(_lines(error))}") from None
+            found[key] = {"from": start, "to": to, "number": int(match[3]), "spacing": match[4] or "linear"}
         else:
             found[key] = (
                 tomllib.loads(f"v = [{values}]")["v"]
@@ -355,8 +351,19 @@ def _is_toml(value: str) -> bool:
         return False
 
 
-def _values(key: str, given: list[Any] | Range) -> list[Any]:
-    values = given.values() if isinstance(given, Range) else given
+def _values(key: str, given: Any) -> list[Any]:
+    """The values of a key, from a list or a range."""
+    if isinstance(given, dict):
+        try:
+            values: list[Any] = Range.model_validate(given).values()
+        except ValidationError as error:
+            raise InputError("\n".join(f"{key}: {line}" for line in _lines(error, Range))) from None
+    elif isinstance(given, list):
+        values = given
+    else:
+        raise InputError(
+            f"{key}: a list of values is needed, or a range {{ from = 0.1, to = 0.9, number = 5 }}"
+        )
     texts = [json.dumps(each) for each in values]
     if not values:
         raise InputError(f"{key}: no value to vary it by")
@@ -399,8 +406,8 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
     return tuple(axes)
 
 
-def _seeds(given: str | int | list[int], first: int) -> tuple[int, ...]:
-    need = f"--seeds {given}: a number of seeds, 1 or more, or a list such as 1,2,5 is needed"
+def _seeds(given: Any, first: int) -> tuple[int, ...]:
+    need = f"seeds = {given}: a number of seeds, 1 or more, or a list such as 1,2,5 is needed"
     if isinstance(given, str):
         parts = [each.strip() for each in given.split(",")]
         if not all(each.isdecimal() for each in parts):
@@ -410,6 +417,8 @@ def _seeds(given: str | int | list[int], first: int) -> tuple[int, ...]:
         if not 1 <= given <= MOST_RUNS:
             raise InputError(need)
         return tuple(range(first, first + given))
+    if not isinstance(given, list) or not all(isinstance(each, int) for each in given):
+        raise InputError(need)
     if not given or len({*given}) < len(given) or not all(0 <= each < 2**63 for each in given):
         raise InputError(f"seeds = {given}: whole numbers of 0 or more are needed, each once")
     return tuple(given)
@@ -471,36 +480,23 @@ def _checked(raw: dict[str, Any], path: Path) -> StudyFile:
         raise InputError(listed([f"{path}: {line}" for line in _lines(error)])) from None
 
 
-def _lines(error: ValidationError) -> Iterator[str]:
-    """A line for each mistake; of a key that takes a list or a range, one for the form that it has."""
-    models = {"": StudyFile, "ensemble": EnsembleSection, "output": OutputSection, "cluster": ClusterSection}
-    seen = {}
+def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterator[str]:
+    """A line for each mistake."""
+    sections = {"ensemble": EnsembleSection, "output": OutputSection, "cluster": ClusterSection}
     for each in error.errors(include_url=False):
-        where = [
-            step for step in each["loc"] if step not in ("list[any]", "Range", "int", "float", "list[int]")
-        ]
-        place = ".".join(map(str, where))
-        text = (
-            str(each["msg"])
-            .replace("Input should", "must")
-            .replace("be a valid", "be a")
-            .replace("integer", "whole number")
-        )
+        place = ".".join(str(step) for step in each["loc"] if step not in ("int", "float"))
+        text = str(each["msg"]).replace("Input should", "must").replace("be a valid", "be a")
+        text = text.replace("integer", "whole number")
         if each["type"] == "extra_forbidden":
-            *above, last = map(str, where)
-            known = [*(models.get(".".join(above), Range)).model_fields]
-            known = ["from" if name == "start" else name for name in known]
+            *above, last = map(str, each["loc"])
+            fields = sections.get(".".join(above), model).model_fields
+            known = [one.alias or name for name, one in fields.items()]
             text = f"unknown key{nearest(last, known)}; known here: {', '.join(known)}"
         elif each["type"] == "missing":
             text = "missing" + (": the case file, or the name of a shipped case" if place == "case" else "")
-        elif "Range" in each["loc"] and each["type"] == "model_type":
-            text = "a list of values or a range { from = 0.1, to = 0.9, number = 5 } is needed"
         elif each["type"] == "literal_error" and isinstance(each["input"], str):
-            text += nearest(
-                each["input"], re.findall(r"'([^']+)'", str(each.get("ctx", {}).get("expected", "")))
-            )
-        seen[place] = f"{place}: {text}" if place else text
-    yield from seen.values()
+            text += nearest(each["input"], re.findall(r"'([^']+)'", each["ctx"]["expected"]))
+        yield f"{place}: {text}" if place else text
 
 
 def _digest(path: Path) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 import os
@@ -182,9 +181,10 @@ def collect(
             whole = found.get(name) or Variable(
                 (*swept, SEED, *one.dims), np.full((*plan.shape, *one.values.shape), np.nan), one.unit
             )
-            values = grown(whole.values, (*plan.shape, *one.values.shape))
-            values[(*task.index, *map(slice, one.values.shape))] = one.values
-            found[name] = Variable(whole.dims, values, one.unit)
+            room = grown(whole.values, (*plan.shape, *one.values.shape))
+            corner: Any = (*task.index, *(slice(size) for size in one.values.shape))
+            room[corner] = one.values
+            found[name] = Variable(whole.dims, room, one.unit)
     unit = file.case.unit("time").strip() if row_axis == "time" else ""
     variables[row_axis] = Variable((row_axis,), places, unit)
     variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
@@ -194,7 +194,7 @@ def collect(
         variables |= _theory(plan, good, row_axis, variables)
     used = {dim for one in variables.values() for dim in one.dims if len(one.dims) > 1} | {SEED, row_axis}
     attributes = {
-        "title": f"{plan.name}: {plan.path.stem}, {math.prod(plan.shape[:-1])} points, {len(plan.seeds)} seeds",
+        "title": f"{plan.name}: {math.prod(plan.shape[:-1])} points, {len(plan.seeds)} seeds",
         "axes": json.dumps({axis.names[0]: axis.names for axis in plan.axes}),
         "keys": json.dumps(
             {name: key for axis in plan.axes for name, key in zip(axis.names, axis.keys, strict=True)}

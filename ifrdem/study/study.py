@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import shutil
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     import xarray
 
 RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
-"""Collisions a second and core, seconds of a row of series and of a further gas, for an estimate before any run is done."""
+"""Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
 MOST_OF_DISK = 0.9
 ENDING = ".nc"
 
@@ -248,10 +249,9 @@ class Study:
         try:
             with stops:
                 for ended in work if missing else ():
-                    if ended is not None and ended[1] is not None:
-                        task, message = ended
-                        failed[task.key] = message
-                        warn(f"failed: {self._name(task)}: {message}")
+                    if ended is not None and (message := ended[1]) is not None:
+                        failed[ended[0].key] = message
+                        warn(f"failed: {self._name(ended[0])}: {message}")
                     progress(ended[0].weight if ended else None, len(failed))
                     stops.check()
         except Stopped as stop:
@@ -261,6 +261,11 @@ class Study:
                 f"{stop}: {len(tasks) - left} of {len(tasks)} runs are done; the same command goes on",
                 stop.status,
             ) from None
+        except InputError:  # nothing has started
+            status.path.unlink()
+            with contextlib.suppress(OSError):  # of a folder that holds runs already
+                self.folder.rmdir()
+            raise
         except BaseException as error:
             status.finish("failed", str(error))
             raise

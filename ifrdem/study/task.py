@@ -168,16 +168,12 @@ def _series_alone(file: CaseFile) -> dict[str, Variable]:
 
 
 def _advance(gas: Gas, case: Case, samplers: list[Any], *, short: bool = False) -> None:
-    end = {"t_end": case.run.t_end, "collisions_per_disk": case.run.collisions_per_disk}
-    simulation = gas.simulation(case)
-    if short:
-        end = (
-            {"t_end": None, "collisions_per_disk": 2.0 / gas.disks.n}
-            if end["t_end"] is None
-            else {"t_end": 1e-3 * end["t_end"]}
-        )
+    simulation, t_end, per_disk = gas.simulation(case), case.run.t_end, case.run.collisions_per_disk
     simulation.run(
-        **end, series=1 if short else case.output.series_cadence, samplers=samplers or [lambda measure: None]
+        t_end=1e-3 * t_end if short and t_end is not None else t_end,
+        collisions_per_disk=2.0 / gas.disks.n if short and per_disk is not None else per_disk,
+        series=1 if short else case.output.series_cadence,
+        samplers=samplers or [lambda measure: None],
     )
 
 
@@ -199,9 +195,8 @@ def _on_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Va
     span = Span.to(n, 0.0, 0, t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk)
     schedule = Schedule(case.output.series_cadence, span)
     due = [schedule.due(k + 1) for k in range(len(places) - 1)]
-    reached = found["time"] if name == "time" else found["collisions"]
-    wanted = [0, *(each.time if name == "time" else each.collisions for each in due)]
-    rows = np.searchsorted(reached, wanted)
+    wanted = np.array([0.0, *(each.time if name == "time" else float(each.collisions or 0) for each in due)])
+    rows = np.searchsorted(found["time"] if name == "time" else found["collisions"], wanted)
     with np.errstate(divide="ignore", invalid="ignore"):
         found["theta"] = found["rotational_temperature"] / found["temperature"]
     found["collisions_per_disk"] = 2.0 * found["collisions"] / n
@@ -244,7 +239,9 @@ def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> d
 def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str, Variable]:
     found: dict[str, Variable] = {}
     for i, outcome in enumerate(outcomes):
-        parts = [((), _named(name, row.name), np.float64(row.value), row.unit) for row in outcome.rows]
+        parts: list[tuple[tuple[str, ...], str, NDArray[np.float64], str]] = [
+            ((), _named(name, row.name), np.array(float(row.value)), row.unit) for row in outcome.rows
+        ]
         for table, columns in outcome.tables.items():
             row = _named(name, table, "row")
             parts += [
@@ -255,7 +252,8 @@ def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str,
             if key not in found:
                 found[key] = Variable((*dims, *inner), np.full((len(outcomes), *values.shape), np.nan), unit)
             place = grown(found[key].values, (len(outcomes), *values.shape))
-            place[(i, *map(slice, values.shape))] = values
+            corner: Any = (i, *(slice(size) for size in values.shape))
+            place[corner] = values
             found[key] = Variable((*dims, *inner), place, unit)
     return found if dims else {key: Variable(one.dims, one.values[0], one.unit) for key, one in found.items()}
 
@@ -268,7 +266,8 @@ def grown(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
 
 def _named(*parts: str) -> str:
     """A name that NetCDF and Python take."""
-    return re.sub(r"\W+", "_", "_".join(part for part in parts if part)).strip("_")
+    name = re.sub(r"\W+", "_", "_".join(part for part in parts if part)).strip("_")
+    return re.sub("_error$", "_uncertainty", name)  # errors are those of means over seeds
 
 
 def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
@@ -278,7 +277,7 @@ def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
 
     def write(aside: Path) -> None:
         with aside.open("wb") as file:
-            np.savez(file, head=np.array(json.dumps(head)), **arrays)
+            np.savez(file, head=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
 
     write_aside(path, write)
 

@@ -149,7 +149,7 @@ def dask(
                     memory_limit=0,
                     dashboard_address="127.0.0.1:0",
                     silence_logs=50,
-                )  # fmt: skip
+                )
             )
         try:
             client = stack.enter_context(distributed.Client(place, timeout=ANSWER, set_as_default=False))
@@ -183,16 +183,16 @@ def dask(
             except queue.Empty:
                 yield None
                 continue
-            error = future.exception()
+            fault = future.exception()
             if task is None:
-                if isinstance(error, ImportError):
-                    raise InputError(f"a worker of the cluster cannot run ifrdem: {error}")
+                if isinstance(fault, ImportError):
+                    raise InputError(f"a worker of the cluster cannot run ifrdem: {fault}")
                 for each in tasks:
                     submit(each)
             else:
                 died = f"its worker died {TRIES} times (out of memory?)"
-                told = died if isinstance(error, distributed.KilledWorker) else repr(error)
-                yield task, told if error is not None else future.result()
+                told = died if isinstance(fault, distributed.KilledWorker) else repr(fault)
+                yield task, told if fault is not None else future.result()
             del held[future.key]
 
 
@@ -216,7 +216,7 @@ def _jobs(cluster: ClusterSection, threads: int) -> Any:
             f'cluster.kind = "{kind}": there is no command {COMMANDS[kind]} here: is this a login node?'
         )
     make = getattr(dask_jobqueue, f"{kind.upper()}Cluster")
-    known = {name for one in inspect.getmro(make) for name in inspect.signature(one.__init__).parameters}
+    known = {name for one in inspect.getmro(make)[:-1] for name in inspect.signature(one).parameters}
     known -= {"self", "args", "kwargs"}
     for name in cluster.options:
         if name not in known:
