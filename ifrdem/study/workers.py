@@ -216,8 +216,8 @@ def _jobs(cluster: ClusterSection, threads: int) -> Any:
             f'cluster.kind = "{kind}": there is no command {COMMANDS[kind]} here: is this a login node?'
         )
     make = getattr(dask_jobqueue, f"{kind.upper()}Cluster")
-    known = {name for one in inspect.getmro(make)[:-1] for name in inspect.signature(one).parameters}
-    known -= {"self", "args", "kwargs"}
+    classes = [*inspect.getmro(make)[:-1], *inspect.getmro(make.job_cls)[:-1]]
+    known = {name for one in classes for name in inspect.signature(one).parameters} - {"args", "kwargs"}
     for name in cluster.options:
         if name not in known:
             raise InputError(

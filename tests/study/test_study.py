@@ -256,6 +256,7 @@ def run_it(case: Path, out: Path, engine: str) -> subprocess.Popen[str]:
     """A study of eight runs of two processes, in a process group of its own; it says when a run is done."""
     program = f"""
 import ifrdem
+from ifrdem.study import workers
 workers.has_dask = lambda: {engine == "dask"}
 if __name__ == "__main__":
     study = ifrdem.Study({str(case)!r}, vary=["{VARY}"], seeds=4, set=["run.collisions_per_disk=200"], output={str(out)!r})
