@@ -28,7 +28,7 @@ from ..tools import text_file
 from ..tools.versions import __version__
 from .task import OVER_TIME, PER_FRAME, Task
 
-ROWS = 100
+ROWS = 50
 """Rows of series where neither the study nor its case says how many."""
 MOST_RUNS = 100_000
 MOST_FRAMES = 2000

@@ -38,6 +38,8 @@ SEED = "seed"
 PLAIN = {"dissipated_by_mechanism": ("mechanism", MECHANISMS), "collisions_by_regime": ("regime", REGIMES)}
 THEORY = ("temperature", "rotational_temperature", "theta")
 """What kinetic theory tells of a gas."""
+BEYOND = 10.0
+"""Times the end of the runs, to which theory is followed: it may need longer for as many collisions."""
 MOST_KINDS = 16
 """Of disks, for kinetic theory: every pair of kinds is summed at every step, which takes seconds from there on."""
 
@@ -280,11 +282,8 @@ def predicted(file: CaseFile, end: float) -> tuple[NDArray[np.float64], ...] | N
     disks, phi = gas.disks, gas.box.packing_fraction(gas.disks.radius)
     if len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T) > MOST_KINDS:
         return None
-    steps = (
-        np.linspace(0.0, 1.3 * end, 1500)
-        if case.force or gas.box.shear_rate
-        else np.r_[0.0, np.geomspace(1e-4, 1.3, 1500) * end]
-    )
+    later = np.linspace(0.0, 1.0, 1500)[1:] if case.force or gas.box.shear_rate else np.geomspace(1e-5, 1.0, 1500)
+    steps = BEYOND * end * np.r_[0.0, later]
     try:
         with warnings.catch_warnings():
             for told in (EnergyWarning, TheoryWarning):

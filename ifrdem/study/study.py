@@ -341,8 +341,9 @@ class Progress:
     ) -> None:  # fmt: skip
         self._runs, self._all, self._status, self._clock = runs, sum(weights) or 1.0, status, clock
         self._stream, self._interval = sys.stderr if stream is None else stream, interval
-        self._done, self._weight, self._before = runs - len(weights), 0.0, runs - len(weights)
-        self._began, self._printed, self._bar = clock(), clock(), self._stream.isatty()
+        self._done, self._weight = runs - len(weights), 0.0
+        self._first: tuple[float, float] | None = None
+        self._printed, self._bar = clock(), self._stream.isatty()
 
     def __call__(self, weight: float | None, failed: int) -> None:
         """Take note of a run that has ended, with this part of the work; of None, that time has passed."""
@@ -350,8 +351,11 @@ class Progress:
         if weight is not None:
             self._done += 1
             self._weight += weight
-        spent = now - self._began
-        left = spent * (self._all / self._weight - 1.0) if self._weight else math.inf
+            if self._first is None:  # what passed before it compiled the kernels
+                self._first = now, weight
+        began, first = self._first or (now, 0.0)
+        done = self._weight - first
+        left = (now - began) * (self._all - self._weight) / done if done > 0.0 else math.inf
         fraction = self._done / self._runs if self._runs else 1.0
         self._status.update(
             fraction=fraction, eta_seconds=left, runs=self._runs, runs_done=self._done, runs_failed=failed

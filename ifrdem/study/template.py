@@ -12,7 +12,7 @@ set = ["species[0].number=2000", "run.collisions_per_disk=20", "output.histories
 # Every combination of these values, and every seed, is a run. A key is spelled as for --set.
 [sweep]
 "material[0].e_n" = [0.7, 0.8, 0.9]
-"material[0].mu" = [0.05, 0.21]
+"material[0].mu" = [0.05, 0.21, 0.5]
 # "material[0].mu" = { from = 0.0, to = 0.5, number = 6 }                          # evenly
 # "box.packing_fraction" = { from = 0.01, to = 0.5, number = 5, spacing = "log" }  # at a constant ratio
 
@@ -23,11 +23,11 @@ set = ["species[0].number=2000", "run.collisions_per_disk=20", "output.histories
 
 [ensemble]
 # A number of seeds, from run.seed of the case on, or a list: [1, 2, 5].
-seeds = 8
+seeds = 20
 
 [output]
 # Rows of the time series after the first, evenly in what ends the run, or "log".
-series = 100
+series = 50
 # series_spacing = "log"
 # Analyses of every run, as in `ifrdem analyse`; those of frames (velocity, g, S, fields, clusters, psi6) at these
 # collisions per disk (times, where the run ends at a time).

@@ -331,4 +331,4 @@ def test_the_template_is_a_study(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert cli.main(["new", "study"]) == 0
     assert cli.main(["study", "study.toml", "--dry-run"]) == 0
-    assert "6 points x 8 seeds = 48 runs" in capsys.readouterr().out
+    assert "9 points x 20 seeds = 180 runs" in capsys.readouterr().out
