@@ -163,7 +163,9 @@ def test_disks_of_other_radii_that_overlap_are_explained(tmp_path: Path) -> None
 def test_a_field_that_the_file_lacks_is_named(tmp_path: Path) -> None:
     trajectory(tmp_path, fields=["position", "velocity"])
     (found,) = mistakes(tmp_path, *MOVING)
-    assert "holds no field 'angular_velocity' (did you mean 'velocity'?); there are position, velocity" in found
+    assert (
+        "holds no field 'angular_velocity' (did you mean 'velocity'?); there are position, velocity" in found
+    )
     assert mistakes(tmp_path) == []
 
 
