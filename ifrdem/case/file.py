@@ -63,6 +63,14 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
     path = Path(path)
     try:
         text = text_file.read(path, most=MOST_BYTES)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return of_text(text, path, overrides)
+
+
+def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
+    """The case file of which this is the text, as `read`; files that it names are looked for beside `path`."""
+    try:
         raw = _parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None

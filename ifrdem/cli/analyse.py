@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +13,7 @@ from cyclopts import Parameter
 
 from ..errors import InputError, there_are
 from .console import note, say
-from .options import FILE, File, Force, Frames, chosen, flag, opened, option
+from .options import Force, Frames, chosen, flag, one_trajectory, opened, option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,9 +55,13 @@ def _known(kind: str, name: str, names: Sequence[str]) -> None:
 
 
 def analyse(
-    file: File,
-    /,
-    *what: Annotated[str, Parameter(name="WHAT", help="names from the list above (default: all)")],
+    *words: Annotated[
+        str,
+        Parameter(
+            name="FILE WHAT",
+            help="trajectories (.h5), or the folder of one, then names from the list above (default: all)",
+        ),
+    ],
     frames: Frames = None,
     output: Annotated[
         str | None, option("DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
@@ -82,10 +87,52 @@ def analyse(
 
     Without names, all that the file allows. Analyses of single frames take up to 20 of the second half unless
     --frames says which, and fewer of large gases. A folder that is there gets the analyses that it lacks; --force
-    replaces those that it has.
+    replaces those that it has. Of several files, the mean over them of every number is printed too, with its standard
+    error.
     """
+    count = next(
+        (
+            i
+            for i, word in enumerate(words)
+            if word in NAMES or not (word.endswith(".h5") or Path(word).exists())
+        ),
+        len(words),
+    )
+    places, what = words[:count], words[count:]
+    if not places:
+        raise InputError(
+            f"{words[0]}: there is no such file or folder" if words else "a trajectory is needed"
+        )
     for name in what:
         _known("analysis", name, NAMES)
+    files = [one_trajectory(place) for place in places]
+    records = [_analyse(file, what, frames, output, json, force) for file in files]
+    if len(files) > 1 and not json:
+        for line in _means(records):
+            say(line)
+
+
+def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Lines on the mean over files of every number that all of them have, and its standard error."""
+    import numpy as np
+
+    from ..analysis.catalogue import number
+    from ..analysis.result import Row
+
+    yield f"mean over {len(records)} files, with the standard error of the scatter between them"
+    for name in NAMES:
+        values = [record["analyses"][name]["values"] for record in records if name in record["analyses"]]
+        for row, found in values[0].items() if len(values) == len(records) else ():
+            each = [one[row]["value"] for one in values if one.get(row, {}).get("value") is not None]
+            if len(each) == len(values):
+                error = float(np.std(each, ddof=1) / len(each) ** 0.5)
+                yield f"  {name}: {row:<40} {number(Row(row, float(np.mean(each)), error, found['unit']))}"
+
+
+def _analyse(
+    file: str, what: Sequence[str], frames: str | None, output: str | None, json: bool, force: bool
+) -> dict[str, Any]:
+    """Analyse one trajectory; the record that its JSON file holds."""
     from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
@@ -135,13 +182,14 @@ def analyse(
     text = _write(folder, summary, record, written)
     if json:
         say(text)
-        return
+        return record
     for name, reason in skipped.items():
         say(f"{name}: not possible: {reason}")
     for name in kept:
         note(f"{name}: is there already, and stays as it is; --force replaces it")
     for path in (*written, summary):
         note(f"wrote {path}")
+    return record
 
 
 def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
@@ -223,10 +271,22 @@ def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Pat
 
 
 def plot(
-    file: Annotated[str | None, FILE] = None,
-    what: Annotated[str | None, Parameter(name="WHAT", help="a name from `ifrdem plot --list`")] = None,
-    /,
-    *,
+    *words: Annotated[
+        str,
+        Parameter(
+            name="FILE WHAT",
+            help="trajectories (.h5) or the results of a study (.nc), and a name from `ifrdem plot --list`",
+        ),
+    ],
+    over: Annotated[
+        str | None,
+        option(
+            "AXIS", "of a quantity: tau (collisions per disk), t (time), or a swept key (default: the rows)"
+        ),
+    ] = None,
+    by: Annotated[
+        str | None, option("KEY", "of a study: a curve for each value of this key (default: the first)")
+    ] = None,
     list: Annotated[bool, flag("list the names and draw nothing")] = False,
     frames: Frames = None,
     output: Annotated[
@@ -235,14 +295,23 @@ def plot(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Draw a trajectory: temperatures, disks, velocity, g, S, msd."""
+    """Draw a trajectory, several, or a study: temperatures, disks, velocity, g, S, msd.
+
+    Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy, ...;
+    of a study, with bands of two standard errors over seeds and kinetic theory beside it.
+    """
     if list:
         say(PICTURE_LIST)
         return
-    if file is None or what is None:
+    if len(words) < 2:
         raise InputError(
             "a trajectory and what to draw of it are needed: `ifrdem plot --list` says what there is"
         )
+    *places, what = words
+    if len(places) > 1 or places[0].endswith(".nc") or over is not None or by is not None:
+        _plot_together(places, what, over, by, frames, output, force=force)
+        return
+    file = one_trajectory(places[0])
     _known("picture", what, tuple(PICTURES))
     from ..tools.files import check_apart, check_files
 
@@ -256,6 +325,34 @@ def plot(
         from ..plots import run
 
         run.save(draw(trajectory, what, numbers), path)
+    note(f"wrote {path}")
+
+
+def _plot_together(
+    places: Sequence[str], what: str, over: str | None, by: str | None, frames: str | None, output: str | None, *, force: bool
+) -> None:  # fmt: skip
+    """A quantity of a study or of several trajectories."""
+    from ..study import figure, results
+    from ..tools.files import check_files
+
+    if frames is not None:
+        raise InputError("--frames: of one trajectory only")
+    if any(place.endswith(".nc") for place in places):
+        if len(places) > 1:
+            raise InputError(
+                f"{len(places)} files: the results of one study, or trajectories only, are drawn together"
+            )
+        found = results.Results.read(places[0])
+    else:
+        with contextlib.ExitStack() as stack:
+            files = [one_trajectory(place) for place in places]
+            found = figure.of_trajectories([stack.enter_context(opened(file)) for file in files])
+    path = _as_png(Path(output or f"{Path(places[0]).stem}-{what}.png"))
+    check_files([path], force=force)
+    drawn = figure.draw(found, what, over, by)
+    from ..plots import run
+
+    run.save(drawn, path)
     note(f"wrote {path}")
 
 

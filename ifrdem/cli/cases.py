@@ -34,7 +34,10 @@ def check(case: Case, /, *, set: Set = None) -> None:
         warn(f"{error}: `ifrdem run` would refuse it here")
 
 
-KIND = "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), or cases/NAME.toml"
+KIND = (
+    "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), study (many gases at "
+    "once), or cases/NAME.toml"
+)
 
 
 def new(
@@ -58,8 +61,9 @@ def new(
     A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
     """
     from ..case import shipped
+    from ..study import template
 
-    text = shipped.new(kind)
+    text = template.TEXT if kind == "study" else shipped.new(kind)
     if output == "-":
         print(text, end="")
         return
@@ -72,7 +76,8 @@ def new(
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
     quoted = shlex.quote(str(path))
-    note(f"wrote {path}: look at it with `ifrdem check {quoted}`, run it with `ifrdem run {quoted}`")
+    look, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
+    note(f"wrote {path}: look at it with `ifrdem {look} {quoted}`, run it with `ifrdem {run} {quoted}`")
 
 
 def cases() -> None:

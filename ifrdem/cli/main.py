@@ -24,7 +24,7 @@ from cyclopts import (
 
 from ..errors import EngineError, InputError, nearest, there_are
 from ..tools.versions import __version__
-from . import analyse, bench, cases, console, fit, run, trajectory, validate
+from . import analyse, bench, cases, console, fit, run, study, trajectory, validate
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
 from .options import flag
 
@@ -71,7 +71,7 @@ def _lines(text: str) -> str:
 
 
 COMMANDS = {
-    RUNS: (run.run, run.resume, run.tail, cases.check, cases.new, cases.cases),
+    RUNS: (run.run, run.resume, run.tail, study.study, cases.check, cases.new, cases.cases),
     FILES: (
         trajectory.info, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history, trajectory.export,
         trajectory.views, trajectory.repair,

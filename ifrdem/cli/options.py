@@ -34,11 +34,15 @@ def flag(text: str, *names: str, **more: Any) -> Parameter:
     return Parameter(name=names or None, help=text, **more)
 
 
-def _trajectory(kind: object, tokens: Sequence[Token]) -> str:
+def one_trajectory(place: str) -> str:
     """A trajectory as the command line names it: itself, or the only one of a folder."""
     from ..run.outputs import trajectory_in
 
-    return os.fspath(trajectory_in(Path(tokens[0].value)))
+    return os.fspath(trajectory_in(Path(place)))
+
+
+def _trajectory(kind: object, tokens: Sequence[Token]) -> str:
+    return one_trajectory(tokens[0].value)
 
 
 CASE = "a case file (TOML), or a shipped case (`ifrdem cases`); `ifrdem new cooling` writes one"

@@ -50,6 +50,8 @@ class Job:
     ledger: Ledger
     writer: QueuedWriter
     pending: Events | None = None
+    output_share: float = 0.0
+    """Processor time of writing over that of all, when the run is done."""
 
 
 def run(
@@ -188,15 +190,16 @@ def drive(
             save(job, recorder)
             stops.stored()
 
+    began = time.process_time()
     say("compiling kernels: seconds if this machine has compiled them before, else up to some minutes")
     try:
         with stops, progress:
-            simulation.follow(
-                job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
-                stored=case.output.fields if case.output.precision == "f4" else None,
-            )  # fmt: skip
+            with recorder:
+                simulation.follow(
+                    job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
+                    stored=case.output.fields if case.output.precision == "f4" else None,
+                )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
-            recorder.write_rows()
             job.writer.flush()
     except Stopped as stop:
         save(job, recorder)
@@ -205,7 +208,6 @@ def drive(
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
-            recorder.write_rows()
             job.writer.flush()
         text = _remains(job, "interrupted")
         if len(job.writer):
@@ -221,12 +223,13 @@ def drive(
     job.outputs.checkpoint.unlink(missing_ok=True)
     status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
     status.finish("done")
+    job.output_share = (recorder.seconds + job.writer.seconds) / (time.process_time() - began)
     return progress.collisions_per_second
 
 
 def save(job: Job, recorder: Recorder) -> None:
     """Write a checkpoint, after all that was given to the trajectory is committed."""
-    recorder.write_rows()
+    recorder.write()
     job.writer.flush()
     pending = recorder.pending
     arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
@@ -261,6 +264,8 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
     say(_closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall))
     if elastic := job.simulation.statistics.elastic:
         say(f"  {elastic} collisions were elastic, against inelastic collapse")
+    rows, frames = job.writer.series_rows, len(job.writer)
+    say(f"  output, {frames} frames and {rows} rows of series, took {100.0 * job.output_share:.2g} % of it")
     for path, bytes_there in job.outputs.sizes().items():
         say(f"  {path} ({check.size(bytes_there)})")
 

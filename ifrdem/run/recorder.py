@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -11,14 +12,17 @@ from typing import Any
 import numpy as np
 
 from ..case.estimate import OBSERVABLES
+from ..errors import InputError, TrajectoryError
 from ..model.observables import MECHANISMS, REGIMES, Measure
 from ..model.state import State
 from ..simulation.tracking import Events, joined
 from ..trajectory.background import QueuedWriter
 
-ROWS_AT_ONCE, ROWS_WAIT = 256, 2.0
-"""Rows of the time series that are written together at most, and seconds after which the next row or frame has those
-written that wait: each commit costs a run, however few its rows are."""
+ROWS_AT_ONCE, BYTES_AT_ONCE, WAIT = 256, 4 << 20, 2.0
+"""Rows of the time series and bytes of frames that are written together at most, and seconds after which the next row
+or frame has those written that wait: each commit costs a run, however little there is in it."""
+BYTES_PER_DISK = 64
+"""Of a state that waits, about."""
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
 COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
@@ -117,10 +121,11 @@ def _measure(record: Mapping[str, Any] | None) -> Measure | None:
 
 
 class Recorder:
-    """Writes what a simulation gives as it runs.
+    """Writes what a simulation gives as it runs; a context manager, which writes at its end what waits.
 
     `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
-    events that were not written yet when the run stopped; `clock` gives seconds of real time.
+    events that were not written yet when the run stopped; `clock` gives seconds of real time. `seconds` is the
+    processor time that this has taken of the run's thread.
     """
 
     def __init__(
@@ -134,40 +139,60 @@ class Recorder:
         self._writer, self._take = writer, take_events
         self.ledger: Ledger = ledger
         self._clock, self._wrote = clock, -math.inf
+        self.seconds = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
+        self._frames: list[tuple[State, dict[str, Any]]] = []
+        self._parts: list[tuple[Mapping[str, Any], float]] = []
         self._pending = [] if pending is None or not len(pending) else [pending]
 
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        """Write what waits; where the run has failed, that is what is told, not what this may fail by."""
+        with contextlib.nullcontext() if kind is None else contextlib.suppress(InputError, TrajectoryError):
+            self.write()
+
     def frame(self, state: State, measure: Measure) -> None:
-        """Write a frame, and the events until then."""
-        self._write_due_rows()
-        self._gather()
-        self._write_events(measure.time)
-        self._writer.write(state, self.ledger.observables(measure))
+        """Write a frame, and the events until then, now or together with some others."""
+        began = time.thread_time()
+        self._close_part(measure.time)
+        self._frames.append((state, self.ledger.observables(measure)))
         self.ledger.latest = measure
         self.ledger.frames += 1
+        self._write_due(began)
 
     def row(self, measure: Measure) -> None:
-        """Write a row of the time series, now or together with some others."""
+        """Write a row of the time series, likewise."""
+        began = time.thread_time()
         self._rows.append((measure.time, self.ledger.row(measure)))
-        self._write_due_rows()
+        self._write_due(began)
 
-    def _write_due_rows(self) -> None:
-        if len(self._rows) >= ROWS_AT_ONCE or self._clock() - self._wrote >= ROWS_WAIT:
-            self.write_rows()
+    def _write_due(self, began: float) -> None:
+        bytes_waiting = sum(BYTES_PER_DISK * state.n for state, _ in self._frames)
+        full = len(self._rows) >= ROWS_AT_ONCE or bytes_waiting >= BYTES_AT_ONCE
+        if full or self._clock() - self._wrote >= WAIT:
+            self.write()
+        self.seconds += time.thread_time() - began
 
-    def write_rows(self) -> None:
-        """Write the rows that wait."""
+    def write(self) -> None:
+        """Write the rows, events and frames that wait."""
         if self._rows:
             first = self._rows[0][1]
             columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
             self._writer.write_series_rows(self._rows, columns)
-        self._rows, self._wrote = [], self._clock()
+        if self._parts:
+            self._writer.write_history_parts(self._parts)
+        if self._frames:
+            self._writer.write_frames(self._frames)
+        self._rows, self._parts, self._frames, self._wrote = [], [], [], self._clock()
 
     def between(self, now: float) -> None:
         """Write events, if many wait; the run is at this time [time]."""
         self._gather()
         if sum(len(each) for each in self._pending) >= EVENTS_AT_ONCE:
-            self._write_events(now)
+            self._close_part(now)
+            self.write()
 
     @property
     def pending(self) -> Events | None:
@@ -181,8 +206,10 @@ class Recorder:
         if self._take is not None and len(found := self._take()):
             self._pending.append(found)
 
-    def _write_events(self, now: float) -> None:
+    def _close_part(self, now: float) -> None:
+        """Let the events until now wait to be written: one commit of the histories."""
         if self._take is not None:
+            self._gather()
             found = joined(self._pending) if self._pending else self._take()
-            self._writer.write_histories(found.columns(), now)
+            self._parts.append((found.columns(), now))
             self._pending = []

@@ -73,12 +73,15 @@ class Record(BaseModel):
     energy: Number = None
     dissipated_energy: Number = None
     ledger_residual: Number = None
+    runs: Number = None
+    runs_done: Number = None
+    runs_failed: Number = None
 
 
 def path_of(trajectory: str | os.PathLike[str]) -> Path:
-    """The status file of a trajectory file."""
+    """The status file of a trajectory file, or of the results of a study."""
     path = Path(trajectory)
-    return path.with_name(path.name.removesuffix(".h5") + ENDING)
+    return path.with_name(path.name.removesuffix(".h5").removesuffix(".nc").removesuffix(".runs") + ENDING)
 
 
 class Status:
@@ -218,9 +221,11 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def line(content: dict[str, Any]) -> str:
     """Progress of a run in one line: what is known of it, and time left or its end."""
-    T, T_rot = content["temperature"], content["rotational_temperature"]
+    T, T_rot, runs = content["temperature"], content["rotational_temperature"], content["runs"]
     values = (
         ("{:5.1f} %", None if content["fraction"] is None else 100.0 * content["fraction"]),
+        (f"{{}} of {runs} runs", None if runs is None else content["runs_done"]),
+        ("{} failed", content["runs_failed"] or None),
         ("t = {:.5g}", content["time"]),
         ("{:.2f} collisions per disk", content["collisions_per_disk"]),
         ("T = {:.4g}", T),

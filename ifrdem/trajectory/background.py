@@ -6,6 +6,7 @@ import contextlib
 import functools
 import queue
 import threading
+import time
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any
@@ -23,7 +24,7 @@ class QueuedWriter:
     What is given must not change afterwards: it is written later, without a copy. Two calls can wait; one more waits
     until there is room. What goes wrong (InputError, TrajectoryError) is raised by the next call, by `flush` or by
     `close`; what was waiting is dropped then, and the file keeps what is committed. The writer belongs to the thread
-    until `close`.
+    until `close`; `seconds` is the processor time that the thread has taken.
 
     Use it as a context manager: leaving it writes all that waits, and closes the file.
     """
@@ -32,6 +33,7 @@ class QueuedWriter:
         self._writer = writer
         self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue(WAITING)
         self._closed = False
+        self.seconds = 0.0
         self._error: BaseException | None = None
         self._told = False
         # A daemon: a run that dies without closing is not held up by it, and the file stays whole.
@@ -89,6 +91,7 @@ class QueuedWriter:
             try:
                 if self._error is None:  # after an error the rest is dropped
                     job()
+                    self.seconds = time.thread_time()
             except BaseException as error:
                 # Whatever it is, the run's thread has to hear of it: this one has nobody to raise it to.
                 self._error = error

@@ -164,6 +164,9 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
 
     units = trajectory.units
     attach(file.create_dataset("time", data=trajectory.times), "frame", unit=units.get("time"))
+    if "collisions" in trajectory.observables:
+        per_disk = 2.0 * trajectory.observables["collisions"] / n
+        attach(file.create_dataset("collisions_per_disk", data=per_disk), "frame")
     sides = zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
     lengths = [side if periodic else 0.0 for side, periodic in sides]
     cell = file.create_dataset("cell_lengths", data=np.tile([*lengths, 0.0], (frames, 1)))

@@ -24,7 +24,7 @@ from ..tools import checked
 from ..tools.sealed import Sealed
 from . import damage, layout
 from .file import OutputFile
-from .rows import HistoryWriter, Rows, SeriesWriter, check_name, stored
+from .rows import HistoryWriter, Rows, SeriesWriter, check_name, like, stored
 from .rows import checked as checked_row
 
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
@@ -199,16 +199,18 @@ class TrajectoryWriter(Sealed):
                 raise InputError(
                     f"{self.path} holds {held} {what}, the checkpoint had seen {seen}: it is another file's"
                 )
-        self._fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
-        datasets = {"time": time, "edges": edges, **self._fields}
+        fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
+        self._fields = like(fields)
+        datasets = {"time": time, "edges": edges, **fields}
         # Views of no disks do not grow by themselves.
         views = [name for name in self._fields if disks.n == 0 and layout.FIELDS[name].components == 2]
         datasets |= {f"view {name}": file[f"{layout.PARTICLES}/{name}/value"] for name in views}
         self._empty = {f"view {name}": np.zeros((0, 3)) for name in views}
-        self._observables: dict[str, h5py.Dataset] = {}
-        if committed:
-            self._observables = {name: group["value"] for name, group in file["observables"].items()}
-        self._rows = Rows("frame", step, datasets | _prefixed(self._observables), committed, frames)
+        observables = (
+            {name: group["value"] for name, group in file["observables"].items()} if committed else {}
+        )
+        self._observables = like(observables)
+        self._rows = Rows("frame", step, datasets | _prefixed(observables), committed, frames)
         self._last_time = float(time[frames - 1]) if frames else -np.inf
         self._series = SeriesWriter(output, series_rows)
 
@@ -256,18 +258,41 @@ class TrajectoryWriter(Sealed):
         written, e.g. to a full disk, or a resumed run gives another frame than the file holds, which keeps the frames
         before it.
         """
+        self.write_frames([(state, observables)])
+
+    def write_frames(self, frames: Sequence[tuple[State, Mapping[str, ArrayLike] | None]]) -> None:
+        """Append frames, the arguments of `write` for each, and commit them together: faster than each.
+
+        Raises InputError and TrajectoryError as `write`; then none of them is written.
+        """
         with self._output.committing("a frame", self._kept):
             first = self._observables if len(self) else None
-            values = checked_row("observable", "frame", {} if observables is None else observables, first)
-            fields = self._checked_fields(state)
-            for name, value in values.items():
-                if name not in self._observables:  # it is there if an interrupt ended the first attempt
-                    self._observables[name] = layout.add_observable(self._output.file, name, value)
-            self._rows.datasets.update(_prefixed(self._observables))
-            frame: dict[str, Any] = {"time": np.float64(state.time), "edges": np.array((*self._lengths, 1.0))}
-            frame |= fields | self._empty | _prefixed(values)
-            self._rows.commit(self._output, {name: np.asarray(value)[None] for name, value in frame.items()})
-            self._last_time = state.time
+            before, found = self._last_time, []
+            for state, observables in frames:
+                values = checked_row("observable", "frame", observables or {}, first)
+                first = {name: value[None] for name, value in values.items()} if first is None else first
+                frame: dict[str, Any] = {
+                    "time": np.float64(state.time),
+                    "edges": np.array((*self._lengths, 1.0)),
+                }
+                found.append(frame | self._checked_fields(state, before) | self._empty | _prefixed(values))
+                before = state.time
+            if not found:
+                return
+            if len(self) == 0 and first is not None:
+                file, made = self._output.file, {}
+                for name, value in first.items():  # some are there if an interrupt ended the first attempt
+                    there = f"observables/{name}/value" in file
+                    made[name] = (
+                        file[f"observables/{name}/value"]
+                        if there
+                        else layout.add_observable(file, name, value[0])
+                    )
+                self._rows.datasets.update(_prefixed(made))
+                self._observables = first
+            stacked = {name: np.stack([frame[name] for frame in found]) for name in found[0]}
+            self._rows.commit(self._output, stacked)
+            self._last_time = before
             self._output.publish()
 
     def write_series(
@@ -316,8 +341,15 @@ class TrajectoryWriter(Sealed):
         Raises InputError if a column is missing, unknown or of another shape or type; if the order is wrong, a disk is
         not tracked, or `begin_histories` has not been called: the file is unchanged then. TrajectoryError as `write`.
         """
+        self.write_history_parts([(events, time)])
+
+    def write_history_parts(self, parts: Sequence[tuple[Mapping[str, ArrayLike], float]]) -> None:
+        """Append events of several spans of time, the arguments of `write_histories` for each: faster than each.
+
+        Raises InputError and TrajectoryError as `write_histories`.
+        """
         with self._output.committing("events of histories", self._kept):
-            self._histories.write(events, time)
+            self._histories.write(parts)
 
     def close(self) -> None:
         """Close the file; one without frames is removed. May be called twice.
@@ -340,11 +372,12 @@ class TrajectoryWriter(Sealed):
         self._series.drop_uncommitted()
         self._histories.drop_uncommitted()
 
-    def _checked_fields(self, state: State) -> dict[str, NDArray[Any]]:
+    def _checked_fields(self, state: State, before: float) -> dict[str, NDArray[Any]]:
+        """Fields of a frame that comes after time `before`, as they are stored."""
         if state.n != self._n:
             raise InputError(f"the state has {state.n} disks: {self._n} are needed")
-        if not (np.isfinite(state.time) and state.time >= self._last_time):
-            raise InputError(f"time = {state.time}: a finite time not before {self._last_time} is needed")
+        if not (np.isfinite(state.time) and state.time >= before):
+            raise InputError(f"time = {state.time}: a finite time not before {before} is needed")
         found = {}
         for name, dataset in self._fields.items():
             value = getattr(state, layout.FIELDS[name].attribute)

@@ -70,7 +70,7 @@ def output_cost(
                         progress=after_epoch,
                         **(output if way == ALL else {}),
                     )
-                recorder.write_rows()
+                recorder.write()
                 (began, first), (ended, collisions) = marks
                 return (ended - began) / (collisions - first) * n / 2.0
 
