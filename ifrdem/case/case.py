@@ -7,7 +7,7 @@ judged by `ifrdem.case.rules`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -84,7 +84,7 @@ CoinName = Annotated[Name, AfterValidator(_known_coin)]
 class MaterialSection(Section):
     """How two disks of one material collide: coefficients of the IFR law, or the name of one of its coins."""
 
-    choices = (Choice(("e_n", "e_t", "mu")), Choice(("coin",)))
+    choices: ClassVar[tuple[Choice, ...]] = (Choice(("e_n", "e_t", "mu")), Choice(("coin",)))
 
     name: Name = Field(description="name that species and pairs use [text]", examples=["aluminium"])
     coin: CoinName | None = Field(
@@ -179,7 +179,7 @@ class RadiiSection(Section):
 class SpeciesSection(Section):
     """Disks of one kind, of equal radii or not."""
 
-    choices = (
+    choices: ClassVar[tuple[Choice, ...]] = (
         Choice(("mass", "radius"), also=("k",)),
         Choice(("mass", "diameter"), also=("k",)),
         Choice(("coin",)),
@@ -252,7 +252,10 @@ def _known_positions(positions: str) -> str:
 class StartSection(Section):
     """Where the disks are at the start."""
 
-    choices = (Choice(("positions",), also=("frame", "motion", "psi", "speed")), Choice(("file",)))
+    choices: ClassVar[tuple[Choice, ...]] = (
+        Choice(("positions",), also=("frame", "motion", "psi", "speed")),
+        Choice(("file",)),
+    )
     choice_optional = True
 
     positions: Annotated[str, AfterValidator(_known_positions)] = Field(

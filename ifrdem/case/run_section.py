@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ Name = Annotated[str, Field(min_length=1, max_length=100)]
 class RunSection(Section):
     """The run as a whole."""
 
-    choices = (Choice(("t_end",)), Choice(("collisions_per_disk",)))
+    choices: ClassVar[tuple[Choice, ...]] = (Choice(("t_end",)), Choice(("collisions_per_disk",)))
 
     name: str = Field(
         default="run",
@@ -105,7 +105,10 @@ class RunSection(Section):
 class BoxSection(Section):
     """The rectangle that the disks move in, from the origin on, its sides periodic or walls; or none: an open one."""
 
-    choices = (Choice(("packing_fraction",), also=("aspect",)), Choice(("lengths",)))
+    choices: ClassVar[tuple[Choice, ...]] = (
+        Choice(("packing_fraction",), also=("aspect",)),
+        Choice(("lengths",)),
+    )
 
     packing_fraction: float | None = Field(
         default=None,

@@ -43,7 +43,9 @@ class Section(BaseModel):
     `choices` lists alternatives of which exactly one is to be given (at most one if `choice_optional`).
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    model_config: ClassVar[ConfigDict] = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True
+    )
     choices: ClassVar[tuple[Choice, ...]] = ()
     choice_optional: ClassVar[bool] = False
 

@@ -53,9 +53,9 @@ class Rows:
     ) -> None:
         self.what = what
         self.marker = marker
-        self.datasets = dict(datasets)
-        self.committed = committed
-        self.at = committed if at is None else at
+        self.datasets: dict[str, h5py.Dataset] = dict(datasets)
+        self.committed: int = committed
+        self.at: int = committed if at is None else at
 
     def known(self, count: int) -> int:
         """How many of the next `count` rows the file has."""
