@@ -40,8 +40,8 @@ phi / (1 - phi)^2, and Gamma = -d gamma / d mu = n sigma phi / (1 + phi). To the
 of which the integral over z is 2 sigma^3 / 3. The truth is taken to lie between. P is then that of n_bulk, with
 the correction for N disks of `gas_state`. A collision gives the wall 2 m |v_y|, (2 pi m T)^(1/2) in the mean: the
 pressure is that times the rate of collisions, which is known better than the momentum that they hand over.
-Broken on purpose: with e_n = 0.998 in all collisions, which lowers T by 4 % in the mean, the row of momenta is 0.979 and
-fails; with 0.999 it is 0.988 and passes, as it claims to see 2 %.
+Broken on purpose: with e_n = 0.998 in all collisions, which lowers T by 4 % in the mean, the row of momenta is 0.979
+and fails; with 0.999 it is 0.988 and passes, as it claims to see 2 %.
 """
 
 from __future__ import annotations
