@@ -202,7 +202,7 @@ def _flown(seed: int, collisions: float) -> tuple[Array, Array]:
 
 def _paths(result: Result, quick: bool, seed: int, axes: Any) -> None:
     phi, n, collisions = PATHS
-    replicas, collisions = (18, 30.0) if quick else (24, collisions)
+    replicas, collisions = (18, 45.0) if quick else (24, collisions)
     seeds = seeds_of(seed, replicas, 4100)
     found = [_flown(one, collisions) for one in seeds]
     length, time = ([each[i] for each in found] for i in (0, 1))
