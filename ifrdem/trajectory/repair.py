@@ -34,7 +34,8 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     """Write what can be read of a trajectory to a new file; False if nothing is wrong, and nothing was written.
 
     Frames that can be read are kept, also behind damaged ones, with the numbers (`step`) that they had. Series and
-    histories end before their first damaged part. Either answer is given only after the file, or its copy, was opened
+    histories end before their first damaged part. The new file is of the present layout; what others added to the old
+    one is not in it. Either answer is given only after the file, or its copy, was opened
     and read to its end.
 
     Parameters
@@ -70,7 +71,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
                 say(f"  {error}")
         try:
             with files.replacing(place) as new:
-                with damage.reading(path, "its content"), h5py.File(new, "w") as copy:
+                with h5py.File(new, "w") as copy:
                     kept.write(copy)
                 _read_through(new)
         except InputError as error:
@@ -200,7 +201,8 @@ class _Kept:
             sample = np.empty(dataset.shape[1:], dataset.dtype)
             _append(layout.add_observable(new, name, sample), dataset, self.frames)
         for name, cut in self._cut.items():
-            old.copy(name, new)
+            with damage.reading(self._path, name):
+                old.copy(name, new)
             for dataset, rows in cut.items():
                 new[name][dataset].resize(rows, axis=0)
 
