@@ -7,7 +7,7 @@ judged by `ifrdem.case.rules`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -70,7 +70,7 @@ CoinName = Annotated[Name, AfterValidator(_known_coin)]
 class MaterialSection(Section):
     """Collisions of two disks of one material: coefficients of the IFR law, or the name of one of its coins."""
 
-    choices = (Keys(("e_n", "e_t", "mu")), Keys(("coin",)))
+    choices: ClassVar[tuple[Keys, ...]] = (Keys(("e_n", "e_t", "mu")), Keys(("coin",)))
 
     name: Name = key("name that species and pairs use [text]", "aluminium")
     coin: CoinName | None = key(
@@ -149,7 +149,7 @@ class RadiiSection(Section):
 class SpeciesSection(Section):
     """Disks of one kind, of equal radii or not."""
 
-    choices = (
+    choices: ClassVar[tuple[Keys, ...]] = (
         *(Keys(("mass", size), also=("k",)) for size in ("radius", "diameter")),
         Keys(("coin",)),
         Keys(("mass", "radii"), also=("k",)),
@@ -204,7 +204,7 @@ def _known_positions(positions: str) -> str:
 class StartSection(Section):
     """Places of the disks at the start."""
 
-    choices = (Keys(("positions",), also=("frame", "motion", "psi", "speed")), Keys(("file",)))
+    choices: ClassVar[tuple[Keys, ...]] = (Keys(("positions",), also=("frame", "motion", "psi", "speed")), Keys(("file",)))
     choice_optional = True
 
     positions: Annotated[str, AfterValidator(_known_positions)] = key(

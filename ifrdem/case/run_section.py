@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ Name = Annotated[str, Field(min_length=1, max_length=100)]
 class RunSection(Section):
     """The run as a whole."""
 
-    choices = (Keys(("t_end",)), Keys(("collisions_per_disk",)))
+    choices: ClassVar[tuple[Keys, ...]] = (Keys(("t_end",)), Keys(("collisions_per_disk",)))
 
     name: str = key(
         "name [text: letters, digits, _ . + -]; the outputs are NAME.h5 and NAME.png",
@@ -86,7 +86,7 @@ class RunSection(Section):
 class BoxSection(Section):
     """The rectangle that the disks move in, from the origin on, its sides periodic or walls; or none: an open one."""
 
-    choices = (Keys(("packing_fraction",), also=("aspect",)), Keys(("lengths",)))
+    choices: ClassVar[tuple[Keys, ...]] = (Keys(("packing_fraction",), also=("aspect",)), Keys(("lengths",)))
 
     packing_fraction: float | None = key(
         "fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal "

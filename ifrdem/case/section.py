@@ -77,7 +77,9 @@ class Section(BaseModel):
     keys that belong to each value of the key `selector`.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    model_config: ClassVar[ConfigDict] = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True
+    )
     choices: ClassVar[tuple[Keys, ...]] = ()
     choice_optional: ClassVar[bool] = False
     kinds: ClassVar[Mapping[str, Keys]] = {}

@@ -33,7 +33,7 @@ FILES = Group("Trajectories", sort_key=2)
 LAW = Group("Law and program", sort_key=3)
 EVERY = Group("Every command", sort_key=9)
 
-app = App(
+app: App = App(
     name="ifrdem",
     help="Event-exact simulation of granular gases of rough disks that collide by the independent "
     "friction-restitution law.",
@@ -83,10 +83,10 @@ MORE = {
     analyse.plot: f"WHAT is drawn into a PNG file:\n\n{_lines(analyse.PICTURE_LIST)}",
 }
 """Text that `--help` of a command shows behind its docstring."""
-for group, functions in COMMANDS.items():
-    for place, function in enumerate(functions):
-        text = f"{inspect.cleandoc(function.__doc__ or '')}\n\n{MORE.get(function, '')}"
-        app.command(function, help=text, group=group, sort_key=place)
+for _group, _functions in COMMANDS.items():
+    for _place, _function in enumerate(_functions):
+        _text = f"{inspect.cleandoc(_function.__doc__ or '')}\n\n{MORE.get(_function, '')}"
+        app.command(_function, help=_text, group=_group, sort_key=_place)
 app.register_install_completion_command()
 
 

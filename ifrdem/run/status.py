@@ -105,7 +105,7 @@ class Status:
         interval: float = 1.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.path = path_of(trajectory)
+        self.path: Path = path_of(trajectory)
         self.trouble: str | None = None
         self._interval = interval
         self._clock = clock

@@ -165,7 +165,13 @@ def driven(
         raise InputError("T0 = 0 and no power: nothing moves")
     if when[-1] == 0.0:  # all are the start, which an integrator may not leave from rest
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
-    scale = max(T0, (drive.power + drive.spin_power) * float(when[-1])) or 1.0
+    # No hotter than at the start, than all power makes it, or than it stays.
+    gained = (drive.power + drive.spin_power) * float(when[-1])
+    steady = steady_state(law, mass, radius, k, packing_fraction, drive)
+    scale = max(T0, min(gained, steady[0] if steady else math.inf)) or 1.0
+    # What has a steady state is in it by far after a million times that in which its energy was given to it.
+    most = 1e6 * scale / (drive.power + drive.spin_power) if steady else math.inf
+    until, at = np.unique(np.minimum(when, most), return_inverse=True)
 
     def slope(_: float, y: Array) -> tuple[float, float, float]:
         # From rest, a gas passes temperatures at which nothing collides yet.
@@ -174,9 +180,10 @@ def driven(
         collisions = collision_rate(packing_fraction, scale * T, mass, radius)
         return dT / scale, dT_rot / scale, collisions
 
-    start, options = (T0 / scale, T_rot0 / scale, 0.0), {"t_eval": when, "rtol": 1e-9, "atol": 1e-12}
-    solution = solve_ivp(slope, (0.0, float(when[-1])), start, method="LSODA", **options)
+    start, options = (T0 / scale, T_rot0 / scale, 0.0), {"t_eval": until, "rtol": 1e-9, "atol": 1e-12}
+    solution = solve_ivp(slope, (0.0, float(until[-1])), start, method="LSODA", **options)
     if not solution.success:
         raise TheoryError(f"the equations of the driven gas could not be integrated: {solution.message}")
-    T, T_rot, collisions = solution.y
+    T, T_rot, collisions = solution.y[:, at]
+    collisions += collision_rate(packing_fraction, scale * float(T[-1]), mass, radius) * (when - until[at])
     return scale * T, scale * T_rot, collisions

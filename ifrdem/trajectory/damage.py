@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -22,6 +23,8 @@ HINT = "; `ifrdem repair` keeps what is whole"
 ZSTD = 32015  # number of the filter, https://github.com/HDFGroup/hdf5_plugins
 # Numbers of bytes made of one, at most: zlib's technical details; a block of Zstandard, RFC 8878: 128 KiB of 4 bytes.
 EXPANSION = {None: 1, "gzip": 1032, "zstd": 2**15}
+# Texts and views stand in global heaps, which a file gets when it is made: those of 1e5 disks within so many bytes.
+HEAPS = 1 << 24
 
 
 @contextlib.contextmanager
@@ -133,6 +136,7 @@ def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = No
 
     links: list[tuple[bytes, int]] = []  # looked at later: h5py loses exceptions in here
     with reading(path, "its list of contents"):
+        _check_heaps(file.filename)
         file.id.links.visit(lambda name, info: links.append((name, info.type)), info=True)
     for name, kind in links:
         try:
@@ -143,6 +147,32 @@ def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = No
             raise InputError(
                 f"{path} is refused: {text_of(name)} {wrong}; a file of ifrdem holds its own data"
             )
+
+
+def _check_heaps(path: str) -> None:
+    """Refuse global heaps whose objects do not follow each other: HDF5 would walk through them for ever.
+
+    https://github.com/HDFGroup/hdf5/issues/1707. The format: https://docs.hdfgroup.org/documentation/hdf5/latest/
+    _f_m_t3.html, III.E: a collection has a head of 16 bytes, as has each object; object 0 is what is free.
+    """
+    with open(path, "rb") as file:
+        beginning = file.read(HEAPS)
+        for found in re.finditer(rb"GCOL\x01\0\0\0", beginning):
+            file.seek(found.start() + 8)
+            size = int.from_bytes(file.read(8), "little")
+            heap = file.read(size - 16) if 16 <= size <= os.path.getsize(path) else b""
+            at = 0
+            while at + 16 <= len(heap):
+                index, length = (
+                    int.from_bytes(heap[at : at + 2], "little"),
+                    int.from_bytes(heap[at + 8 : at + 16], "little"),
+                )
+                needed = 16 + (length + 7) // 8 * 8 if index else length
+                if needed < 16:
+                    break
+                at += needed
+            if not len(heap) - 16 < at <= len(heap) == size - 16:
+                raise ValueError(f"the global heap at byte {found.start()} has no end")
 
 
 def text_of(name: bytes | str) -> str:

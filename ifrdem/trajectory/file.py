@@ -177,7 +177,7 @@ class OutputFile:
         self.file = file
         self._raw = raw
         self.path = path
-        self.failed = False
+        self.failed: bool = False
         self._present = present
         self._replaces = replaces
         self._removable = new

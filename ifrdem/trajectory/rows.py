@@ -37,9 +37,9 @@ class Rows:
     ) -> None:
         self.what = what
         self.marker = marker
-        self.datasets = dict(datasets)
-        self.committed = committed
-        self.at = committed if at is None else at
+        self.datasets: dict[str, h5py.Dataset] = dict(datasets)
+        self.committed: int = committed
+        self.at: int = committed if at is None else at
 
     def add(self, rows: Mapping[str, NDArray[Any]]) -> int:
         """Compare the rows that the file has, append the others without committing them; returns the number of these.

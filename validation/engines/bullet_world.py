@@ -64,20 +64,24 @@ class BulletWorld:
         self, disks: Disks, surface: Surface, *, walls: Sequence[Wall] = (), time_step: float
     ) -> None:
         p = require()
-        self.p, self.n = p, disks.n
-        self.collisions = self.wall_hits = 0
+        self.p: Any = p
+        self.n: int = disks.n
+        self.collisions: int = 0
+        self.wall_hits: int = 0
         self._pressed: set[tuple[int, int]] = set()
-        self.client = p.connect(p.DIRECT)
+        self.client: int = p.connect(p.DIRECT)
         p.setGravity(0.0, 0.0, 0.0, physicsClientId=self.client)
         p.setPhysicsEngineParameter(fixedTimeStep=time_step, **SETTINGS, physicsClientId=self.client)
         # Bullet multiplies the coefficients of two bodies.
         own = {"friction": math.sqrt(surface.mu), "restitution": math.sqrt(surface.e_n)}
         height = float(disks.radius.min())
-        self.disks = [
+        self.disks: list[bullet.Disk] = [
             bullet.add_disk(self.client, disks.mass[i], disks.radius[i], k=disks.k[i], height=height, **own)
             for i in range(disks.n)
         ]
-        self.walls = [bullet.add_wall(self.client, wall.place, wall.towards, **own) for wall in walls]
+        self.walls: list[bullet.Wall] = [
+            bullet.add_wall(self.client, wall.place, wall.towards, **own) for wall in walls
+        ]
         self._wall_ids = {wall.body for wall in self.walls}
         # A step with nothing near: Bullet takes over inverse moments of inertia at the end of a step.
         apart = 4.0 * float(disks.radius.max())
@@ -94,7 +98,9 @@ class BulletWorld:
     def __exit__(self, *error: object) -> None:
         self.p.disconnect(self.client)
 
-    def place(self, position: NDArray, velocity: NDArray, spin: NDArray) -> None:
+    def place(
+        self, position: NDArray[np.float64], velocity: NDArray[np.float64], spin: NDArray[np.float64]
+    ) -> None:
         """Put all disks at positions (n, 2), with velocities (n, 2) and spins (n,)."""
         for disk, x, v, w in zip(self.disks, position, velocity, spin, strict=True):
             bullet.place(self.client, disk.body, x, v, w)

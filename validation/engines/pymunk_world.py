@@ -12,6 +12,7 @@ import importlib.util
 import math
 from collections.abc import Sequence
 from functools import partial
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -41,17 +42,19 @@ class PymunkWorld:
     def __init__(
         self, disks: Disks, surface: Surface, *, walls: Sequence[Wall] = (), time_step: float
     ) -> None:
-        self.pymunk = importlib.import_module("pymunk")
-        self.time_step, self.n = time_step, disks.n
-        self.collisions = self.wall_hits = 0
+        self.pymunk: ModuleType = importlib.import_module("pymunk")
+        self.time_step: float = time_step
+        self.n: int = disks.n
+        self.collisions: int = 0
+        self.wall_hits: int = 0
         diameter = 2.0 * float(disks.radius.max())
-        self.space = self.pymunk.Space()
+        self.space: Any = self.pymunk.Space()
         self.space.gravity = (0.0, 0.0)
         self.space.iterations = 50
         self.space.collision_slop = diameter
         # Impulses of an earlier contact of the same pair, kept for three steps by default, would count again.
         self.space.collision_persistence = 1
-        self.bodies = []
+        self.bodies: list[Any] = []
         for mass, radius, inertia in zip(disks.mass, disks.radius, disks.inertia, strict=True):
             body = self.pymunk.Body(float(mass), float(inertia))
             self._add(body, self.pymunk.Circle(body, float(radius)), surface, DISK)
@@ -78,7 +81,9 @@ class PymunkWorld:
     def __exit__(self, *error: object) -> None:
         del self.space, self.bodies
 
-    def place(self, position: NDArray, velocity: NDArray, spin: NDArray) -> None:
+    def place(
+        self, position: NDArray[np.float64], velocity: NDArray[np.float64], spin: NDArray[np.float64]
+    ) -> None:
         """Put all disks at positions (n, 2), with velocities (n, 2) and spins (n,)."""
         for body, x, v, w in zip(self.bodies, position, velocity, spin, strict=True):
             body.position, body.velocity = tuple(x.tolist()), tuple(v.tolist())

@@ -48,11 +48,11 @@ ROUND_OFF = (
 """Tolerance of collisions of pairs against closed forms, and its reason."""
 
 SECONDS = {
-    "gas_state": (320.0, 13.0), "gas_elastic": (80.0, 26.0), "gas_haff": (240.0, 60.0), "gas_cooling": (220.0, 60.0),
-    "gas_equilibrium": (200.0, 30.0), "gas_rough": (200.0, 30.0),
-    "gas_driven": (230.0, 50.0), "gas_collapse": (3.0, 5.0), "gas_clusters": (200.0, 23.0),
+    "gas_state": (260.0, 9.0), "gas_elastic": (100.0, 26.0), "gas_haff": (220.0, 26.0), "gas_cooling": (330.0, 58.0),
+    "gas_equilibrium": (260.0, 20.0), "gas_rough": (100.0, 21.0),
+    "gas_driven": (150.0, 56.0), "gas_collapse": (5.0, 5.0), "gas_clusters": (180.0, 13.0),
 }  # fmt: skip
-"""Processor time of cases, in full and quick, on one thread [s]; of others a second or so."""
+"""Processor time of cases, in full and quick, with compiled kernels [s]; of others a second or so."""
 
 
 class Skip(Exception):
