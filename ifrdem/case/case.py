@@ -204,7 +204,10 @@ def _known_positions(positions: str) -> str:
 class StartSection(Section):
     """Places of the disks at the start."""
 
-    choices: ClassVar[tuple[Keys, ...]] = (Keys(("positions",), also=("frame", "motion", "psi", "speed")), Keys(("file",)))
+    choices: ClassVar[tuple[Keys, ...]] = (
+        Keys(("positions",), also=("frame", "motion", "psi", "speed")),
+        Keys(("file",)),
+    )
     choice_optional = True
 
     positions: Annotated[str, AfterValidator(_known_positions)] = key(

@@ -117,7 +117,7 @@ def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
     import numpy as np
 
     from ..analysis.catalogue import number
-    from ..analysis.result import Row
+    from ..analysis.result import Reading
 
     yield f"mean over {len(records)} files, with the standard error of the scatter between them"
     for name in NAMES:
@@ -126,7 +126,7 @@ def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
             each = [one[row]["value"] for one in values if one.get(row, {}).get("value") is not None]
             if len(each) == len(values):
                 error = float(np.std(each, ddof=1) / len(each) ** 0.5)
-                yield f"  {name}: {row:<40} {number(Row(row, float(np.mean(each)), error, found['unit']))}"
+                yield f"  {name}: {row:<40} {number(Reading(row, float(np.mean(each)), error, found['unit']))}"
 
 
 def _analyse(
@@ -297,8 +297,8 @@ def plot(
 ) -> None:
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, g, S, msd.
 
-    Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy, ...;
-    of a study, with bands of two standard errors over seeds and kinetic theory beside it.
+    Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
+    and so on; of a study, with bands of two standard errors over seeds and kinetic theory beside it.
     """
     if list:
         say(PICTURE_LIST)
@@ -329,8 +329,15 @@ def plot(
 
 
 def _plot_together(
-    places: Sequence[str], what: str, over: str | None, by: str | None, frames: str | None, output: str | None, *, force: bool
-) -> None:  # fmt: skip
+    places: Sequence[str],
+    what: str,
+    over: str | None,
+    by: str | None,
+    frames: str | None,
+    output: str | None,
+    *,
+    force: bool,
+) -> None:
     """A quantity of a study or of several trajectories."""
     from ..study import figure, results
     from ..tools.files import check_files

@@ -61,7 +61,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
         try:
             with damage.reading(path, "its bookkeeping"):
                 kept = _Kept(file, path, whole, say)
-        except damage.DamageError as error:
+        except DamageError as error:
             raise _in_vain(path, error) from error
         if not kept.wrong and whole is None:
             try:
@@ -82,11 +82,11 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     return True
 
 
-def _in_vain(path: Path, error: InputError, copy: Path | None = None) -> damage.DamageError:
+def _in_vain(path: Path, error: InputError, copy: Path | None = None) -> DamageError:
     reason = str(error).removesuffix(damage.HINT)
     if copy is not None:
         reason = reason.replace(str(copy), "its copy")
-    return damage.DamageError(f"{path}: nothing can be kept ({reason}){_otherwise(path)}")
+    return DamageError(f"{path}: nothing can be kept ({reason}){_otherwise(path)}")
 
 
 def _read_through(path: Path) -> None:
@@ -156,7 +156,7 @@ class _Kept:
             with self._or_lost(f"observables/{damage.text_of(name)}"):
                 dataset = file["observables"][name]["value"]
                 if not self._good(dataset, self.committed)[self.frames].all():
-                    raise damage.DamageError(f"{path} is damaged: {dataset.name}")
+                    raise DamageError(f"{path} is damaged: {dataset.name}")
                 self._observables[damage.text_of(name)] = dataset
         self._cut: dict[str, dict[str, int]] = {}  # groups that are copied, and the rows of their datasets
         if layout.TIMESERIES in file:
@@ -176,7 +176,7 @@ class _Kept:
                 cut = self._leading(group, events, history.committed(file, str(path))[0], "event")
                 commits = int(np.count_nonzero(damage.read(group["committed/events"]) <= min(cut.values())))
                 if not commits:
-                    raise damage.DamageError(f"{path} is damaged: no commit of its histories is whole")
+                    raise DamageError(f"{path} is damaged: no commit of its histories is whole")
                 cut |= {"committed/events": commits, "committed/time": commits}
                 self._cut[history.GROUP] = cut
 
@@ -220,13 +220,13 @@ class _Kept:
         try:
             with damage.reading(self._path, name):
                 yield
-        except damage.DamageError:
+        except DamageError:
             self._note(f"{name}: cannot be read; the copy lacks it")
 
     def _all_of(self, dataset: h5py.Dataset) -> NDArray[Any]:
         """All numbers of a dataset, none of them behind the end of the file."""
         if dataset.shape and self._behind_end(dataset).any():
-            raise damage.DamageError(f"{self._path} is damaged: {dataset.name} is behind its end")
+            raise DamageError(f"{self._path} is damaged: {dataset.name} is behind its end")
         return damage.read(dataset)
 
     def _good(self, dataset: h5py.Dataset, rows: int, step: int = 0) -> NDArray[np.bool_]:
@@ -237,7 +237,7 @@ class _Kept:
         held = min(rows, len(dataset))
         for first in range(0, held, step):
             part = slice(first, min(first + step, held))
-            with suppress(damage.DamageError):
+            with suppress(DamageError):
                 value = damage.read(dataset, part)
                 good[part] = not (finite and value.dtype.kind == "f") or np.isfinite(value).all()
         good[:held] &= ~self._behind_end(dataset)[:held]
