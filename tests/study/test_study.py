@@ -75,7 +75,13 @@ def test_results_are_those_of_single_runs_with_means_and_standard_errors(case, t
     assert found.seed.values.tolist() == [3, 4, 5]  # from run.seed on
     assert found.collisions_per_disk.values.tolist() == [0.5 * i for i in range(9)]
     # The same gas by `ifrdem run`, which writes a file: equal to the last bit.
-    changes = ["material[0].e_n=0.7", "run.seed=4", "output.series=8", "output.picture=false", "output.views=false"]
+    changes = [
+        "material[0].e_n=0.7",
+        "run.seed=4",
+        "output.series=8",
+        "output.picture=false",
+        "output.views=false",
+    ]
     sets = [word for each in changes for word in ("--set", each)]
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/one", *sets]) == 0
     with ifrdem.Trajectory(tmp_path / "one.h5") as one:
@@ -85,7 +91,9 @@ def test_results_are_those_of_single_runs_with_means_and_standard_errors(case, t
         assert np.array_equal(mine.dissipated_by_mechanism, one.series["dissipated_by_mechanism"])
     T = found.temperature.values
     assert found.temperature_mean.values == pytest.approx(T.mean(axis=1), rel=1e-14)
-    assert found.temperature_error.values == pytest.approx(T.std(axis=1, ddof=1) / np.sqrt(3.0), rel=1e-12, abs=1e-17)
+    assert found.temperature_error.values == pytest.approx(
+        T.std(axis=1, ddof=1) / np.sqrt(3.0), rel=1e-12, abs=1e-17
+    )
     assert found.runs.values.tolist() == [3, 3]
     # T after 4 collisions each of disks without spin; theory is exact at the start and within noise of 60 disks later.
     assert found.temperature_theory.values[:, 0] == pytest.approx(T[:, 0, 0], rel=1e-12)
@@ -130,13 +138,19 @@ series = 2
     assert found.e_n.dims == ("number",)
     assert found.seed.values.tolist() == [7, 1]
     # n disks of mass 1 at rms speed 1.4: n 1.4^2 / 2.
-    assert found.energy.values[:, :, :, 0] == pytest.approx(np.broadcast_to([[19.6], [58.8]], (3, 2, 2)), rel=1e-12)
+    assert found.energy.values[:, :, :, 0] == pytest.approx(
+        np.broadcast_to([[19.6], [58.8]], (3, 2, 2)), rel=1e-12
+    )
 
 
 def test_names_of_axes_are_short_and_unique(case):
     clash = ["material[0].e_n=0.7,0.8", "pair[0].e_n=0.7,0.8", "force[0].temperature=1.0,2.0"]
     study = ifrdem.Study(case, vary=clash)
-    assert [axis.names for axis in study.plan.axes] == [("material0_e_n",), ("pair0_e_n",), ("force0_temperature",)]
+    assert [axis.names for axis in study.plan.axes] == [
+        ("material0_e_n",),
+        ("pair0_e_n",),
+        ("force0_temperature",),
+    ]
 
 
 def test_frames_are_analysed_where_asked_for_and_trajectories_kept(case, tmp_path):
@@ -160,7 +174,9 @@ trajectories = true
         frame = int(np.searchsorted(per_disk, 1.5))
         v2 = np.sum(kept[frame].velocity ** 2, axis=1)
     # a20 = <v^4> / (2 <v^2>^2) - 1 in two dimensions; the estimator takes the bias of 60 disks, some 1/60, off.
-    assert found.velocity_a20.values[1, 0] == pytest.approx(np.mean(v2**2) / (2.0 * np.mean(v2) ** 2) - 1.0, abs=0.1)
+    assert found.velocity_a20.values[1, 0] == pytest.approx(
+        np.mean(v2**2) / (2.0 * np.mean(v2) ** 2) - 1.0, abs=0.1
+    )
     assert not np.array_equal(found.velocity_a20[:, 0], found.velocity_a20[:, 1])
     assert found.velocity_a20_mean.values == pytest.approx(found.velocity_a20.values.mean(axis=0))
     assert found.velocity_P_c.dims == ("seed", "at", "velocity_row")
@@ -192,7 +208,10 @@ def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
     [
         (["--vary", "material[0].en=0.7,0.8"], "unknown key (did you mean 'e_n'?)"),
         (["--vary", VARY, "--vary", VARY], "two axes of this name"),
-        (["--vary", "material[0].e_n=0.7,1.2"], "e_n = 1.2: material[0].e_n = 1.2: must be less than or equal to 1"),
+        (
+            ["--vary", "material[0].e_n=0.7,1.2"],
+            "e_n = 1.2: material[0].e_n = 1.2: must be less than or equal to 1",
+        ),
         (["--vary", "run.seed=1,2"], "cannot be swept: --seeds"),
         (["--vary", "material[0].mu=0.1,0.1"], "0.1 is there twice"),
         (["--vary", "material[0].mu=0.1,0.2;material[0].e_n=0.7"], "as many values each"),
@@ -217,7 +236,10 @@ def test_points_that_check_refuses_are_left_out_by_keep_going_only(case, tmp_pat
 
 
 def test_a_dry_run_starts_nothing(case, tmp_path, capsys):
-    assert cli.main(["study", str(case), "--vary", VARY, "--seeds", "5", "-o", f"{tmp_path}/d", "--dry-run"]) == 0
+    assert (
+        cli.main(["study", str(case), "--vary", VARY, "--seeds", "5", "-o", f"{tmp_path}/d", "--dry-run"])
+        == 0
+    )
     told = capsys.readouterr().out
     assert "2 points x 5 seeds = 10 runs" in told
     assert "disk space" in told
@@ -266,7 +288,11 @@ if __name__ == "__main__":
     script.write_text(program)
     environment = {**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"}
     return subprocess.Popen(
-        [sys.executable, str(script)], env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, str(script)],
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
 
 
@@ -295,7 +321,9 @@ def first_result(folder: Path, process: subprocess.Popen[str]) -> None:
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
 @pytest.mark.parametrize("engine", ["pool", "dask"])
 def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, tmp_path, engine):
-    quiet = ifrdem.Study(case, vary=[VARY], seeds=4, set=["run.collisions_per_disk=200"], output=tmp_path / "quiet")
+    quiet = ifrdem.Study(
+        case, vary=[VARY], seeds=4, set=["run.collisions_per_disk=200"], output=tmp_path / "quiet"
+    )
     quiet.run(workers=0)
     client = run_it(case, tmp_path / "killed", engine)
     folder = tmp_path / "killed.runs"
@@ -316,7 +344,11 @@ def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, tmp
     while not killed:  # a worker in the middle of its work
         assert again.poll() is None, again.communicate()
         if len(list(folder.glob("*.npz"))) > 1:
-            workers_below = [pid for pid in children(again.pid) if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+            workers_below = [
+                pid
+                for pid in children(again.pid)
+                if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+            ]
             os.kill(workers_below[-1], signal.SIGKILL)
             killed = True
         time.sleep(0.02)
