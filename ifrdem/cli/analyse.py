@@ -89,14 +89,8 @@ def analyse(
     replaces those that it has. Of several files, the mean over them of every number is printed too, with its standard
     error.
     """
-    count = next(
-        (
-            i
-            for i, word in enumerate(words)
-            if word in NAMES or not (word.endswith(".h5") or Path(word).exists())
-        ),
-        len(words),
-    )
+    files_end = (i for i, word in enumerate(words) if not (word.endswith(".h5") or Path(word).exists()))
+    count = next(files_end, len(words))
     places, what = words[:count], words[count:]
     if not places:
         raise InputError(
@@ -324,8 +318,8 @@ def plot(
 ) -> None:
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, g, S, msd.
 
-    Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy, ...;
-    of a study, with bands of two standard errors over seeds and kinetic theory beside it.
+    Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
+    ...; of a study, with bands of two standard errors over seeds and kinetic theory beside it.
     """
     if list:
         say(PICTURE_LIST)
@@ -356,7 +350,8 @@ def plot(
 
 
 def _plot_together(
-    places: Sequence[str], what: str, over: str | None, by: str | None, frames: str | None, output: str | None, *, force: bool
+    places: Sequence[str], what: str, over: str | None, by: str | None, frames: str | None, output: str | None, *,
+    force: bool,
 ) -> None:  # fmt: skip
     """A quantity of a study or of several trajectories."""
     from ..study import figure, results

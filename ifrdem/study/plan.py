@@ -284,7 +284,8 @@ def read(
         raw = tomllib.loads(text)
     except ValueError as error:
         raise InputError(f"{path}: not valid TOML: {error}") from None
-    name, of_study = path.stem, "case" in raw or not {"run", "box", "species"} & raw.keys()
+    of_study = "case" in raw or not {"run", "box", "species"} & raw.keys()
+    name = path.stem if of_study else f"{path.stem}-study"  # NAME.nc is a view of the trajectory of a run
     study = _checked(raw if of_study else {"case": str(path)}, path)
     if of_study:
         base = Path(study.case)
@@ -482,7 +483,11 @@ def _checked(raw: dict[str, Any], path: Path) -> StudyFile:
 
 def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterator[str]:
     """A line for each mistake."""
-    sections = {"ensemble": EnsembleSection, "output": OutputSection, "cluster": ClusterSection}
+    sections: dict[str, type[BaseModel]] = {
+        "ensemble": EnsembleSection,
+        "output": OutputSection,
+        "cluster": ClusterSection,
+    }
     for each in error.errors(include_url=False):
         place = ".".join(str(step) for step in each["loc"] if step not in ("int", "float"))
         text = str(each["msg"]).replace("Input should", "must").replace("be a valid", "be a")

@@ -282,7 +282,9 @@ def predicted(file: CaseFile, end: float) -> tuple[NDArray[np.float64], ...] | N
     disks, phi = gas.disks, gas.box.packing_fraction(gas.disks.radius)
     if len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T) > MOST_KINDS:
         return None
-    later = np.linspace(0.0, 1.0, 1500)[1:] if case.force or gas.box.shear_rate else np.geomspace(1e-5, 1.0, 1500)
+    later = (
+        np.linspace(0.0, 1.0, 1500)[1:] if case.force or gas.box.shear_rate else np.geomspace(1e-5, 1.0, 1500)
+    )
     steps = BEYOND * end * np.r_[0.0, later]
     try:
         with warnings.catch_warnings():

@@ -54,7 +54,8 @@ class Study:
     seeds : int or str, optional
         A number of seeds, or a list "1,2,5".
     output : str or path, optional
-        The file of results, NAME.nc; runs are kept in NAME.runs beside it. By default the name of the file.
+        The file of results, NAME.nc; runs are kept in NAME.runs beside it. By default the name of the study file,
+        or CASE-study.
 
     Attributes
     ----------
@@ -177,7 +178,8 @@ class Study:
         plan, done = self.plan, sum(task.result.exists() for task in self.tasks)
         processes, _ = self._processes(self._place(workers, scheduler))
         lines = [
-            f"{plan.name}: {math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds = {self.runs} runs of {plan.path}"
+            f"{plan.name}: {math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds = {self.runs} runs of "
+            f"{plan.path}"
         ]
         for axis in plan.axes:
             for name, key, values in zip(axis.names, axis.keys, zip(*axis.values, strict=True), strict=True):

@@ -43,9 +43,14 @@ def test_small_frames_are_committed_together_and_large_ones_at_once(n, calls):
 
 def test_frames_so_far_are_written_when_a_run_fails():
     told = Calls()
-    with pytest.raises(ifrdem.EngineError), Recorder(told, ifrdem.Ledger(), clock=lambda: 0.0) as recorder:
-        for _ in range(3):
-            recorder.frame(*gas(2))
-            recorder.row(gas(2)[1])
-        raise ifrdem.EngineError("collapse")
+
+    def collapse() -> None:
+        with Recorder(told, ifrdem.Ledger(), clock=lambda: 0.0) as recorder:
+            for _ in range(3):
+                recorder.frame(*gas(2))
+                recorder.row(gas(2)[1])
+            raise ifrdem.EngineError("collapse")
+
+    with pytest.raises(ifrdem.EngineError):
+        collapse()
     assert sum(told.frames) == sum(told.rows) == 3
