@@ -98,6 +98,8 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
         raw = _parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    if "case" in raw and "run" not in raw:
+        raise InputError(f"{path}: is a study, not a case: `ifrdem study {path}` runs it")
     for assignment in overrides:
         override(raw, assignment)
     found, findings = _judged(raw, path.parent)
