@@ -20,8 +20,8 @@ from pydantic_core import PydanticCustomError
 
 from ..case import file as case_file
 from ..case import shipped
+from ..case.case import Case
 from ..case.estimate import LEDGER, SERIES
-from ..case.file import CaseFile
 from ..case.gas import Gas
 from ..errors import InputError, listed, nearest
 from ..tools import text_file
@@ -185,48 +185,38 @@ class Plan:
         """ "e_n = 0.8, mu = 0.1"."""
         return ", ".join(axis.label(i) for axis, i in zip(self.axes, point, strict=True)) or "the base case"
 
-    def case(self, point: tuple[int, ...]) -> CaseFile:
-        """The case of a point, with the first seed.
-
-        Raises
-        ------
-        InputError
-            With a line for each thing that is wrong.
-        """
-        return case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
-
     def _changes(self, point: tuple[int, ...], seed: int) -> list[str]:
         swept = [one for axis, i in zip(self.axes, point, strict=True) for one in axis.assignments(i)]
         return [*self.overrides, *swept, f"run.seed={seed}"]
 
-    def judged(self) -> tuple[dict[tuple[int, ...], CaseFile], list[str]]:
+    def judged(self) -> tuple[dict[tuple[int, ...], Case], list[str]]:
         """Cases of the points that are in order, and a line for each thing that `check` refuses of the others."""
-        good: dict[tuple[int, ...], CaseFile] = {}
+        good: dict[tuple[int, ...], Case] = {}
         wrong: dict[str, list[str]] = {}
         for point in self.points:
             try:
-                file = self.case(point)
+                file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
                 Gas.from_file(file)
-                good[point] = file
+                good[point] = file.case  # without its arrays, of which there may be many
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
                     wrong.setdefault(line.removeprefix(f"{self.path}: ").removeprefix("--set "), []).append(
                         self.label(point)
                     )
-        lines = []
-        for line, labels in wrong.items():
-            more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
-            lines.append(
-                line
-                if not good and len(labels) == math.prod(self.shape[:-1])
-                else f"{labels[0]}{more}: {line}"
-            )
-        return good, lines
+        of_all = 0 if good else math.prod(self.shape[:-1])
+        more = {
+            line: f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
+            for line, labels in wrong.items()
+        }
+        return good, [
+            line if len(labels) == of_all else f"{labels[0]}{more[line]}: {line}"
+            for line, labels in wrong.items()
+        ]
 
-    def tasks(self, good: dict[tuple[int, ...], CaseFile], folder: Path) -> Iterator[Task]:
+    def tasks(self, good: dict[tuple[int, ...], Case], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
-        for point, file in good.items():
-            case = file.case
+        for point, case in good.items():
+            kept = self.output.model_dump(exclude={"series", "series_spacing"})  # which the case has
             record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
             outside = {
                 name: _digest(self.path.parent / name)
@@ -235,16 +225,8 @@ class Plan:
             }
             for i, seed in enumerate(self.seeds):
                 record["run"]["seed"] = seed
-                said = [
-                    record,
-                    outside,
-                    self.output.analyses,
-                    self.output.analyses_at,
-                    self.output.trajectories,
-                ]
-                key = hashlib.sha256(json.dumps([*said, __version__], sort_keys=True).encode()).hexdigest()[
-                    :16
-                ]
+                said = [record, outside, kept, __version__]
+                key = hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:16]
                 yield Task(
                     key=key, index=(*point, i), text=self.text, path=str(self.path.resolve()),
                     overrides=tuple(self._changes(point, seed)), folder=str(folder.resolve()),
@@ -414,7 +396,7 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
         if not all(each.isdecimal() for each in parts):
             raise InputError(need)
         given = int(parts[0]) if len(parts) == 1 else [int(each) for each in parts]
-    if isinstance(given, int):
+    if isinstance(given, int) and not isinstance(given, bool):
         if not 1 <= given <= MOST_RUNS:
             raise InputError(need)
         return tuple(range(first, first + given))
