@@ -85,11 +85,22 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
         With one line for each thing that is wrong.
     """
     path = Path(path)
+    return of_text(load(path)[0], path, overrides)
+
+
+def load(path: Path) -> tuple[str, dict[str, Any]]:
+    """Text of a TOML file, and what it says.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is not TOML.
+    """
     try:
         text = text_file.read(path, most=MOST_BYTES)
+        return text, _parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    return of_text(text, path, overrides)
 
 
 def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:

@@ -24,7 +24,6 @@ from ..case.case import Case
 from ..case.estimate import LEDGER, SERIES
 from ..case.gas import Gas
 from ..errors import InputError, listed, nearest
-from ..tools import text_file
 from ..tools.versions import __version__
 from .task import OVER_TIME, PER_FRAME, Task
 
@@ -258,35 +257,22 @@ def read(
         With a line for each thing that is wrong with the study itself.
     """
     path = shipped.find(str(path))
-    try:
-        text = text_file.read(path, most=case_file.MOST_BYTES)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    try:
-        raw = tomllib.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from None
+    text, raw = case_file.load(path)
     of_study = "case" in raw or not {"run", "box", "species"} & raw.keys()
     name = path.stem if of_study else f"{path.stem}-study"  # NAME.nc is a view of the trajectory of a run
     study = _checked(raw if of_study else {"case": str(path)}, path)
     if of_study:
-        base = Path(study.case)
-        path = shipped.find(study.case) if not base.suffix else path.parent / base
-        try:
-            text = text_file.read(path, most=case_file.MOST_BYTES)
-        except InputError as error:
-            raise InputError(f"case = {study.case}: {path}: {error}") from None
+        path = path.parent / study.case if Path(study.case).suffix else shipped.find(study.case)
+        text, raw = case_file.load(path)
     groups = [{key: values} for key, values in study.sweep.items()] + [dict(group) for group in study.zip]
     groups += [axis_of(each) for each in vary]
     axes = _axes([{key: _values(key, each) for key, each in group.items()} for group in groups])
-    output = study.output
-    chosen = [*study.set, *set]
-    base_seed = _lookup(text, path, chosen, "run", "seed")
-    overrides = (*chosen, *_output_overrides(text, path, chosen, output))
-    plan = Plan(
-        name, path, text, overrides, axes, _seeds(study.ensemble.seeds if seeds is None else seeds, base_seed or 0),
-        output, study.cluster,
-    )  # fmt: skip
+    changes = [*study.set, *set]
+    for assignment in changes:
+        case_file.override(raw, assignment)
+    chosen = _seeds(study.ensemble.seeds if seeds is None else seeds, int(_number(raw, "seed")))
+    overrides = (*changes, *_output_overrides(raw, study.output))
+    plan = Plan(name, path, text, overrides, axes, chosen, study.output, study.cluster)
     runs = math.prod(plan.shape)
     if runs > MOST_RUNS:
         raise InputError(f"{runs} runs: a study can have {MOST_RUNS} at most")
@@ -407,53 +393,45 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
     return tuple(given)
 
 
-def _lookup(text: str, path: Path, overrides: Sequence[str], *keys: str) -> Any:
-    """What a case says of a key, as it stands there; None where it says nothing."""
-    try:
-        place: Any = tomllib.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from None
-    for assignment in overrides:
-        case_file.override(place, assignment)
-    for key in keys:
-        place = place.get(key) if isinstance(place, dict) else None
-    return place
+def _number(case: dict[str, Any], key: str) -> float:
+    """A number of [run] in a case that nobody has checked yet; 0 where there is none."""
+    section = case.get("run")
+    value = section.get(key) if isinstance(section, dict) else None
+    return value if isinstance(value, int | float) else 0
 
 
-def _output_overrides(
-    text: str, path: Path, overrides: Sequence[str], output: OutputSection
-) -> Iterator[str]:
+def _output_overrides(case: dict[str, Any], output: OutputSection) -> Iterator[str]:
     """What a study changes of the case's [output]: rows of series at the same places in every run, no pictures."""
-    given = _lookup(text, path, overrides, "output")
+    given = case.get("output")
     given = given if isinstance(given, dict) else {}
+    replaced = ["series_interval", "series_collisions"]
+    if output.analyses_at:
+        replaced += ["frames", "frames_interval", "frames_collisions", "frames_spacing"]
+    yield from (f"output.{key}=" for key in replaced if key in given)
     yield f"output.series={output.series or given.get('series') or ROWS}"
     if output.series_spacing:
         yield f'output.series_spacing="{output.series_spacing}"'
-    for key in ("series_interval", "series_collisions"):
-        if key in given:
-            yield f"output.{key}="
     yield "output.picture=false"
     if not output.trajectories:
         yield "output.views=false"
-    if not output.analyses and output.analyses_at:
+    at = output.analyses_at
+    if at and not output.analyses:
         raise InputError("analyses_at: only with analyses")
-    if output.analyses_at:
-        for key in ("frames", "frames_interval", "frames_collisions", "frames_spacing"):
-            if key in given:
-                yield f"output.{key}="
-        end = _lookup(text, path, overrides, "run", "t_end")
-        last = end or _lookup(text, path, overrides, "run", "collisions_per_disk") or 0.0
-        if min(output.analyses_at) < 0.0 or max(output.analyses_at) > last:
-            raise InputError(f"analyses_at = {output.analyses_at}: the run goes from 0 to {last:g}")
-        steps = [Fraction(str(each)) for each in output.analyses_at if each > 0.0] or [Fraction(str(last))]
-        step = Fraction(math.gcd(*(each.numerator * math.lcm(*(one.denominator for one in steps)) // each.denominator
-                                   for each in steps)), math.lcm(*(one.denominator for one in steps)))  # fmt: skip
-        if last / step > MOST_FRAMES:
+    t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
+    if at and (end := t_end or per_disk):  # else `check` tells what is wrong
+        if not 0.0 <= min(at) <= max(at) <= end:
+            raise InputError(f"analyses_at = {at}: the run goes from 0 to {end:g}")
+        parts = [Fraction(str(each)) for each in at if each > 0.0]
+        share = math.lcm(*(each.denominator for each in parts))
+        step = Fraction(math.gcd(*(int(each * share) for each in parts)), share) or Fraction(
+            str(t_end or per_disk)
+        )
+        if max(at) / step > MOST_FRAMES:
             raise InputError(
-                f"analyses_at = {output.analyses_at}: frames at every {float(step):g} would be needed, more than "
-                f"{MOST_FRAMES}; multiples of one number need fewer"
+                f"analyses_at = {at}: frames at every {float(step):g} would be needed, more than {MOST_FRAMES}; "
+                "multiples of one number need fewer"
             )
-        yield f"output.frames_{'interval' if end else 'collisions'}={float(step)}"
+        yield f"output.frames_{'interval' if t_end else 'collisions'}={float(step)}"
 
 
 def _checked(raw: dict[str, Any], path: Path) -> StudyFile:
