@@ -323,9 +323,6 @@ def plot(
     """
     if list:
         say(PICTURE_LIST)
-        say(
-            "\nof the results of a study, and of several files: T, T_rot, theta, energy and others, over tau or t"
-        )
         return
     if len(words) < 2:
         raise InputError(
