@@ -73,8 +73,9 @@ STUDY = """## A study: Haff's law and the ratio of temperatures for e_n and mu
 
 ![Temperatures of nine gases with bands over twenty seeds](gallery/study.png)
 
-180 gases of 2,000 coins. Bands: two standard errors over 20 seeds. Dashed: kinetic theory of a homogeneous gas, which holds until velocities and spins
-become correlated, the sooner the more is lost in a collision. [Studies](studies.md) says how it is done.
+180 gases of 2,000 coins. Bands: two standard errors over 20 seeds. Dashed: kinetic theory of a homogeneous gas, which
+holds until velocities and spins become correlated, the sooner the more is lost in a collision. [Studies](studies.md)
+says how it is done.
 
 ```sh
 ifrdem new study

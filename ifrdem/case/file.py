@@ -61,11 +61,22 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
     Raises InputError with one line for each thing that is wrong.
     """
     path = Path(path)
+    return of_text(load(path)[0], path, overrides)
+
+
+def load(path: Path) -> tuple[str, dict[str, Any]]:
+    """Text of a TOML file, and what it says.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is not TOML.
+    """
     try:
         text = text_file.read(path, most=MOST_BYTES)
+        return text, _parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    return of_text(text, path, overrides)
 
 
 def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
@@ -74,6 +85,8 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
         raw = _parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    if "case" in raw and "run" not in raw:
+        raise InputError(f"{path}: is a study, not a case: `ifrdem study {path}` runs it")
     for assignment in overrides:
         override(raw, assignment)
     case, gas, found = judged(raw, path.parent)

@@ -90,14 +90,8 @@ def analyse(
     replaces those that it has. Of several files, the mean over them of every number is printed too, with its standard
     error.
     """
-    count = next(
-        (
-            i
-            for i, word in enumerate(words)
-            if word in NAMES or not (word.endswith(".h5") or Path(word).exists())
-        ),
-        len(words),
-    )
+    files_end = (i for i, word in enumerate(words) if not (word.endswith(".h5") or Path(word).exists()))
+    count = next(files_end, len(words))
     places, what = words[:count], words[count:]
     if not places:
         raise InputError(

@@ -38,6 +38,10 @@ def one_trajectory(place: str) -> str:
     """A trajectory as the command line names it: itself, or the only one of a folder."""
     from ..run.outputs import trajectory_in
 
+    if place.endswith(".nc"):
+        raise InputError(
+            f"{place}: is no trajectory: NAME.h5 is needed; `ifrdem plot {place} T` draws the results of a study"
+        )
     return os.fspath(trajectory_in(Path(place)))
 
 

@@ -33,7 +33,7 @@ def study(
         str | None,
         option(
             "NC",
-            "file of results; runs are kept beside it in NAME.runs (default: STUDY.nc)",
+            "file of results; runs are kept in NAME.runs (default: STUDY.nc, or CASE-study.nc)",
             "--output",
             "-o",
         ),

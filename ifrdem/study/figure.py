@@ -109,7 +109,7 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
             axes.set_visible(False)
             continue
         fixed = dict(zip(panels, place, strict=True))
-        _panel(axes, results, name, x, curve, fixed, [dim for dim in rows if dim != x])
+        _panel(axes, results, name, x, curve, fixed)
         if fixed:
             axes.set_title(
                 ", ".join(f"{dim} = {_value(results, dim, i)}" for dim, i in fixed.items()), fontsize="medium"
@@ -156,25 +156,22 @@ def _panel(
     x: str,
     curve: str | None,
     fixed: Mapping[str, int],
-    more: Sequence[str],
 ) -> None:
     """The curves of one panel; of rows that are not drawn over, the last one counts."""
     count = len(results.values(curve)) if curve is not None else 1
     for i in range(count):
         place = {**fixed, **({curve: i} if curve is not None else {})}
         colour = COLOURS[i % len(COLOURS)] if count <= len(COLOURS) else _shade(i, count)
-        label = (
-            f"{curve} = {_value(results, curve, i)}"
-            if curve not in (None, FILE)
-            else _value(results, curve, i)
-        )
+        value = _value(results, curve, i)
+        label = value if curve in (None, FILE) else f"{curve} = {value}"
 
         def along(which: str, place: Mapping[str, int] = place) -> NDArray[Any] | None:
             one = results.variables.get(which)
             if one is None:
                 return None
+            rows = [dim for dim in one.dims if dim not in results.axes]
             taken = tuple(
-                slice(None) if dim == x or (x in ("time", PER_DISK) and x not in one.dims and dim not in place and dim not in more[1:])
+                slice(None) if dim == x or (x not in one.dims and x not in results.axes and dim == rows[0])
                 else place.get(dim, -1)
                 for dim in one.dims
             )  # fmt: skip

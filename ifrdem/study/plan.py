@@ -20,10 +20,9 @@ from pydantic_core import PydanticCustomError
 
 from ..case import file as case_file
 from ..case import shipped
+from ..case.case import Case
 from ..case.estimate import LEDGER, OBSERVABLES
-from ..case.file import CaseFile
 from ..errors import InputError, listed, nearest
-from ..tools import text_file
 from ..tools.versions import __version__
 from .task import OVER_TIME, PER_FRAME, Task
 
@@ -196,48 +195,38 @@ class Plan:
         """ "e_n = 0.8, mu = 0.1"."""
         return ", ".join(axis.label(i) for axis, i in zip(self.axes, point, strict=True)) or "the base case"
 
-    def case(self, point: tuple[int, ...]) -> CaseFile:
-        """The case of a point, with the first seed.
-
-        Raises
-        ------
-        InputError
-            With a line for each thing that is wrong.
-        """
-        return case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
-
     def _changes(self, point: tuple[int, ...], seed: int) -> list[str]:
         swept = [one for axis, i in zip(self.axes, point, strict=True) for one in axis.assignments(i)]
         return [*self.overrides, *swept, f"run.seed={seed}"]
 
-    def judged(self) -> tuple[dict[tuple[int, ...], CaseFile], list[str]]:
+    def judged(self) -> tuple[dict[tuple[int, ...], Case], list[str]]:
         """Cases of the points that are in order, and a line for each thing that `check` refuses of the others."""
-        good: dict[tuple[int, ...], CaseFile] = {}
+        good: dict[tuple[int, ...], Case] = {}
         wrong: dict[str, list[str]] = {}
         for point in self.points:
             try:
-                file = self.case(point)
+                file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
                 file.gas.ready(file.case)
-                good[point] = file
+                good[point] = file.case  # without its arrays, of which there may be many
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
                     wrong.setdefault(line.removeprefix(f"{self.path}: ").removeprefix("--set "), []).append(
                         self.label(point)
                     )
-        lines = []
-        for line, labels in wrong.items():
-            more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
-            lines.append(
-                line
-                if not good and len(labels) == math.prod(self.shape[:-1])
-                else f"{labels[0]}{more}: {line}"
-            )
-        return good, lines
+        of_all = 0 if good else math.prod(self.shape[:-1])
+        more = {
+            line: f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
+            for line, labels in wrong.items()
+        }
+        return good, [
+            line if len(labels) == of_all else f"{labels[0]}{more[line]}: {line}"
+            for line, labels in wrong.items()
+        ]
 
-    def tasks(self, good: dict[tuple[int, ...], CaseFile], folder: Path) -> Iterator[Task]:
+    def tasks(self, good: dict[tuple[int, ...], Case], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
-        for point, file in good.items():
-            case = file.case
+        for point, case in good.items():
+            kept = self.output.model_dump(exclude={"series", "series_spacing"})  # which the case has
             record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
             outside = {
                 name: _digest(self.path.parent / name)
@@ -246,16 +235,8 @@ class Plan:
             }
             for i, seed in enumerate(self.seeds):
                 record["run"]["seed"] = seed
-                said = [
-                    record,
-                    outside,
-                    self.output.analyses,
-                    self.output.analyses_at,
-                    self.output.trajectories,
-                ]
-                key = hashlib.sha256(json.dumps([*said, __version__], sort_keys=True).encode()).hexdigest()[
-                    :16
-                ]
+                said = [record, outside, kept, __version__]
+                key = hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:16]
                 yield Task(
                     key=key, index=(*point, i), text=self.text, path=str(self.path.resolve()),
                     overrides=tuple(self._changes(point, seed)), folder=str(folder.resolve()),
@@ -287,34 +268,22 @@ def read(
         With a line for each thing that is wrong with the study itself.
     """
     path = shipped.find(str(path))
-    try:
-        text = text_file.read(path, most=case_file.MOST_BYTES)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    try:
-        raw = tomllib.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from None
-    name, of_study = path.stem, "case" in raw or not {"run", "box", "species"} & raw.keys()
+    text, raw = case_file.load(path)
+    of_study = "case" in raw or not {"run", "box", "species"} & raw.keys()
+    name = path.stem if of_study else f"{path.stem}-study"  # NAME.nc is a view of the trajectory of a run
     study = _checked(raw if of_study else {"case": str(path)}, path)
     if of_study:
-        base = Path(study.case)
-        path = shipped.find(study.case) if not base.suffix else path.parent / base
-        try:
-            text = text_file.read(path, most=case_file.MOST_BYTES)
-        except InputError as error:
-            raise InputError(f"case = {study.case}: {path}: {error}") from None
+        path = path.parent / study.case if Path(study.case).suffix else shipped.find(study.case)
+        text, raw = case_file.load(path)
     groups = [{key: values} for key, values in study.sweep.items()] + [dict(group) for group in study.zip]
     groups += [axis_of(each) for each in vary]
     axes = _axes([{key: _values(key, each) for key, each in group.items()} for group in groups])
-    output = study.output
-    chosen = [*study.set, *set]
-    base_seed = _lookup(text, path, chosen, "run", "seed")
-    overrides = (*chosen, *_output_overrides(text, path, chosen, output))
-    plan = Plan(
-        name, path, text, overrides, axes, _seeds(study.ensemble.seeds if seeds is None else seeds, base_seed or 0),
-        output, study.cluster,
-    )  # fmt: skip
+    changes = [*study.set, *set]
+    for assignment in changes:
+        case_file.override(raw, assignment)
+    chosen = _seeds(study.ensemble.seeds if seeds is None else seeds, int(_number(raw, "seed")))
+    overrides = (*changes, *_output_overrides(raw, study.output))
+    plan = Plan(name, path, text, overrides, axes, chosen, study.output, study.cluster)
     runs = math.prod(plan.shape)
     if runs > MOST_RUNS:
         raise InputError(f"{runs} runs: a study can have {MOST_RUNS} at most")
@@ -424,7 +393,7 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
         if not all(each.isdecimal() for each in parts):
             raise InputError(need)
         given = int(parts[0]) if len(parts) == 1 else [int(each) for each in parts]
-    if isinstance(given, int):
+    if isinstance(given, int) and not isinstance(given, bool):
         if not 1 <= given <= MOST_RUNS:
             raise InputError(need)
         return tuple(range(first, first + given))
@@ -435,53 +404,45 @@ def _seeds(given: Any, first: int) -> tuple[int, ...]:
     return tuple(given)
 
 
-def _lookup(text: str, path: Path, overrides: Sequence[str], *keys: str) -> Any:
-    """What a case says of a key, as it stands there; None where it says nothing."""
-    try:
-        place: Any = tomllib.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from None
-    for assignment in overrides:
-        case_file.override(place, assignment)
-    for key in keys:
-        place = place.get(key) if isinstance(place, dict) else None
-    return place
+def _number(case: dict[str, Any], key: str) -> float:
+    """A number of [run] in a case that nobody has checked yet; 0 where there is none."""
+    section = case.get("run")
+    value = section.get(key) if isinstance(section, dict) else None
+    return value if isinstance(value, int | float) else 0
 
 
-def _output_overrides(
-    text: str, path: Path, overrides: Sequence[str], output: OutputSection
-) -> Iterator[str]:
+def _output_overrides(case: dict[str, Any], output: OutputSection) -> Iterator[str]:
     """What a study changes of the case's [output]: rows of series at the same places in every run, no pictures."""
-    given = _lookup(text, path, overrides, "output")
+    given = case.get("output")
     given = given if isinstance(given, dict) else {}
+    replaced = ["series_interval", "series_collisions"]
+    if output.analyses_at:
+        replaced += ["frames", "frames_interval", "frames_collisions", "frames_spacing"]
+    yield from (f"output.{key}=" for key in replaced if key in given)
     yield f"output.series={output.series or given.get('series') or ROWS}"
     if output.series_spacing:
         yield f'output.series_spacing="{output.series_spacing}"'
-    for key in ("series_interval", "series_collisions"):
-        if key in given:
-            yield f"output.{key}="
     yield "output.picture=false"
     if not output.trajectories:
         yield "output.views=false"
-    if not output.analyses and output.analyses_at:
+    at = output.analyses_at
+    if at and not output.analyses:
         raise InputError("analyses_at: only with analyses")
-    if output.analyses_at:
-        for key in ("frames", "frames_interval", "frames_collisions", "frames_spacing"):
-            if key in given:
-                yield f"output.{key}="
-        end = _lookup(text, path, overrides, "run", "t_end")
-        last = end or _lookup(text, path, overrides, "run", "collisions_per_disk") or 0.0
-        if min(output.analyses_at) < 0.0 or max(output.analyses_at) > last:
-            raise InputError(f"analyses_at = {output.analyses_at}: the run goes from 0 to {last:g}")
-        steps = [Fraction(str(each)) for each in output.analyses_at if each > 0.0] or [Fraction(str(last))]
-        step = Fraction(math.gcd(*(each.numerator * math.lcm(*(one.denominator for one in steps)) // each.denominator
-                                   for each in steps)), math.lcm(*(one.denominator for one in steps)))  # fmt: skip
-        if last / step > MOST_FRAMES:
+    t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
+    if at and (end := t_end or per_disk):  # else `check` tells what is wrong
+        if not 0.0 <= min(at) <= max(at) <= end:
+            raise InputError(f"analyses_at = {at}: the run goes from 0 to {end:g}")
+        parts = [Fraction(str(each)) for each in at if each > 0.0]
+        share = math.lcm(*(each.denominator for each in parts))
+        step = Fraction(math.gcd(*(int(each * share) for each in parts)), share) or Fraction(
+            str(t_end or per_disk)
+        )
+        if max(at) / step > MOST_FRAMES:
             raise InputError(
-                f"analyses_at = {output.analyses_at}: frames at every {float(step):g} would be needed, more than "
-                f"{MOST_FRAMES}; multiples of one number need fewer"
+                f"analyses_at = {at}: frames at every {float(step):g} would be needed, more than {MOST_FRAMES}; "
+                "multiples of one number need fewer"
             )
-        yield f"output.frames_{'interval' if end else 'collisions'}={float(step)}"
+        yield f"output.frames_{'interval' if t_end else 'collisions'}={float(step)}"
 
 
 def _checked(raw: dict[str, Any], path: Path) -> StudyFile:
@@ -493,7 +454,11 @@ def _checked(raw: dict[str, Any], path: Path) -> StudyFile:
 
 def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterator[str]:
     """A line for each mistake."""
-    sections = {"ensemble": EnsembleSection, "output": OutputSection, "cluster": ClusterSection}
+    sections: dict[str, type[BaseModel]] = {
+        "ensemble": EnsembleSection,
+        "output": OutputSection,
+        "cluster": ClusterSection,
+    }
     for each in error.errors(include_url=False):
         place = ".".join(str(step) for step in each["loc"] if step not in ("int", "float"))
         text = str(each["msg"]).replace("Input should", "must").replace("be a valid", "be a")

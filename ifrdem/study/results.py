@@ -16,7 +16,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case.file import CaseFile
+from ..case.case import Case
+from ..case.gas import CaseGas
 from ..errors import InputError, TheoryError
 from ..model.ifr import EnergyWarning
 from ..model.observables import MECHANISMS, REGIMES
@@ -155,11 +156,11 @@ def _dataset(file: h5py.File, name: str, one: Variable) -> h5py.Dataset:
 
 
 def collect(
-    plan: Plan, good: Mapping[tuple[int, ...], CaseFile], tasks: Iterable[Task], failed: Mapping[str, str]
+    plan: Plan, good: Mapping[tuple[int, ...], Case], tasks: Iterable[Task], failed: Mapping[str, str]
 ) -> Results:
     """The results of all runs that are done; nan stands for the others, beside the messages of those that failed."""
-    file = next(iter(good.values()))
-    row_axis, places = along(file.case)
+    case = next(iter(good.values()))
+    row_axis, places = along(case)
     variables: dict[str, Variable] = {}
     swept = tuple(axis.names[0] for axis in plan.axes)
     for axis in plan.axes:
@@ -186,7 +187,7 @@ def collect(
             corner: Any = (*task.index, *(slice(size) for size in one.values.shape))
             room[corner] = one.values
             found[name] = Variable(whole.dims, room, one.unit)
-    unit = file.case.unit("time").strip() if row_axis == "time" else ""
+    unit = case.unit("time").strip() if row_axis == "time" else ""
     variables[row_axis] = Variable((row_axis,), places, unit)
     variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
     variables |= _means(found, len(swept))
@@ -242,16 +243,16 @@ def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
 
 
 def _theory(
-    plan: Plan, good: Mapping[tuple[int, ...], CaseFile], row_axis: str, variables: Mapping[str, Variable]
+    plan: Plan, good: Mapping[tuple[int, ...], Case], row_axis: str, variables: Mapping[str, Variable]
 ) -> dict[str, Variable]:
     """Temperatures of each point by kinetic theory, at the places of the rows; nan where it does not hold."""
     T = variables["temperature_mean"]
     made = {name: np.full(T.values.shape, np.nan) for name in THEORY}
-    for point, file in good.items():
+    for point, case in good.items():
         times = variables["time"].values if row_axis == "time" else variables["time_mean"].values[point]
         if not np.isfinite(T.values[point]).any():
             continue
-        curves = predicted(file, float(np.nanmax(times)))
+        curves = predicted(case, plan.path.parent, float(np.nanmax(times)))
         if curves is None:
             continue
         when, tau, T_theory, T_rot = curves
@@ -267,9 +268,9 @@ def _theory(
     return {f"{name}_theory": Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
 
 
-def predicted(file: CaseFile, end: float) -> tuple[NDArray[np.float64], ...] | None:
+def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64], ...] | None:
     """Times, collisions per disk, T and T_rot by kinetic theory, to beyond a time [time]; None where it holds not."""
-    case, gas = file.case, file.gas.ready(file.case)
+    gas = CaseGas.from_case(case, folder)
     if not case.homogeneous or gas.box.is_open or end <= 0.0:
         return None
     laws = [[gas.law() if one is None else one for one in row] for row in gas.laws]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from ..case import summary
 from ..case.estimate import RunEstimate
+from ..case.gas import CaseGas
 from ..errors import InputError, listed
 from ..run.progress import clock_face, quiet
 from ..run.signals import Stopped, Stops
@@ -53,7 +54,8 @@ class Study:
     seeds : int or str, optional
         A number of seeds, or a list "1,2,5".
     output : str or path, optional
-        The file of results, NAME.nc; runs are kept in NAME.runs beside it. By default the name of the file.
+        The file of results, NAME.nc; runs are kept in NAME.runs beside it. By default the name of the study file,
+        or CASE-study.
 
     Attributes
     ----------
@@ -132,11 +134,11 @@ class Study:
             raise InputError(f"{self.folder}: is no folder; runs are kept there: another -o")
         place = self._place(workers, scheduler)
         if place.scheduler is None and place.kind is None:
-            for case in {each.case.run.arch: each.case for each in good.values()}.values():
+            for case in {each.run.arch: each for each in good.values()}.values():
                 device.check(case.run.arch, case.run.threads, case.run.precision)
             processes, _ = self._processes(place)
-            largest = max(sum(each.number for each in file.case.species) for file in good.values())
-            case = next(iter(good.values())).case
+            largest = max(sum(each.number for each in case.species) for case in good.values())
+            case = next(iter(good.values()))
             summary.refuse_beyond_memory(largest * max(processes, 1), case.run.arch, case.start.positions)
         needed, free = self.bytes, shutil.disk_usage(self.output.parent).free
         if needed > MOST_OF_DISK * free:
@@ -151,10 +153,11 @@ class Study:
         """Room on the disk that the study needs, about."""
         rows, columns = 0, 40
         trajectories = 0
-        for file in self._judged[0].values():
-            rows += (file.case.output.series_cadence.number or 0) + 1
+        for case in self._judged[0].values():
+            rows += (case.output.series_cadence.number or 0) + 1
             if self.plan.output.trajectories:
-                trajectories += RunEstimate.of(file.gas.ready(file.case), file.case).file_bytes
+                gas = CaseGas.from_case(case, self.plan.path.parent)
+                trajectories += RunEstimate.of(gas, case).file_bytes
         return len(self.plan.seeds) * (rows * columns * 8 * 2 + trajectories)
 
     @property
@@ -168,7 +171,7 @@ class Study:
                 / sum(task.weight for task in done)
                 * sum(task.weight for task in missing)
             )
-        rows = self._judged[0][missing[0].index[:-1]].case.output.series_cadence.number or 0 if missing else 0
+        rows = self._judged[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
         return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + RUN_SECONDS for task in missing)
 
     def summary(self, workers: int | None = None, scheduler: str | None = None) -> list[str]:
@@ -176,7 +179,8 @@ class Study:
         plan, done = self.plan, sum(task.result.exists() for task in self.tasks)
         processes, _ = self._processes(self._place(workers, scheduler))
         lines = [
-            f"{plan.name}: {math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds = {self.runs} runs of {plan.path}"
+            f"{plan.name}: {math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds = {self.runs} runs of "
+            f"{plan.path}"
         ]
         for axis in plan.axes:
             for name, key, values in zip(axis.names, axis.keys, zip(*axis.values, strict=True), strict=True):
@@ -313,7 +317,7 @@ class Study:
     def _processes(self, place: ClusterSection) -> tuple[int, int]:
         """Processes here, and threads of each: one, unless there are more cores than runs."""
         good = self._judged[0]
-        if any(file.case.run.arch != "cpu" for file in good.values()):
+        if any(case.run.arch != "cpu" for case in good.values()):
             return (place.workers if place.workers is not None else 1), 1
         cores = device.cores()
         if place.kind is not None or place.scheduler is not None:

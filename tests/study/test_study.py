@@ -268,7 +268,7 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     labels = panels[0].get_legend_handles_labels()[1]
     assert labels[:2] == ["e_n = 0.7", "e_n = 0.9"]
     assert any("kinetic theory" in label for label in labels)
-    solid = [line for line in panels[0].lines if line.get_label() == "e_n = 0.9"][0]
+    solid = next(line for line in panels[0].lines if line.get_label() == "e_n = 0.9")
     mean = study.dataset().temperature_mean
     assert np.array_equal(solid.get_ydata(), mean.sel(e_n=0.9, mu=0.1))
     assert cli.main(["plot", str(study.output), "theta", "--by", "foo"]) == 2
@@ -281,7 +281,8 @@ import ifrdem
 from ifrdem.study import workers
 workers.has_dask = lambda: {engine == "dask"}
 if __name__ == "__main__":
-    study = ifrdem.Study({str(case)!r}, vary=["{VARY}"], seeds=4, set=["run.collisions_per_disk=200"], output={str(out)!r})
+    changes = ["run.collisions_per_disk=200"]
+    study = ifrdem.Study({str(case)!r}, vary=["{VARY}"], seeds=4, set=changes, output={str(out)!r})
     print(study.run(workers=2), flush=True)
 """
     script = out.with_suffix(".py")
