@@ -265,6 +265,8 @@ class _Kept:
         """Rows of each of these datasets: those before the first that cannot be read in one of them."""
         kept, what = rows, str(group.name)[1:]
         for name in names:
+            if group[name].chunks is None and rows:
+                raise DamageError(f"{self._path} is damaged: {group[name].name} cannot grow")
             good = self._good(group[name], rows)
             kept = min(kept, rows if good.all() else int(np.argmin(good)))
             self._beyond(f"{what}/{name}", group[name], rows, unit)
