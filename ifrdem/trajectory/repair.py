@@ -141,6 +141,11 @@ class _Kept:
             )
         columns = {name: self._all_of(file[f"{layout.PARTICLES}/{name}"]) for name in layout.STATIC}
         self._disks = Disks(len(columns["mass"]), **columns)
+        for dataset in self._fields.values():
+            if dataset.shape[1] != self._disks.n:
+                raise DamageError(
+                    f"{path} is damaged: {dataset.name} has {dataset.shape[1]} disks instead of {self._disks.n}"
+                )
         self._box = box_of(file[f"{layout.PARTICLES}/box"].attrs)
         self._parameters: dict[str, str | int | float] = {}
         names: list[bytes | str] = []
