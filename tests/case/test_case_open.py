@@ -31,7 +31,7 @@ def test_coins_on_a_table_come_to_rest_and_are_drawn(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     drawn: dict[str, Any] = {}
-    monkeypatch.setattr(run, "save", lambda figure, path: drawn.update(figure=figure))
+    monkeypatch.setattr(run, "save", lambda figure, path: drawn.setdefault("figure", figure))
     assert cli.main(["run", str(CASE), *changed(*SMALL)]) == 0
     assert "forces put in -" in capsys.readouterr().out
     with Trajectory("coins_on_table.h5") as trajectory:
