@@ -69,6 +69,23 @@ The case: `cases/{name}.toml`, printed by `ifrdem new cases/{name}.toml -o -`.
 """
 
 
+STUDY = """## A study: Haff's law and the ratio of temperatures for e_n and mu
+
+![Temperatures of nine gases with bands over twenty seeds](gallery/study.png)
+
+180 gases of 2,000 coins. Bands: two standard errors over 20 seeds. Dashed: kinetic theory of a homogeneous gas, which
+holds until velocities and spins become correlated, the sooner the more is lost in a collision. [Studies](studies.md)
+says how it is done.
+
+```sh
+ifrdem new study
+ifrdem study study.toml
+ifrdem plot study.nc T --over tau --by e_n
+ifrdem plot study.nc theta --over tau --by e_n
+```
+"""
+
+
 def page() -> str:
     """Markdown of the gallery."""
     head = """# Gallery
@@ -76,7 +93,23 @@ def page() -> str:
 The shipped cases at their own settings. Made by `python -m ifrdem.cases.gallery RUNS`, which runs each case and
 shrinks its picture.
 """
-    return "\n".join((head, *(section(name) for name in ORDER)))
+    return "\n".join((head, *(section(name) for name in ORDER), STUDY))
+
+
+def study(runs: Path) -> None:
+    """Run the study and write its picture, T above theta."""
+    if not (runs / "study.nc").exists():
+        for words in (["new", "study", "--force"], ["study", "study.toml"]):
+            subprocess.run([sys.executable, "-m", "ifrdem", *words], check=True, cwd=runs)
+    for what in ("T", "theta"):
+        words = ["plot", "study.nc", what, "--over", "tau", "--by", "e_n", "--force"]
+        subprocess.run([sys.executable, "-m", "ifrdem", *words], check=True, cwd=runs)
+    with Image.open(runs / "study-T.png") as upper, Image.open(runs / "study-theta.png") as lower:
+        both = Image.new("RGB", (upper.width, upper.height + lower.height))
+        both.paste(upper, (0, 0))
+        both.paste(lower, (0, upper.height))
+        both.save(runs / "study.png")
+    shrink(runs / "study.png", DOCS / "gallery" / "study.png")
 
 
 def main(runs: Path) -> None:
@@ -91,6 +124,7 @@ def main(runs: Path) -> None:
                 [sys.executable, "-m", "ifrdem", "run", case, "-o", str(runs), "--force"], check=True
             )
         shrink(picture, DOCS / "gallery" / f"{name}.png")
+    study(runs)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 
 

@@ -24,8 +24,10 @@ from .model.walls import Wall as Wall
 from .run.recorder import Ledger as Ledger
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation
+from .study.study import Study as Study
 from .theory.sheared_gas import TheoryWarning as TheoryWarning
 from .tools.versions import __version__ as __version__
 from .trajectory.history import History as History
 from .trajectory.reader import Trajectory as Trajectory
+from .trajectory.tables import concat as concat
 from .trajectory.writer import TrajectoryWriter as TrajectoryWriter

@@ -29,6 +29,41 @@ class NoMoreCollisions(EngineError):
     """Collisions are asked for, and no disk will ever meet another one: nothing moves, or all fly apart."""
 
 
+class Stopped(Exception):
+    """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
+
+    def __init__(self, reason: str, status: int) -> None:
+        super().__init__(reason)
+        self.status = status
+
+
+class TrajectoryError(RuntimeError):
+    """A trajectory cannot be written further (a full disk, a closed file). Its committed frames are kept."""
+
+
+class DamageError(InputError):
+    """A part of a file that cannot be read."""
+
+
+class DamageWarning(UserWarning):
+    """A part of a file is left out, because it cannot be read and nothing else needs it."""
+
+
+class FrameError(InputError, IndexError):
+    """A frame number outside the trajectory."""
+
+
+class NameMissing(InputError, KeyError):
+    """A name that the file does not hold."""
+
+    def __str__(self) -> str:  # KeyError would put its message into quotes
+        return Exception.__str__(self)
+
+
+class AttributeMissing(NameMissing, AttributeError):
+    """The same, asked for as an attribute."""
+
+
 class TheoryError(RuntimeError):
     """Equations of kinetic theory that cannot be integrated numerically for these coefficients."""
 
@@ -45,6 +80,17 @@ def nearest(word: str, allowed: Iterable[str]) -> str:
     """Return `` (did you mean 'x'?)`` for the nearest allowed spelling, or an empty string."""
     found = difflib.get_close_matches(word, list(allowed), n=1, cutoff=0.6)
     return f" (did you mean '{found[0]}'?)" if found else ""
+
+
+def there_are(word: str, known: Iterable[str]) -> str:
+    """Text behind an unknown name: the nearest spelling, and the known ones."""
+    names = list(known)
+    return f"{nearest(word, names)}; there are {', '.join(names) or 'none'}"
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun: 1 frame, 2 frames."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def listed(lines: Sequence[str], most: int = 20) -> str:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import doctest
 import inspect
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem import analysis, bullet, fit, forces, initial, observables, theory
+from ifrdem import analysis, bullet, fit, forces, initial, observables, plots, theory
 from ifrdem.initial import radii
 
 pytestmark = pytest.mark.unoptimised
 
-FACES: list[ModuleType] = [ifrdem, initial, radii, forces, observables, theory, analysis, fit, bullet]
+FACES: list[ModuleType] = [ifrdem, initial, radii, forces, observables, theory, analysis, fit, bullet, plots]
 
 MADE_BY_FUNCTIONS = {
     "Measure", "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
@@ -28,6 +30,18 @@ MADE_BY_FUNCTIONS = {
 
 OF_TAICHI = {"normals", "uniforms"}
 """Functions for use inside of a force, which only runs in a simulation: the manual's page on forces has an example."""
+
+
+def write_gas(path: Path) -> None:
+    """A trajectory that an example draws: disks at two times."""
+    disks = ifrdem.Disks(9, mass=1.0, radius=0.5)
+    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
+    with ifrdem.TrajectoryWriter(path, disks, ifrdem.Box((6.0, 6.0))) as file:
+        for time in (0.0, 1.0):
+            state = ifrdem.State(1.0 + 2.0 * np.argwhere(np.ones((3, 3))), velocity, np.zeros(9), time)
+            found = ifrdem.observables.measure(disks, state)
+            names = ("temperature", "rotational_temperature", "collisions")
+            file.write(state, {name: getattr(found, name) for name in names})
 
 
 def public() -> dict[str, Any]:
@@ -66,6 +80,8 @@ def test_example_in_the_docstring_prints_what_it_says(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     test = examples(public().get(name, ifrdem), name)
+    for file in re.findall(r'"(\w+\.h5)"', test.docstring or "") if ".plots." in name else ():
+        write_gas(tmp_path / file)
     assert test.examples, f"{name} has no example"
     if any("import pybullet" in example.source for example in test.examples):
         pytest.importorskip("pybullet", reason="the extra `bullet`, of Python 3.11 and older")

@@ -19,7 +19,7 @@ import ifrdem
 from ifrdem import EnergyWarning, Trajectory, analysis
 from ifrdem.case import shipped, summary, template
 from ifrdem.case.case import Case
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cases import gallery
 from ifrdem.cli import docs
 from ifrdem.cli import main as cli
@@ -105,10 +105,10 @@ def test_measured_figures_have_a_date_and_the_command_that_repeats_them() -> Non
 
 def test_gallery_has_a_small_picture_of_every_shipped_case() -> None:
     text = page("gallery.md")
-    assert re.findall(r"\]\(gallery/(\w+)\.png\)", text) == list(gallery.ORDER)
+    assert re.findall(r"\]\(gallery/(\w+)\.png\)", text) == [*gallery.ORDER, "study"]
     assert sorted(gallery.ORDER) == shipped.names()
     assert text == gallery.page()
-    for name in gallery.ORDER:
+    for name in (*gallery.ORDER, "study"):
         assert 1000 < (ROOT / "ifrdem" / "docs" / "gallery" / f"{name}.png").stat().st_size < 60_000
 
 
@@ -186,6 +186,14 @@ def test_table_of_analyses_lists_what_there_is() -> None:
             assert callable(getattr(analysis, name))
 
 
+def test_study_example_prints_errors(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block("study"), "README.md", "exec"), {"__name__": "__main__"})
+    lines = re.findall(r"e_n = (0\.[79]): T = ([\d.e-]+) \+- [\d.e-]+", capsys.readouterr().out)
+    assert [float(e_n) for e_n, _ in lines] == [0.7, 0.9]
+    assert float(lines[0][1]) < float(lines[1][1])  # the gas that loses more is colder
+
+
 def test_walls_example_shakes_coins(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block("walls"), "README.md", "exec"), {})
     hits, collisions, work = capsys.readouterr().out.split()
@@ -198,7 +206,7 @@ def test_walls_of_the_case_file_are_those_of_the_template() -> None:
     shown = tomllib.loads(block("walls case"))
     full = dict(template.TEMPLATES["walls"].values)
     assert Case.model_validate(full | shown).box == Case.model_validate(full).box
-    gas = Gas.from_case(Case.model_validate(full | shown))
+    gas = CaseGas.from_case(Case.model_validate(full | shown))
     motion = Motion("sine", amplitude=0.008, frequency=20.0)
     assert gas.walls == (Wall.line((0.0, 0.008), (0.0, 1.0), motion=motion),)
 

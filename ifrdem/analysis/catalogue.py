@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ..trajectory.reader import Trajectory
 from . import over_time, per_frame
-from .result import Outcome, Row
+from .result import Evaluation, Reading
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Analysis:
     """An analysis: its title, and what does it, given a file and the frames chosen (None: those that suit it)."""
 
     title: str
-    of: Callable[[Trajectory, Sequence[int] | None], Outcome]
+    of: Callable[[Trajectory, Sequence[int] | None], Evaluation]
 
 
 ANALYSES = {
@@ -36,7 +36,7 @@ ANALYSES = {
 """Name -> analysis."""
 
 
-def report(name: str, title: str, outcome: Outcome, span: str) -> str:
+def report(name: str, title: str, outcome: Evaluation, span: str) -> str:
     """The table of an analysis, as text for people; `span`: of which frames and times."""
     lines = [f"{name}: {title}, {span}", *(f"  ! {doubt}" for doubt in outcome.doubts)]
     width = max((len(row.name) for row in outcome.rows), default=0)
@@ -45,7 +45,7 @@ def report(name: str, title: str, outcome: Outcome, span: str) -> str:
     return "\n".join(lines)
 
 
-def number(row: Row) -> str:
+def number(row: Reading) -> str:
     """A value with its error to two digits and its unit."""
     unit = f" {row.unit}" if row.unit else ""
     if isinstance(row.value, numbers.Integral):

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import as_box, each, neighbours
 
@@ -21,19 +22,16 @@ class Clusters(Brief):
     ----------
     label : array (n,) of int
         The cluster of each disk, from 0, the largest first.
-    sizes : array (c,) of int
-        Disks of each cluster, falling.
-    radius_of_gyration : array (c,)
-        Root of the mean square distance from the mean of the cluster's centres [length]; nan where it spans the box.
-    spans : array (c,) of bool
-        Whether a cluster is connected to its own image through periodic sides.
+    sizes, radius_of_gyration, spans : array (c,)
+        Of each cluster: number of disks, falling; root of the mean square distance from the mean of its centres
+        [length], nan where it spans the box; True if it is connected to its own image through periodic sides.
     gap : float
         The criterion [length].
     """
 
     label: NDArray[np.intp]
     sizes: NDArray[np.intp]
-    radius_of_gyration: NDArray[np.float64]
+    radius_of_gyration: Array
     spans: NDArray[np.bool_]
     gap: float
 
@@ -49,28 +47,22 @@ class Clusters(Brief):
 
 
 def clusters(
-    position: NDArray[np.float64], box: Box | ArrayLike, *, radius: ArrayLike, gap: float, time: float = 0.0
+    position: Array, box: Box | ArrayLike, *, radius: ArrayLike, gap: float, time: float = 0.0
 ) -> Clusters:
     """Clusters of one frame: neighbours by freud, connected components by SciPy.
 
+    InputError if the gap is negative, or so long that disks would see themselves through periodic sides.
+
     Parameters
     ----------
-    position : array (n, 2)
-        Centres [length].
+    position, radius : array (n, 2), and float or array (n,)
+        Centres and radii [length].
     box : Box, or two lengths of a periodic one
-        Of any kind.
-    radius : float or array (n,)
-        Radii [length].
     gap : float
         Disks whose surfaces are nearer than this are joined [length]. In a homogeneous gas of equal disks that are to
         be told from clusters, a tenth of a diameter or less.
     time : float
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        If the gap is negative, or so long that disks would see themselves through periodic sides.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What all analyses share: frames as arrays, boxes, neighbours, standard errors of correlated series."""
+"""Frames as arrays, boxes, neighbours, standard errors of correlated series, for all analyses."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 
 PACKAGES = {"freud": "freud-analysis", "finufft": "finufft"}
 """Name to import -> name to install."""
@@ -20,10 +21,7 @@ PACKAGES = {"freud": "freud-analysis", "finufft": "finufft"}
 def load(name: str, purpose: str) -> ModuleType:
     """Import one of them.
 
-    Raises
-    ------
-    InputError
-        If it is absent: the message says what needs it and how to install it.
+    InputError if it is absent: the message says what needs it and how to install it.
     """
     try:
         return importlib.import_module(name)
@@ -33,7 +31,7 @@ def load(name: str, purpose: str) -> ModuleType:
         ) from None
 
 
-Positions = NDArray[np.float64] | Iterable[NDArray[np.float64]]
+Positions = Array | Iterable[Array]
 """One frame, shape (n, 2), or several: an array (frames, n, 2) or anything that yields frames one by one."""
 
 
@@ -47,7 +45,7 @@ def as_box(box: Box | ArrayLike) -> Box:
     return Box((float(lengths[0]), float(lengths[1])))
 
 
-def each(values: Positions, components: int = 2) -> Iterator[NDArray[np.float64]]:
+def each(values: Positions, components: int = 2) -> Iterator[Array]:
     """The frames of `values`, checked: shape (n, 2), or (n,) where there is one component."""
     axes = 1 if components == 1 else 2
     if isinstance(values, np.ndarray) and values.ndim == axes:
@@ -78,18 +76,12 @@ class FreudFrame(NamedTuple):
     points: NDArray[np.float32]
 
 
-def freud_frame(
-    position: NDArray[np.float64], box: Box, reach: float, time: float, purpose: str
-) -> FreudFrame:
+def freud_frame(position: Array, box: Box, reach: float, time: float, purpose: str) -> FreudFrame:
     """Positions [length] in a box of freud whose sides are all periodic, for neighbours up to `reach` [length].
 
     Where the box is not periodic it is wider by `reach`, so that nothing has neighbours through a side. A sheared box
-    is a skewed one. freud computes in single precision.
-
-    Raises
-    ------
-    InputError
-        If the reach is more than half the shortest side, where neighbours would be counted twice.
+    is a skewed one. freud computes in single precision. InputError if the reach is more than half the shortest side,
+    where neighbours would be counted twice.
     """
     freud = load("freud", purpose)
     low, lengths = np.zeros(2), np.array(box.lengths)
@@ -113,8 +105,8 @@ def freud_frame(
 
 
 def neighbours(
-    position: NDArray[np.float64], box: Box, reach: float, time: float = 0.0, purpose: str = "neighbours"
-) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    position: Array, box: Box, reach: float, time: float = 0.0, purpose: str = "neighbours"
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Array]:
     """Pairs i < j of centres nearer than `reach` [length], and the vectors from i to j [length], (p,), (p,), (p, 2).
 
     Found by freud in single precision with a margin, measured in double.

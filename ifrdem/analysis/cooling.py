@@ -6,9 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..tools.checked import Array
 from .common import correlation_time
 
 MODES = 5
@@ -25,31 +26,24 @@ cool by Haff's law had 0.4 (e_n = 0.8) to 0.65 (0.5) / sqrt(n) rms, 1.0 at most 
 ROUNDING = 1e-6
 """Waves below this part of what is fitted are no misfit, even in exact numbers."""
 
-Law = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+Law = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
-class Fit:
-    """A law of least squares.
+class Goodness:
+    """Goodness of a law of least squares; errors of its parameters are nan where it does not.
 
     Attributes
     ----------
-    values, errors : array (p,)
-        Parameters, and their standard errors: nan where the law does not describe the data.
-    rms : float
-        Root of the mean square of what is left.
-    correlation_time : float
-        Integrated autocorrelation time of what is left, in points.
-    misfit : float
-        Root of the mean square of its slow waves.
-    p_value : float
-        Probability of such waves by chance; nan where too few points are left to tell.
+    rms, correlation_time : float
+        Root of the mean square of what is left, and its integrated autocorrelation time, in points.
+    misfit, p_value : float
+        Root of the mean square of its slow waves, and the probability of such waves by chance (`fit`); nan where too
+        few points are left to tell.
     describes : bool
         False where the waves are neither chance nor within the scatter that is allowed.
     """
 
-    values: NDArray[np.float64]
-    errors: NDArray[np.float64]
     rms: float
     correlation_time: float
     misfit: float
@@ -58,13 +52,8 @@ class Fit:
 
 
 def fit(
-    law: Law,
-    data: NDArray[np.float64],
-    start: NDArray[np.float64],
-    along: NDArray[np.float64],
-    *,
-    scatter: float,
-) -> Fit:
+    law: Law, data: Array, start: Array, along: Array, *, scatter: float
+) -> tuple[Array, Array, Goodness]:
     """Fit a law by least squares, and test it against smooth deviations from it.
 
     A law that holds leaves noise; one that does not leaves slow waves. What is left, r, is split by linear least
@@ -84,17 +73,9 @@ def fit(
 
     Otherwise errors are those of independent points times sqrt(2 tau), tau of r itself.
 
-    Parameters
-    ----------
-    law : callable
-        Parameters -> values where the data are.
-    data : array (n,)
-    start : array (p,)
-        Parameters to begin with.
-    along : array (n,)
-        A coordinate in which misfits are smooth; rising.
-    scatter : float
-        Root mean square of slow waves that noise has anyway, in the units of the data; 0 if that is not known.
+    `law` gives values where the data (n,) are from parameters (p,), of which `start` are the first; `along` (n,) is a
+    rising coordinate in which misfits are smooth; `scatter` the root mean square of slow waves that noise has anyway,
+    in the units of the data, 0 if that is not known. Returns parameters, their standard errors, and the goodness.
     """
     from scipy.optimize import least_squares
 
@@ -114,10 +95,10 @@ def fit(
     )
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * whole / max(n - len(start), 1) * 2.0 * tau
     errors = np.sqrt(np.diag(covariance)) if describes else np.full(len(start), np.nan)
-    return Fit(found.x, errors, float(np.sqrt(whole / n)), tau, misfit, p_value, describes)
+    return found.x, errors, Goodness(float(np.sqrt(whole / n)), tau, misfit, p_value, describes)
 
 
-def _basis(columns: NDArray[np.float64]) -> NDArray[np.float64]:
+def _basis(columns: Array) -> Array:
     """Orthonormal columns, shape (n, d), of which these are made, to rounding."""
     size = np.linalg.norm(columns, axis=0)
     columns = columns[:, size > 1e-10 * max(float(size.max()), 1e-300)]
@@ -126,7 +107,7 @@ def _basis(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(basis[:, weight > 1e-8])
 
 
-def _chance(left: NDArray[np.float64], own: NDArray[np.float64], beyond: NDArray[np.float64]) -> float:
+def _chance(left: Array, own: Array, beyond: Array) -> float:
     """Probability that noise has waves along `beyond` as large as what is left has; nan if that cannot be told."""
     from scipy.stats import f as f_distribution
 
@@ -144,7 +125,7 @@ def _chance(left: NDArray[np.float64], own: NDArray[np.float64], beyond: NDArray
     return float(f_distribution.sf(F, modes, freedom))
 
 
-def _correlated(columns: NDArray[np.float64], rho: float) -> NDArray[np.float64]:
+def _correlated(columns: Array, rho: float) -> Array:
     """R times columns, R_ij = rho^|i - j|."""
     from scipy.signal import lfilter
 
@@ -153,7 +134,7 @@ def _correlated(columns: NDArray[np.float64], rho: float) -> NDArray[np.float64]
     return np.asarray(later + earlier - columns)
 
 
-def _memory(rest: NDArray[np.float64], modes: NDArray[np.float64]) -> tuple[float, float]:
+def _memory(rest: Array, modes: Array) -> tuple[float, float]:
     """rho of noise of which the modes were taken off, and how many times its variance the rest's square has.
 
     With M = (1 - B B') R (1 - B B'), the square of the rest has the mean trace M, and its product with itself one point
@@ -186,57 +167,36 @@ def _memory(rest: NDArray[np.float64], modes: NDArray[np.float64]) -> tuple[floa
 
 
 @dataclass(frozen=True)
-class HaffFit:
+class HaffFit(Goodness):
     """T(t) = T0 / (1 + (t - t_first) / t_H)^2: P. K. Haff, J. Fluid Mech. 134, 401 (1983).
 
     Attributes
     ----------
-    T0, T0_error : float
-        Temperature at the first time of the fit [energy].
-    t_H, t_H_error : float
-        Haff's time [time], counted from there. Errors are nan where the law does not describe the gas.
-    rms : float
-        Root of the mean square of what is left of ln T.
-    correlation_time : float
-        Integrated autocorrelation time of what is left, in points; errors are sqrt(2 of it) times those of independent
-        points.
-    misfit : float
-        Root of the mean square of the slow waves in what is left of ln T: by so much the gas leaves the law.
-    p_value : float
-        Probability of such waves by chance (`goodness.fit`); nan where too few points are left to tell.
-    describes : bool
-        Whether the law describes the gas: False where the waves are neither chance nor within the scatter of T.
+    T0, T0_error, t_H, t_H_error : float
+        Temperature at the first time of the fit [energy], and Haff's time [time], counted from there.
     times : tuple of two floats
         First and last time of the fit.
+    rms, correlation_time, misfit, p_value, describes
+        Of what is left of ln T, as in `Goodness`.
     """
 
     T0: float
     T0_error: float
     t_H: float
     t_H_error: float
-    rms: float
-    correlation_time: float
-    misfit: float
-    p_value: float
-    describes: bool
     times: tuple[float, float]
 
 
 @dataclass(frozen=True)
-class RatioFit:
+class RatioFit(Goodness):
     """theta(x) = theta_end + (theta_0 - theta_end) exp(-(x - x_first) / lag), x a time or collisions per disk.
 
     Attributes
     ----------
-    theta_0, theta_0_error : float
-        Ratio T_rot / T at the begin.
-    theta_end, theta_end_error : float
-        Ratio that it tends to.
-    lag, lag_error : float
-        After which 1/e of the way is left, as x.
-    rms, correlation_time, misfit, p_value : float
-    describes : bool
-        Of what is left of theta, as in `HaffFit`. Errors are nan where the exponential does not describe it.
+    theta_0, theta_end, lag, and theta_0_error, theta_end_error, lag_error : float
+        Ratio T_rot / T at the begin, the one that it tends to, after which x 1/e of the way is left; and their errors.
+    rms, correlation_time, misfit, p_value, describes
+        Of what is left of theta, as in `Goodness`.
     """
 
     theta_0: float
@@ -245,11 +205,6 @@ class RatioFit:
     theta_end_error: float
     lag: float
     lag_error: float
-    rms: float
-    correlation_time: float
-    misfit: float
-    p_value: float
-    describes: bool
 
 
 def haff_fit(
@@ -260,7 +215,9 @@ def haff_fit(
     last: float | None = None,
     disks: int | None = None,
 ) -> HaffFit:
-    """Fit Haff's law to ln T by least squares, between two times, and test whether it holds (`goodness.fit`).
+    """Fit Haff's law to ln T by least squares, between two times, and test whether it holds (`fit`).
+
+    InputError for fewer than 4 points, temperatures that are not positive, or a gas that does not cool.
 
     Parameters
     ----------
@@ -272,11 +229,6 @@ def haff_fit(
         How many there are: ln T of n disks scatters slowly by 1 / sqrt(n) about any law (the energy of n independent
         Gaussian velocities in two dimensions has the relative variance 1 / n), which is no misfit. Without it, no
         scatter is allowed for.
-
-    Raises
-    ------
-    InputError
-        For fewer than 4 points, temperatures that are not positive, or a gas that does not cool.
 
     Examples
     --------
@@ -299,25 +251,14 @@ def haff_fit(
     begin = max(float(begin), 0.1 * float(T[0] ** -0.5))
     start = np.array([-2.0 * np.log(begin), np.log(begin / slope)])
 
-    def law(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def law(p: Array) -> Array:
         return p[0] - 2.0 * np.log1p(x / np.exp(p[1]))
 
     scatter = 0.0 if disks is None else disks**-0.5
-    found = fit(law, np.log(T), start, np.log1p(x / np.exp(start[1])), scatter=scatter)
-    T0, t_H = (float(one) for one in np.exp(found.values))
-    error = [float(one) for one in found.errors]
-    return HaffFit(
-        T0,
-        T0 * error[0],
-        t_H,
-        t_H * error[1],
-        found.rms,
-        found.correlation_time,
-        found.misfit,
-        found.p_value,
-        found.describes,
-        (float(t[0]), float(t[-1])),
-    )
+    values, errors, goodness = fit(law, np.log(T), start, np.log1p(x / np.exp(start[1])), scatter=scatter)
+    (T0, t_H), (T0_error, t_H_error) = np.exp(values).tolist(), (np.exp(values) * errors).tolist()
+    return HaffFit(**vars(goodness), T0=T0, T0_error=T0_error, t_H=t_H, t_H_error=t_H_error,
+                   times=(float(t[0]), float(t[-1])))  # fmt: skip
 
 
 def ratio_fit(
@@ -328,23 +269,18 @@ def ratio_fit(
     last: float | None = None,
     disks: int | None = None,
 ) -> RatioFit:
-    """Fit an exponential approach to the ratio of temperatures, and test whether it holds (`goodness.fit`).
+    """Fit an exponential approach to the ratio of temperatures, and test whether it holds (`fit`).
+
+    InputError for fewer than 6 points, or a ratio that does not change.
 
     Parameters
     ----------
-    x : array (s,)
-        Collisions per disk, in which a cooling gas has one lag, or times; rising.
-    theta : array (s,)
-        T_rot / T.
+    x, theta : array (s,)
+        Collisions per disk, in which a cooling gas has one lag, or times, rising; and T_rot / T.
     first, last : float, optional
         Where the fit begins and ends; without them, everywhere.
     disks : int, optional
         As for `haff_fit`: theta of n disks scatters by theta sqrt(3 / n), 1 / n of ln T and 2 / n of ln T_rot.
-
-    Raises
-    ------
-    InputError
-        For fewer than 6 points, or a ratio that does not change.
 
     Examples
     --------
@@ -365,31 +301,20 @@ def ratio_fit(
     lag = float(along[np.argmax(below)]) if np.any(below[1:]) else 0.3 * float(along[-1])
     start = np.array([ratio[0], end, np.log(max(lag, 0.2 * float(along[1])))])
 
-    def law(p: NDArray[np.float64]) -> NDArray[np.float64]:
+    def law(p: Array) -> Array:
         return p[1] + (p[0] - p[1]) * np.exp(-along / np.exp(np.clip(p[2], -50.0, 50.0)))
 
     scatter = 0.0 if disks is None else float(np.mean(np.abs(ratio))) * (3.0 / disks) ** 0.5
-    found = fit(law, ratio, start, np.log1p(along / np.exp(start[2])), scatter=scatter)
-    begin, end, lag = float(found.values[0]), float(found.values[1]), float(np.exp(found.values[2]))
-    error = [float(one) for one in found.errors]
-    return RatioFit(
-        begin,
-        error[0],
-        end,
-        error[1],
-        lag,
-        lag * error[2],
-        found.rms,
-        found.correlation_time,
-        found.misfit,
-        found.p_value,
-        found.describes,
-    )
+    values, errors, goodness = fit(law, ratio, start, np.log1p(along / np.exp(start[2])), scatter=scatter)
+    begin, end, lag = float(values[0]), float(values[1]), float(np.exp(values[2]))
+    begin_error, end_error, of_lag = errors.tolist()
+    return RatioFit(**vars(goodness), theta_0=begin, theta_0_error=begin_error, theta_end=end,
+                    theta_end_error=end_error, lag=lag, lag_error=lag * of_lag)  # fmt: skip
 
 
 def _window(
     x: ArrayLike, y: ArrayLike, first: float | None, last: float | None, least: int, what: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     at, value = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
     if at.shape != value.shape or at.ndim != 1:
         raise InputError(f"{what}: shapes {at.shape} and {value.shape} do not match")

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import as_box
 
@@ -24,24 +25,19 @@ class Correlation(Brief):
 
     Attributes
     ----------
-    lag : array (lags,)
-        Lags [time]; the first is 0.
-    value, error : array (lags,)
-        The mean, and its standard error: disks count as independent, lags and origins of a disk do not.
+    lag, value, error : array (lags,)
+        Lags [time], the first is 0; the mean, and its standard error: disks count as independent, lags and origins of a
+        disk do not.
     covariance : array (lags, lags)
         Covariance of `value` by the spread over disks: what a fit to it needs.
-    components : int
-        Directions in space that it is the sum of.
-    disks : int
-        How many there were.
-    origins : str
-        "all" or "first".
+    components, disks, origins : int, int, str
+        Directions in space that it is the sum of, number of disks, "all" or "first".
     """
 
-    lag: NDArray[np.float64]
-    value: NDArray[np.float64]
-    error: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    lag: Array
+    value: Array
+    error: Array
+    covariance: Array
     components: int
     disks: int
     origins: str
@@ -56,8 +52,8 @@ class Diffusion:
     D, error : float
         Slope over twice the number of directions [length^2/time], and its standard error by the spread over disks.
     exponent : float
-        Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the
-        fit is too early or the gas cools.
+        Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the fit
+        is too early or the gas cools.
     lags : tuple of two floats
         Of the first and the last lag used [time].
     """
@@ -70,8 +66,10 @@ class Diffusion:
 
 def unwrap(
     position: ArrayLike, box: Box | ArrayLike, *, image: ArrayLike | None = None, times: ArrayLike = 0.0
-) -> NDArray[np.float64]:
+) -> Array:
     """Paths without jumps through periodic sides [length], shape (frames, n, 2).
+
+    InputError if steps are too long, or a sheared box has no images.
 
     Parameters
     ----------
@@ -82,11 +80,6 @@ def unwrap(
         refused if steps are so long (root of the mean square above an eighth of the box) that some would be wrong.
     times : array (frames,), optional
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        If steps are too long, or a sheared box has no images.
 
     Examples
     --------
@@ -125,31 +118,24 @@ def unwrap(
     return np.concatenate((x[:1], x[:1] + np.cumsum(step, axis=0)))
 
 
-class _Means:
-    """Sums over disks of values at lags, from which mean and covariance of the mean come; a few disks at a time."""
-
-    def __init__(self, lags: int) -> None:
-        self.disks = 0
-        self.sum = np.zeros(lags)
-        self.square = np.zeros((lags, lags))
-
-    def add(self, values: NDArray[np.float64]) -> None:
-        """Add disks, shape (lags, n)."""
-        self.disks += values.shape[1]
-        self.sum += values.sum(axis=1)
-        self.square += values @ values.T
-
-    def correlation(self, lag: NDArray[np.float64], components: int, origins: str) -> Correlation:
-        n = self.disks
-        mean = self.sum / n
-        covariance = np.full_like(self.square, np.nan)
-        if n > 1:
-            covariance = (self.square / n - np.outer(mean, mean)) / (n - 1)
-        error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        return Correlation(lag, mean, error, covariance, components, n, origins)
+def _correlation(
+    name: str, times: ArrayLike, paths: Any, origins: str, most: int, values: Callable[[Array, int], Array]
+) -> Correlation:
+    """The mean over disks of values (lags, n) of paths (frames, n, d), a few disks at a time."""
+    lag = _lags(times, name, paths, origins, most)
+    n, components, total, square = 0, 0, np.zeros(len(lag)), np.zeros((len(lag), len(lag)))
+    for path in _parts(name, paths, len(np.asarray(times))):
+        found = values(path, len(lag))
+        n, components = n + path.shape[1], path.shape[2]
+        total += found.sum(axis=1)
+        square += found @ found.T
+    mean = total / n
+    covariance = (square / n - np.outer(mean, mean)) / (n - 1) if n > 1 else np.full_like(square, np.nan)
+    error = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return Correlation(lag, mean, error, covariance, components, n, origins)
 
 
-def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> NDArray[np.float64]:
+def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> Array:
     """Lags for these times, at most so many; InputError if they do not suit the origins, or are no times.
 
     `values` are the other argument, called `name`: who gives both in the wrong order is told.
@@ -182,7 +168,7 @@ def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> 
 
 def mean_square_displacement(
     times: ArrayLike,
-    paths: NDArray[np.float64] | Iterable[NDArray[np.float64]],
+    paths: Array | Iterable[Array],
     *,
     origins: Literal["all", "first"] = "all",
     most_lags: int = 500,
@@ -190,8 +176,8 @@ def mean_square_displacement(
     """<|x(s + t) - x(s)|^2> over disks, and over all frames s or from the first frame only.
 
     Over all frames by the Fourier transform (V. Calandrini et al., Collection SFN 12, 201 (2011),
-    doi:10.1051/sfn/201112010), which needs frames that are evenly spaced and a gas in a steady state. A gas that cools
-    has no such mean: take "first" there.
+    doi:10.1051/sfn/201112010), which needs frames that are evenly spaced and a gas in a steady state. A gas that
+    cools has no such mean: take "first" there. InputError if times are not even for "all", or shapes do not match.
 
     Parameters
     ----------
@@ -201,11 +187,6 @@ def mean_square_displacement(
         Unwrapped positions [length] (see `unwrap`); d directions count.
     most_lags : int
         Lags at most, from the shortest on, where all origins count.
-
-    Raises
-    ------
-    InputError
-        If times are not even for "all", or shapes do not match.
 
     Examples
     --------
@@ -218,26 +199,23 @@ def mean_square_displacement(
     >>> bool(abs(msd.value[msd.lag == 10.0][0] / 20.0 - 1.0) < 0.1)  # a random walk of unit steps: 2 t
     True
     """
-    lag = _lags(times, "paths", paths, origins, most_lags)
-    means, components = _Means(len(lag)), 0
-    for path in _parts("paths", paths, len(np.asarray(times))):
-        components = path.shape[2]
+
+    def values(path: Array, lags: int) -> Array:
         path = path - path[0]
         if origins == "first":
-            means.add(np.sum(path**2, axis=2))
-            continue
-        frames = len(path)
+            return np.sum(path**2, axis=2)
+        frames, step = len(path), np.arange(lags)
         square = np.concatenate((np.zeros_like(path[:1, :, 0]), np.cumsum(np.sum(path**2, axis=2), axis=0)))
-        step = np.arange(len(lag))
         # Sums of |x(s)|^2 and |x(s + t)|^2 over the origins s that a lag has.
         ends = square[frames - step] + (square[frames] - square[step])
-        means.add((ends - 2.0 * _autocorrelation(path)[: len(lag)]) / (frames - step)[:, None])
-    return means.correlation(lag, components, origins)
+        return (ends - 2.0 * _autocorrelation(path)[:lags]) / (frames - step)[:, None]
+
+    return _correlation("paths", times, paths, origins, most_lags, values)
 
 
 def velocity_autocorrelation(
     times: ArrayLike,
-    velocity: NDArray[np.float64] | Iterable[NDArray[np.float64]],
+    velocity: Array | Iterable[Array],
     *,
     origins: Literal["all", "first"] = "all",
     most_lags: int = 500,
@@ -255,20 +233,16 @@ def velocity_autocorrelation(
     >>> found.value[:2].round(1) + 0.0
     array([2., 0.])
     """
-    lag = _lags(times, "velocity", velocity, origins, most_lags)
-    means, components = _Means(len(lag)), 0
-    for v in _parts("velocity", velocity, len(np.asarray(times))):
-        components = v.shape[2]
+
+    def values(v: Array, lags: int) -> Array:
         if origins == "first":
-            means.add(np.sum(v * v[0], axis=2))
-        else:
-            means.add(_autocorrelation(v)[: len(lag)] / (len(v) - np.arange(len(lag)))[:, None])
-    return means.correlation(lag, components, origins)
+            return np.sum(v * v[0], axis=2)
+        return _autocorrelation(v)[:lags] / (len(v) - np.arange(lags))[:, None]
+
+    return _correlation("velocity", times, velocity, origins, most_lags, values)
 
 
-def _parts(
-    name: str, values: NDArray[np.float64] | Iterable[NDArray[np.float64]], frames: int
-) -> Iterable[NDArray[np.float64]]:
+def _parts(name: str, values: Array | Iterable[Array], frames: int) -> Iterable[Array]:
     found = False
     for part in [values] if isinstance(values, np.ndarray) else values:
         if part.ndim != 3 or len(part) != frames:
@@ -282,7 +256,7 @@ def _parts(
         raise InputError("no disks")
 
 
-def _autocorrelation(x: NDArray[np.float64]) -> NDArray[np.float64]:
+def _autocorrelation(x: Array) -> Array:
     """Sum over s of x(s) . x(s + t), shape (frames, n), of x of shape (frames, n, d)."""
     frames = len(x)
     transformed = np.fft.rfft(x, 2 * frames, axis=0)
@@ -294,13 +268,9 @@ def diffusion_coefficient(
 ) -> Diffusion:
     """Slope of the line of least squares through a mean-square displacement between two lags [time].
 
-    By default from a half of the longest lag to its end where the origin is the first frame, and from a tenth of it to
-    a half, which more origins know, where all are; all lags if these are fewer than 3.
-
-    Raises
-    ------
-    InputError
-        If fewer than 3 lags lie between.
+    By default from a half of the longest lag to its end where the origin is the first frame, and from a tenth of it
+    to a half, which more origins know, where all are; all lags if these are fewer than 3. InputError if fewer than 3
+    lags lie between.
 
     Examples
     --------
@@ -330,9 +300,5 @@ def diffusion_coefficient(
     variance = float(weight @ msd.covariance[np.ix_(used, used)] @ weight)
     factor = 2.0 * msd.components
     exponent = float(np.polyfit(np.log(t), np.log(value), 1)[0]) if np.all(value > 0.0) else float("nan")
-    return Diffusion(
-        D=float(weight @ value) / factor,
-        error=float(np.sqrt(variance)) / factor,
-        exponent=exponent,
-        lags=(float(t[0]), float(t[-1])),
-    )
+    lags = (float(t[0]), float(t[-1]))
+    return Diffusion(float(weight @ value) / factor, float(np.sqrt(variance)) / factor, exponent, lags)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import as_box, each
 
@@ -21,56 +22,44 @@ class Fields(Brief):
     ----------
     x, y : array (a,), (b,)
         Middles of the cells [length].
-    number : array (a, b)
-        Number density [1/length^2].
-    packing_fraction : array (a, b)
-        Area of the disks in it over area, each counted whole at its centre.
+    number, packing_fraction : array (a, b)
+        Number density [1/length^2], and area of the disks in it over area, each counted whole at its centre.
     velocity : array (a, b, 2)
         Mean velocity weighted by mass [length/time]; nan where there is nobody.
-    temperature : array (a, b)
-        T = <m |v - u|^2> / 2 relative to the mean velocity u of the place [energy], without bias by the number of
-        disks that u is the mean of; nan where fewer than two are. It contains what u varies by within the place.
-    rotational_temperature : array (a, b)
-        T_rot = <I omega^2> [energy].
+    temperature, rotational_temperature : array (a, b)
+        T = <m |v - u|^2> / 2 relative to the mean velocity u of the place, without bias by the number of disks that u
+        is the mean of, nan where fewer than two are; it contains what u varies by within the place. T_rot = <I
+        omega^2>. [energy]
     width : float
         Standard deviation of the Gaussian [length], 0 for plain cells.
     """
 
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
-    number: NDArray[np.float64]
-    packing_fraction: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    temperature: NDArray[np.float64]
-    rotational_temperature: NDArray[np.float64]
+    x: Array
+    y: Array
+    number: Array
+    packing_fraction: Array
+    velocity: Array
+    temperature: Array
+    rotational_temperature: Array
     width: float
 
 
 def coarse_grain(
-    position: NDArray[np.float64],
-    velocity: NDArray[np.float64],
-    spin: NDArray[np.float64] | None = None,
-    *,
-    box: Box | ArrayLike,
-    cells: tuple[int, int],
-    mass: ArrayLike = 1.0,
-    radius: ArrayLike = 0.0,
-    inertia: ArrayLike = 0.0,
-    width: float = 0.0,
-) -> Fields:
+    position: Array, velocity: Array, spin: Array | None = None, *, box: Box | ArrayLike, cells: tuple[int, int],
+    mass: ArrayLike = 1.0, radius: ArrayLike = 0.0, inertia: ArrayLike = 0.0, width: float = 0.0,
+) -> Fields:  # fmt: skip
     """Fields of one frame, by cells or by Gaussians around each disk.
 
     With weights phi of the disks at a place (1 in its cell, or the Gaussian of the distance), u = sum m v phi over
     sum m phi, and T = sum m |v - u|^2 phi / (2 (sum phi - sum m phi^2 / sum m phi)): the bracket makes the mean of T
     right if velocities are independent and all have one temperature. Weights as in I. Goldhirsch, Granul. Matter 12,
-    239 (2010), doi:10.1007/s10035-010-0181-z.
+    239 (2010), doi:10.1007/s10035-010-0181-z. InputError if shapes do not match, cells are not positive, the width is
+    below half a cell, or Gaussians are asked for in a sheared box.
 
     Parameters
     ----------
-    position, velocity : array (n, 2)
-        Centres [length] and velocities [length/time].
-    spin : array (n,), optional
-        Spins [rad/time]; without them, T_rot is 0.
+    position, velocity, spin : arrays (n, 2), (n, 2) and (n,)
+        Centres [length], velocities [length/time] and spins [rad/time], without which T_rot is 0.
     box : Box, or two lengths of a periodic one
         An open one takes what holds all centres.
     cells : tuple of two ints
@@ -80,12 +69,6 @@ def coarse_grain(
     width : float
         Standard deviation of Gaussians [length]; 0 for plain cells. Each disk is put into its cell and the grid is
         smoothed, so that cells should be smaller than the width. Beside walls, weights count inside only.
-
-    Raises
-    ------
-    InputError
-        If shapes do not match, cells are not positive, the width is below half a cell, or Gaussians are asked for in a
-        sheared box.
 
     Examples
     --------
@@ -123,7 +106,7 @@ def coarse_grain(
     omega = np.zeros(n) if spin is None else np.asarray(spin, dtype=float)
     kernel = _Kernel(width, size, cells, box)
 
-    def total(weights: NDArray[np.float64], squared: bool = False) -> NDArray[np.float64]:
+    def total(weights: Array, squared: bool = False) -> Array:
         put = np.bincount(index, weights, minlength=cells[0] * cells[1]).astype(np.float64)
         return kernel.smooth(put.reshape(cells), squared)
 
@@ -137,28 +120,18 @@ def coarse_grain(
         T = np.where(enough, np.maximum(spread, 0.0) / (2.0 * freedom), np.nan)
         T_rot = total(inertia_of * omega * omega) / number
     area = float(np.prod(size))
-    return Fields(
-        x=low[0] + (np.arange(cells[0]) + 0.5) * size[0],
-        y=low[1] + (np.arange(cells[1]) + 0.5) * size[1],
-        number=number / area,
-        packing_fraction=total(np.pi * R * R) / area,
-        velocity=u + drift,
-        temperature=T,
-        rotational_temperature=T_rot,
-        width=width,
-    )
+    x, y = (low[axis] + (np.arange(cells[axis]) + 0.5) * size[axis] for axis in (0, 1))
+    return Fields(x, y, number / area, total(np.pi * R * R) / area, u + drift, T, T_rot, width)
 
 
 class _Kernel:
     """Weights phi on the grid: a Gaussian that sums to 1 over cells, or 1 in the own cell."""
 
-    def __init__(self, width: float, size: NDArray[np.float64], cells: tuple[int, int], box: Box) -> None:
+    def __init__(self, width: float, size: Array, cells: tuple[int, int], box: Box) -> None:
         self.width, self.size, self.box = width, size, box
-        self.inside = np.ones(cells)
-        if width:
-            self.inside = self._filter(np.ones(cells), width)
+        self.inside = self._filter(np.ones(cells), width) if width else np.ones(cells)
 
-    def smooth(self, deposited: NDArray[np.float64], squared: bool) -> NDArray[np.float64]:
+    def smooth(self, deposited: Array, squared: bool) -> Array:
         """Sum of phi, or of phi^2, times what was put into cells."""
         if not self.width:
             return deposited
@@ -168,7 +141,7 @@ class _Kernel:
         factor = float(np.prod(self.size)) / (4.0 * np.pi * self.width**2)
         return factor * self._filter(deposited, self.width / np.sqrt(2.0)) / self.inside**2
 
-    def _filter(self, values: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+    def _filter(self, values: Array, width: float) -> Array:
         from scipy.ndimage import gaussian_filter1d
 
         for axis in (0, 1):

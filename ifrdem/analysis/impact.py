@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import Regime
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 
 REGIMES = {
@@ -17,7 +18,7 @@ REGIMES = {
     **{int(one): one.name.lower().replace("_", " + ") for one in Regime},
     9: "elastic (remedy)",
 }
-"""What the numbers of `regime` in a file mean."""
+"""Names of the numbers of `regime` in a file."""
 COUNTED = {
     "sliding": REGIMES[Regime.SLIDING],
     "sticking": REGIMES[Regime.STICKING],
@@ -42,28 +43,22 @@ class Impacts(Brief):
 
     Attributes
     ----------
-    psi : array (bins,)
-        Middles of bins from 0 to pi / 2 [rad].
-    density, density_error : array (bins,)
-        Probability density [1/rad], and its standard error by counting: with c of n collisions in a bin, that of a
-        probability of which nothing else is known (its posterior by Jeffreys' prior, a beta distribution with
-        c + 1/2 and n - c + 1/2), which is not 0 for empty bins.
-    mean_b, mean_b_error : float
-        Mean of sin psi, 1/2 in molecular chaos.
-    p_value : float
-        Probability that as many independent collisions would be as far from a uniform b, or farther, if it were uniform
-        (Kolmogorov and Smirnov); not that it is.
+    psi, density, density_error : array (bins,)
+        Middles of bins from 0 to pi / 2 [rad]; probability density [1/rad], and its standard error by counting: with c
+        of n collisions in a bin, that of a probability of which nothing else is known (its posterior by Jeffreys'
+        prior, a beta distribution with c + 1/2 and n - c + 1/2), which is not 0 for empty bins.
+    mean_b, mean_b_error, p_value : float
+        Mean of sin psi, 1/2 in molecular chaos. Probability that as many independent collisions would be as far from a
+        uniform b, or farther, if it were uniform (Kolmogorov and Smirnov); not that it is.
     regimes : dict
         Name of a regime -> share of the collisions, its standard error.
-    collisions : int
-        How many there were.
-    regime_collisions : int
-        Of how many the regimes are known.
+    collisions, regime_collisions : int
+        How many there were, and of how many the regimes are known.
     """
 
-    psi: NDArray[np.float64]
-    density: NDArray[np.float64]
-    density_error: NDArray[np.float64]
+    psi: Array
+    density: Array
+    density_error: Array
     mean_b: float
     mean_b_error: float
     p_value: float
@@ -75,12 +70,8 @@ class Impacts(Brief):
 def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None = None) -> Impacts:
     """Distributions of angles of impact psi [rad], shape (c,), and of regimes, shape (c,) (values of `law.Regime`).
 
-    Without `bins`, there are so many that a bin has `PER_BIN` collisions in the mean, within `BINS`.
-
-    Raises
-    ------
-    InputError
-        Without collisions, or if an angle is outside of 0 to pi / 2.
+    Without `bins`, there are so many that a bin has `PER_BIN` collisions in the mean, within `BINS`. InputError
+    without collisions, or if an angle is outside of 0 to pi / 2.
 
     Examples
     --------
@@ -94,29 +85,26 @@ def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None
     from scipy.stats import kstest
 
     angle = np.asarray(psi, dtype=float)
-    n = len(angle)
+    n, quarter = len(angle), 0.5 * np.pi * (1.0 + 1e-12)
     if n == 0:
         raise InputError("no collisions: there are no angles of impact")
-    if not (np.all(angle >= 0.0) and np.all(angle <= 0.5 * np.pi * (1.0 + 1e-12))):
+    if not (np.all(angle >= 0.0) and np.all(angle <= quarter)):
         raise InputError("angles of impact must be from 0 to pi / 2 [rad]")
-    if bins is None:
-        bins = int(np.clip(n // PER_BIN, *BINS))
-    counts, edges = np.histogram(angle, bins, (0.0, 0.5 * np.pi * (1.0 + 1e-12)))
-    share, width = counts / n, edges[1] - edges[0]
-    likely = (counts + 0.5) / (n + 1.0)
+    counts, edges = np.histogram(
+        angle, int(np.clip(n // PER_BIN, *BINS)) if bins is None else bins, (0.0, quarter)
+    )
+    width, likely = edges[1] - edges[0], (counts + 0.5) / (n + 1.0)
     b = np.sin(angle)
     shares: dict[str, tuple[float, float]] = {}
     if regime is not None:
         values = np.asarray(regime)
         if len(values) != n:
             raise InputError(f"{len(values)} regimes of {n} collisions: as many are needed")
-        found = zip(*np.unique(values, return_counts=True), strict=True)
-        shares = regime_shares(
-            {REGIMES.get(int(value), f"regime {int(value)}"): int(count) for value, count in found}
-        )
+        found = np.array(np.unique(values, return_counts=True)).T.tolist()
+        shares = regime_shares({REGIMES.get(value, f"regime {value}"): count for value, count in found})
     return Impacts(
         psi=0.5 * (edges[1:] + edges[:-1]),
-        density=share / width,
+        density=counts / n / width,
         density_error=np.sqrt(likely * (1.0 - likely) / (n + 2.0)) / width,
         mean_b=float(b.mean()),
         mean_b_error=float(np.std(b, ddof=1) / np.sqrt(n)) if n > 1 else float("nan"),
@@ -130,8 +118,5 @@ def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None
 def regime_shares(counts: Mapping[str, int]) -> dict[str, tuple[float, float]]:
     """Share of each regime that occurs, and its standard error, from numbers of independent collisions."""
     n = sum(counts.values())
-    return {
-        name: (count / n, float(np.sqrt(count / n * (1.0 - count / n) / n)))
-        for name, count in counts.items()
-        if count
-    }
+    shares = {name: count / n for name, count in counts.items() if count}
+    return {name: (share, float(np.sqrt(share * (1.0 - share) / n))) for name, share in shares.items()}

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import cooling, displacement, impact, pressure
 from . import result as stored
-from .result import NOT_STEADY, Columns, Outcome, Row, every, times, unit
+from .result import NOT_STEADY, Evaluation, Reading, every, times, unit
 
 
 def _motion(trajectory: Trajectory, chosen: Sequence[int] | None) -> tuple[list[int], str, list[str]]:
@@ -40,27 +41,25 @@ def _even(trajectory: Trajectory, used: list[int]) -> bool:
 
 
 def _steady(trajectory: Trajectory, used: list[int]) -> bool:
-    """Whether the temperature keeps its value over these frames, as far as the file tells."""
+    """True if the temperature keeps its value over these frames, as far as the file tells."""
     T = trajectory.observables.get("temperature")
     return T is None or _keeps(T[used])
 
 
-def _keeps(T: NDArray[np.float64]) -> bool:
-    """Whether temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
+def _keeps(T: Array) -> bool:
+    """True if temperatures of the later half differ by less than a tenth from those of the earlier, in the mean."""
     if len(T) < 2:
         return True
     early, late = (float(np.mean(part)) for part in np.array_split(T, 2))
     return abs(late - early) <= 0.1 * max(early, late)
 
 
-def _unsteady(trajectory: Trajectory, T: NDArray[np.float64]) -> str:
+def _unsteady(trajectory: Trajectory, T: Array) -> str:
     first, last = (trajectory.with_unit(f"{one:.4g}", "energy") for one in (T[0], T[-1]))
     return f"{NOT_STEADY}: T goes from {first} to {last} in that time"
 
 
-def _parts(
-    trajectory: Trajectory, used: Sequence[int], name: str
-) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[tuple[slice, Array]]:
     """A field of some disks over all frames, a part at a time: memory holds few millions of numbers."""
     data, n = trajectory.dataset(name), trajectory.disks.n
     size = max(1, 2_000_000 // len(used))
@@ -72,7 +71,15 @@ def _parts(
         yield disks, data[rows, disks].astype(np.float64)
 
 
-def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
+def _change_doubt(trajectory: Trajectory, used: list[int], text: str) -> list[str]:
+    """A doubt, if the temperature changes over these frames."""
+    if _steady(trajectory, used):
+        return []
+    T = trajectory.observables["temperature"][used]
+    return [f"{_unsteady(trajectory, T)}{text}less than a tenth, or drive the gas"]
+
+
+def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     used, origins, notes = _motion(trajectory, chosen)
     box, when = trajectory.box, trajectory.times[used]
@@ -80,7 +87,7 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     if not has_image and not box.is_open:
         notes.append('no "image" in the file: each step is taken for the shortest through the sides')
 
-    def paths() -> Iterator[NDArray[np.float64]]:
+    def paths() -> Iterator[Array]:
         images = _parts(trajectory, used, "image") if has_image else None
         for _, position in _parts(trajectory, used, "position"):
             image = next(images)[1] if images is not None else None
@@ -91,25 +98,19 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         notes.append("across the flow only")
     found = displacement.mean_square_displacement(when, paths(), origins=origins)  # type: ignore[arg-type]
     fit = displacement.diffusion_coefficient(found)
-    steady = _steady(trajectory, used)
-    in_unit = unit(trajectory, "length^2/time")
-    rows = [Row("D", fit.D, fit.error, in_unit) if steady else Row("D", float("nan"), unit=in_unit)]
-    rows.append(Row("exponent", fit.exponent))
-    doubts = []
-    if steady:
+    words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
+    doubts = _change_doubt(trajectory, used, words)
+    D = (math.nan, math.nan) if doubts else (fit.D, fit.error)
+    rows = [Reading("D", *D, unit(trajectory, "length^2/time")), Reading("exponent", fit.exponent)]
+    if not doubts:
         notes.append(f"line fitted at lags from {fit.lags[0]:.4g} to {fit.lags[1]:.4g}")
         if abs(fit.exponent - 1.0) > 0.2:
             notes.append("the exponent is not 1: this D is no diffusion coefficient")
-    else:
-        doubts.append(
-            f"{_unsteady(trajectory, trajectory.observables['temperature'][used])}, and D with it, as sqrt(T): no "
-            "single D. Choose --frames over which T changes by less than a tenth, or drive the gas"
-        )
     table = {"lag": found.lag, "msd": found.value, "error": found.error}
-    return Outcome((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    return Evaluation((found, fit), rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
-def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
+def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "velocity")
     if trajectory.box.shear_rate:
         raise InputError(
@@ -119,29 +120,29 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     parts = (v for _, v in _parts(trajectory, used, "velocity"))
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
-    below = np.flatnonzero(found.value < scale / np.e)
-    rows = [Row("<v^2>", float(found.value[0]), float(found.error[0]), unit(trajectory, "length^2/time^2"))]
+    below = np.flatnonzero(found.value < scale / math.e)
+    rows = [
+        Reading("<v^2>", float(found.value[0]), float(found.error[0]), unit(trajectory, "length^2/time^2"))
+    ]
     if len(below):
-        rows.append(Row("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
+        rows.append(Reading("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
     table = {"lag": found.lag, "vacf": found.value, "error": found.error}
-    doubts = []
-    if not _steady(trajectory, used):
-        doubts.append(
-            f"{_unsteady(trajectory, trajectory.observables['temperature'][used])}: velocities shrink or grow with "
-            "sqrt(T), so that they do not decay by loss of memory alone. Choose --frames over which T changes by "
-            "less than a tenth, or drive the gas"
-        )
-    return Outcome(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
+    words = (
+        ": velocities shrink or grow with sqrt(T), so that they do not decay by loss of memory alone. Choose --frames "
+        "over which T changes by "
+    )
+    doubts = _change_doubt(trajectory, used, words)
+    return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 
-def _span_mean(when: NDArray[np.float64], values: NDArray[np.float64], span: tuple[float, float]) -> float:
+def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
     """Mean of a series over a span of time, linear between its points."""
     inner = (when > span[0]) & (when < span[1])
     t = np.concatenate(([span[0]], when[inner], [span[1]]))
     return float(np.trapezoid(np.interp(t, when, values), t) / (span[1] - span[0]))
 
 
-def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
+def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     box, disks = trajectory.box, trajectory.disks
     if box.is_open or trajectory.room.all_walls:
         raise InputError(
@@ -152,11 +153,9 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
     inside = (when >= span[0]) & (when <= span[1])
     when, T, count = when[inside], T[inside], count[inside]
-    force = unit(trajectory, "energy/length^2")
-    rows: list[Row] = []
+    rows: list[Reading] = []
     notes: list[str] = []
     doubts: list[str] = []
-    tables: dict[str, Columns] = {}
     result = None
     if not _keeps(T):
         doubts.append(
@@ -173,72 +172,57 @@ def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome
         if not span[1] > span[0]:
             raise InputError(f"{trajectory.path}: its histories know no time between the frames chosen")
         seen = (found.time >= span[0]) & (found.time <= span[1])
+        sigma = disks.radius[found.id] + disks.radius[found.partner]
+        columns = (found.time, found.normal, found.impulse, sigma)
         result = pressure.pressure_from_impulses(
-            found.time[seen],
-            found.normal[seen],
-            found.impulse[seen],
-            (disks.radius[found.id] + disks.radius[found.partner])[seen],
-            span=span,
-            area=box.area,
-            disks=disks.n,
-            tracked=len(found.tracked),
+            *(column[seen] for column in columns), span=span, area=box.area, disks=disks.n, tracked=len(found.tracked),
             temperature=np.array([_span_mean(when, T, part) for part in pressure.blocks(span)]),
-        )
+        )  # fmt: skip
+        force, of_Z = unit(trajectory, "energy/length^2"), result.error / (result.kinetic or math.nan)
         rows += [
-            Row("pressure", result.total, result.error, force),
-            Row("kinetic part", result.kinetic, unit=force),
-            Row("collisional part", result.collisional, result.error, force),
-            Row(
-                "Z = p A / (N T)", result.Z, result.error / result.kinetic if result.kinetic else float("nan")
-            ),
+            Reading("pressure", result.total, result.error, force),
+            Reading("kinetic part", result.kinetic, unit=force),
+            Reading("collisional part", result.collisional, result.error, force),
+            Reading("Z = p A / (N T)", result.Z, of_Z),
         ]
         notes.append(f"impulses of {len(found.tracked)} tracked disks")
     rows += _pressure_by_rate(trajectory, when, T, count, notes)
     if not rows:
         raise InputError(f"{trajectory.path}: no pressure: " + "; ".join(notes))
-    tables[""] = {
-        "quantity": np.array([row.name for row in rows]),
-        "value": np.array([row.value for row in rows]),
-    }
-    return Outcome(result, rows, tables, notes, span, doubts)
+    names, values = ([getattr(row, name) for row in rows] for name in ("name", "value"))
+    tables = {"": {"quantity": np.array(names), "value": np.array(values)}}
+    return Evaluation(result, rows, tables, notes, span, doubts)
 
 
 def _pressure_by_rate(
-    trajectory: Trajectory,
-    when: NDArray[np.float64],
-    T: NDArray[np.float64],
-    count: NDArray[np.float64],
-    notes: list[str],
-) -> list[Row]:
+    trajectory: Trajectory, when: Array, T: Array, count: Array, notes: list[str]
+) -> list[Reading]:
     """chi and Z by the number of collisions, for equal disks of a law with a constant e_n."""
     disks = trajectory.disks
     if any(np.ptp(one) != 0 for one in (disks.mass, disks.radius, disks.material)) or len(when) < 2:
         notes.append("not by the rate of collisions: it takes equal disks and two times")
         return []
-    collisions = float(count[-1] - count[0])
-    phi = trajectory.box.packing_fraction(disks.radius)
+    collisions, phi = float(count[-1] - count[0]), trajectory.box.packing_fraction(disks.radius)
     # The rate goes like sqrt(T): of the mean of that, a gas that cools has the collisions that it has.
     mean = _span_mean(when, np.sqrt(T), (float(when[0]), float(when[-1]))) ** 2
     if collisions < 1 or mean <= 0.0:
         notes.append("not by the rate of collisions: there are none")
         return []
     rate = 2.0 * collisions / disks.n / float(when[-1] - when[0])
-    chi = pressure.contact_from_rate(
-        rate, packing_fraction=phi, temperature=mean, mass=float(disks.mass[0]), radius=float(disks.radius[0])
-    )
-    rows = [Row("g at contact, by the rate of collisions", chi, chi / np.sqrt(collisions))]
+    mass, radius = float(disks.mass[0]), float(disks.radius[0])
+    chi = pressure.contact_from_rate(rate, packing_fraction=phi, temperature=mean, mass=mass, radius=radius)
+    rows = [Reading("g at contact, by the rate of collisions", chi, chi / np.sqrt(collisions))]
     if "laws" in trajectory.parameters:
         material = int(disks.material[0])
         law = trajectory.laws[material][material]
         assert law is not None  # its disks have collided
-        e_n = float(law["e_n"])
-        Z = pressure.compressibility(phi, chi, e_n)
-        rows.append(Row("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
+        Z = pressure.compressibility(phi, chi, float(law["e_n"]))
+        rows.append(Reading("Z by it", Z, (Z - 1.0) / np.sqrt(collisions)))
     notes.append("the rate tells g at contact where velocities are Maxwellian and without correlations")
     return rows
 
 
-def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
+def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     for name in ("energy_input", "wall_work", "wall_heat"):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
             raise InputError(
@@ -254,9 +238,9 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     haff = cooling.haff_fit(when, T, disks=n)
     energy, time = unit(trajectory, "energy"), unit(trajectory, "time")
     rows = [
-        Row("T0", haff.T0, haff.T0_error, energy),
-        Row("t_H", haff.t_H, haff.t_H_error, time),
-        Row("rms of what is left of ln T", haff.rms),
+        Reading("T0", haff.T0, haff.T0_error, energy),
+        Reading("t_H", haff.t_H, haff.t_H_error, time),
+        Reading("rms of what is left of ln T", haff.rms),
     ]
     notes = ["Haff: T = T0 / (1 + (t - t_first) / t_H)^2; errors with the autocorrelation of what is left"]
     doubts = [] if haff.describes else [_misfit("Haff's law", haff.misfit, n, "ln T", n**-0.5)]
@@ -270,10 +254,10 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         notes.append(f"no fit to theta: {error}")
     else:
         rows += [
-            Row("theta_0", ratio.theta_0, ratio.theta_0_error),
-            Row("theta_end", ratio.theta_end, ratio.theta_end_error),
-            Row("lag of theta, collisions per disk", ratio.lag, ratio.lag_error),
-            Row("rms of what is left of theta", ratio.rms),
+            Reading("theta_0", ratio.theta_0, ratio.theta_0_error),
+            Reading("theta_end", ratio.theta_end, ratio.theta_end_error),
+            Reading("lag of theta, collisions per disk", ratio.lag, ratio.lag_error),
+            Reading("rms of what is left of theta", ratio.rms),
         ]
         notes.append("theta = T_rot / T, exponential in collisions per disk")
         if not ratio.describes:
@@ -282,13 +266,9 @@ def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         elif not ratio.lag_error < ratio.lag:
             doubts.append("the run is too short to tell where theta ends, and its lag: theta has hardly bent")
     table = {
-        "time": when,
-        "collisions_per_disk": tau,
-        "temperature": T,
-        "rotational_temperature": T_rot,
-        "theta": theta,
-    }
-    return Outcome((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])), doubts)
+        "time": when, "collisions_per_disk": tau, "temperature": T, "rotational_temperature": T_rot, "theta": theta,
+    }  # fmt: skip
+    return Evaluation((haff, ratio), rows, {"": table}, notes, (float(when[0]), float(when[-1])), doubts)
 
 
 def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> str:
@@ -300,7 +280,7 @@ def _misfit(law: str, misfit: float, n: int, quantity: str, scatter: float) -> s
     )
 
 
-def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
+def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     found = stored.collisions(trajectory)
     seen = found.once
     span = found.span
@@ -313,10 +293,10 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
     if counts is not None:
         result = replace(result, regimes=impact.regime_shares(counts), regime_collisions=sum(counts.values()))
     rows = [
-        Row("collisions", result.collisions),
-        Row("mean of b = sin psi", result.mean_b, result.mean_b_error),
-        Row("p-value of a uniform b (Kolmogorov-Smirnov)", result.p_value),
-        *(Row(f"share of {name}", *share) for name, share in result.regimes.items()),
+        Reading("collisions", result.collisions),
+        Reading("mean of b = sin psi", result.mean_b, result.mean_b_error),
+        Reading("p-value of a uniform b (Kolmogorov-Smirnov)", result.p_value),
+        *(Reading(f"share of {name}", *share) for name, share in result.regimes.items()),
     ]
     table = {"psi": result.psi, "density": result.density, "error": result.density_error}
     notes = [f"{of_whom}; in molecular chaos b is uniform and psi has the density cos psi"]
@@ -324,11 +304,11 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Outcome:
         notes.append(
             f"regimes by the time series: of all {result.regime_collisions} collisions of two disks, within rows of it"
         )
-    return Outcome(result, rows, {"": table}, notes, span)
+    return Evaluation(result, rows, {"": table}, notes, span)
 
 
 def _counted_regimes(trajectory: Trajectory, span: tuple[float, float]) -> dict[str, int] | None:
-    """How many collisions of the whole gas had which regime within a span of time; None if the file does not tell."""
+    """Collisions of the whole gas by regime within a span of time; None if the file does not tell."""
     name, time = "collisions_by_regime", trajectory.series.time
     inside = np.flatnonzero((time >= span[0]) & (time <= span[1]))
     if name not in trajectory.series or len(inside) < 2:

@@ -6,10 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import Positions, as_box, each, freud_frame, times_of
@@ -20,24 +21,20 @@ CONTACT_BINS = 25
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PairCorrelation(Brief):
-    """How often centres are at a distance r, relative to an ideal gas of the same density.
+    """Frequency of centres at a distance r, relative to an ideal gas of the same density.
 
     Attributes
     ----------
-    r : array (bins,)
-        Middles of the bins [length].
-    g, g_error : array (bins,)
-        g(r), and its standard error by the number of pairs, which count as independent.
-    pairs : array (bins,)
-        Pairs counted, each once, over all frames.
+    r, g, g_error, pairs : array (bins,)
+        Middles of the bins [length]; g(r), and its standard error by the number of pairs, which count as independent;
+        pairs counted, each once, over all frames.
     frames : int
-        How many there were.
     """
 
-    r: NDArray[np.float64]
-    g: NDArray[np.float64]
-    g_error: NDArray[np.float64]
-    pairs: NDArray[np.float64]
+    r: Array
+    g: Array
+    g_error: Array
+    pairs: Array
     frames: int
 
 
@@ -65,15 +62,12 @@ class ContactValue:
 
 
 def pair_correlation(
-    position: Positions,
-    box: Box | ArrayLike,
-    *,
-    r_max: float,
-    bins: int = 200,
-    r_min: float = 0.0,
+    position: Positions, box: Box | ArrayLike, *, r_max: float, bins: int = 200, r_min: float = 0.0,
     time: float | Iterable[float] = 0.0,
-) -> PairCorrelation:
+) -> PairCorrelation:  # fmt: skip
     """g(r) of one or several frames, by freud.
+
+    InputError if the box is open, r_max is too long, there are fewer than 2 disks, or freud is missing.
 
     Parameters
     ----------
@@ -82,17 +76,10 @@ def pair_correlation(
     box : Box, or two lengths of a periodic one
         Where it is not periodic, only centres farther than `r_max` from the sides count as the first of a pair, and
         what walls inside it take away is not regarded.
-    r_max, r_min : float
+    r_max, r_min, bins : float, float, int
         Where the bins end and begin [length]; less than half the shortest side.
-    bins : int
-        Number of bins.
     time : float or one for each frame
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        If the box is open, r_max is too long, there are fewer than 2 disks, or freud is missing.
 
     Examples
     --------
@@ -135,14 +122,8 @@ def pair_correlation(
     if not np.any(ideal):
         raise InputError(f"no centre is farther than r_max = {r_max:g} from the walls: choose a shorter one")
     # Each pair of a periodic gas is counted from both ends: its count says only half as much as it shows.
-    g = count / ideal
-    return PairCorrelation(
-        r=0.5 * (edges[1:] + edges[:-1]),
-        g=g,
-        g_error=np.sqrt(2.0 * np.maximum(count, 1.0)) / ideal,
-        pairs=0.5 * count,
-        frames=frames,
-    )
+    error = np.sqrt(2.0 * np.maximum(count, 1.0)) / ideal
+    return PairCorrelation(0.5 * (edges[1:] + edges[:-1]), count / ideal, error, 0.5 * count, frames)
 
 
 def contact_value(
@@ -150,12 +131,8 @@ def contact_value(
 ) -> ContactValue:
     """g at contact of equal disks: a parabola fitted to ln g from contact to 1.25 diameters, weighted by pairs counted.
 
-    `radius` are their radii [length], one number or shape (n,); the rest as `pair_correlation`.
-
-    Raises
-    ------
-    InputError
-        As `pair_correlation`; if radii differ, or too few pairs are near contact for a fit.
+    `radius` are their radii [length], one number or shape (n,); the rest as `pair_correlation`. InputError as
+    `pair_correlation`; if radii differ, or too few pairs are near contact for a fit.
 
     Examples
     --------
@@ -173,23 +150,18 @@ def contact_value(
     if np.ptp(radii) > 1e-9 * radii[0]:
         raise InputError("radii differ: a contact value is found here for equal disks only")
     sigma = 2.0 * float(radii[0])
-    found = pair_correlation(
-        position, box, r_min=sigma, r_max=(1.0 + CONTACT_RANGE) * sigma, bins=CONTACT_BINS, time=time
-    )
+    reach = (1.0 + CONTACT_RANGE) * sigma
+    found = pair_correlation(position, box, r_min=sigma, r_max=reach, bins=CONTACT_BINS, time=time)
     used = found.pairs >= 5.0
     if np.count_nonzero(used) < 8:
         raise InputError(
             f"{found.pairs.sum():.0f} pairs between 1 and {1.0 + CONTACT_RANGE} diameters are too few to "
             "extrapolate g to contact: more disks or frames are needed"
         )
-    x = found.r[used] / sigma - 1.0
-    weight = np.sqrt(found.pairs[used])  # 1 / error of ln g
-    design = np.stack((np.ones_like(x), x, x * x), axis=1) * weight[:, None]
-    covariance = np.linalg.inv(design.T @ design)
-    # Middles of bins stand for their means: off by (width^2 / 24) g'' / g, 1e-4 here.
-    parameters = covariance @ (design.T @ (np.log(found.g[used]) * weight))
-    residual = np.log(found.g[used]) * weight - design @ parameters
-    g = float(np.exp(parameters[0]))
-    return ContactValue(
-        g, g * float(np.sqrt(covariance[0, 0])), float(residual @ residual), len(x) - design.shape[1]
-    )
+    x, y = found.r[used] / sigma - 1.0, np.log(found.g[used])
+    # Weighted by 1 / error of ln g. Middles of bins stand for their means: off by (width^2 / 24) g'' / g, 1e-4 here.
+    weight = np.sqrt(found.pairs[used])
+    fit, covariance = np.polyfit(x, y, 2, w=weight, cov="unscaled")
+    chi_square = float(np.sum(((y - np.polyval(fit, x)) * weight) ** 2))
+    g = float(np.exp(fit[2]))
+    return ContactValue(g, g * float(np.sqrt(covariance[2, 2])), chi_square, len(x) - 3)

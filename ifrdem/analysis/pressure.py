@@ -13,9 +13,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import mean_with_error
 
@@ -34,12 +35,8 @@ class Pressure(Brief):
 
     Attributes
     ----------
-    kinetic : float
-        N T / A.
-    collisional, error : float
-        What collisions pass on, and its standard error, from blocks of time.
-    total : float
-        Their sum.
+    kinetic, collisional, error, total : float
+        N T / A; what collisions pass on, and its standard error, from blocks of time; the sum.
     Z : float
         Compressibility factor p A / (N T).
     collisional_tensor : array (2, 2)
@@ -51,37 +48,26 @@ class Pressure(Brief):
     error: float
     total: float
     Z: float
-    collisional_tensor: NDArray[np.float64]
+    collisional_tensor: Array
 
 
 def pressure_from_impulses(
-    time: ArrayLike,
-    normal: ArrayLike,
-    impulse: ArrayLike,
-    distance: ArrayLike,
-    *,
-    span: tuple[float, float],
-    area: float,
-    disks: int,
-    tracked: int,
-    temperature: float | NDArray[np.float64],
-) -> Pressure:
+    time: ArrayLike, normal: ArrayLike, impulse: ArrayLike, distance: ArrayLike, *, span: tuple[float, float],
+    area: float, disks: int, tracked: int, temperature: float | Array,
+) -> Pressure:  # fmt: skip
     """Pressure from the collisions of tracked disks with disks, each listed once for every tracked disk in it.
 
-    Of each listed collision, half belongs to the disk that it is listed for; the sum over tracked disks stands for all
-    disks in the ratio of their numbers. That is exact if all are tracked, else right in the mean for a choice at
-    random.
+    Of each listed collision, half belongs to the disk that it is listed for; the sum over tracked disks stands for
+    all disks in the ratio of their numbers. That is exact if all are tracked, else right in the mean for a choice at
+    random. InputError if the span is empty, or a collision lies outside.
 
     Parameters
     ----------
-    time : array (c,)
-        When they happened [time], inside `span`.
-    normal : array (c, 2)
-        Unit vectors from the disk to its partner.
-    impulse : array (c, 2)
-        P_n and P_t that it gives to the partner along n and t = (-n_y, n_x) [mass length/time].
-    distance : array (c,)
-        Of the two centres: the sum of the radii [length].
+    time, distance : array (c,)
+        When they happened [time], inside `span`; distance of the two centres, the sum of the radii [length].
+    normal, impulse : array (c, 2)
+        Unit vectors from the disk to its partner; P_n and P_t that it gives to the partner along n and t = (-n_y, n_x)
+        [mass length/time].
     span : tuple of two floats
         The time that was watched [time].
     area, disks, tracked : float, int, int
@@ -90,27 +76,14 @@ def pressure_from_impulses(
         T of the gas, mean over that time, or over each of `blocks(span)` [energy]. The latter tells what a gas that
         cools has from what scatters: the error is then that of the collisional part over T in the blocks, times T.
 
-    Raises
-    ------
-    InputError
-        If the span is empty, or a collision lies outside.
-
     Examples
     --------
     >>> import numpy as np
     >>> from ifrdem import analysis
     >>> n = np.arange(100)
-    >>> found = analysis.pressure_from_impulses(
-    ...     0.1 * n + 0.05,
-    ...     np.tile([[1.0, 0.0], [0.0, 1.0]], (50, 1)),
-    ...     np.tile([2.0, 0.0], (100, 1)),
-    ...     np.ones(100),
-    ...     span=(0.0, 10.0),
-    ...     area=100.0,
-    ...     disks=10,
-    ...     tracked=10,
-    ...     temperature=1.0,
-    ... )
+    >>> normal, impulse = np.tile([[1.0, 0.0], [0.0, 1.0]], (50, 1)), np.tile([2.0, 0.0], (100, 1))
+    >>> gas = {"span": (0.0, 10.0), "area": 100.0, "disks": 10, "tracked": 10, "temperature": 1.0}
+    >>> found = analysis.pressure_from_impulses(0.1 * n + 0.05, normal, impulse, np.ones(100), **gas)
     >>> round(found.kinetic, 6), round(found.collisional, 6)  # n T; sum of P_n sigma / 2, over 2 area span
     (0.1, 0.05)
     """

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import as_box, each, freud_frame
@@ -25,12 +26,10 @@ class Hexatic(Brief):
     ----------
     psi6 : array (n,) of complex
         Of each disk.
-    local : float
-        Mean of |psi_6|: 1 in a perfect hexagonal lattice.
-    whole : float
-        |mean of psi_6|: 1 if it is a single crystal, about local / sqrt(n) in a fluid.
-    neighbours : str
-        "nearest" or "voronoi".
+    local, whole : float
+        Mean of |psi_6|, 1 in a perfect hexagonal lattice; |mean of psi_6|, 1 if it is a single crystal, about local /
+        sqrt(n) in a fluid.
+    neighbours : {"nearest", "voronoi"}
     """
 
     psi6: NDArray[np.complex128]
@@ -40,7 +39,7 @@ class Hexatic(Brief):
 
 
 def hexatic(
-    position: NDArray[np.float64],
+    position: Array,
     box: Box | ArrayLike,
     *,
     neighbours: Literal["nearest", "voronoi"] = "nearest",
@@ -48,22 +47,18 @@ def hexatic(
 ) -> Hexatic:
     """psi_6 of one frame, by freud.
 
+    InputError for fewer than 7 disks, an unknown kind of neighbours, or without freud.
+
     Parameters
     ----------
     position : array (n, 2)
         Centres [length], 7 or more.
     box : Box, or two lengths of a periodic one
-        Of any kind. Disks at walls count with the neighbours that they have inside.
+        Disks at walls count with the neighbours that they have inside.
     neighbours : {"nearest", "voronoi"}
-        The six nearest, or those across an edge of the Voronoi cell, all alike (a few 1e5 disks
-        at most).
+        The six nearest, or those across an edge of the Voronoi cell, all alike (a few 1e5 disks at most).
     time : float
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        For fewer than 7 disks, an unknown kind of neighbours, or without freud.
 
     Examples
     --------

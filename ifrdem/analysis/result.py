@@ -1,4 +1,4 @@
-"""What an analysis found in a file, and what all of them need: which frames, units, kinds of disks."""
+"""Results of analyses of files, and what all of them need: frames, units, kinds of disks."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.observables import Measure
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..trajectory.reader import Trajectory
 
@@ -18,32 +19,22 @@ COLUMNS = ("time", "id", "partner", "normal", "impulse", "psi", "regime")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Collisions(Brief):
-    """Collisions of tracked disks with disks, in a window of time; one of two tracked disks is there twice.
+class TrackedCollisions(Brief):
+    """Collisions of tracked disks with disks, in a window of time; one of two tracked disks is there twice."""
 
-    Attributes
-    ----------
-    time, id, partner, normal, impulse, psi, regime : arrays (c, ...)
-        As in the file.
-    tracked : array (m,) of int
-        The disks that are tracked.
-    span : tuple of two floats
-        The time that is known [time].
-    """
-
-    time: NDArray[np.float64]
+    time: Array  # these, shape (c, ...), as in the file
     id: NDArray[np.int32]
     partner: NDArray[np.int32]
-    normal: NDArray[np.float64]
-    impulse: NDArray[np.float64]
-    psi: NDArray[np.float64]
+    normal: Array
+    impulse: Array
+    psi: Array
     regime: NDArray[np.int8]
-    tracked: NDArray[np.int32]
-    span: tuple[float, float]
+    tracked: NDArray[np.int32]  # the disks that are tracked
+    span: tuple[float, float]  # the time that is known [time]
 
     @property
     def once(self) -> NDArray[np.bool_]:
-        """Which of them to take so that each collision is there once, shape (c,)."""
+        """True for those to take so that each collision is there once, shape (c,)."""
         return (self.id < self.partner) | ~np.isin(self.partner, self.tracked)
 
 
@@ -58,13 +49,10 @@ def need(trajectory: Trajectory, *fields: str) -> None:
         )
 
 
-def series(trajectory: Trajectory, *names: str) -> tuple[NDArray[np.float64], list[NDArray[np.float64]]]:
+def series(trajectory: Trajectory, *names: str) -> tuple[Array, list[Array]]:
     """Times, and whole-gas quantities by name: from `timeseries`, or at the frames if there are more of these.
 
-    Raises
-    ------
-    InputError
-        If the file has not got one of them.
+    InputError if the file has not got one of them.
     """
     at_frames = all(name in trajectory.observables for name in names)
     rows = len(trajectory.series.time)
@@ -93,13 +81,10 @@ def _measured(name: str) -> str:
     return f"measure.{name}" if known else "..."
 
 
-def collisions(trajectory: Trajectory) -> Collisions:
+def collisions(trajectory: Trajectory) -> TrackedCollisions:
     """Collisions of tracked disks with other disks; those with walls and kicks are left out.
 
-    Raises
-    ------
-    InputError
-        If the file has no histories, or no time of them is known.
+    InputError if the file has no histories, or no time of them is known.
     """
     tracked = trajectory.tracked
     if not len(tracked):
@@ -110,7 +95,7 @@ def collisions(trajectory: Trajectory) -> Collisions:
     rows, *span = trajectory.tracked_events
     found = {name: trajectory.read_events(name, rows) for name in COLUMNS}
     pair = found["partner"] >= 0
-    return Collisions(
+    return TrackedCollisions(
         **{name: column[pair] for name, column in found.items()}, tracked=tracked, span=(span[0], span[1])
     )
 
@@ -121,12 +106,12 @@ MOST_DISKS = 2_000_000
 """Disks times frames above which fewer are taken: some 30 s of g(r)."""
 MOST_KINDS = 8
 NOT_STEADY = "the gas is not steady"
-"""How a doubt begins that is one because the gas changes."""
+"""Beginning of a doubt that is one because the gas changes."""
 
 Columns = dict[str, NDArray[Any]]
 
 
-class Row(NamedTuple):
+class Reading(NamedTuple):
     """A number that was found: what it is, its standard error (nan where there is none), its unit ("" for none)."""
 
     name: str
@@ -136,34 +121,20 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Outcome(Brief):
-    """What an analysis found in a file.
+class Evaluation(Brief):
+    """Results of an analysis of a file."""
 
-    Attributes
-    ----------
-    result : object
-        What the function of `ifrdem.analysis` returned; a dict of them by kind of disk for velocities.
-    rows : list of Row
-        Numbers for people.
-    tables : dict
-        Name ("" for the only or main one) -> columns by name, of one length.
-    notes : list of str
-        What to know of them.
-    times : tuple of two floats
-        First and last time that was used.
-    doubts : list of str
-        Why numbers do not mean what their names say: shown before them.
-    frames : int
-        How many frames were used; 0 if what was used is no frames.
-    """
-
-    result: Any
-    rows: list[Row]
-    tables: dict[str, Columns]
-    notes: list[str]
-    times: tuple[float, float]
-    doubts: list[str] = field(default_factory=list)
-    frames: int = 0
+    result: (
+        Any  # what the function of `ifrdem.analysis` returned; for velocities a dict of them by kind of disk
+    )
+    rows: list[Reading]  # numbers for people
+    tables: dict[str, Columns]  # name ("" for the only or main one) -> columns by name, of one length
+    notes: list[str]  # what to know of them
+    times: tuple[float, float]  # first and last time that was used
+    doubts: list[str] = field(
+        default_factory=list
+    )  # why numbers do not mean what their names say: shown before them
+    frames: int = 0  # how many were used; 0 if what was used is no frames
 
 
 def latest(trajectory: Trajectory, chosen: Sequence[int] | None) -> list[int]:
@@ -195,8 +166,8 @@ def unit(trajectory: Trajectory, text: str) -> str:
     return text
 
 
-def span_text(trajectory: Trajectory, outcome: Outcome) -> str:
-    """How many frames an outcome is of, and of which times."""
+def span_text(trajectory: Trajectory, outcome: Evaluation) -> str:
+    """Number and times of the frames that were used."""
     first, last = outcome.times
     span = f"t = {first:.4g}" if first == last else f"t = {first:.4g} to {last:.4g}"
     frames = f"{outcome.frames} frame{'s' * (outcome.frames > 1)}, " if outcome.frames else ""
@@ -220,9 +191,6 @@ def kinds(trajectory: Trajectory) -> dict[str, NDArray[np.intp]]:
         if not 1 < len(materials) <= MOST_KINDS:
             return {f"disks of {len(found)} kinds together, as if at one temperature": movable}
         return {f"material {one}": movable[disks.material[movable] == one] for one in materials}
-    return {
-        f"material {row[0]:.0f}, R = {trajectory.with_unit(f'{row[1]:.4g}', 'length')}": movable[
-            which.ravel() == i
-        ]
-        for i, row in enumerate(found)
-    }
+    which = which.ravel()
+    texts = [f"material {row[0]:.0f}, R = {trajectory.with_unit(f'{row[1]:.4g}', 'length')}" for row in found]
+    return {text: movable[which == i] for i, text in enumerate(texts)}

@@ -1,4 +1,4 @@
-"""Whether what is averaged over frames keeps its value over them: their first half against their second.
+"""Steadiness of what is averaged over frames: their first half against their second.
 
 Frames that follow each other closely show nearly the same gas, and by how much they differ says little of how sure a
 mean is. So the scatter that a difference is held against is not that over frames, but that over parts of the gas which
@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..model.box import Box
+from ..tools.checked import Array
 from .result import NOT_STEADY
 
 LEVEL = 0.0027
@@ -50,7 +51,7 @@ def halves(used: Sequence[int]) -> tuple[list[int], list[int]]:
 
 
 def doubts(changes: Sequence[Change]) -> list[str]:
-    """Which of the quantities that an analysis compares change by more than chance does; none or one line."""
+    """Quantities of an analysis that change by more than chance does; none or one line."""
     from scipy.stats import t as student
 
     known = [one for one in changes if np.isfinite(one.t)]
@@ -74,9 +75,7 @@ def between(what: str, early: tuple[float, float], late: tuple[float, float], de
     return Change(what, early[0], late[0], t, degrees)
 
 
-def between_cells(
-    what: str, values: Sequence[NDArray[np.float64]], positions: Sequence[NDArray[np.float64]], box: Box
-) -> Change:
+def between_cells(what: str, values: Sequence[Array], positions: Sequence[Array], box: Box) -> Change:
     """Means over disks of values, one array (n,) a frame, compared in each cell of the box; positions [length]."""
     side = int(np.clip(np.sqrt(len(values[0]) / DISKS), *CELLS))
     sums, counts = np.zeros((2, side**2)), np.zeros((2, side**2))
@@ -94,8 +93,8 @@ def between_cells(
     return Change(what, float(mean[0]), float(mean[1]), t, side**2 - 1)
 
 
-def _cells(position: NDArray[np.float64], box: Box, side: int) -> NDArray[np.intp]:
-    """Which cell of the box, or of what the disks span in an open one, each disk is in; so many along a side."""
+def _cells(position: Array, box: Box, side: int) -> NDArray[np.intp]:
+    """Cell of the box, or of what the disks span in an open one, of each disk; so many along a side."""
     low, lengths = np.zeros(2), np.array(box.lengths)
     if box.is_open:
         low, lengths = position.min(axis=0), np.ptp(position, axis=0)
@@ -103,7 +102,7 @@ def _cells(position: NDArray[np.float64], box: Box, side: int) -> NDArray[np.int
     return place[:, 0] * side + place[:, 1]
 
 
-def between_modes(what: str, intensities: Sequence[NDArray[np.float64]]) -> Change:
+def between_modes(what: str, intensities: Sequence[Array]) -> Change:
     """Means over modes of intensities, one array (modes,) a frame.
 
     Each mode counts with its difference over its sum, which no single strong mode rules, and whose mean is 0 in a

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import Positions, as_box, each, times_of
@@ -24,32 +25,23 @@ class StructureFactor(Brief):
 
     Attributes
     ----------
-    k : array (rings,)
-        Mean |k| of the modes in each ring [1/length].
-    S, S_error : array (rings,)
-        Mean, and standard error S / sqrt(modes frames): modes and frames count as independent, each mode as
-        exponentially distributed.
-    modes : array (rings,) of int
-        Modes counted in a frame, of k and -k one.
-    frames : int
-        How many there were.
+    k, S, S_error : array (rings,)
+        Mean |k| of the modes in each ring [1/length]; mean of S, and standard error S / sqrt(modes frames): modes and
+        frames count as independent, each mode as exponentially distributed.
+    modes, frames : array (rings,) of int, int
+        Modes counted in a frame, of k and -k one; how many frames there were.
     """
 
-    k: NDArray[np.float64]
-    S: NDArray[np.float64]
-    S_error: NDArray[np.float64]
+    k: Array
+    S: Array
+    S_error: Array
     modes: NDArray[np.int64]
     frames: int
 
 
 def mode_intensities(
-    position: NDArray[np.float64],
-    box: Box | ArrayLike,
-    modes: tuple[int, int],
-    *,
-    stride: int = 1,
-    time: float = 0.0,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    position: Array, box: Box | ArrayLike, modes: tuple[int, int], *, stride: int = 1, time: float = 0.0
+) -> tuple[Array, Array]:
     """Vectors k that the box allows [1/length], shape (2 a + 1, 2 b + 1, 2), and |sum_j exp(-i k r_j)|^2 / n at them.
 
     k = 2 pi stride (i / Lx, j / Ly) with i from -a to a and j from -b to b, `modes` = (a, b), by finufft to 1e-9. The
@@ -84,7 +76,8 @@ def structure_factor(
 ) -> StructureFactor:
     """S(k) of one or several frames at the k that a periodic box allows, from 2 pi / L to `k_max` [1/length].
 
-    All of them while there are not more than `MOST_MODES` along an axis; above that, every p-th.
+    All of them while there are not more than `MOST_MODES` along an axis; above that, every p-th. InputError if the
+    box is not periodic, k_max is below 2 pi / L, or finufft is missing.
 
     Parameters
     ----------
@@ -94,11 +87,6 @@ def structure_factor(
         Rings between 0 and `k_max`; they are no narrower than 2 pi / L, and empty ones are left out.
     time : float or one for each frame
         Needed for sheared boxes [time].
-
-    Raises
-    ------
-    InputError
-        If the box is not periodic, k_max is below 2 pi / L, or finufft is missing.
 
     Examples
     --------
@@ -121,7 +109,7 @@ def structure_factor(
     count = min(rings, max(1, int(k_max / least)))
     edges = np.linspace(0.0, k_max, count + 1)
     edges[0] = 1e-9 * least  # k = 0 is no fluctuation
-    number, sum_S, sum_k = np.zeros(count), np.zeros(count), np.zeros(count)
+    number, sum_S, sum_k = np.zeros((3, count))
     frames = 0
     for points, when in zip(each(position), times_of(time), strict=False):
         begin = 0.0
@@ -144,17 +132,11 @@ def structure_factor(
     if frames == 0:
         raise InputError("no frames: there is no S(k)")
     full = number > 0.0
-    S = sum_S[full] / number[full]
-    return StructureFactor(
-        k=sum_k[full] / number[full],
-        S=S,
-        S_error=S / np.sqrt(number[full]),
-        modes=np.rint(number[full] / frames).astype(np.int64),
-        frames=frames,
-    )
+    number, S, k = number[full], sum_S[full] / number[full], sum_k[full] / number[full]
+    return StructureFactor(k, S, S / np.sqrt(number), np.rint(number / frames).astype(np.int64), frames)
 
 
-def _passes(lengths: NDArray[np.float64], k_max: float) -> list[tuple[int, float]]:
+def _passes(lengths: Array, k_max: float) -> list[tuple[int, float]]:
     """Strides, and up to which k each goes: 1 as far as the modes reach, then one that reaches k_max."""
     half = MOST_MODES // 2
     reach = 2.0 * np.pi * half / float(lengths.max())

@@ -6,9 +6,10 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from .common import Positions, each
 
@@ -33,14 +34,12 @@ class SonineCoefficients:
 
     Attributes
     ----------
-    a20, a02, a11 : float
-        nan for what does not move: without spins, a02 and a11.
-    a20_error, a02_error, a11_error : float
-        Standard errors, to first order in them. Disks count as independent of one another, frames do not: a disk's
-        contributions are summed over the frames first. Of n disks of a Gaussian gas in one frame they are
-        1 / sqrt(n), sqrt(8 / (3 n)) and sqrt(2 / n). Where velocities are correlated in space, errors are larger.
+    a20, a02, a11, a20_error, a02_error, a11_error : float
+        The coefficients, nan for what does not move; and their standard errors, to first order in them. Disks count as
+        independent of one another, frames do not: a disk's contributions are summed over the frames first. Of n disks
+        of a Gaussian gas in one frame they are 1 / sqrt(n), sqrt(8 / (3 n)) and sqrt(2 / n). Where velocities are
+        correlated in space, errors are larger.
     disks, frames : int
-        How many of them there were.
     """
 
     a20: float
@@ -59,26 +58,24 @@ class VelocityDistribution(Brief):
 
     Attributes
     ----------
-    speed : array (bins,)
-        Middles of the bins of c_x and c_y, c = v / sqrt(2 T / m).
-    density, density_error : array (bins,)
-        Probability density of a component, both counted; standard error if disks and frames were independent.
+    speed, density, density_error : array (bins,)
+        Middles of the bins of c_x and c_y, c = v / sqrt(2 T / m); probability density of a component, both counted;
+        standard error if disks and frames were independent.
     spin, spin_density, spin_density_error : array (bins,)
         The same of w = omega / sqrt(2 T_rot / I); densities are nan where nothing spins.
     sonine : SonineCoefficients
-        Of the same disks.
     """
 
-    speed: NDArray[np.float64]
-    density: NDArray[np.float64]
-    density_error: NDArray[np.float64]
-    spin: NDArray[np.float64]
-    spin_density: NDArray[np.float64]
-    spin_density_error: NDArray[np.float64]
+    speed: Array
+    density: Array
+    density_error: Array
+    spin: Array
+    spin_density: Array
+    spin_density_error: Array
     sonine: SonineCoefficients
 
 
-def gaussian(c: ArrayLike) -> NDArray[np.float64]:
+def gaussian(c: ArrayLike) -> Array:
     """Density of a component c over its thermal speed in a Gaussian gas: exp(-c^2) / sqrt(pi).
 
     Examples
@@ -91,7 +88,7 @@ def gaussian(c: ArrayLike) -> NDArray[np.float64]:
     return np.exp(-x * x) / np.sqrt(np.pi)
 
 
-def sonine_density(c: ArrayLike, a2: float) -> NDArray[np.float64]:
+def sonine_density(c: ArrayLike, a2: float) -> Array:
     """The same with a fourth cumulant: times 1 + a2 (c^4 / 2 - 3 c^2 / 2 + 3 / 8).
 
     That is L_2^(-1/2)(c^2), of a spin with a02 and, because L_2^(0)(c_x^2 + c_y^2) leaves it when c_y is integrated
@@ -108,34 +105,22 @@ def sonine_density(c: ArrayLike, a2: float) -> NDArray[np.float64]:
 
 
 def velocity_distribution(
-    velocity: Positions,
-    spin: Positions,
-    *,
-    mass: ArrayLike = 1.0,
-    inertia: ArrayLike = 1.0,
-    bins: int = 81,
+    velocity: Positions, spin: Positions, *, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0, bins: int = 81,
     widest: float = 5.0,
-) -> VelocityDistribution:
+) -> VelocityDistribution:  # fmt: skip
     """Distributions of velocities and spins, each frame relative to its own mean velocity and its own temperatures.
+
+    InputError if shapes do not match, there are no frames, fewer than 2 disks, or nothing moves.
 
     Parameters
     ----------
-    velocity : array (n, 2) or frames of them
-        Velocities [length/time]; of a sheared gas the peculiar ones.
-    spin : array (n,) or as many frames of them
-        Spins [rad/time]; their mean is not taken off.
+    velocity, spin : arrays (n, 2) and (n,), or as many frames of them
+        Velocities [length/time], of a sheared gas the peculiar ones; spins [rad/time], whose mean is not taken off.
     mass, inertia : float or array (n,)
-        Masses [mass] and moments of inertia [mass length^2]. Different ones count with v sqrt(m): right if all have
-        one temperature; pass one species at a time where they have not.
-    bins : int
-        Number of bins.
-    widest : float
-        End of the outermost bins; what is beyond is not in the densities, and is in the coefficients.
-
-    Raises
-    ------
-    InputError
-        If shapes do not match, there are no frames, fewer than 2 disks, or nothing moves.
+        Masses [mass] and moments of inertia [mass length^2]. Different ones count with v sqrt(m): right if all have one
+        temperature; pass one species at a time where they have not.
+    bins, widest : int, float
+        Number of bins, and end of the outermost; what is beyond is not in the densities, and is in the coefficients.
 
     Examples
     --------
@@ -149,7 +134,7 @@ def velocity_distribution(
     edges = np.linspace(-widest, widest, bins + 1)
     counts, spin_counts = np.zeros(bins), np.zeros(bins)
     root_mass, root_inertia = np.sqrt(np.asarray(mass, float)), np.sqrt(np.asarray(inertia, float))
-    sums: NDArray[np.float64] | None = None
+    sums: Array | None = None
     frames = 0
     for v, omega in itertools.zip_longest(each(velocity), each(spin, 1)):
         if v is None or omega is None:
@@ -182,26 +167,23 @@ def velocity_distribution(
     density, error = _density(counts, 2 * n * frames, width)
     spin_density, spin_error = _density(spin_counts, spins, width)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    return VelocityDistribution(
-        middle, density, error, middle, spin_density, spin_error, _sonine(sums / frames, frames)
-    )
+    sonine = _sonine(sums / frames, frames)
+    return VelocityDistribution(middle, density, error, middle, spin_density, spin_error, sonine)
 
 
-def _density(
-    counts: NDArray[np.float64], total: int, width: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _density(counts: Array, total: int, width: float) -> tuple[Array, Array]:
     if total == 0:
         return np.full(len(counts), np.nan), np.full(len(counts), np.nan)
     share = counts / total
     return share / width, np.sqrt(share * (1.0 - share) / total) / width
 
 
-def _sonine(means: NDArray[np.float64], frames: int) -> SonineCoefficients:
+def _sonine(means: Array, frames: int) -> SonineCoefficients:
     """Coefficients and errors from each disk's means over frames of x, y, x^2, y^2, x y; <x> = <y> = 1."""
     x, y, xx, yy, xy = means
     n = len(x)
 
-    def estimate(q: NDArray[np.float64], influence: NDArray[np.float64]) -> tuple[float, float]:
+    def estimate(q: Array, influence: Array) -> tuple[float, float]:
         """The mean of q, less 1, and the error that the spread of each disk's influence on it makes."""
         return float(q.mean() - 1.0), float(np.std(influence, ddof=1) / np.sqrt(n))
 

@@ -7,36 +7,25 @@ judged by `ifrdem.case.rules`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, there_are
 from ..initial import radii
 from ..kernels.limits import MOST_DISKS
 from ..model.coin_table import coins
 from .forces_section import ForceSection
 from .output_section import OutputSection
 from .run_section import BoxSection, Name, RunSection
-from .section import Choice, Section
+from .section import Keys, Section, key, refusal
 from .walls_section import WallSection
 
-UNITS: Mapping[str, Mapping[str, str]] = {
-    "SI": {
-        "length": "m",
-        "mass": "kg",
-        "time": "s",
-        "velocity": "m s-1",
-        "angular_velocity": "rad s-1",
-        "energy": "J",
-        "momentum": "kg m s-1",
-        "angle": "rad",
-    },
-    "reduced": dict.fromkeys(
-        ("length", "mass", "time", "velocity", "angular_velocity", "energy", "momentum", "angle"), "reduced"
-    ),
-}
+_SI = {
+    "length": "m", "mass": "kg", "time": "s", "velocity": "m s-1", "angular_velocity": "rad s-1", "energy": "J",
+    "momentum": "kg m s-1", "angle": "rad",
+}  # fmt: skip
+UNITS: Mapping[str, Mapping[str, str]] = {"SI": _SI, "reduced": dict.fromkeys(_SI, "reduced")}
 """Unit of each quantity by the name in run.units, in the notation of H5MD."""
 
 IMPACT_SCAN = "impact_scan"
@@ -45,52 +34,47 @@ WAYS_TO_PLACE = (*PLACED, IMPACT_SCAN)
 
 # The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
 NormalRestitution = Annotated[
-    float, Field(ge=0.0, le=1.0, description="normal restitution e_n [1], 0 to 1 (elastic)", examples=[0.87])
+    float, key("normal restitution e_n [1], 0 to 1 (elastic)", 0.87, ge=0.0, le=1.0)
 ]
 TangentialRestitution = Annotated[
     float,
-    Field(
+    key(
+        "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with "
+        "percussion-centre sticking, homogeneous disks never gain energy up to -0.5",
+        -0.88,
         ge=-1.0,
         le=1.0,
-        description="tangential restitution e_t [1], -1 (smooth but for friction) to 1; with "
-        "percussion-centre sticking, homogeneous disks never gain energy up to -0.5",
-        examples=[-0.88],
     ),
 ]
-Friction = Annotated[float, Field(ge=0.0, description="sliding friction mu [1], 0 or more", examples=[0.21])]
+Friction = Annotated[float, key("sliding friction mu [1], 0 or more", 0.21, ge=0.0)]
 Sticking = Annotated[
     Literal["percussion_center", "contact_point"],
-    Field(
-        description='what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s '
+    key(
+        'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s '
         'choice) or "contact_point" (Eq. 12)',
-        examples=["percussion_center"],
+        "percussion_center",
     ),
 ]
-RollingFriction = Annotated[
-    float, Field(ge=0.0, description="rolling friction rho [m], 0 or more", examples=[0.0])
-]
+RollingFriction = Annotated[float, key("rolling friction rho [m], 0 or more", 0.0, ge=0.0)]
 
 
 def _known_coin(name: str) -> str:
     if name in coins:
         return name
-    text = f"no such coin{nearest(name, coins)}; there are {', '.join(coins)}"
-    raise PydanticCustomError("unknown_name", "{text}", {"text": text})
+    raise refusal(f"no such coin{there_are(name, coins)}", "unknown_name")
 
 
 CoinName = Annotated[Name, AfterValidator(_known_coin)]
 
 
 class MaterialSection(Section):
-    """How two disks of one material collide: coefficients of the IFR law, or the name of one of its coins."""
+    """Collisions of two disks of one material: coefficients of the IFR law, or the name of one of its coins."""
 
-    choices = (Choice(("e_n", "e_t", "mu")), Choice(("coin",)))
+    choices: ClassVar[tuple[Keys, ...]] = (Keys(("e_n", "e_t", "mu")), Keys(("coin",)))
 
-    name: Name = Field(description="name that species and pairs use [text]", examples=["aluminium"])
-    coin: CoinName | None = Field(
-        default=None,
-        description="take e_n, e_t, mu of this coin of the paper's Table II [text], for instance",
-        examples=["1 pta"],
+    name: Name = key("name that species and pairs use [text]", "aluminium")
+    coin: CoinName | None = key(
+        "take e_n, e_t, mu of this coin of the paper's Table II [text], for instance", "1 pta", None
     )
     e_n: NormalRestitution | None = None
     e_t: TangentialRestitution | None = None
@@ -100,13 +84,13 @@ class MaterialSection(Section):
 
 
 class PairSection(Section):
-    """How two different materials collide, those of walls too. No coefficient is ever guessed from two materials."""
+    """Collisions of two different materials, those of walls too. No coefficient is ever guessed from two materials."""
 
-    materials: list[Name] = Field(
+    materials: list[Name] = key(
+        "names of the two materials [text], of disks or of disks and a wall",
+        ["bronze-aluminium", "aluminium"],
         min_length=2,
         max_length=2,
-        description="names of the two materials [text], of disks or of disks and a wall",
-        examples=[["bronze-aluminium", "aluminium"]],
     )
     e_n: NormalRestitution
     e_t: TangentialRestitution
@@ -118,127 +102,95 @@ class PairSection(Section):
 class RadiiSection(Section):
     """Radii that are not all equal: a distribution, sampled with the run's seed."""
 
-    distribution: Literal["uniform", "gaussian", "lognormal", "bidisperse"] = Field(
-        description='"uniform" (low, high), "gaussian" (mean, deviation), "lognormal" (mean, deviation) or '
+    distribution: Literal["uniform", "gaussian", "lognormal", "bidisperse"] = key(
+        '"uniform" (low, high), "gaussian" (mean, deviation), "lognormal" (mean, deviation) or '
         '"bidisperse" (low, high, large_fraction)',
-        examples=["lognormal"],
+        "lognormal",
     )
-    mean: float | None = Field(
-        default=None, gt=0.0, description="mean radius of the whole distribution [m]", examples=[10.0e-3]
+    mean: float | None = key("mean radius of the whole distribution [m]", 10.0e-3, None, gt=0.0)
+    deviation: float | None = key(
+        "standard deviation of the radius, not of its logarithm [m]", 2.0e-3, None, gt=0.0
     )
-    deviation: float | None = Field(
-        default=None,
+    low: float | None = key(
+        "smallest radius [m]: cuts off a Gaussian (else at 3 deviations) or lognormal distribution",
+        5.0e-3,
+        None,
         gt=0.0,
-        description="standard deviation of the radius, not of its logarithm [m]",
-        examples=[2.0e-3],
     )
-    low: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="smallest radius [m]: cuts off a Gaussian (else at 3 deviations) or lognormal distribution",
-        examples=[5.0e-3],
-    )
-    high: float | None = Field(
-        default=None, gt=0.0, description="largest radius [m]: cuts off likewise", examples=[20.0e-3]
-    )
-    large_fraction: float | None = Field(
-        default=None,
-        gt=0.0,
-        lt=1.0,
-        description="part of the disks that have radius high [1]",
-        examples=[0.5],
+    high: float | None = key("largest radius [m]: cuts off likewise", 20.0e-3, None, gt=0.0)
+    large_fraction: float | None = key(
+        "part of the disks that have radius high [1]", 0.5, None, gt=0.0, lt=1.0
     )
 
     @classmethod
-    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
-        """Which keys the distribution lacks, or cannot have."""
+    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+        """Keys that the distribution lacks, or cannot have."""
         name = data.get("distribution")
         if not isinstance(name, str) or name not in radii.PARAMETERS:
-            return None  # which the key itself reports
+            return []  # which the key itself reports
         known = [key for key in data if key in cls.model_fields and key != "distribution"]
-        return radii.wrong_parameters(name, dict.fromkeys(known))
+        wrong = radii.wrong_parameters(name, dict.fromkeys(known))
+        return [] if wrong is None else [wrong]
 
     @model_validator(mode="after")
     def _describes_radii(self) -> RadiiSection:
         try:
             radii.check(self.distribution, **self.parameters)
         except InputError as error:
-            raise PydanticCustomError("choice", "{text}", {"text": str(error)}) from None
+            raise refusal(str(error)) from None
         return self
 
     @property
     def parameters(self) -> dict[str, float]:
         """The numbers that are given, by name."""
-        return {
-            key: value
-            for key, value in self.model_dump(exclude={"distribution"}).items()
-            if value is not None
-        }
+        return self.model_dump(exclude={"distribution"}, exclude_none=True)
 
 
 class SpeciesSection(Section):
     """Disks of one kind, of equal radii or not."""
 
-    choices = (
-        Choice(("mass", "radius"), also=("k",)),
-        Choice(("mass", "diameter"), also=("k",)),
-        Choice(("coin",)),
-        Choice(("mass", "radii"), also=("k",)),
-        Choice(("areal_density", "radius"), also=("k",)),
-        Choice(("areal_density", "diameter"), also=("k",)),
-        Choice(("areal_density", "radii"), also=("k",)),
+    choices: ClassVar[tuple[Keys, ...]] = (
+        *(Keys(("mass", size), also=("k",)) for size in ("radius", "diameter")),
+        Keys(("coin",)),
+        Keys(("mass", "radii"), also=("k",)),
+        *(Keys(("areal_density", size), also=("k",)) for size in ("radius", "diameter", "radii")),
     )
 
-    name: Name = Field(description="name [text]", examples=["coins"])
-    number: int = Field(ge=1, le=MOST_DISKS, description="number of disks [whole number]", examples=[50000])
-    material: Name | None = Field(
-        default=None,
-        description="name of the material [text]; not needed with a coin, which brings its own",
-        examples=["aluminium"],
+    name: Name = key("name [text]", "coins")
+    number: int = key("number of disks [whole number]", 50000, ge=1, le=MOST_DISKS)
+    material: Name | None = key(
+        "name of the material [text]; not needed with a coin, which brings its own", "aluminium", None
     )
-    coin: CoinName | None = Field(
-        default=None,
-        description="mass and diameter of this coin of the paper's Sec. III [text; SI units only]",
-        examples=["1 pta"],
+    coin: CoinName | None = key(
+        "mass and diameter of this coin of the paper's Sec. III [text; SI units only]", "1 pta", None
     )
-    mass: float | None = Field(default=None, gt=0.0, description="mass of one disk [kg]", examples=[1.19e-3])
-    radius: float | None = Field(default=None, gt=0.0, description="radius [m]", examples=[10.5e-3])
-    diameter: float | None = Field(default=None, gt=0.0, description="diameter [m]", examples=[21.0e-3])
-    radii: RadiiSection | None = Field(
-        default=None,
-        description='distribution of the radii instead of one radius [table; m]: "uniform" (low, high), "gaussian" or '
+    mass: float | None = key("mass of one disk [kg]", 1.19e-3, None, gt=0.0)
+    radius: float | None = key("radius [m]", 10.5e-3, None, gt=0.0)
+    diameter: float | None = key("diameter [m]", 21.0e-3, None, gt=0.0)
+    radii: RadiiSection | None = key(
+        'distribution of the radii instead of one radius [table; m]: "uniform" (low, high), "gaussian" or '
         '"lognormal" (mean, deviation; cut off at low, high), "bidisperse" (low, high, large_fraction by number)',
-        examples=[{"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}],
+        {"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3},
+        None,
     )
-    areal_density: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="mass per area [kg/m^2] instead of one mass: each disk has areal_density pi R^2. It is the "
+    areal_density: float | None = key(
+        "mass per area [kg/m^2] instead of one mass: each disk has areal_density pi R^2. It is the "
         "density of the material times the thickness of the disks",
-        examples=[3.4],
-    )
-    k: float = Field(
-        default=2.0,
+        3.4,
+        None,
         gt=0.0,
-        description="shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop",
-        examples=[2.0],
     )
-    speed_rms: float = Field(
-        default=0.0,
-        ge=0.0,
-        description="root mean square speed at the start [m/s], Maxwellian, without total momentum",
-        examples=[1.0],
+    k: float = key(
+        "shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop", 2.0, 2.0, gt=0.0
     )
-    spin_rms: float = Field(
-        default=0.0,
-        ge=0.0,
-        description="root mean square spin at the start [rad/s], Gaussian",
-        examples=[0.0],
+    speed_rms: float = key(
+        "root mean square speed at the start [m/s], Maxwellian, without total momentum", 1.0, 0.0, ge=0.0
     )
+    spin_rms: float = key("root mean square spin at the start [rad/s], Gaussian", 0.0, 0.0, ge=0.0)
 
 
 def is_trajectory(positions: str) -> bool:
-    """Whether start.positions is the name of a trajectory file."""
+    """True if start.positions is the name of a trajectory file."""
     return positions.endswith(".h5")
 
 
@@ -246,69 +198,66 @@ def _known_positions(positions: str) -> str:
     if positions in WAYS_TO_PLACE or is_trajectory(positions):
         return positions
     text = f"must be {', '.join(repr(way) for way in WAYS_TO_PLACE)} or the name of a trajectory that ends in .h5"
-    raise PydanticCustomError("unknown_name", "{text}", {"text": text + nearest(positions, WAYS_TO_PLACE)})
+    raise refusal(text + nearest(positions, WAYS_TO_PLACE), "unknown_name")
 
 
 class StartSection(Section):
-    """Where the disks are at the start."""
+    """Places of the disks at the start."""
 
-    choices = (Choice(("positions",), also=("frame", "motion", "psi", "speed")), Choice(("file",)))
+    choices: ClassVar[tuple[Keys, ...]] = (
+        Keys(("positions",), also=("frame", "motion", "psi", "speed")),
+        Keys(("file",)),
+    )
     choice_optional = True
 
-    positions: Annotated[str, AfterValidator(_known_positions)] = Field(
-        default="random",
-        description='"random" (one by one, to 0.5 of the area), "growth" (random too, to 0.84), "hexagonal" (a '
+    positions: Annotated[str, AfterValidator(_known_positions)] = key(
+        '"random" (one by one, to 0.5 of the area), "growth" (random too, to 0.84), "hexagonal" (a '
         'lattice), "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, '
         'such as "run.h5" (path from the case file), whose box must be the same',
-        examples=["random"],
+        "random",
+        "random",
     )
-    frame: int | None = Field(
-        default=None,
-        description="frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key",
-        examples=[-1],
+    frame: int | None = key(
+        "frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key",
+        -1,
+        None,
     )
-    motion: bool = Field(
-        default=False,
-        description="take velocities and spins from the frame as well [true or false], instead of speed_rms "
-        "and spin_rms",
-        examples=[True],
+    motion: bool = key(
+        "take velocities and spins from the frame as well [true or false], instead of speed_rms and spin_rms",
+        True,
+        False,
     )
-    psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = Field(
-        default=None,
+    psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = key(
+        "of an impact scan: first and last angle of impact from the line of centres [degrees]; 0 and 89 "
+        "without it",
+        [0.0, 89.0],
+        None,
         min_length=2,
         max_length=2,
-        description="of an impact scan: first and last angle of impact from the line of centres [degrees]; 0 and 89 "
-        "without it",
-        examples=[[0.0, 89.0]],
     )
-    speed: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="of an impact scan: speed of the disk that hits [m/s]",
-        examples=[1.0],
-    )
-    file: Name | None = Field(
-        default=None,
-        description="CSV file [text; path from the case file]: a line a disk, in the order of the species, "
+    speed: float | None = key("of an impact scan: speed of the disk that hits [m/s]", 1.0, None, gt=0.0)
+    file: Name | None = key(
+        "CSV file [text; path from the case file]: a line a disk, in the order of the species, "
         "with the columns x, y [m] and, to set velocities too, vx, vy [m/s] and spin [rad/s]",
-        examples=["start.csv"],
+        "start.csv",
+        None,
     )
 
     @classmethod
-    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
-        """Also what belongs to a trajectory alone."""
-        positions = data.get("positions", "random")
+    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+        """Also what belongs to a trajectory, or to an impact scan, alone."""
+        positions, file = data.get("positions", "random"), data.get("file")
+        if isinstance(file, str) and is_trajectory(file):
+            return [f'file = "{file}": a trajectory is named by positions = "{file}"; file is for CSV']
         given = [key for key in ("frame", "motion") if key in data]
         if given and "file" not in data and isinstance(positions, str) and not is_trajectory(positions):
-            return f'{", ".join(given)}: only with positions = "NAME.h5", the frame of a trajectory'
+            return [f'{", ".join(given)}: only with positions = "NAME.h5", the frame of a trajectory']
         scan = [key for key in ("psi", "speed") if key in data]
         if positions == IMPACT_SCAN and "speed" not in data:
-            return f'positions = "{IMPACT_SCAN}": speed is missing, that of the disks that hit'
+            return [f'positions = "{IMPACT_SCAN}": speed is missing, that of the disks that hit']
         if scan and positions != IMPACT_SCAN:
-            return f'{", ".join(scan)}: only with positions = "{IMPACT_SCAN}"'
-        if isinstance(file := data.get("file"), str) and is_trajectory(file):
-            return f'file = "{file}": a trajectory is named by positions = "{file}"; file is for CSV'
-        return super().wrong_choice(data)
+            return [f'{", ".join(scan)}: only with positions = "{IMPACT_SCAN}"']
+        return super().mistakes(data)
 
     @property
     def placed(self) -> bool:
@@ -341,12 +290,12 @@ class Case(Section):
 
     @property
     def walled(self) -> bool:
-        """Whether there are walls, at sides of the box or elsewhere."""
+        """True if there are walls, at sides of the box or elsewhere."""
         return bool(self.wall) or not all(self.box.periodic)
 
     @property
     def homogeneous(self) -> bool:
-        """Whether kinetic theory of a homogeneous gas may hold: without walls, gravity and elastic exceptions."""
+        """True if kinetic theory of a homogeneous gas may hold: without walls, gravity and elastic exceptions."""
         return not self.walled and not any(self.box.gravity) and self.run.collapse == "none"
 
     @property
@@ -366,5 +315,5 @@ class Case(Section):
         return tuple(dict.fromkeys(each for each in named if each is not None))
 
     def unit(self, quantity: str) -> str:
-        """What to print after a number: " m" for "length" in SI, nothing in reduced units."""
+        """Unit as printed after a number: " m" for "length" in SI, nothing in reduced units."""
         return f" {UNITS[self.run.units][quantity]}" if self.run.units == "SI" else ""

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Any, get_args, get_origin
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from ..errors import InputError, listed, nearest
 from ..tools import text_file
 from .case import Case
-from .rules import Findings, judge
+from .gas import CaseGas, judge
 from .section import Problem, Section
 
 KeyPath = tuple[str | int, ...]
@@ -38,29 +38,13 @@ _PATH = re.compile(rf"[\w-]{{1,100}}(?:\.[\w-]{{1,100}}|\[\d{{1,9}}\]){{0,{DEEPE
 
 @dataclass(frozen=True)
 class CaseFile:
-    """A case file that passed every check.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    text : str
-        Its text.
-    overrides : tuple of str
-        The "key=value" overrides, in order.
-    findings : Findings
-        The case that the two say together, and what the rules read and derived to judge it.
-    """
+    """A case file that passed every check."""
 
     path: Path
     text: str
-    overrides: tuple[str, ...]
-    findings: Findings = field(repr=False)
-
-    @property
-    def case(self) -> Case:
-        """The case."""
-        return self.findings.case
+    overrides: tuple[str, ...]  # "key=value", in order
+    case: Case  # what the two say together
+    gas: CaseGas = field(repr=False)  # as it was judged with it; `CaseGas.ready` makes it start
 
     @property
     def folder(self) -> Path:
@@ -69,58 +53,60 @@ class CaseFile:
 
 
 def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
-    """Read and check a case file.
+    """Read and check a case file (TOML).
 
-    Parameters
-    ----------
-    path : path
-        A TOML file.
-    overrides : sequence of str
-        Assignments such as "run.seed=3" or "species[0].number=100", applied in order. The value is TOML;
-        what is not TOML is taken as text; nothing after "=" removes the key.
+    Overrides are assignments such as "run.seed=3" or "species[0].number=100", applied in order. The value is TOML; what
+    is not TOML is taken as text; nothing after "=" removes the key.
+
+    Raises InputError with one line for each thing that is wrong.
+    """
+    path = Path(path)
+    return of_text(load(path)[0], path, overrides)
+
+
+def load(path: Path) -> tuple[str, dict[str, Any]]:
+    """Text of a TOML file, and what it says.
 
     Raises
     ------
     InputError
-        With one line for each thing that is wrong.
+        If it cannot be read, or is not TOML.
     """
-    path = Path(path)
     try:
         text = text_file.read(path, most=MOST_BYTES)
+        return text, _parsed(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
+    """The case file of which this is the text, as `read`; files that it names are looked for beside `path`."""
+    try:
         raw = _parsed(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+    if "case" in raw and "run" not in raw:
+        raise InputError(f"{path}: is a study, not a case: `ifrdem study {path}` runs it")
     for assignment in overrides:
         override(raw, assignment)
-    found, findings = _judged(raw, path.parent)
-    if found or findings is None:
+    case, gas, found = judged(raw, path.parent)
+    if case is None or gas is None or found:
         set_here = {_spelled(parse_assignment(assignment)[0]) for assignment in overrides}
-        raise InputError(
-            listed(
-                [
-                    f"{path}: {problem}" + (" [set on the command line]" if problem.key in set_here else "")
-                    for problem in found
-                ]
-            )
-        )
-    return CaseFile(path, text, tuple(overrides), findings)
+        texts = [f"{problem}{' [set on the command line]' * (problem.key in set_here)}" for problem in found]
+        raise InputError(listed([f"{path}: {text}" for text in texts]))
+    return CaseFile(path, text, tuple(overrides), case, gas)
 
 
-def mistakes(raw: Mapping[str, Any], folder: Path) -> list[Problem]:
-    """Everything that is wrong with a parsed case: keys, types and ranges first; if these are in order, the rules.
+def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas | None, list[Problem]]:
+    """A parsed case, its gas, and everything that is wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
     """
-    return _judged(raw, folder)[0]
-
-
-def _judged(raw: Mapping[str, Any], folder: Path) -> tuple[list[Problem], Findings | None]:
-    """Mistakes of a parsed case, and the findings of the rules if they could be applied."""
     case, found = _validated(raw)
     if case is None:
-        return found, None
-    findings = judge(case, folder)
-    return found + findings.problems, findings
+        return None, None, found
+    gas, problems = judge(case, folder)
+    return case, gas, found + problems
 
 
 def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
@@ -132,7 +118,7 @@ def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
     found = [_translated(each, tuple(each["loc"])) for each in errors]
     if any(each["type"] != "extra_forbidden" for each in errors):
         return None, found
-    known: Any = nested_copy(raw)
+    known: Any = copy.deepcopy(raw)
     for each in errors:
         *above, last = each["loc"]
         place: Any = known
@@ -146,10 +132,7 @@ def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
 def override(raw: dict[str, Any], assignment: str) -> None:
     """Carry out one "key=value" on a parsed case.
 
-    Raises
-    ------
-    InputError
-        If there is no "=", the key is no path, or it leads through something that holds no keys.
+    Raises InputError if there is no "=", the key is no path, or it leads through something that holds no keys.
     """
     key, value, remove = parse_assignment(assignment)
     assignment = _cut(assignment)
@@ -195,11 +178,8 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
 def _parsed(text: str) -> dict[str, Any]:
     """The tables and keys of a text in TOML.
 
-    Raises
-    ------
-    InputError
-        If it is not TOML, a number is too long for one, or tables, lists or keys stand deeper in each other than
-        `DEEPEST`: beyond, the parser's time and memory grow without bound.
+    Raises InputError if it is not TOML, a number is too long for one, or tables, lists or keys stand deeper in each
+    other than `DEEPEST`: beyond, the parser's time and memory grow without bound.
     """
     bare = _QUOTED.sub("x", text)
     depth = 0
@@ -218,17 +198,11 @@ def _parsed(text: str) -> dict[str, Any]:
         raise InputError(f"not valid TOML: {error}") from None
 
 
-def nested_copy(value: Any) -> Any:
-    """A copy of nested dicts and lists; their leaves are shared."""
-    if isinstance(value, Mapping):
-        return {key: nested_copy(each) for key, each in value.items()}
-    return [nested_copy(each) for each in value] if isinstance(value, list) else value
-
-
 def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
-        allowed = _keys(key[:-1])
+        section = _section(key[:-1])
+        allowed = [] if section is None else list(section.model_fields)
         text = f"unknown key{nearest(str(key[-1]), allowed)}; known here: {', '.join(allowed)}"
     elif kind == "missing":
         text = f"missing: {_about(key)}"
@@ -279,29 +253,18 @@ def _cut(text: str, longest: int = 60) -> str:
 
 def _section(key: KeyPath) -> type[Section] | None:
     """The model behind a key, or None if the key is a plain value or unknown."""
-    model: type[Section] = Case
+    model: type[Section] | None = Case
     for step in key:
-        if isinstance(step, int):
-            continue
-        found = model.model_fields.get(step)
-        inner = _model_in(found.annotation) if found is not None else None
-        if inner is None:
-            return None
-        model = inner
+        if isinstance(step, str) and model is not None:
+            found = model.model_fields.get(step)
+            model = None if found is None else _model_in(found.annotation)
     return model
 
 
 def _model_in(annotation: Any) -> type[Section] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation if issubclass(annotation, Section) else None
-    if get_origin(annotation) in (list, Union, UnionType):
-        return next((found for each in get_args(annotation) if (found := _model_in(each))), None)
-    return None
-
-
-def _keys(key: KeyPath) -> list[str]:
-    section = _section(key)
-    return list(section.model_fields) if section is not None else []
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return annotation
+    return next(filter(None, map(_model_in, get_args(annotation))), None)
 
 
 def _about(key: KeyPath) -> str:
@@ -316,7 +279,7 @@ def _about(key: KeyPath) -> str:
 
 
 def _table(key: KeyPath) -> str:
-    """How the section of a key is written in the file."""
+    """Heading of the section of a key, as in the file."""
     name = str(next(step for step in key if isinstance(step, str)))
     inner = [step for step in key if isinstance(step, str)][-1]
     if inner != name:  # a table inside of a section

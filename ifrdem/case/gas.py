@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,96 +23,86 @@ from ..model.walls import Wall
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..tools import seeds
+from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
-from .rules import Findings, judge
 from .section import Problem
-from .species import Species
+from .species import Species, species_of
 
 if TYPE_CHECKING:
     from ..model.forces import Force
-    from .file import CaseFile
 
 
 @dataclass(frozen=True)
-class Gas:
-    """What moves, where, and how it collides.
+class CaseGas:
+    """The gas of a case: its disks, box, walls and laws, and its start."""
 
-    Attributes
-    ----------
-    species : tuple of Species
-        In the order of the disks' ids.
-    materials : tuple of str
-        Names of the materials that occur, in the order of `laws`; that of the sides of the box is the first.
-    laws : list of lists of IFRLaw or None
-        The law of each pair of materials; None for two that only walls are made of, which never meet.
-    verdicts : tuple of PairVerdict
-        Admissibility of each pair of species, and of each species and material of walls.
-    disks : Disks
-        The disks, species by species.
-    box : Box
-        The box.
-    given : Given or None
-        The start, if the case names a file or a trajectory with it.
-    walls : tuple of Wall
-        Beside those at the sides of the box.
-    patch : Box or None
-        The rectangle in which disks are placed at the start: the box, or what an open one says of it.
-    """
-
-    species: tuple[Species, ...]
-    materials: tuple[str, ...]
-    laws: list[list[IFRLaw | None]]
-    verdicts: tuple[PairVerdict, ...]
-    disks: Disks
+    species: tuple[Species, ...]  # in the order of the disks' ids
+    materials: tuple[str, ...]  # names of those that occur; that of the sides of the box is the first
+    verdicts: tuple[PairVerdict, ...]  # of each pair of species, and of each species and material of walls
     box: Box
-    given: Given | None = None
-    walls: tuple[Wall, ...] = ()
-    patch: Box | None = None
+    walls: tuple[Wall, ...] = ()  # beside those at the sides of the box
+    patch: Box | None = None  # where disks are placed at the start: the box, or what an open one says of it
+    given: Given | None = None  # the start, if the case names a file or a trajectory with it
 
     @classmethod
-    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> Gas:
+    def from_case(cls, case: Case, folder: Path | str = ".", *, start: bool = True) -> CaseGas:
         """The gas of a case; a start file's path begins at `folder`. Without `start`, it is looked at no more.
 
-        Raises
-        ------
-        InputError
-            With a line for each thing that is wrong.
+        Raises InputError with a line for each thing that is wrong, what is too large or too small for the engine
+        included.
         """
-        return cls._of(judge(case, Path(folder), start=start))
+        gas, problems = judge(case, Path(folder), start=start)
+        if problems:
+            raise InputError(listed([str(problem) for problem in problems]))
+        return gas.ready(case) if start else gas
 
-    @classmethod
-    def from_file(cls, file: CaseFile) -> Gas:
-        """The gas of a case file, which was judged when it was read.
+    def ready(self, case: Case) -> CaseGas:
+        """The gas as it starts: its motion known, its magnitudes such that the engine and the trajectory take them.
 
-        Raises
-        ------
-        InputError
-            If something is too large or too small for the engine or the trajectory.
+        Raises InputError if they do not.
         """
-        return cls._of(file.findings)
-
-    @classmethod
-    def _of(cls, found: Findings) -> Gas:
-        if found.problems:
-            raise InputError(listed([str(problem) for problem in found.problems]))
-        case, box, given = found.case, found.box, found.given
-        laws = [[_law_between(found.verdicts, a, b) for b in found.materials] for a in found.materials]
-        disks = _disks(found.species, found.materials)
+        given = self.given
         if given is not None and given.velocity is not None and case.start.trajectory is not None:
-            given = replace(given, velocity=given.velocity + box.flow(given.position))  # there was no flow
-        elif found.start and case.start.positions == IMPACT_SCAN:
+            given = replace(
+                given, velocity=given.velocity + self.box.flow(given.position)
+            )  # there was no flow
+        elif case.start.positions == IMPACT_SCAN:
             speed = case.start.speed or 0.0
-            given = impact_scan.start(disks, case.start.psi_range, speed, seed=case.run.seed)
-        species = found.species if given is None else _as_moving(found.species, given, box)
-        gas = cls(species, found.materials, laws, found.verdicts, disks, box, given, found.walls, found.patch)
-        if found.start:
-            gas._check_magnitudes(case)
+            given = impact_scan.start(self.disks, case.start.psi_range, speed, seed=case.run.seed)
+        species = self.species if given is None else _as_moving(self.species, given, self.box)
+        gas = replace(self, species=species, given=given)
+        gas._check_magnitudes(case)
         return gas
+
+    @functools.cached_property
+    def disks(self) -> Disks:
+        """The disks, species by species."""
+        numbers = [each.number for each in self.species]
+        return Disks(
+            n=sum(numbers),
+            mass=np.concatenate([each.mass for each in self.species]),
+            radius=np.concatenate([each.radius for each in self.species]),
+            k=np.repeat([each.k for each in self.species], numbers),
+            material=np.repeat([self.materials.index(each.material) for each in self.species], numbers),
+        )
+
+    @functools.cached_property
+    def laws(self) -> list[list[IFRLaw | None]]:
+        """The law of each pair of `materials`; None for two that only walls are made of, which never meet.
+
+        It is made for the largest mean k of what meets with them.
+        """
+        found: dict[frozenset[str], IFRLaw] = {}
+        for each in self.verdicts:
+            pair, law = each.materials, each.law
+            if law is not None and (pair not in found or law.k > found[pair].k):
+                found[pair] = law
+        return [[found.get(frozenset((a, b))) for b in self.materials] for a in self.materials]
 
     @property
     def room(self) -> Room:
-        """What walls leave to the disks."""
+        """The area that walls leave to the disks."""
         return Room(self.box, self.walls)
 
     def law(self, i: int = 0, j: int = 0) -> IFRLaw:
@@ -130,10 +121,7 @@ class Gas:
     def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
-        Raises
-        ------
-        InputError
-            If the disks do not fit into the box in the way the case wants: a line with the key.
+        Raises InputError if the disks do not fit into the box in the way the case wants: a line with the key.
         """
         if self.given is None:
             position = self._placed(case.start.positions, case.run.seed, progress)
@@ -182,36 +170,24 @@ class Gas:
         What `warnings` says is not said again. `tracked` disks, which have histories, else come from the case and the
         start.
         """
-        options: dict[str, Any] = {"arch": case.run.arch, "threads": case.run.threads}
-        if case.run.precision != "f64":
-            options["precision"] = case.run.precision
-        options["seed"] = case.run.seed  # of forces and thermal walls
-        options["ledger"] = case.output.ledger
-        options["partners"] = "last_partner" in case.output.fields
-        options["angles"] = "angle" in case.output.fields
-        if case.force:
-            options["forces"] = forces_of(case)
-        if self.walls:
-            options["walls"] = self.walls
-        if any(case.box.gravity):
-            options["gravity"] = (case.box.gravity[0], case.box.gravity[1])
-        if case.run.collapse != "none":
-            options |= collapse_of(case)
+        run, output = case.run, case.output
         begin = self.start(case) if state is None else state
-        options["tracked"] = self.tracked(case, begin) if tracked is None else tracked
         any_law = self.law()  # stands where two walls would meet, which never happens
         laws = [[any_law if one is None else one for one in row] for row in self.laws]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
-            return Simulation(self.disks, self.box, laws, begin, **options)
+            return Simulation(
+                self.disks, self.box, laws, begin, arch=run.arch, threads=run.threads,
+                precision=run.precision, walls=self.walls, gravity=(case.box.gravity[0], case.box.gravity[1]),
+                collapse=run.collapse, contact_time=run.contact_time, velocity_cutoff=run.velocity_cutoff,
+                forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,
+                angles="angle" in output.fields, tracked=self.tracked(case, begin) if tracked is None else tracked,
+            )  # fmt: skip
 
     def tracked(self, case: Case, start: State) -> NDArray[np.int32]:
         """Disks that have histories, ascending.
 
-        Raises
-        ------
-        InputError
-            If histories are asked for of a region in which no disk starts.
+        Raises InputError if histories are asked for of a region in which no disk starts.
         """
         found = case.output.tracked(start.position, seeds.stream(case.run.seed, seeds.HISTORIES))
         if case.output.tracks and not len(found):
@@ -237,8 +213,44 @@ class Gas:
             raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
 
 
+def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Problem]]:
+    """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
+
+    A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more.
+    """
+    species = species_of(case)
+    radius = np.concatenate([each.radius for each in species])
+    verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
+    # The engine makes the sides of the first one.
+    sides = () if case.box.material is None else (case.box.material,)
+    materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
+    walls = tuple(
+        each.wall(0 if each.material is None else materials.index(each.material)) for each in case.wall
+    )
+    found = [*rules.wrong_names(case), *rules.wrong_pairs(verdicts), *rules.wrong_motion(case)]
+    found += rules.wrong_forces(case)
+    box, patch, given = Box.open(), None, None
+    try:
+        patch = case.box.patch(radius)
+    except InputError as error:
+        found.append(Problem("box", None, str(error)))
+    else:
+        box = box if case.box.open or patch is None else patch
+        wrong_walls = [*rules.wrong_walls(case, walls, box, radius)]
+        found += wrong_walls
+        if start:
+            standing = () if wrong_walls else walls
+            found += rules.wrong_room(case, species, radius, None if patch is None else Room(patch, standing))
+            found += [*rules.wrong_open(case, patch), *rules.wrong_scan(case)]
+            given = rules.given_start(case, radius, Room(box, standing), folder, found)
+    found += rules.wrong_output(case, len(radius), box)
+    return CaseGas(species, materials, verdicts, box, walls, patch, given), found
+
+
 def forces_of(case: Case) -> list[Force]:
-    """The forces of a case, in its order. Imports Taichi."""
+    """The forces of a case, in its order. Imports Taichi if there are any."""
+    if not case.force:
+        return []
     from ..model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 
     kinds: dict[str, Callable[..., Force]] = {
@@ -250,12 +262,6 @@ def forces_of(case: Case) -> list[Force]:
         "table_friction": TableFriction,
     }
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
-
-
-def collapse_of(case: Case) -> dict[str, Any]:
-    """What the simulation takes against collisions without end."""
-    numbers = {"contact_time": case.run.contact_time, "velocity_cutoff": case.run.velocity_cutoff}
-    return {"collapse": case.run.collapse} | {key: each for key, each in numbers.items() if each is not None}
 
 
 def _as_moving(species: tuple[Species, ...], given: Given, box: Box) -> tuple[Species, ...]:
@@ -271,22 +277,3 @@ def _as_moving(species: tuple[Species, ...], given: Given, box: Box) -> tuple[Sp
         spin_rms = float(np.sqrt(np.mean(given.spin[own] ** 2)))
         moving.append(replace(each, speed_rms=speed_rms, spin_rms=spin_rms))
     return tuple(moving)
-
-
-def _disks(species: tuple[Species, ...], materials: tuple[str, ...]) -> Disks:
-    def column(values: list[float]) -> NDArray[np.float64]:
-        return np.repeat(np.array(values), [each.number for each in species])
-
-    return Disks(
-        n=sum(each.number for each in species),
-        mass=np.concatenate([each.mass for each in species]),
-        radius=np.concatenate([each.radius for each in species]),
-        k=column([each.k for each in species]),
-        material=column([materials.index(each.material) for each in species]).astype(np.int32),
-    )
-
-
-def _law_between(judged: tuple[PairVerdict, ...], a: str, b: str) -> IFRLaw | None:
-    """The law of two materials, made for the largest mean k of what meets with them; None if nothing does."""
-    laws = [each.law for each in judged if each.law is not None and each.materials == {a, b}]
-    return max(laws, key=lambda law: law.k, default=None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import warnings
 from collections.abc import Iterator, Sequence
@@ -11,12 +12,11 @@ from ..errors import InputError, nearest
 from ..model.coin_table import coins
 from ..model.ifr import EnergyWarning, IFRLaw
 from .case import Case
-from .section import Problem
 from .species import Species
 
 
 class PairVerdict(NamedTuple):
-    """What the law of two species, or of one and walls of a material, says about energy, or why there is none."""
+    """Verdict on the law of two species, or of one and walls of a material: it may add energy, or is missing."""
 
     first: str
     second: str
@@ -28,53 +28,33 @@ class PairVerdict(NamedTuple):
     materials: frozenset[str] = frozenset()
 
 
-class Coefficients(NamedTuple):
-    """What a law is made of, and the key that it comes from."""
-
-    key: str
-    e_n: float
-    e_t: float
-    mu: float
-    sticking: Any
-    rho: float
+COEFFICIENTS = ("e_n", "e_t", "mu", "sticking", "rho")
+Coefficients = tuple[str, dict[str, Any]]
+"""The key that coefficients come from, and what a law is made of."""
 
 
-def _coefficients(case: Case, a: str, b: str) -> Coefficients | Problem | None:
-    """The coefficients of a pair of materials; a problem if there are none; None if that cannot be told."""
+def _of_law(key: str, law: IFRLaw, **other: Any) -> Coefficients:
+    return key, {name: getattr(law, name) for name in COEFFICIENTS} | other
+
+
+def _coefficients(case: Case, a: str, b: str) -> Coefficients | str | None:
+    """The coefficients of a pair of materials; what is wrong if there are none; None if that cannot be told."""
     if a != b:
         for i, pair in enumerate(case.pair):
             if set(pair.materials) == {a, b}:
-                return Coefficients(f"pair[{i}]", pair.e_n, pair.e_t, pair.mu, pair.sticking, pair.rho)
+                return f"pair[{i}]", pair.model_dump(exclude={"materials"})
         coin_a, coin_b = _coin_of(case, a), _coin_of(case, b)
         if coin_a is not None and coin_b is not None:
-            try:
-                law = coins.pair(coin_a, coin_b)
-            except InputError:
-                pass  # the paper did not measure this pair: the case has to say
-            else:
-                return Coefficients(
-                    f"'{coin_a}' with '{coin_b}'", law.e_n, law.e_t, law.mu, law.sticking, law.rho
-                )
-        return Problem(
-            "pair",
-            None,
-            f"missing for the materials '{a}' and '{b}': their e_n, e_t and mu are needed in a [[pair]]",
-        )
+            with contextlib.suppress(InputError):  # the paper did not measure this pair: the case has to say
+                return _of_law(f"'{coin_a}' with '{coin_b}'", coins.pair(coin_a, coin_b))
+        return f"missing for the materials '{a}' and '{b}': their e_n, e_t and mu are needed in a [[pair]]"
     for i, material in enumerate(case.material):
-        if material.name != a:
-            continue
-        key = f"material[{i}]"
-        if material.coin is None:
-            assert material.e_n is not None
-            assert material.e_t is not None
-            assert material.mu is not None
-            return Coefficients(key, material.e_n, material.e_t, material.mu, material.sticking, material.rho)
-        law = coins[material.coin].law
-        return Coefficients(key, law.e_n, law.e_t, law.mu, material.sticking, material.rho)
-    if a in coins and _coin_of(case, a) == a:
-        law = coins[a].law
-        return Coefficients(f"coin '{a}'", law.e_n, law.e_t, law.mu, law.sticking, law.rho)
-    return None
+        if material.name == a and material.coin is None:
+            return f"material[{i}]", material.model_dump(include=set(COEFFICIENTS))
+        if material.name == a and material.coin is not None:
+            law = coins[material.coin].law
+            return _of_law(f"material[{i}]", law, sticking=material.sticking, rho=material.rho)
+    return _of_law(f"coin '{a}'", coins[a].law) if a in coins and _coin_of(case, a) == a else None
 
 
 def _coin_of(case: Case, material: str) -> str | None:
@@ -88,63 +68,55 @@ def _coin_of(case: Case, material: str) -> str | None:
 
 
 def verdicts(case: Case, species: Sequence[Species]) -> Iterator[PairVerdict]:
-    """Whether collisions can add energy, for every pair of species whose coefficients are known."""
+    """Verdicts on the energy of collisions, for every pair of species whose coefficients are known."""
     order = list(dict.fromkeys(each.material for each in species))
     for one, other in itertools.combinations_with_replacement(species, 2):
         # In one order, so that a pair that is missing is named once.
         made_of = _coefficients(case, *sorted((one.material, other.material), key=order.index))
-        if isinstance(made_of, Problem):
-            yield PairVerdict(one.name, other.name, made_of.key, False, False, made_of.text, None)
+        if isinstance(made_of, str):
+            yield PairVerdict(one.name, other.name, "pair", False, False, made_of, None)
         elif made_of is not None:
-            yield _judged(made_of, one, other)._replace(materials=frozenset((one.material, other.material)))
+            yield _worst(made_of, one, other)
 
 
 def wall_verdicts(case: Case, species: Sequence[Species]) -> Iterator[PairVerdict]:
     """The same for every species and every material of walls."""
+    names = [each.name for each in case.material] + [name for pair in case.pair for name in pair.materials]
     for material in case.materials_of_walls:
         wall = f"wall ({material})"
         for each in species:
             made_of = _coefficients(case, each.material, material)
-            if isinstance(made_of, Problem):
-                known = (
-                    *(each.name for each in case.material),
-                    *(name for pair in case.pair for name in pair.materials),
-                )
-                text = made_of.text + ("" if material in known else nearest(material, known))
-                yield PairVerdict(each.name, wall, made_of.key, False, False, text, None)
+            if isinstance(made_of, str):
+                text = made_of + ("" if material in names else nearest(material, names))
+                yield PairVerdict(each.name, wall, "pair", False, False, text, None)
             elif made_of is not None:
                 # Beside an infinite mass, the pair's mean k is the disk's own.
-                verdict = _judgement(made_of, each.name, wall, each.k, each.k)
-                yield verdict._replace(materials=frozenset((each.material, material)))
+                found = _verdict(made_of, each.name, wall, each.k, each.k)
+                yield found._replace(materials=frozenset((each.material, material)))
 
 
-def _judged(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
+def _worst(made_of: Coefficients, one: Species, other: Species) -> PairVerdict:
     """The worst verdict for any two disks of the species.
 
     Masses enter by the mean k = (k_1 m_2 + k_2 m_1)/(m_1 + m_2) alone, which is monotone in m_1/m_2, and the mean k
     that are admissible form an interval: each condition of `IFRLaw.admissibility` asks a convex function of it to be
     no more than a linear one, or bounds it from above. So the ends of the mass ratio decide.
     """
-    found: list[PairVerdict] = []
-    for m_1, m_2 in {
-        (float(one.mass.min()), float(other.mass.max())),
-        (float(one.mass.max()), float(other.mass.min())),
-    }:
-        found.append(_judgement(made_of, one.name, other.name, one.k, other.k, m_1, m_2))
-    return min(found, key=lambda each: (each.admissible, each.strict, -each.law.k if each.law else 0.0))
+    ends = {(one.mass.min(), other.mass.max()), (one.mass.max(), other.mass.min())}
+    found = [_verdict(made_of, one.name, other.name, one.k, other.k, *map(float, masses)) for masses in ends]
+    worst = min(found, key=lambda each: (each.admissible, each.strict, -each.law.k if each.law else 0.0))
+    return worst._replace(materials=frozenset((one.material, other.material)))
 
 
-def _judgement(
+def _verdict(
     made_of: Coefficients, first: str, second: str, k_1: float, k_2: float, m_1: float = 1.0, m_2: float = 1.0
 ) -> PairVerdict:
     """The verdict for two disks with these k and masses."""
-    key, coefficients = made_of.key, made_of._asdict()
-    del coefficients["key"]
+    key, coefficients = made_of
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)  # the verdict says the same
             law = IFRLaw(**coefficients, k=(k_1 * m_2 + k_2 * m_1) / (m_1 + m_2))
-        verdict = law.admissibility(k_1, k_2, m_1, m_2)
+        return PairVerdict(first, second, key, *law.admissibility(k_1, k_2, m_1, m_2), law)
     except InputError as error:
         return PairVerdict(first, second, key, False, False, str(error), None)
-    return PairVerdict(first, second, key, *verdict, law)

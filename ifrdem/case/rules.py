@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import Given
 from ..kernels.limits import CROWD, MOST_WALLS
@@ -19,11 +21,10 @@ from ..model.box import Box
 from ..model.free_area import Room
 from ..model.walls import Wall, check_place
 from ..model.walls import check as check_walls
-from . import pair_rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
 from .section import Problem
-from .species import Species, species_of
+from .species import Species
 
 LARGEST_DISK = 1.0 / 3.0
 """Of the shorter side, at most: the engine's limit, which keeps a disk from meeting its own image."""
@@ -33,162 +34,92 @@ WIDEST_RATIO = math.sqrt(CROWD) - 1.25
 with a quarter of their diameter to spare, which is the least that the engine lists beyond contact."""
 
 
-@dataclass(frozen=True, eq=False)
-class Findings:
-    """A case that was judged, and what had to be sampled, built and read for that: a gas is made of it.
-
-    Attributes
-    ----------
-    case : Case
-        The case.
-    problems : list of Problem
-        Everything that is wrong; the rest holds as far as there is nothing.
-    species : tuple of Species
-        In the order of the disks' ids.
-    materials : tuple of str
-        Names of the materials that occur; that of the sides of the box is the first.
-    verdicts : tuple of PairVerdict
-        Admissibility of each pair of species, and of each species and material of walls.
-    walls : tuple of Wall
-        Beside those at the sides of the box.
-    box : Box
-        The box.
-    patch : Box or None
-        The rectangle in which disks are placed at the start: the box, or what an open one says of it.
-    given : Given or None
-        The start as it stands in the file or trajectory that the case names, if it does and `start` is true.
-    start : bool
-        Whether the start was looked at: not in a run that has begun.
-    """
-
-    case: Case
-    problems: list[Problem]
-    species: tuple[Species, ...]
-    materials: tuple[str, ...]
-    verdicts: tuple[PairVerdict, ...]
-    walls: tuple[Wall, ...]
-    box: Box
-    patch: Box | None
-    given: Given | None
-    start: bool
+def _at(case: Case, key: str, text: str) -> Problem:
+    """A problem with the value that a key of the case has."""
+    value: Any = case
+    for step in re.findall(r"\w+", key):
+        value = value[int(step)] if step.isdecimal() else getattr(value, step)
+    shown = f"{value:g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
+    return Problem(key, None if value is None else shown, text)
 
 
-def judge(case: Case, folder: Path, *, start: bool = True) -> Findings:
-    """Apply every rule to a case. A start file's path begins at `folder`; without `start`, it is looked at no more."""
-    species = species_of(case)
-    radius = np.concatenate([each.radius for each in species])
-    verdicts = (*pair_rules.verdicts(case, species), *pair_rules.wall_verdicts(case, species))
-    # The engine makes the sides of the first one.
-    sides = () if case.box.material is None else (case.box.material,)
-    materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
-    walls = tuple(
-        each.wall(0 if each.material is None else materials.index(each.material)) for each in case.wall
-    )
-    found = [*_wrong_names(case)]
-    found += [Problem(each.key, None, each.message) for each in _once(verdicts) if not each.admissible]
-    found += [*_wrong_motion(case), *_wrong_forces(case)]
-    box, patch, given = Box.open(), None, None
-    try:
-        box, patch = case.box.around(radius), case.box.patch(radius)
-    except InputError as error:
-        found.append(Problem("box", None, str(error)))
-    else:
-        wrong_walls = [*_wrong_walls(case, walls, box, radius)]
-        found += wrong_walls
-        if start:
-            standing = () if wrong_walls else walls
-            found += _wrong_room(case, species, radius, None if patch is None else Room(patch, standing))
-            found += _wrong_open(case, patch)
-            found += _wrong_scan(case)
-            given = _given(case, radius, Room(box, standing), folder, found)
-    found += _wrong_output(case, len(radius), box)
-    return Findings(case, found, species, materials, verdicts, walls, box, patch, given, start)
-
-
-def _wrong_names(case: Case) -> Iterator[Problem]:
+def wrong_names(case: Case) -> Iterator[Problem]:
+    """Names of materials and species that are used twice, or are none."""
     names = [each.name for each in case.material]
     for kind, own in (("material", names), ("species", [each.name for each in case.species])):
         for i, name in enumerate(own):
             if (first := own.index(name)) != i:
-                text = f"the name of {kind}[{first}] too; each needs its own"
-                yield Problem(f"{kind}[{i}].name", f'"{name}"', text)
+                yield _at(case, f"{kind}[{i}].name", f"the name of {kind}[{first}] too; each needs its own")
     for i, section in enumerate(case.species):
-        key = f"species[{i}].material"
-        if section.coin is not None and case.run.units != "SI":
+        key, coin = f"species[{i}].material", section.coin
+        if coin is not None and case.run.units != "SI":
             text = 'its mass and diameter are in SI: run.units = "SI" is needed'
-            yield Problem(f"species[{i}].coin", f'"{section.coin}"', text)
-        if section.material is None and section.coin is None:
-            yield Problem(key, None, f"missing: the name of a material is needed; there are {_listed(names)}")
-        elif section.material is None and section.coin in names:
-            text = f"missing: a [[material]] is called '{section.coin}' like the coin, so say which is meant"
-            yield Problem(key, None, text)
+            yield _at(case, f"species[{i}].coin", text)
+        if section.material is None and coin is None:
+            yield _at(case, key, f"missing: the name of a material is needed{there_are('', names)}")
+        elif section.material is None and coin in names:
+            text = f"missing: a [[material]] is called '{coin}' like the coin, so say which is meant"
+            yield _at(case, key, text)
         elif section.material is not None and section.material not in names:
-            text = f"no such material{nearest(section.material, names)}; there are {_listed(names)}"
-            yield Problem(key, f'"{section.material}"', text)
+            yield _at(case, key, f"no such material{there_are(section.material, names)}")
     used = [each.coin for each in case.species if each.coin is not None]
     known = list(dict.fromkeys((*names, *used, *case.materials_of_walls)))
     pairs: dict[frozenset[str], int] = {}
     for i, pair in enumerate(case.pair):
-        a, b = pair.materials
-        wrong = [
-            f"no material is called '{name}'{nearest(name, known)}; there are {_listed(known)}"
-            for name in pair.materials
-            if name not in known
-        ]
+        key, (a, b) = f"pair[{i}].materials", pair.materials
+        for name in pair.materials:
+            if name not in known:
+                yield _at(case, key, f"no material is called '{name}'{there_are(name, known)}")
         if a == b:
-            wrong.append("two different names are needed; [[material]] is for one")
+            yield _at(case, key, "two different names are needed; [[material]] is for one")
         if (first := pairs.setdefault(frozenset((a, b)), i)) != i:
-            wrong.append(f"the materials of pair[{first}] too")
-        for text in wrong:
-            yield Problem(f"pair[{i}].materials", f'["{a}", "{b}"]', text)
+            yield _at(case, key, f"the materials of pair[{first}] too")
 
 
-def _listed(names: list[str]) -> str:
-    return ", ".join(names) or "none"
+def wrong_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
+    """Inadmissible pairs; the same of further species is told once."""
+    for key, message in dict.fromkeys((each.key, each.message) for each in verdicts if not each.admissible):
+        yield Problem(key, None, message)
 
 
-def _once(verdicts: Iterable[pair_rules.PairVerdict]) -> list[pair_rules.PairVerdict]:
-    """Without those that say the same of further species."""
-    return list({(each.key, each.message): each for each in verdicts}.values())
-
-
-def _wrong_motion(case: Case) -> Iterator[Problem]:
+def wrong_motion(case: Case) -> Iterator[Problem]:
+    """A number of collisions that never comes."""
+    key, start = "run.collisions_per_disk", case.start
     if case.run.collisions_per_disk is None:
         return
-    value = f"{case.run.collisions_per_disk:g}"
     if _disks(case) < 2:
-        yield Problem("run.collisions_per_disk", value, "one disk alone never collides; give t_end instead")
-    elif case.start.placed and not case.sets_in_motion and not any(each.speed_rms for each in case.species):
+        yield _at(case, key, "one disk alone never collides; give t_end instead")
+    elif start.placed and not case.sets_in_motion and not any(each.speed_rms for each in case.species):
         text = "nothing moves at the start, so nothing ever collides: a species' speed_rms above 0 is needed"
-        yield Problem("run.collisions_per_disk", value, text)
+        yield _at(case, key, text)
 
 
 def _disks(case: Case) -> int:
     return sum(each.number for each in case.species)
 
 
-def _wrong_forces(case: Case) -> Iterator[Problem]:
+def wrong_forces(case: Case) -> Iterator[Problem]:
+    """Forces that the gas, the box or the length of the run do not allow."""
     t_end = case.run.t_end
     for i, force in enumerate(case.force):
         key = f"force[{i}]"
         if force.kind == "kicks" and _disks(case) < 2:
             text = "random kicks keep the total momentum, so 2 disks at least are needed"
-            yield Problem(f"{key}.kind", '"kicks"', text)
+            yield _at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and any(case.box.gravity):
             text = "along a table, table friction is not supported: leave out box.gravity"
-            yield Problem(f"{key}.kind", '"table_friction"', text)
+            yield _at(case, f"{key}.kind", text)
         if force.kind == "table_friction" and force.gravity is None and case.run.units != "SI":
-            yield Problem(f"{key}.gravity", None, "missing: 9.81 m/s^2 is meant in SI units only")
+            yield _at(case, f"{key}.gravity", "missing: 9.81 m/s^2 is meant in SI units only")
         if t_end is not None and 0.5 * force.step > t_end:
-            text = (
-                f"the force acts at the middle of each step, which never comes before run.t_end = {t_end:g}"
-            )
-            yield Problem(f"{key}.step", f"{force.step:g}", text)
+            text = f"it acts at the middle of each step, which never comes before run.t_end = {t_end:g}"
+            yield _at(case, f"{key}.step", text)
 
 
-def _wrong_walls(
+def wrong_walls(
     case: Case, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
 ) -> Iterator[Problem]:
+    """Walls that are no walls of this box, or leave no room."""
     if box.is_open:
         if walls:
             text = "walls in an open box are not supported: leave out box.open and give lengths"
@@ -196,7 +127,7 @@ def _wrong_walls(
         return
     if case.box.lengths is None and walls:
         text = "walls stand at places in the box: box.lengths is needed instead, and `ifrdem check` says the fraction"
-        yield Problem("box.packing_fraction", f"{case.box.packing_fraction:g}", text)
+        yield _at(case, "box.packing_fraction", text)
         return
     placed = []
     for i, wall in enumerate(walls):
@@ -232,36 +163,34 @@ def _outside(wall: Wall, box: Box) -> bool:
     return bool(np.any(beyond))
 
 
-def _wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
+def wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
+    """Output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
-    twice = [name for i, name in enumerate(output.fields) if name in output.fields[:i]]
-    if twice:
-        yield Problem("output.fields", f'"{twice[0]}"', "it is there already; each may be given once")
-    if output.histories is not None:
-        beyond = [each for each in output.histories if each >= n]
-        if beyond:
-            yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
-        repeated = [each for each, times in Counter(output.histories).items() if times > 1]
-        if repeated:
-            yield Problem("output.histories", str(repeated[0]), "it is there already")
-    if output.histories_sample is not None and output.histories_sample > n:
-        yield Problem("output.histories_sample", str(output.histories_sample), f"there are {n} disks")
+    for key, named in (("fields", output.fields), ("histories", output.histories or ())):
+        if twice := [name for name, times in Counter(named).items() if times > 1]:
+            yield Problem(
+                f"output.{key}", json.dumps(twice[0]), "it is there already; each may be given once"
+            )
+    if beyond := [each for each in output.histories or () if each >= n]:
+        yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
+    if (output.histories_sample or 0) > n:
+        yield _at(case, "output.histories_sample", f"there are {n} disks")
     if region is not None:
         x_low, y_low, x_high, y_high = region
         if not (x_low < x_high and y_low < y_high):
             text = "[x_low, y_low, x_high, y_high] is needed, each low one below the high one"
-            yield Problem("output.histories_region", str(region), text)
+            yield _at(case, "output.histories_region", text)
         elif not box.is_open:
             length_x, length_y = box.lengths
             if x_low >= length_x or y_low >= length_y or x_high <= 0.0 or y_high <= 0.0:
                 text = f"lies outside of the box, {length_x:.5g} x {length_y:.5g}"
-                yield Problem("output.histories_region", str(region), text)
+                yield _at(case, "output.histories_region", text)
     if output.tracks and box.shear_rate:
         text = "not supported in a sheared box: leave histories out, or shear between walls that move"
         yield Problem("output.histories", None, text)
 
 
-def _wrong_room(
+def wrong_room(
     case: Case, species: Sequence[Species], radius: NDArray[np.float64], room: Room | None
 ) -> Iterator[Problem]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
@@ -296,7 +225,7 @@ def _wrong_room(
         try:
             placement.hexagonal_positions(room.box, radius, walls=room.walls)
         except InputError as error:
-            yield Problem("start.positions", '"hexagonal"', str(error))
+            yield _at(case, "start.positions", str(error))
     elif case.start.placed and case.start.positions == "random":
         # Few disks can be denser: the limit holds for many (see placement.random_positions).
         limit = placement.SATURATION + 0.5 / np.sqrt(len(radius))
@@ -321,7 +250,8 @@ def _size_key(case: Case) -> str:
     return "box.packing_fraction" if case.box.lengths is None else "box.lengths"
 
 
-def _wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
+def wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
+    """A rectangle to start in, where it is needed or cannot stand."""
     if not case.box.open:
         return
     if case.start.placed and patch is None:
@@ -329,27 +259,29 @@ def _wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
             f'disks that start at "{case.start.positions}" places need a rectangle to start in: packing_fraction or '
             "lengths beside it"
         )
-        yield Problem("box.open", "true", text)
+        yield _at(case, "box.open", text)
     if not case.start.placed and patch is not None:
         text = "cannot stand beside box.open = true where the start says where the disks are"
         yield Problem(_size_key(case), None, text)
 
 
-def _wrong_scan(case: Case) -> Iterator[Problem]:
+def wrong_scan(case: Case) -> Iterator[Problem]:
+    """An impact scan of a gas that is none."""
     if case.start.positions != IMPACT_SCAN:
         return
-    key, value = "start.positions", f'"{IMPACT_SCAN}"'
+    key = "start.positions"
     if not case.box.open:
-        yield Problem(key, value, "pairs that fly apart need box.open = true")
+        yield _at(case, key, "pairs that fly apart need box.open = true")
     numbers = [each.number for each in case.species]
     if len(numbers) != 2 or numbers[0] != numbers[1]:
         found = ", ".join(f"{each.number} of '{each.name}'" for each in case.species)
         text = f"two species with equal numbers are needed, those that hit and those that are hit; there are {found}"
-        yield Problem(key, value, text)
+        yield _at(case, key, text)
     if case.force:
-        text = "no [[force]] can act in a scan: impacts are told from velocities before and after"
-        yield Problem(key, value, text)
-    yield from _wrong_speeds(case, f"{key} = {value}: start.speed is the speed of those that hit")
+        yield _at(
+            case, key, "no [[force]] can act in a scan: impacts are told from velocities before and after"
+        )
+    yield from _wrong_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
 
 
 def _wrong_speeds(case: Case, beside: str) -> Iterator[Problem]:
@@ -357,11 +289,10 @@ def _wrong_speeds(case: Case, beside: str) -> Iterator[Problem]:
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
             if speed in each.model_fields_set:
-                value = f"{getattr(each, speed):g}"
-                yield Problem(f"species[{i}].{speed}", value, f"cannot stand beside {beside}")
+                yield _at(case, f"species[{i}].{speed}", f"cannot stand beside {beside}")
 
 
-def _given(
+def given_start(
     case: Case, radius: NDArray[np.float64], room: Room, folder: Path, found: list[Problem]
 ) -> Given | None:
     """The start that a file or a trajectory gives; what is wrong with it is added to `found`."""
@@ -395,7 +326,7 @@ def _given(
         else:
             rest = "has only velocities vx = vy = 0: others are needed"
         text = f"nothing moves at the start, so nothing ever collides; {key} = {value} {rest}"
-        found.append(Problem("run.collisions_per_disk", f"{wanted:g}", text))
+        found.append(_at(case, "run.collisions_per_disk", text))
     if given.velocity is not None:
         file = f"velocities in the start file '{name}'"
         found += _wrong_speeds(case, file if start.trajectory is None else f"start.motion = true ({value})")

@@ -1,16 +1,27 @@
-"""What all sections of a case file have in common."""
+"""Common behaviour of the sections of a case file."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ModelWrapValidatorHandler, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ModelWrapValidatorHandler, field_validator, model_validator
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError, ValidationError
 
 LEAST, MOST = 1e-50, 1e50
 """Range of the magnitude of numbers other than 0: products of six of them can be computed with."""
+
+
+def key(about: str, example: object, default: Any = ..., /, **limits: Any) -> Any:
+    """A key of a section: its description with the unit in brackets, an example of its value, its default if any."""
+    return Field(default, description=about, examples=[example], **limits)
+
+
+def refusal(text: str, kind: str = "choice") -> PydanticCustomError:
+    """An error with this text, for validators."""
+    return PydanticCustomError(kind, "{text}", {"text": text})
 
 
 @dataclass(frozen=True)
@@ -27,34 +38,61 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class Choice:
-    """Keys that belong together: all of `needed`, and any of `also` beside them."""
+class Keys:
+    """Keys that belong together: all `needed`, exactly `one` of some, at least one of `some`, any of `also`."""
 
-    needed: tuple[str, ...]
+    needed: tuple[str, ...] = ()
+    one: tuple[str, ...] = ()
+    some: tuple[str, ...] = ()
     also: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return " + ".join(self.needed)
 
+    @property
+    def all(self) -> tuple[str, ...]:
+        """Every key."""
+        return self.needed + self.one + self.some + self.also
+
+    def mistakes(self, data: Mapping[str, Any], of_others: set[str]) -> list[str]:
+        """Keys that are missing in a section, or belong to others."""
+        wrong = []
+        if foreign := [key for key in data if key in of_others.difference(self.all)]:
+            wrong.append(f"{', '.join(foreign)} cannot stand here; known for it: {', '.join(self.all)}")
+        if missing := [key for key in self.needed if key not in data]:
+            wrong.append(f"{', '.join(missing)} missing")
+        given = [key for key in self.one if key in data]
+        if self.one and len(given) != 1:
+            text = f"exactly one of {' or '.join(self.one)} is needed; given: {', '.join(given) or 'none'}"
+            wrong.append(text)
+        if self.some and not any(data.get(key) for key in self.some):
+            wrong.append(f"at least one of {', '.join(self.some)} above 0 is needed")
+        return wrong
+
 
 class Section(BaseModel):
-    """Common behaviour of all sections: no unknown keys, no conversion of types, numbers from `LEAST` to `MOST`.
+    """A section: no unknown keys, no conversion of types, numbers from `LEAST` to `MOST`.
 
-    `choices` lists alternatives of which exactly one is to be given (at most one if `choice_optional`).
+    `choices` lists alternatives of which exactly one is to be given (at most one if `choice_optional`); `kinds` the
+    keys that belong to each value of the key `selector`.
     """
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
-    choices: ClassVar[tuple[Choice, ...]] = ()
+    model_config: ClassVar[ConfigDict] = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True
+    )
+    choices: ClassVar[tuple[Keys, ...]] = ()
     choice_optional: ClassVar[bool] = False
+    kinds: ClassVar[Mapping[str, Keys]] = {}
+    selector: ClassVar[str] = "kind"
 
     @model_validator(mode="wrap")
     @classmethod
     def _all_errors_at_once(cls, data: Any, handler: ModelWrapValidatorHandler[Any]) -> Any:
         # An "after" validator would stay silent as long as any single key is wrong.
-        wrong = cls.wrong_choice(data) if isinstance(data, dict) else None
-        if wrong is None:
+        wrong = "; ".join(cls.mistakes(data)) if isinstance(data, dict) else ""
+        if not wrong:
             return handler(data)
-        errors = [InitErrorDetails(type=PydanticCustomError("choice", "{text}", {"text": wrong}), input=data)]
+        errors = [InitErrorDetails(type=refusal(wrong), input=data)]
         try:
             handler(data)
         except ValidationError as error:
@@ -67,7 +105,7 @@ class Section(BaseModel):
         for each in value if isinstance(value, list) else (value,):
             if isinstance(each, float) and each != 0.0 and not LEAST <= abs(each) <= MOST:
                 text = f"must be of a magnitude from {LEAST:g} to {MOST:g}: other units are needed"
-                raise PydanticCustomError("magnitude", "{text}", {"text": text})
+                raise refusal(text, "magnitude")
         return value
 
     @classmethod
@@ -81,21 +119,24 @@ class Section(BaseModel):
         return found.description or "", examples[0] if examples else None
 
     @classmethod
-    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
-        """What is wrong with the combination of keys, or None."""
-        if not cls.choices:
-            return None
-        choosable = list(dict.fromkeys(key for choice in cls.choices for key in choice.needed))
+    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+        """Mistakes in the combination of keys."""
+        kind = data.get(cls.selector)
+        if isinstance(kind, str) and kind in cls.kinds:
+            of_kinds = {key for each in cls.kinds.values() for key in each.all}
+            wrong = cls.kinds[kind].mistakes(data, of_kinds)
+            return [f'{cls.selector} = "{kind}": {"; ".join(wrong)}'] if wrong else []
+        choosable = dict.fromkeys(key for choice in cls.choices for key in choice.needed)
         given = [key for key in choosable if key in data]
-        if cls.choice_optional and not given:
-            return None
+        if not cls.choices or (cls.choice_optional and not given):
+            return []
         for choice in cls.choices:
             if set(given) == set(choice.needed):
                 foreign = {key for other in cls.choices for key in other.also} - set(choice.also)
                 misplaced = sorted(foreign & set(data))
-                return f"{', '.join(misplaced)} cannot stand beside {choice}" if misplaced else None
+                return [f"{', '.join(misplaced)} cannot stand beside {choice}"] if misplaced else []
         allowed = ", or ".join(str(choice) for choice in cls.choices)
-        return f"exactly one is needed of: {allowed}; given: {', '.join(given) or 'none'}"
+        return [f"exactly one is needed of: {allowed}; given: {', '.join(given) or 'none'}"]
 
 
 def _again(error: ErrorDetails) -> InitErrorDetails:
@@ -103,5 +144,5 @@ def _again(error: ErrorDetails) -> InitErrorDetails:
     context = error.get("ctx", {})
     kind: str | PydanticCustomError = error["type"]
     if "text" in context:  # one of our own
-        kind, context = PydanticCustomError(error["type"], "{text}", context), {}
+        kind, context = refusal(context["text"], error["type"]), {}
     return InitErrorDetails(type=kind, loc=error["loc"], input=error["input"], ctx=context)

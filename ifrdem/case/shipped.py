@@ -17,7 +17,7 @@ def names() -> list[str]:
 
 
 def title(name: str) -> str:
-    """What a shipped case shows: the first sentence of its first comment, to a colon or a full stop."""
+    """Title of a shipped case: the first sentence of its first comment, to a colon or a full stop."""
     lines = (FOLDER / f"{name}.toml").read_text(encoding="utf-8").splitlines()
     comment = []
     for line in lines:
@@ -45,10 +45,7 @@ def listing() -> str:
 def find(given: str) -> Path:
     """The file that a user means by `given`: a file, or else the name of a shipped case.
 
-    Raises
-    ------
-    InputError
-        If it has the form of a name, and there is neither such a file nor such a case.
+    Raises InputError if it has the form of a name, and there is neither such a file nor such a case.
     """
     path = Path(given)
     if path.exists() or path.name != given or path.suffix:
@@ -67,10 +64,7 @@ def new(kind: str) -> str:
 
     Where a template and a shipped case have one name, "cases/NAME.toml" is the shipped case.
 
-    Raises
-    ------
-    InputError
-        If there is neither.
+    Raises InputError if there is neither.
     """
     name = kind.removeprefix("cases/").removesuffix(".toml")
     if kind in template.TEMPLATES:

@@ -18,30 +18,16 @@ CLASSES = 16
 
 @dataclass(frozen=True, eq=False)
 class Species:
-    """Disks of one kind.
-
-    Attributes
-    ----------
-    name, material : str
-        What they are called, and what they are made of.
-    number : int
-        How many there are.
-    mass, radius : array (number,)
-        Masses [mass] and radii [length]; a single number is taken for all of them.
-    k : float
-        Shape number.
-    speed_rms, spin_rms : float
-        Root mean square speed [length/time] and spin [rad/time] at the start.
-    """
+    """Disks of one kind."""
 
     name: str
     material: str
     number: int
-    mass: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    k: float
-    speed_rms: float
-    spin_rms: float
+    mass: NDArray[np.float64]  # (number,) [mass]; a single number is taken for all of them
+    radius: NDArray[np.float64]  # (number,) [length]; likewise
+    k: float  # shape number
+    speed_rms: float  # root mean square at the start [length/time]
+    spin_rms: float  # the same of spins [rad/time]
 
     def __post_init__(self) -> None:
         for name in ("mass", "radius"):
@@ -50,7 +36,7 @@ class Species:
 
     @property
     def equal(self) -> bool:
-        """Whether all of them have one mass and radius."""
+        """True if all of them have one mass and radius."""
         return all(column.strides == (0,) or np.ptp(column) == 0.0 for column in (self.mass, self.radius))
 
     def classes(self) -> list[Species]:

@@ -1,4 +1,4 @@
-"""What `ifrdem check` says of a case that is in order, and `ifrdem run` before it begins."""
+"""Report of a case that is in order, for `ifrdem check` and for the beginning of `ifrdem run`."""
 
 from __future__ import annotations
 
@@ -16,20 +16,19 @@ from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import device as backend
 from .case import Case
-from .estimate import OBSERVABLES, Estimate, disk_bytes
-from .gas import Gas
+from .estimate import OBSERVABLES, RunEstimate, disk_bytes
+from .gas import CaseGas
 from .output_section import MOST_FRAMES
-from .walls_section import WallSection
 
 HOST_BYTES_PER_DISK = 300
-"""What NumPy takes at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
+"""Memory of NumPy at most while a gas is placed and checked: 245 bytes a disk were seen, and its search trees."""
 
 GROWTH_BYTES_PER_DISK = 1000
 """The same for a start by growth: 940 bytes a disk were seen."""
 WRITER_BYTES_PER_DISK = 200
-"""Frames that are being told, wait or are written, here and in the process that writes.
+"""Frames that are being told, wait or are written.
 
-A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all, the process that writes not counted."""
+A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
 
 COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
@@ -37,7 +36,7 @@ COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
 Measured 2026-11-21: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (README, Mixtures)."""
 
 
-def refuse_cadences(case: Case, gas: Gas, estimate: Estimate) -> None:
+def refuse_cadences(case: Case, gas: CaseGas, estimate: RunEstimate) -> None:
     """Raise InputError for frames or rows of series at intervals that make no sense, with a line for each.
 
     At most `MOST_FRAMES` of either, as where a number is given. The length of the run is its own, or the one that
@@ -53,7 +52,9 @@ def refuse_cadences(case: Case, gas: Gas, estimate: Estimate) -> None:
         raise InputError("\n".join(wrong))
 
 
-def _wrong_cadence(case: Case, gas: Gas, estimate: Estimate, what: str) -> Iterator[tuple[str, float, str]]:
+def _wrong_cadence(
+    case: Case, gas: CaseGas, estimate: RunEstimate, what: str
+) -> Iterator[tuple[str, float, str]]:
     many = f"{MOST_FRAMES} {'frames' if what == 'frames' else 'rows'}"
     interval = getattr(case.output, f"{what}_interval")
     if interval is not None:
@@ -73,7 +74,7 @@ def _wrong_cadence(case: Case, gas: Gas, estimate: Estimate, what: str) -> Itera
             yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
 
 
-def _length(case: Case, gas: Gas, estimate: Estimate) -> tuple[float, str]:
+def _length(case: Case, gas: CaseGas, estimate: RunEstimate) -> tuple[float, str]:
     """A time [time] that the run lasts at least, and what it is; nan where the case names none."""
     if case.run.t_end is not None:
         return case.run.t_end, "the length of the run"
@@ -111,56 +112,30 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
         )
 
 
-def summary(case: Case, gas: Gas, estimate: Estimate, device: str) -> str:
+def summary(case: Case, gas: CaseGas, estimate: RunEstimate, device: str) -> str:
     """The lines that stand above a run: what will run, on what, and how many collisions are expected."""
-    length, time = case.unit("length"), case.unit("time")
     if gas.box.is_open:
-        return "\n".join(
-            (
-                f"{case.run.name}: {gas.disks.n} disks in an open box",
-                f"to {_end(case)}: {_collisions(estimate)}",
-                f"on {device}",
-            )
-        )
-    paths = [path for path in estimate.free_path if not math.isnan(path)]
-    if not paths:
-        path = "nothing moves at the start"
+        where = " in an open box"
     else:
-        shown = f"{min(paths):.4g}" if len(paths) == 1 else f"{min(paths):.4g} to {max(paths):.4g}"
-        path = f"mean free path {shown}{length}"
-    return "\n".join(
-        (
-            f"{case.run.name}: {gas.disks.n} disks, packing fraction {estimate.packing_fraction:.4g}, {path}",
-            f"to {_end(case)}: {_collisions(estimate)}{_end_time(case, estimate, time)}",
-            f"on {device}",
-        )
-    )
+        paths = [path for path in estimate.free_path if not math.isnan(path)]
+        ends = " to ".join(f"{path:.4g}" for path in dict.fromkeys((min(paths), max(paths)))) if paths else ""
+        path = f"mean free path {ends}{case.unit('length')}" if paths else "nothing moves at the start"
+        where = f", packing fraction {estimate.packing_fraction:.4g}, {path}"
+    return f"{case.run.name}: {gas.disks.n} disks{where}\nto {_end(case, estimate)}\non {device}"
 
 
-def report(case: Case, gas: Gas, estimate: Estimate) -> str:
+def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     """Everything that can be said of a case before it runs."""
     length, mass, time = (case.unit(quantity) for quantity in ("length", "mass", "time"))
-    speed = f"{length}/{time.strip()}" if length else ""
-    if gas.box.is_open:
-        lines = [f"{case.run.name}: {gas.disks.n} disks in an open box, {case.run.units} units"]
-        if gas.patch is not None:
-            start = gas.patch.packing_fraction(gas.disks.radius)
-            sides = f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
-            lines.append(_row("start", f"in {sides}, packing fraction {start:.5g} there"))
-    else:
-        lines = _density(case, gas, estimate)
+    lines = _density(case, gas, estimate)
     radius = gas.disks.radius
     if np.ptp(radius) > 0.0:
         ratio = float(radius.max() / radius.min())
         lines.append(_row("radii", f"{_span(radius)}{length}, largest/smallest {ratio:.4g}: {_cost(ratio)}"))
     for each, rate, path in zip(gas.species, estimate.collision_rate, estimate.free_path, strict=True):
-        lines.append(
-            _row(
-                f"species {each.name}",
-                f"{each.number} of {each.material}: mass {_span(each.mass)}{mass}, "
-                f"radius {_span(each.radius)}{length}, k = {each.k:g}, speed {each.speed_rms:.4g}{speed} rms",
-            )
-        )
+        text = f"{each.number} of {each.material}: mass {_span(each.mass)}{mass}, radius {_span(each.radius)}{length}, "
+        text += f"k = {each.k:g}, speed {each.speed_rms:.4g}{_per(length, time)} rms"
+        lines.append(_row(f"species {each.name}", text))
         if rate > 0.0:
             diameters = path / (2.0 * float(each.radius.mean()))
             text = f"{path:.4g}{length} ({diameters:.3g} diameters), mean free time {1.0 / rate:.4g}{time}"
@@ -170,59 +145,60 @@ def report(case: Case, gas: Gas, estimate: Estimate) -> str:
     for verdict in gas.verdicts:
         law = verdict.law
         assert law is not None  # a gas has no refused pairs
-        short = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
-        lines.append(
-            _row(
-                f"pair {verdict.first}, {verdict.second}",
-                f"{short} (e_n = {law.e_n:g}, e_t = {law.e_t:g}, mu = {law.mu:g}, {law.sticking}, "
-                f"rho = {law.rho:g})",
-            )
-        )
+        text = "strictly admissible" if verdict.strict else "admissible by the total energy budget only"
+        text += f" (e_n = {law.e_n:g}, e_t = {law.e_t:g}, mu = {law.mu:g}, {law.sticking}, rho = {law.rho:g})"
+        lines.append(_row(f"pair {verdict.first}, {verdict.second}", text))
         if not verdict.strict:
             lines.append(_row("", verdict.message))
     lines += [_row(*each) for each in _walls(case, gas, estimate)]
     lines += _forces(case, estimate)
-    each_disk = disk_bytes(case.output.fields, case.output.precision)
-    frame = f"({gas.disks.n} disks x {each_disk} bytes + {len(OBSERVABLES)} totals)"
-    what = f"{estimate.frames} frames x {frame}"
-    what += f", {'' if case.output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
-    if estimate.tracked:
-        what += f", histories of {estimate.tracked} disks"
-    if case.output.compression != "none":
-        what += f", at most: {case.output.compression} makes it smaller"
-    if case.output.compression == "zstd":
-        what += "; what reads it needs the package hdf5plugin (ParaView, VMD and others: a plugin of HDF5)"
-    lines += [
-        _row("run", f"to {_end(case)}: {_collisions(estimate)}{_end_time(case, estimate, time)}"),
-        _row("file", f"{case.run.name}.h5, {size(estimate.file_bytes)}: {what}"),
-        _row(
-            "memory",
-            f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x "
-            f"{estimate.array_bytes // max(gas.disks.n, 1)} bytes), "
-            "beside Python, Taichi and their libraries",
-        ),
-    ]
+    lines.append(_row("run", f"to {_end(case, estimate)}"))
+    lines.append(
+        _row("file", f"{case.run.name}.h5, {size(estimate.file_bytes)}: {_stored(case, gas, estimate)}")
+    )
+    per_disk = estimate.array_bytes // max(gas.disks.n, 1)
+    engine = f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x {per_disk} bytes)"
+    lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
     return "\n".join(lines)
 
 
-def _density(case: Case, gas: Gas, estimate: Estimate) -> list[str]:
-    """Heading of a report on a gas in a box, and how dense it is."""
-    length = case.unit("length")
-    lengths = f"{gas.box.lengths[0]:.5g} x {gas.box.lengths[1]:.5g}{length}"
-    kind = describe_sides(gas.box)
-    box = (
-        f"a periodic box of {lengths}{_shear(gas, case)}"
-        if all(gas.box.periodic)
-        else f"a box of {lengths}, {kind}"
-    )
-    return [
-        f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units",
-        _row("packing fraction", f"{estimate.packing_fraction:.5g}"),
-        _row("number density", f"{estimate.number_density:.5g}{f' per{length}^2' if length else ''}"),
-    ]
+def _stored(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
+    """Content of the trajectory file."""
+    output = case.output
+    text = f"{estimate.frames} frames x ({gas.disks.n} disks x {disk_bytes(output)} bytes + {len(OBSERVABLES)} totals)"
+    text += f", {'' if output.series_cadence.exact else 'up to '}{estimate.rows} rows of series"
+    if estimate.tracked:
+        text += f", histories of {estimate.tracked} disks"
+    if output.compression != "none":
+        text += f", at most: {output.compression} makes it smaller"
+    if output.compression == "zstd":
+        text += "; what reads it needs the package hdf5plugin (ParaView, VMD and others: a plugin of HDF5)"
+    return text
 
 
-def _forces(case: Case, estimate: Estimate) -> list[str]:
+def _density(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[str]:
+    """Heading of a report on a gas, and how dense it is."""
+    length, time = case.unit("length"), case.unit("time").strip()
+    sides = "" if gas.patch is None else f"{gas.patch.lengths[0]:.5g} x {gas.patch.lengths[1]:.5g}{length}"
+    if gas.box.is_open:
+        box = "an open box"
+    elif all(gas.box.periodic):
+        rate = f", sheared at the rate {gas.box.shear_rate:g}{f' 1/{time}' if time else ''}"
+        box = f"a periodic box of {sides}{rate if gas.box.shear_rate else ''}"
+    else:
+        box = f"a box of {sides}, {describe_sides(gas.box)}"
+    lines = [f"{case.run.name}: {gas.disks.n} disks in {box}, {case.run.units} units"]
+    if not gas.box.is_open:
+        lines.append(_row("packing fraction", f"{estimate.packing_fraction:.5g}"))
+        per = f" per{length}^2" if length else ""
+        lines.append(_row("number density", f"{estimate.number_density:.5g}{per}"))
+    elif gas.patch is not None:
+        start = gas.patch.packing_fraction(gas.disks.radius)
+        lines.append(_row("start", f"in {sides}, packing fraction {start:.5g} there"))
+    return lines
+
+
+def _forces(case: Case, estimate: RunEstimate) -> list[str]:
     """A line for each force, and the steady state that theory expects."""
     lines = []
     free_times = [1.0 / rate for rate in estimate.collision_rate if rate > 0.0]
@@ -240,77 +216,59 @@ def _forces(case: Case, estimate: Estimate) -> list[str]:
     return lines
 
 
-def _walls(case: Case, gas: Gas, estimate: Estimate) -> list[tuple[str, str]]:
+def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, str]]:
     """Name and text of each line; none for a periodic gas without gravity."""
     length, time, energy = (case.unit(quantity) for quantity in ("length", "time", "energy"))
-    acceleration = f"{length}/{time.strip()}^2" if length else ""
-    lines = []
+    speed, lines = _per(length, time), []
     mass, diameter = float(gas.disks.mass.mean()), 2.0 * float(gas.disks.radius.mean())
     g = math.hypot(*case.box.gravity)
     if g > 0.0:
         x, y = case.box.gravity
         lifted = f"{mass * g * diameter:.4g}{energy} lift the mean disk by its diameter"
-        lines.append(("gravity", f"({x:g}, {y:g}){acceleration}: {lifted}"))
+        lines.append(("gravity", f"({x:g}, {y:g}){speed}{'^2' if speed else ''}: {lifted}"))
     if gas.room.all_walls:
         area = f"{gas.room.area():.5g}{f'{length}^2' if length else ''}"
         part = gas.room.area() / gas.box.area
         lines.append(("room between walls", f"{area}, {100.0 * part:.4g} % of the box; densities are in it"))
     if case.box.material is not None:
-        which = " and ".join(
-            axis for axis, periodic in zip("xy", case.box.periodic, strict=True) if not periodic
-        )
-        lines.append(("sides", f"walls of {case.box.material} across {which}"))
+        walled = [axis for axis, periodic in zip("xy", case.box.periodic, strict=True) if not periodic]
+        lines.append(("sides", f"walls of {case.box.material} across {' and '.join(walled)}"))
     for i, (section, wall) in enumerate(zip(case.wall, gas.walls, strict=True), start=1):
-        text = f"{wall.shape}, {_made(section, energy)}"
-        if wall.surface_speed:
-            text += f", surface at {wall.surface_speed:g}{_speed(case)}"
-        if section.motion is not None:
-            text += f"; {_motion(case, wall, g, mass)}"
-        lines.append((f"wall {i}", text))
+        hot = section.temperature
+        made = f"of {section.material}" if hot is None else f"thermal, T = {hot:.4g}{energy}"
+        surface = f", surface at {wall.surface_speed:g}{speed}" if wall.surface_speed else ""
+        motion = "" if section.motion is None else f"; {_motion(case, wall, g, mass)}"
+        lines.append((f"wall {i}", f"{wall.shape}, {made}{surface}{motion}"))
     if estimate.wall_hits > 0.0:
         per = f" per{time}" if time else " per unit of time"
-        lines.append(
-            ("wall hits", f"some {estimate.wall_hits:.3g}{per} at the start, if spread out and Maxwellian")
-        )
+        text = f"some {estimate.wall_hits:.3g}{per} at the start, if spread out and Maxwellian"
+        lines.append(("wall hits", text))
+    slow, brief = case.run.velocity_cutoff, case.run.contact_time
     if case.run.collapse != "none":
-        least = case.run.velocity_cutoff or case.run.contact_time or 0.0
-        unit = _speed(case) if case.run.velocity_cutoff is not None else time
-        what = "velocity cut-off" if case.run.velocity_cutoff is not None else "contact time"
-        lines.append(("collapse", f"{what} {least:g}{unit}: collisions below it are elastic"))
+        what = f"contact time {brief:g}{time}" if slow is None else f"velocity cut-off {slow:g}{speed}"
+        lines.append(("collapse", f"{what}: collisions below it are elastic"))
     return lines
 
 
-def _made(section: WallSection, energy: str) -> str:
-    if section.temperature is not None:
-        return f"thermal, T = {section.temperature:.4g}{energy}"
-    return f"of {section.material}"
-
-
-def _speed(case: Case) -> str:
-    length, time = case.unit("length"), case.unit("time")
+def _per(length: str, time: str) -> str:
+    """The unit of speeds."""
     return f"{length}/{time.strip()}" if length else ""
 
 
 def _motion(case: Case, wall: Wall, g: float, mass: float) -> str:
-    """What a wall does, and the energy that it can give."""
+    """Motion of a wall, and the energy that it can give."""
     motion, fastest = wall.motion, wall.motion.most_speed
+    length, time = case.unit("length"), case.unit("time")
     text = f"{motion.kind}, "
     if motion.kind != "steady":
-        length, time = case.unit("length"), case.unit("time")
         per = f"/{time.strip()}" if time else ""
         text += f"amplitude {motion.amplitude:g}{length}, frequency {motion.frequency:g}{per}, "
-    text += f"up to {fastest:.4g}{_speed(case)}"
+    text += f"up to {fastest:.4g}{_per(length, time)}"
     text += f" (m v^2 / 2 = {0.5 * mass * fastest**2:.4g}{case.unit('energy')} of the mean disk)"
     if motion.kind == "sine" and g > 0.0:
         peak = motion.amplitude * (2.0 * np.pi * motion.frequency) ** 2
         text += f", acceleration up to {peak / g:.4g} g"
     return text
-
-
-def _shear(gas: Gas, case: Case) -> str:
-    """What to say of a sheared box."""
-    per_time = f" 1/{time.strip()}" if (time := case.unit("time")) else ""
-    return f", sheared at the rate {gas.box.shear_rate:g}{per_time}" if gas.box.shear_rate else ""
 
 
 def _span(values: NDArray[np.float64]) -> str:
@@ -320,7 +278,7 @@ def _span(values: NDArray[np.float64]) -> str:
 
 
 def _cost(ratio: float) -> str:
-    """What a size ratio costs, by `COST_OF_RATIO`."""
+    """Cost of a size ratio, by `COST_OF_RATIO`."""
     factor = float(np.interp(math.log(ratio), np.log(list(COST_OF_RATIO)), list(COST_OF_RATIO.values())))
     more = " or more" if ratio > max(COST_OF_RATIO) else ""
     return f"a collision takes some {factor:.2g} times{more} as long as among equal disks"
@@ -340,20 +298,15 @@ def _row(name: str, text: str) -> str:
     return f"  {name:<22} {text}"
 
 
-def _end(case: Case) -> str:
+def _end(case: Case, estimate: RunEstimate) -> str:
+    """End of a run, and the collisions that are expected until then."""
+    at_most = "at most " if estimate.collisions_at_most else ""
+    known = (
+        "an unknown number of" if math.isnan(estimate.collisions) else f"{at_most}{estimate.collisions:.4g}"
+    )
+    time = case.unit("time")
     if case.run.t_end is not None:
-        return f"t = {case.run.t_end:g}{case.unit('time')}"
-    return f"{case.run.collisions_per_disk:g} collisions per disk"
-
-
-def _collisions(estimate: Estimate) -> str:
-    if math.isnan(estimate.collisions):
-        return "an unknown number of collisions"
-    kind = "at most " if estimate.collisions_at_most else ""
-    return f"{kind}{estimate.collisions:.4g} collisions"
-
-
-def _end_time(case: Case, estimate: Estimate, unit: str) -> str:
-    if case.run.t_end is not None or math.isnan(estimate.end_time):
-        return ""
-    return f", t = {estimate.end_time:.4g}{unit} if it stayed homogeneous (kinetic theory)"
+        return f"t = {case.run.t_end:g}{time}: {known} collisions"
+    end = f", t = {estimate.end_time:.4g}{time} if it stayed homogeneous (kinetic theory)"
+    per_disk = f"{case.run.collisions_per_disk:g} collisions per disk: {known} collisions"
+    return per_disk + ("" if math.isnan(estimate.end_time) else end)

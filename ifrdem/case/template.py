@@ -4,143 +4,97 @@ from __future__ import annotations
 
 import json
 import textwrap
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_args, get_origin
 
-from ..errors import InputError, nearest
+from ..errors import InputError, there_are
 from .case import Case
 from .section import Section
 
 
 @dataclass(frozen=True)
 class Template:
-    """An example case: what it shows, and the values that differ from the defaults."""
+    """An example case: what it shows, and the values that differ from the defaults, as TOML."""
 
     title: str
-    values: Mapping[str, Any]
+    text: str
 
+    @property
+    def values(self) -> dict[str, Any]:
+        """The tables and keys."""
+        return tomllib.loads(self.text)
+
+
+_COIN = 'name = "coins", material = "aluminium", mass = 1.19e-3, diameter = 21.0e-3'
+_ALUMINIUM = 'material = [{ name = "aluminium", e_n = 0.87, e_t = -0.88, mu = 0.21 }]'
+_REST = 'start = { positions = "random" }\noutput = { frames = 100 }'
 
 TEMPLATES: Mapping[str, Template] = {
     "cooling": Template(
         "A gas of aluminium coins that starts without spin, moves freely and cools by its collisions.",
-        {
-            "run": {"name": "cooling", "seed": 1, "collisions_per_disk": 50.0, "arch": "cpu", "units": "SI"},
-            "box": {"packing_fraction": 0.25},
-            "material": [{"name": "aluminium", "e_n": 0.87, "e_t": -0.88, "mu": 0.21}],
-            "species": [
-                {
-                    "name": "coins",
-                    "number": 50000,
-                    "material": "aluminium",
-                    "mass": 1.19e-3,
-                    "diameter": 21.0e-3,
-                    "speed_rms": 1.0,
-                }
-            ],
-            "start": {"positions": "random"},
-            "output": {"frames": 100},
-        },
+        f"""
+run = {{ name = "cooling", seed = 1, collisions_per_disk = 50.0, arch = "cpu", units = "SI" }}
+box = {{ packing_fraction = 0.25 }}
+{_ALUMINIUM}
+species = [{{ {_COIN}, number = 50000, speed_rms = 1.0 }}]
+{_REST}""",
     ),
     "driven": Template(
         "A gas of aluminium coins that starts at rest and is heated by random kicks until it loses as much.",
-        {
-            "run": {"name": "driven", "seed": 1, "t_end": 1.5, "arch": "cpu", "units": "SI"},
-            "box": {"packing_fraction": 0.2},
-            "material": [{"name": "aluminium", "e_n": 0.87, "e_t": -0.88, "mu": 0.21}],
-            "species": [
-                {
-                    "name": "coins",
-                    "number": 20000,
-                    "material": "aluminium",
-                    "mass": 1.19e-3,
-                    "diameter": 21.0e-3,
-                    "speed_rms": 0.0,
-                }
-            ],
-            "force": [{"kind": "kicks", "step": 2e-3, "power": 2e-3}],
-            "start": {"positions": "random"},
-            "output": {"frames": 100},
-        },
+        f"""
+run = {{ name = "driven", seed = 1, t_end = 1.5, arch = "cpu", units = "SI" }}
+box = {{ packing_fraction = 0.2 }}
+{_ALUMINIUM}
+species = [{{ {_COIN}, number = 20000, speed_rms = 0.0 }}]
+force = [{{ kind = "kicks", step = 2e-3, power = 2e-3 }}]
+{_REST}""",
     ),
     "walls": Template(
         "A gas of aluminium coins under gravity between walls, on a floor that shakes: it moves as a sine.",
-        {
-            "run": {
-                "name": "walls",
-                "seed": 1,
-                "t_end": 2.0,
-                "arch": "cpu",
-                "units": "SI",
-                "collapse": "velocity_cutoff",
-                "velocity_cutoff": 1e-3,
-            },
-            "box": {
-                "lengths": [0.8, 1.2],
-                "periodic": [False, False],
-                "material": "steel",
-                "gravity": [0.0, -9.81],
-            },
-            "material": [{"name": "aluminium", "e_n": 0.87, "e_t": -0.88, "mu": 0.21}],
-            "pair": [{"materials": ["aluminium", "steel"], "e_n": 0.9, "e_t": -0.9, "mu": 0.2}],
-            "species": [
-                {
-                    "name": "coins",
-                    "number": 200,
-                    "material": "aluminium",
-                    "mass": 1.19e-3,
-                    "diameter": 21.0e-3,
-                    "speed_rms": 0.5,
-                }
-            ],
-            "wall": [
-                {
-                    "shape": "line",
-                    "material": "steel",
-                    "point": [0.0, 0.01],
-                    "normal": [0.0, 1.0],
-                    "motion": {"kind": "sine", "amplitude": 0.01, "frequency": 20.0},
-                }
-            ],
-            "start": {"positions": "random"},
-            "output": {"frames": 100},
-        },
+        f"""
+box = {{ lengths = [0.8, 1.2], periodic = [false, false], material = "steel", gravity = [0.0, -9.81] }}
+{_ALUMINIUM}
+pair = [{{ materials = ["aluminium", "steel"], e_n = 0.9, e_t = -0.9, mu = 0.2 }}]
+species = [{{ {_COIN}, number = 200, speed_rms = 0.5 }}]
+{_REST}
+[run]
+name = "walls"
+seed = 1
+t_end = 2.0
+arch = "cpu"
+units = "SI"
+collapse = "velocity_cutoff"
+velocity_cutoff = 1e-3
+[[wall]]
+shape = "line"
+material = "steel"
+point = [0.0, 0.01]
+normal = [0.0, 1.0]
+motion = {{ kind = "sine", amplitude = 0.01, frequency = 20.0 }}""",
     ),
     "mixture": Template(
         "Two kinds of coins in one box, with the paper's coefficients for each of the three kinds of pairs.",
-        {
-            "run": {"name": "mixture", "seed": 1, "collisions_per_disk": 20.0, "arch": "cpu", "units": "SI"},
-            "box": {"packing_fraction": 0.2},
-            "material": [{"name": "small", "coin": "100 pts"}, {"name": "large", "coin": "500 pts"}],
-            "pair": [],
-            "species": [
-                {"name": "100 pts", "number": 5000, "material": "small", "coin": "100 pts", "speed_rms": 1.0},
-                {"name": "500 pts", "number": 5000, "material": "large", "coin": "500 pts", "speed_rms": 1.0},
-            ],
-            "start": {"positions": "random"},
-            "output": {"frames": 50},
-        },
+        """
+run = { name = "mixture", seed = 1, collisions_per_disk = 20.0, arch = "cpu", units = "SI" }
+box = { packing_fraction = 0.2 }
+material = [{ name = "small", coin = "100 pts" }, { name = "large", coin = "500 pts" }]
+species = [
+    { name = "100 pts", number = 5000, material = "small", coin = "100 pts", speed_rms = 1.0 },
+    { name = "500 pts", number = 5000, material = "large", coin = "500 pts", speed_rms = 1.0 },
+]
+start = { positions = "random" }
+output = { frames = 50 }""",
     ),
 }
 
 
 def write(kind: str) -> str:
-    """The text of a commented case file.
-
-    Parameters
-    ----------
-    kind : str
-        A key of `TEMPLATES`.
-
-    Raises
-    ------
-    InputError
-        If there is no such template.
-    """
+    """The text of a commented case file, by a key of `TEMPLATES`; an InputError says that there is none."""
     if kind not in TEMPLATES:
-        allowed = ", ".join(TEMPLATES)
-        raise InputError(f"no template is called '{kind}'{nearest(kind, TEMPLATES)}; there are: {allowed}")
-    template = TEMPLATES[kind]
+        raise InputError(f"no template is called '{kind}'{there_are(kind, TEMPLATES)}")
+    template, values = TEMPLATES[kind], TEMPLATES[kind].values
     blocks = [
         _comment(template.title)
         + _comment(
@@ -149,7 +103,7 @@ def write(kind: str) -> str:
         + "# ifrdem check FILE looks at it without running it; ifrdem run FILE runs it.\n"
     ]
     for name, field in Case.model_fields.items():
-        given = template.values.get(name)
+        given = values.get(name)
         if get_origin(field.annotation) is list:
             model = get_args(field.annotation)[0]
             # A list that the example leaves out is shown once, all of it behind a #.

@@ -3,172 +3,121 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from ..model.walls import Motion, Wall
-from .section import Section
-
-SHAPES: Mapping[str, tuple[str, ...]] = {
-    "line": ("point", "normal"),
-    "segment": ("start", "end"),
-    "container": ("center", "radius"),
-    "post": ("center", "radius"),
-}
-"""Keys that each shape needs, and no other one has."""
-
-MOTIONS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "steady": (("speed",), ()),
-    "sine": (("amplitude", "frequency"), ("phase",)),
-    "sawtooth": (("amplitude", "frequency"), ("phase", "rise")),
-}
-"""Keys that each kind of motion needs, and those that it may have; all of them may have a direction."""
+from .section import Keys, Section, key
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
-def _wrong_keys(what: str, needed: tuple[str, ...], known: tuple[str, ...], given: set[str]) -> str | None:
-    """Which keys are missing or cannot stand there, or None."""
-    wrong = []
-    foreign = sorted(given - set(known))
-    if foreign:
-        wrong.append(f"{', '.join(foreign)} cannot stand here; known for it: {', '.join(known)}")
-    missing = [key for key in needed if key not in given]
-    if missing:
-        wrong.append(f"{', '.join(missing)} missing")
-    return f"{what}: {'; '.join(wrong)}" if wrong else None
-
-
-def _nowhere(vector: Any) -> bool:
-    return isinstance(vector, list) and len(vector) == 2 and all(each == 0 for each in vector)
+def _nowhere(data: dict[str, Any], key: str) -> list[str]:
+    none = (
+        isinstance(vector := data.get(key), list) and len(vector) == 2 and all(each == 0 for each in vector)
+    )
+    return [f"{key} = [0, 0]: it has no direction"] if none else []
 
 
 class MotionSection(Section):
-    """How a wall moves as a whole: a displacement s(t) from where it stands, along a direction."""
+    """Motion of a wall as a whole: a displacement s(t) from where it stands, along a direction."""
 
-    kind: Literal["steady", "sine", "sawtooth"] = Field(
-        description='"steady" (s = speed t), "sine" (s = amplitude sin(2 pi frequency t + phase)) or "sawtooth" '
+    kind: Literal["steady", "sine", "sawtooth"] = key(
+        '"steady" (s = speed t), "sine" (s = amplitude sin(2 pi frequency t + phase)) or "sawtooth" '
         "(from -amplitude to amplitude at constant speed, and back)",
-        examples=["sine"],
+        "sine",
     )
-    direction: Pair | None = Field(
-        default=None,
-        description="direction [x, y] of a positive displacement [1], of any length; upwards, [0, 1], without it",
-        examples=[[0.0, 1.0]],
+    direction: Pair | None = key(
+        "direction [x, y] of a positive displacement [1], of any length; upwards, [0, 1], without it",
+        [0.0, 1.0],
+        None,
     )
-    speed: float | None = Field(default=None, description="of a steady motion [m/s]", examples=[0.1])
-    amplitude: float | None = Field(
-        default=None, gt=0.0, description="largest displacement [m]", examples=[5.0e-3]
+    speed: float | None = key("of a steady motion [m/s]", 0.1, None)
+    amplitude: float | None = key("largest displacement [m]", 5.0e-3, None, gt=0.0)
+    frequency: float | None = key("periods per time [1/s]", 20.0, None, gt=0.0)
+    phase: float | None = key("at t = 0 [rad]; 2 pi is a period, 0 if not given", 0.0, None)
+    rise: float | None = key(
+        "part of the period in which a sawtooth rises [1]; 0.5 if not given", 0.5, None, gt=0.0, lt=1.0
     )
-    frequency: float | None = Field(
-        default=None, gt=0.0, description="periods per time [1/s]", examples=[20.0]
-    )
-    phase: float | None = Field(
-        default=None, description="at t = 0 [rad]; 2 pi is a period, 0 if not given", examples=[0.0]
-    )
-    rise: float | None = Field(
-        default=None,
-        gt=0.0,
-        lt=1.0,
-        description="part of the period in which a sawtooth rises [1]; 0.5 if not given",
-        examples=[0.5],
-    )
+
+    kinds: ClassVar[Mapping[str, Keys]] = {
+        "steady": Keys(("speed",)),
+        "sine": Keys(("amplitude", "frequency"), also=("phase",)),
+        "sawtooth": Keys(("amplitude", "frequency"), also=("phase", "rise")),
+    }
 
     @classmethod
-    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
-        """Which keys this kind of motion lacks, or cannot have."""
-        kind = data.get("kind")
-        if not isinstance(kind, str) or kind not in MOTIONS:
-            return None  # said of the kind itself
-        needed, also = MOTIONS[kind]
-        given = {key for key in data if key in cls.model_fields} - {"kind", "direction"}
-        found = _wrong_keys(f'kind = "{kind}"', needed, needed + also, given)
-        if found is None and _nowhere(data.get("direction")):
-            found = "direction = [0, 0]: it has no direction"
-        return found
+    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+        """Also a direction that is none."""
+        return super().mistakes(data) + _nowhere(data, "direction")
 
 
 class WallSection(Section):
     """A wall beside the sides of the box: at rest, moving, with a moving surface, or hot. Up to 31 with the sides."""
 
-    shape: Literal["line", "segment", "container", "post"] = Field(
-        description='"line" (endless; point, normal), "segment" (both sides and the ends; start, end), "container" (a '
+    shape: Literal["line", "segment", "container", "post"] = key(
+        '"line" (endless; point, normal), "segment" (both sides and the ends; start, end), "container" (a '
         'circle around the disks; center, radius) or "post" (a round obstacle; center, radius)',
-        examples=["line"],
+        "line",
     )
-    material: str | None = Field(
-        default=None,
+    material: str | None = key(
+        "name of the material [text]: that of a species, or another one with a [[pair]] for each material "
+        "of the disks. Needed but for a thermal wall, which has none",
+        "steel",
+        None,
         min_length=1,
         max_length=100,
-        description="name of the material [text]: that of a species, or another one with a [[pair]] for each material "
-        "of the disks. Needed but for a thermal wall, which has none",
-        examples=["steel"],
     )
-    point: Pair | None = Field(
-        default=None, description="a point [x, y] of a line [m]", examples=[[0.0, 0.0]]
+    point: Pair | None = key("a point [x, y] of a line [m]", [0.0, 0.0], None)
+    normal: Pair | None = key(
+        "direction [x, y] from a line to the disks [1], of any length", [0.0, 1.0], None
     )
-    normal: Pair | None = Field(
-        default=None,
-        description="direction [x, y] from a line to the disks [1], of any length",
-        examples=[[0.0, 1.0]],
-    )
-    start: Pair | None = Field(
-        default=None, description="one end [x, y] of a segment [m]", examples=[[0.1, 0.1]]
-    )
-    end: Pair | None = Field(
-        default=None, description="the other end [x, y] of a segment [m]", examples=[[0.2, 0.1]]
-    )
-    center: Pair | None = Field(
-        default=None, description="centre [x, y] of a container or post [m]", examples=[[0.5, 0.5]]
-    )
-    radius: float | None = Field(
-        default=None,
-        ge=0.0,
-        description="radius of a container or post [m]; a post may have 0",
-        examples=[0.4],
-    )
-    motion: MotionSection | None = Field(
-        default=None,
-        description='how it moves as a whole [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, '
+    start: Pair | None = key("one end [x, y] of a segment [m]", [0.1, 0.1], None)
+    end: Pair | None = key("the other end [x, y] of a segment [m]", [0.2, 0.1], None)
+    center: Pair | None = key("centre [x, y] of a container or post [m]", [0.5, 0.5], None)
+    radius: float | None = key("radius of a container or post [m]; a post may have 0", 0.4, None, ge=0.0)
+    motion: MotionSection | None = key(
+        'how it moves as a whole [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, '
         "frequency, phase; rise), along a direction. At rest without it",
-        examples=[{"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}],
+        {"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0},
+        None,
     )
-    surface_speed: float = Field(
-        default=0.0,
-        description="speed of its surface along itself [m/s], as of a belt or drum; positive is clockwise for a "
+    surface_speed: float = key(
+        "speed of its surface along itself [m/s], as of a belt or drum; positive is clockwise for a "
         "container, counter-clockwise for a post, and to the left seen along a line's normal",
-        examples=[0.5],
+        0.5,
+        0.0,
     )
-    temperature: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="a thermal wall: disks leave it with random velocities, as if from a gas of this temperature, "
+    temperature: float | None = key(
+        "a thermal wall: disks leave it with random velocities, as if from a gas of this temperature, "
         "mean of m v^2 / 2 [J]",
-        examples=[5.0e-4],
+        5.0e-4,
+        None,
+        gt=0.0,
     )
 
+    selector = "shape"
+    kinds: ClassVar[Mapping[str, Keys]] = {
+        "line": Keys(("point", "normal")),
+        "segment": Keys(("start", "end")),
+        "container": Keys(("center", "radius")),
+        "post": Keys(("center", "radius")),
+    }
+
     @classmethod
-    def wrong_choice(cls, data: dict[str, Any]) -> str | None:
-        """Which keys this shape lacks, or cannot have."""
-        shape = data.get("shape")
-        if not isinstance(shape, str) or shape not in SHAPES:
-            return None  # said of the shape itself
-        of_any = {"shape", "material", "motion", "surface_speed", "temperature"}
-        given = {key for key in data if key in cls.model_fields} - of_any
-        found = _wrong_keys(f'shape = "{shape}"', SHAPES[shape], SHAPES[shape], given)
+    def mistakes(cls, data: dict[str, Any]) -> list[str]:
+        """Also a wall of no material or of two, and places that are none."""
+        wrong = super().mistakes(data)
         if ("material" in data) == ("temperature" in data):
-            text = (
+            wrong.append(
                 "either material or temperature is needed: disks leave a thermal wall whatever it is made of"
             )
-            found = f"{found}; {text}" if found else text
-        if found is None and shape == "container" and data.get("radius") == 0:
-            found = "radius = 0: a container needs one above 0"
-        if found is None and shape == "line" and _nowhere(data.get("normal")):
-            found = "normal = [0, 0]: it has no direction"
-        if found is None and shape == "segment" and data.get("start") == data.get("end"):
-            found = 'start = end: a segment has two ends; a point is a "post" of radius 0'
-        return found
+        if data.get("shape") == "container" and data.get("radius") == 0:
+            wrong.append("radius = 0: a container needs one above 0")
+        if data.get("shape") == "segment" and "start" in data and data["start"] == data.get("end"):
+            wrong.append('start = end: a segment has two ends; a point is a "post" of radius 0')
+        return wrong + _nowhere(data, "normal")
 
     def wall(self, material: int = 0) -> Wall:
         """The wall that stands here, of the material in this row of the law's table."""

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from ..errors import InputError, nearest
+from ..errors import InputError, there_are
 from .console import note, say
-from .options import FILE, File, Force, Frames, chosen, flag, opened, option
+from .options import Force, Frames, chosen, flag, one_trajectory, opened, option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..analysis.result import Columns, Outcome
+    from ..analysis.result import Columns, Evaluation
     from ..trajectory.reader import Trajectory
 
 NAMES = ("velocity", "g", "S", "msd", "vacf", "fields", "clusters", "psi6", "pressure", "cooling", "impact")
 """As in `analysis.catalogue.ANALYSES`, whose import takes a second."""
+ELSEWHERE = "; --force replaces it, -o DIR writes elsewhere"
 RUN = ("name", "seed", "started")
 """Parameters of a trajectory by which a run is told from others."""
 
@@ -49,13 +51,17 @@ PICTURE_LIST = "\n".join(f"{name:<{max(map(len, PICTURES))}}  {text}" for name, 
 
 def _known(kind: str, name: str, names: Sequence[str]) -> None:
     if name not in names:
-        raise InputError(f"no {kind} is called '{name}'{nearest(name, names)}; there are: {', '.join(names)}")
+        raise InputError(f"no {kind} is called '{name}'{there_are(name, names)}")
 
 
 def analyse(
-    file: File,
-    /,
-    *what: Annotated[str, Parameter(name="WHAT", help="names from the list above (default: all)")],
+    *words: Annotated[
+        str,
+        Parameter(
+            name="FILE WHAT",
+            help="trajectories (.h5), or the folder of one, then names from the list above (default: all)",
+        ),
+    ],
     frames: Frames = None,
     output: Annotated[
         str | None, option("DIR", "folder for the files (default: FILE-analysis)", "--output", "-o")
@@ -81,10 +87,46 @@ def analyse(
 
     Without names, all that the file allows. Analyses of single frames take up to 20 of the second half unless
     --frames says which, and fewer of large gases. A folder that is there gets the analyses that it lacks; --force
-    replaces those that it has.
+    replaces those that it has. Of several files, the mean over them of every number is printed too, with its standard
+    error.
     """
+    files_end = (i for i, word in enumerate(words) if not (word.endswith(".h5") or Path(word).exists()))
+    count = next(files_end, len(words))
+    places, what = words[:count], words[count:]
+    if not places:
+        raise InputError(
+            f"{words[0]}: there is no such file or folder" if words else "a trajectory is needed"
+        )
     for name in what:
         _known("analysis", name, NAMES)
+    files = [one_trajectory(place) for place in places]
+    records = [_analyse(file, what, frames, output, json, force) for file in files]
+    if len(files) > 1 and not json:
+        for line in _means(records):
+            say(line)
+
+
+def _means(records: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Lines on the mean over files of every number that all of them have, and its standard error."""
+    import numpy as np
+
+    from ..analysis.catalogue import number
+    from ..analysis.result import Reading
+
+    yield f"mean over {len(records)} files, with the standard error of the scatter between them"
+    for name in NAMES:
+        values = [record["analyses"][name]["values"] for record in records if name in record["analyses"]]
+        for row, found in values[0].items() if len(values) == len(records) else ():
+            each = [one[row]["value"] for one in values if one.get(row, {}).get("value") is not None]
+            if len(each) == len(values):
+                error = float(np.std(each, ddof=1) / len(each) ** 0.5)
+                yield f"  {name}: {row:<40} {number(Reading(row, float(np.mean(each)), error, found['unit']))}"
+
+
+def _analyse(
+    file: str, what: Sequence[str], frames: str | None, output: str | None, json: bool, force: bool
+) -> dict[str, Any]:
+    """Analyse one trajectory; the record that its JSON file holds."""
     from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
@@ -92,7 +134,13 @@ def analyse(
         stem = trajectory.path.stem
         folder = Path(output or f"{stem}-analysis")
         summary = folder / f"{stem}.json"
-        _check_folder(folder, summary, trajectory.path)
+        if not folder.parent.is_dir():
+            raise InputError(f"output folder {folder}: {folder.parent} does not exist")
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"output {folder}: is no folder")
+        if folder.exists():
+            check_apart(summary, trajectory.path)
+            check_files([summary], force=True)  # which others may be added to
         record = _begun(trajectory, summary, force=force)
         names, kept = _wanted(what, record, summary, force=force)
 
@@ -109,14 +157,17 @@ def analyse(
                     raise InputError(f"{name}: {error}") from None
                 skipped[name] = str(error)
                 continue
-            files = {folder / _file(stem, name, part): table for part, table in outcome.tables.items()}
+            files = {
+                folder / f"{stem}-{name}{f'-{part}' if part else ''}.csv": table
+                for part, table in outcome.tables.items()
+            }
             written |= files
             record["analyses"][name] = _record(outcome, [path.name for path in files])
             if not json:
                 say(report(name, ANALYSES[name].title, outcome, span_text(trajectory, outcome)))
-        found = set(record["analyses"])
-        record["analyses"] = {name: record["analyses"][name] for name in NAMES if name in found}
-        reasons = {**record["not_possible"], **skipped}
+        found = record["analyses"]
+        record["analyses"] = {name: found[name] for name in NAMES if name in found}
+        reasons = record["not_possible"] | skipped
         record["not_possible"] = {name: reason for name, reason in reasons.items() if name not in found}
         if folder.exists():
             for path in written:
@@ -125,35 +176,20 @@ def analyse(
     text = _write(folder, summary, record, written)
     if json:
         say(text)
-        return
+        return record
     for name, reason in skipped.items():
         say(f"{name}: not possible: {reason}")
     for name in kept:
         note(f"{name}: is there already, and stays as it is; --force replaces it")
     for path in (*written, summary):
         note(f"wrote {path}")
-
-
-def _check_folder(folder: Path, summary: Path, trajectory: Path) -> None:
-    """Refuse a folder that cannot be made, or in which the summary cannot be written."""
-    if not folder.parent.is_dir():
-        raise InputError(f"output folder {folder}: {folder.parent} does not exist")
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"output {folder}: is no folder")
-    from ..tools.files import check_apart, check_files
-
-    if folder.exists():
-        check_apart(summary, trajectory)
-        check_files([summary], force=True)  # which others may be added to
+    return record
 
 
 def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, Any]:
     """The record of what the folder holds of this trajectory; an empty one if it holds nothing, or by force.
 
-    Raises
-    ------
-    InputError
-        If the summary that is there is of another trajectory, or none of ours.
+    Raises InputError if the summary that is there is of another trajectory, or none of ours.
     """
     from ..analysis.catalogue import plain
 
@@ -169,21 +205,15 @@ def _begun(trajectory: Trajectory, summary: Path, *, force: bool) -> dict[str, A
         return new
     try:
         old = json.loads(summary.read_text(encoding="utf-8"))
-        same = all(old[key] == new[key] for key in ("disks", "run"))
         held = {key: dict(old[key]) for key in ("analyses", "not_possible")}
+        if all(old[key] == new[key] for key in ("disks", "run")):
+            return {**new, **held}
+        wrong = f"holds analyses of another run ({old['file']})"
     except (OSError, ValueError, KeyError, TypeError):
-        if force:
-            return new
-        raise InputError(
-            f"output {summary}: is no summary of `ifrdem analyse` to add to; --force replaces it, -o DIR writes "
-            "elsewhere"
-        ) from None
-    if not same and not force:
-        raise InputError(
-            f"output {summary}: holds analyses of another run ({old['file']}); --force replaces it, -o DIR writes "
-            "elsewhere"
-        )
-    return {**new, **held} if same else new
+        wrong = "is no summary of `ifrdem analyse` to add to"
+    if force:
+        return new
+    raise InputError(f"output {summary}: {wrong}{ELSEWHERE}")
 
 
 def _wanted(
@@ -194,23 +224,14 @@ def _wanted(
     there = [name for name in asked if name in record["analyses"]]
     if force or not there:
         return asked, []
-    if what:
-        raise InputError(
-            f"output {summary}: holds {', '.join(there)} already; --force replaces it, -o DIR writes elsewhere"
-        )
     missing = [name for name in asked if name not in there]
-    if not set(missing) - set(record["not_possible"]):
-        raise InputError(
-            f"output {summary}: holds all that the file allows already; --force replaces it, -o DIR writes elsewhere"
-        )
+    if what or not set(missing) - set(record["not_possible"]):
+        held = ", ".join(there) if what else "all that the file allows"
+        raise InputError(f"output {summary}: holds {held} already{ELSEWHERE}")
     return missing, there
 
 
-def _file(stem: str, name: str, part: str) -> str:
-    return f"{stem}-{name}{f'-{part}' if part else ''}.csv"
-
-
-def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
+def _record(outcome: Evaluation, files: list[str]) -> dict[str, Any]:
     from ..analysis.catalogue import plain
 
     return {
@@ -228,32 +249,38 @@ def _record(outcome: Outcome, files: list[str]) -> dict[str, Any]:
 
 def _write(folder: Path, summary: Path, record: dict[str, Any], tables: dict[Path, Columns]) -> str:
     """Write the tables, then the summary that names them, each whole or not at all; returns the summary."""
-    import csv
-
-    from ..tools.files import write_aside
-
-    def write_table(path: Path, table: Columns) -> None:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            rows = csv.writer(file)
-            rows.writerow(table)
-            rows.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+    from ..tools.files import write_aside, write_text
+    from ..trajectory.export import write_csv
 
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise InputError(f"output {folder}: cannot be made: {error.strerror}") from error
     for path, table in tables.items():
-        write_aside(path, partial(write_table, table=table))
+        rows = zip(*(column.tolist() for column in table.values()), strict=True)
+        write_aside(path, partial(write_csv, names=table, rows=rows))
     text = json.dumps(record, indent=2)
-    write_aside(summary, lambda aside: aside.write_text(f"{text}\n", encoding="utf-8"))
+    write_text(summary, f"{text}\n")
     return text
 
 
 def plot(
-    file: Annotated[str | None, FILE] = None,
-    what: Annotated[str | None, Parameter(name="WHAT", help="a name from `ifrdem plot --list`")] = None,
-    /,
-    *,
+    *words: Annotated[
+        str,
+        Parameter(
+            name="FILE WHAT",
+            help="trajectories (.h5) or the results of a study (.nc), and a name from `ifrdem plot --list`",
+        ),
+    ],
+    over: Annotated[
+        str | None,
+        option(
+            "AXIS", "of a quantity: tau (collisions per disk), t (time), or a swept key (default: the rows)"
+        ),
+    ] = None,
+    by: Annotated[
+        str | None, option("KEY", "of a study: a curve for each value of this key (default: the first)")
+    ] = None,
     list: Annotated[bool, flag("list the names and draw nothing")] = False,
     frames: Frames = None,
     output: Annotated[
@@ -262,14 +289,23 @@ def plot(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Draw a trajectory: temperatures, disks, velocity, g, S, msd."""
+    """Draw a trajectory, several, or a study: temperatures, disks, velocity, g, S, msd.
+
+    Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
+    and so on; of a study, with bands of two standard errors over seeds and kinetic theory beside it.
+    """
     if list:
         say(PICTURE_LIST)
         return
-    if file is None or what is None:
+    if len(words) < 2:
         raise InputError(
             "a trajectory and what to draw of it are needed: `ifrdem plot --list` says what there is"
         )
+    *places, what = words
+    if len(places) > 1 or places[0].endswith(".nc") or over is not None or by is not None:
+        _plot_together(places, what, over, by, frames, output, force=force)
+        return
+    file = one_trajectory(places[0])
     _known("picture", what, tuple(PICTURES))
     from ..tools.files import check_apart, check_files
 
@@ -286,13 +322,45 @@ def plot(
     note(f"wrote {path}")
 
 
+def _plot_together(
+    places: Sequence[str],
+    what: str,
+    over: str | None,
+    by: str | None,
+    frames: str | None,
+    output: str | None,
+    *,
+    force: bool,
+) -> None:
+    """A quantity of a study or of several trajectories."""
+    from ..study import figure, results
+    from ..tools.files import check_files
+
+    if frames is not None:
+        raise InputError("--frames: of one trajectory only")
+    if any(place.endswith(".nc") for place in places):
+        if len(places) > 1:
+            raise InputError(
+                f"{len(places)} files: the results of one study, or trajectories only, are drawn together"
+            )
+        found = results.Results.read(places[0])
+    else:
+        with contextlib.ExitStack() as stack:
+            files = [one_trajectory(place) for place in places]
+            found = figure.of_trajectories([stack.enter_context(opened(file)) for file in files])
+    path = _as_png(Path(output or f"{Path(places[0]).stem}-{what}.png"))
+    check_files([path], force=force)
+    drawn = figure.draw(found, what, over, by)
+    from ..plots import run
+
+    run.save(drawn, path)
+    note(f"wrote {path}")
+
+
 def _as_png(path: Path) -> Path:
     """The file of a picture: with .png behind a name that has no ending, as in NAME of `ifrdem fit --picture`.
 
-    Raises
-    ------
-    InputError
-        If the ending is that of another format.
+    Raises InputError if the ending is that of another format.
     """
     if path.suffix.lower() == ".png" or path.is_dir() or (path.exists() and not path.is_file()):
         return path  # the latter two are refused by `check_files`
@@ -305,10 +373,7 @@ def _as_png(path: Path) -> Path:
 def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> Figure:
     """A figure by its name in `PICTURES`, of the frames chosen, or of those that suit it.
 
-    Raises
-    ------
-    InputError
-        If the file does not hold what it takes.
+    Raises InputError if the file does not hold what it takes.
     """
     from matplotlib.figure import Figure
 

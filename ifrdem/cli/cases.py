@@ -21,12 +21,11 @@ def check(case: Case, /, *, set: Set = None) -> None:
     """
     from ..case import file as case_file
     from ..case import shipped, summary
-    from ..case.estimate import Estimate
-    from ..case.gas import Gas
+    from ..case.estimate import RunEstimate
 
     file = case_file.read(shipped.find(case), set or [])
-    gas = Gas.from_file(file)
-    estimate = Estimate.of(gas, file.case)
+    gas = file.gas.ready(file.case)
+    estimate = RunEstimate.of(gas, file.case)
     summary.refuse_cadences(file.case, gas, estimate)
     say(summary.report(file.case, gas, estimate))
     try:
@@ -35,7 +34,10 @@ def check(case: Case, /, *, set: Set = None) -> None:
         warn(f"{error}: `ifrdem run` would refuse it here")
 
 
-KIND = "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), or cases/NAME.toml"
+KIND = (
+    "cooling (one kind of coins), driven (random kicks), mixture (two), walls (a shaken floor), study (many gases at "
+    "once), or cases/NAME.toml"
+)
 
 
 def new(
@@ -59,8 +61,9 @@ def new(
     A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
     """
     from ..case import shipped
+    from ..study import template
 
-    text = shipped.new(kind)
+    text = template.TEXT if kind == "study" else shipped.new(kind)
     if output == "-":
         print(text, end="")
         return
@@ -73,7 +76,8 @@ def new(
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
     quoted = shlex.quote(str(path))
-    note(f"wrote {path}: look at it with `ifrdem check {quoted}`, run it with `ifrdem run {quoted}`")
+    look, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
+    note(f"wrote {path}: look at it with `ifrdem {look} {quoted}`, run it with `ifrdem {run} {quoted}`")
 
 
 def cases() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ..errors import InputError, nearest
+from ..errors import InputError, there_are
 
 FOLDER = Path(__file__).parents[1] / "docs"
 
@@ -25,10 +25,7 @@ def topics() -> dict[str, str]:
 def show(topic: str | None) -> str:
     """Text of a page of the manual; without a topic, the list of topics.
 
-    Raises
-    ------
-    InputError
-        No page has this name.
+    Raises InputError no page has this name.
     """
     known = topics()
     if topic is None:
@@ -36,8 +33,6 @@ def show(topic: str | None) -> str:
         lines = [f"{name:<{width}}  {title}" for name, title in known.items()]
         return "\n".join((*lines, "", f"`ifrdem docs TOPIC` prints a page; the files are in {FOLDER}"))
     if topic not in known:
-        raise InputError(
-            f"the manual has no topic '{topic}'{nearest(topic, known)}; there are: {', '.join(known)}"
-        )
+        raise InputError(f"the manual has no topic '{topic}'{there_are(topic, known)}")
     text = (FOLDER / f"{topic}.md").read_text(encoding="utf-8")
     return re.sub(r"^<!--.*-->\n", "", text, flags=re.MULTILINE)  # marks for the tests and the site

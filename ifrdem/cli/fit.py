@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, there_are
 from .console import FAILED, complain, note, say
 from .options import Force, Wrong, flag, number, option, whole
 
@@ -167,30 +167,24 @@ def _write(
 ) -> int:
     """Write the files that are asked for; FAILED if the material is one that no case would take."""
     from ..fit import report
+    from ..tools.files import write_text
 
     status = 0
     for path in record:
-        _text(path, report.as_json(found))
+        write_text(path, report.as_json(found))
     if pictures:
         from ..fit.figure import draw
 
         draw(found, pictures)
     try:
         for path in material:
-            _text(path, report.material(found, name))
+            write_text(path, report.material(found, name))
     except InputError as error:
         complain(str(error))
         status, material = FAILED, ()
     if written := [*record, *pictures, *material]:
         note(f"\nwrote {', '.join(map(str, written))}")
     return status
-
-
-def _text(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"output {path}: cannot be written: {error.strerror}") from None
 
 
 def _progress(fits: int) -> AbstractContextManager[Any]:
@@ -229,9 +223,7 @@ def _disks(
 
         wrong += [f"{option(name)}: not beside --pair, which says it" for name in texts]
         unknown = [
-            f"--pair '{coin}': no such coin{nearest(coin, coins)}; there are {', '.join(coins)}"
-            for coin in pair
-            if coin not in coins
+            f"--pair '{coin}': no such coin{there_are(coin, coins)}" for coin in pair if coin not in coins
         ]
         if unknown:
             wrong += unknown
@@ -257,9 +249,7 @@ def _errors(texts: list[str], wrong: Wrong) -> dict[str, float]:
         name, equals, value = text.rpartition("=")
         name = name.strip() if equals else "angles"
         if name not in (*NAMES, "angles"):
-            wrong.append(
-                f"--error {text}: no column is called '{name}'{nearest(name, NAMES)}; there are {', '.join(NAMES)}"
-            )
+            wrong.append(f"--error {text}: no column is called '{name}'{there_are(name, NAMES)}")
             continue
         if name in found:
             wrong.append(f"--error {text}: given twice")

@@ -22,9 +22,9 @@ from cyclopts import (
     UnusedCliTokensError,
 )
 
-from ..errors import EngineError, InputError, nearest
+from ..errors import EngineError, InputError, nearest, there_are
 from ..tools.versions import __version__
-from . import analyse, bench, cases, console, fit, run, trajectory, validate
+from . import analyse, bench, cases, console, fit, run, study, trajectory, validate
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
 from .options import flag
 
@@ -33,7 +33,7 @@ FILES = Group("Trajectories", sort_key=2)
 LAW = Group("Law and program", sort_key=3)
 EVERY = Group("Every command", sort_key=9)
 
-app = App(
+app: App = App(
     name="ifrdem",
     help="Event-exact simulation of granular gases of rough disks that collide by the independent "
     "friction-restitution law.",
@@ -71,7 +71,7 @@ def _lines(text: str) -> str:
 
 
 COMMANDS = {
-    RUNS: (run.run, run.resume, run.tail, cases.check, cases.new, cases.cases),
+    RUNS: (run.run, run.resume, run.tail, study.study, cases.check, cases.new, cases.cases),
     FILES: (
         trajectory.info, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history, trajectory.export,
         trajectory.views, trajectory.repair,
@@ -83,10 +83,10 @@ MORE = {
     analyse.plot: f"WHAT is drawn into a PNG file:\n\n{_lines(analyse.PICTURE_LIST)}",
 }
 """Text that `--help` of a command shows behind its docstring."""
-for group, functions in COMMANDS.items():
-    for place, function in enumerate(functions):
-        text = f"{inspect.cleandoc(function.__doc__ or '')}\n\n{MORE.get(function, '')}"
-        app.command(function, help=text, group=group, sort_key=place)
+for _group, _functions in COMMANDS.items():
+    for _place, _function in enumerate(_functions):
+        _text = f"{inspect.cleandoc(_function.__doc__ or '')}\n\n{MORE.get(_function, '')}"
+        app.command(_function, help=_text, group=_group, sort_key=_place)
 app.register_install_completion_command()
 
 
@@ -160,7 +160,7 @@ def _told(error: CycloptsError) -> str:
     if isinstance(error, UnknownCommandError):
         word, known = (error.unused_tokens or [""])[0], _commands()
         if not word.startswith("-"):
-            return f"unknown command '{word}'{nearest(word, known)}; there are: {', '.join(known)}"
+            return f"unknown command '{word}'{there_are(word, known)}"
         text = f"unknown option {word}{nearest(word, [*GENERAL, *(name for name in app if name not in _commands())])}"
     elif isinstance(error, UnknownOptionError):
         word = (error.token.keyword or error.token.value).partition("=")[0]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar
 
 from cyclopts import Parameter
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from . import console
 
 if TYPE_CHECKING:
@@ -34,11 +34,19 @@ def flag(text: str, *names: str, **more: Any) -> Parameter:
     return Parameter(name=names or None, help=text, **more)
 
 
-def _trajectory(kind: object, tokens: Sequence[Token]) -> str:
+def one_trajectory(place: str) -> str:
     """A trajectory as the command line names it: itself, or the only one of a folder."""
     from ..run.outputs import trajectory_in
 
-    return os.fspath(trajectory_in(Path(tokens[0].value)))
+    if place.endswith(".nc"):
+        raise InputError(
+            f"{place}: is no trajectory: NAME.h5 is needed; `ifrdem plot {place} T` draws the results of a study"
+        )
+    return os.fspath(trajectory_in(Path(place)))
+
+
+def _trajectory(kind: object, tokens: Sequence[Token]) -> str:
+    return one_trajectory(tokens[0].value)
 
 
 CASE = "a case file (TOML), or a shipped case (`ifrdem cases`); `ifrdem new cooling` writes one"
@@ -114,13 +122,6 @@ def whole(option: str, text: str, least: int, most: int, noun: str = "whole numb
     return value
 
 
-def one_of(option: str, text: str, allowed: Iterable[str]) -> str:
-    """The value of an option, one of some words."""
-    if text not in allowed:
-        raise InputError(f"{option} {text}: allowed are {', '.join(allowed)}{nearest(text, allowed)}")
-    return text
-
-
 class Wrong(list[str]):
     """Lines on options that are wrong, told all at once."""
 
@@ -166,20 +167,10 @@ def place(file: str, output: str | None, ending: str, *, force: bool) -> Path:
 
 
 def chosen(text: str | None, frames: int) -> range:
-    """Numbers of the frames that `--frames` names among so many.
+    """Numbers of the frames that `--frames` names among so many; all of them without a text.
 
-    Parameters
-    ----------
-    text : str or None
-        One number, or a:b:c as in Python: from a (or the first) to before b (or the last), every c-th; negative
-        numbers count from the end. None for all.
-    frames : int
-        Number of frames that are there.
-
-    Raises
-    ------
-    InputError
-        If the text is none of these, or names no frame that is there.
+    It is one number, or a:b:c as in Python: from a (or the first) to before b (or the last), every c-th; negative
+    numbers count from the end. Raises InputError if it is none of these, or names no frame that is there.
     """
     if text is None:
         return range(frames)
@@ -188,11 +179,8 @@ def chosen(text: str | None, frames: int) -> range:
         if not 1 <= len(parts) <= 3 or parts == [None]:
             raise ValueError
         if len(parts) == 1:
-            number = parts[0]
-            assert number is not None
-            found = range(frames)[number : number + 1 or None]
-        else:
-            found = range(frames)[slice(*parts)]
+            parts = [parts[0], (parts[0] or 0) + 1 or None]
+        found = range(frames)[slice(*parts)]
     except ValueError:
         raise InputError(
             f"--frames {text}: a number or a:b:c is needed, such as 10, 0:100, -5: or ::10"

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ..errors import InputError
+from ..errors import InputError, Stopped, TrajectoryError
 from .console import FAILED, complain, note, say, warn
 from .options import (
     Arch,
@@ -62,9 +62,7 @@ def run(
     from ..run.outputs import Outputs
 
     file = case_file.read(shipped.find(case), changes)
-    wanted = file.case.output
-    views = wanted.views and "position" in wanted.fields
-    outputs = Outputs.plan(file.case.run.name, output, picture=wanted.picture and not no_picture, views=views)
+    outputs = Outputs.plan(file.case, output, picture=not no_picture)
     outputs.check(force=force)  # before the imports below, which take a second
 
     from ..run import job
@@ -106,9 +104,6 @@ def resume(
 
 def _ended(work: Callable[[], None]) -> int:
     """Exit status of a run."""
-    from ..run.signals import Stopped
-    from ..trajectory.writer import TrajectoryError
-
     try:
         work()
     except (TrajectoryError, Stopped) as error:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from ..errors import InputError
 from .console import note, say
-from .options import File, Force, Frames, Output, chosen, counted, flag, one_of, opened, option, place
+from .options import File, Force, Frames, Output, chosen, counted, flag, opened, option, place
 
 SHOWN = 10
 """Collisions of a history that are printed."""
@@ -51,9 +51,10 @@ def export(
     the box), extxyz (ASE, OVITO) or csv (a line a disk and frame). To open a trajectory in ParaView, OVITO, xarray or
     ASE without a copy, see `ifrdem views`.
     """
+    from ..tools import checked
     from ..trajectory import export as exporting
 
-    one_of("--to", to, exporting.FORMATS)
+    checked.one_of("--to", to, exporting.FORMATS)
     with opened(file) as trajectory:
         numbers = chosen(frames, len(trajectory))
         out = place(file, output, f".{to}", force=force)
@@ -78,11 +79,12 @@ def movie(
     fraction. Needs the extra: pip install "ifrdem[movie]".
     """
     from ..plots import movie as making
+    from ..tools import checked
     from ..tools.arguments import whole
 
     rate = whole("--fps", fps, 1, 240)
     pixels = _pixels(size)
-    one_of("--colour", colour, making.COLOURS)
+    checked.one_of("--colour", colour, making.COLOURS)
     with opened(file) as trajectory:
         numbers = chosen(frames, len(trajectory))
         out = place(file, output, ".mp4", force=force)
@@ -188,11 +190,9 @@ def summary(trajectory: Any, history: Any) -> list[str]:
 
     kicks = len(history) - history.collisions
     walls = int((history.partner < KICK).sum())
-    lines = [
-        f"disk {history.disk}: {history.collisions} collisions from t = {history.start:.6g} to {time(history.end)}"
-        + (f", {walls} of them with walls" if walls else "")
-        + (f"; {kicks} kicks by forces" if kicks else "")
-    ]
+    first = f"disk {history.disk}: {history.collisions} collisions from t = {history.start:.6g} to {time(history.end)}"
+    first += f", {walls} of them with walls" if walls else ""
+    lines = [first + (f"; {kicks} kicks by forces" if kicks else "")]
     if history.collisions > 1:
         lines.append(f"  mean free time {time(history.mean_free_time)}")
     # Kicks would fill the list of a driven disk.
@@ -200,15 +200,14 @@ def summary(trajectory: Any, history: Any) -> list[str]:
     if len(shown):
         if len(shown) < history.collisions:
             lines.append(f"  the latest {len(shown)} (-o writes all; psi in rad):")
-        header = f"  {'time':>14} {'partner':>8} {'regime':<20} {'psi':>7} {'P_n':>11} {'P_t':>11} {'spin after':>12}"
-        lines.append(header)
+        rows = [("time", "partner", "regime", "psi", "P_n", "P_t", "spin after")]
         units = trajectory.units
         if "time" in units:
             momentum, angle = (f"({units[one]})" if one in units else "" for one in ("momentum", "angle"))
-            time_unit, spin = f"({units['time']})", f"({units.get('angle', 'rad')}/{units['time']})"
-            lines.append(
-                f"  {time_unit:>14} {'':>8} {'':<20} {angle:>7} {momentum:>11} {momentum:>11} {spin:>12}"
-            )
+            spin = f"({units.get('angle', 'rad')}/{units['time']})"
+            rows.append((f"({units['time']})", "", "", angle, momentum, momentum, spin))
+        form = "  {:>14} {:>8} {:<20} {:>7} {:>11} {:>11} {:>12}"
+        lines += [form.format(*row) for row in rows]
     for i in shown:
         partner = int(history.partner[i])
         who = str(partner) if partner >= 0 else f"wall {-2 - partner}"

@@ -91,12 +91,12 @@ class Likelihood:
 
     def __init__(self, data: Data, model: Model, *, rolling: bool = False) -> None:
         self.model = model
-        self.free = COEFFICIENTS if rolling else COEFFICIENTS[:3]
-        self.names = data.names
-        self.psi = np.radians(data.psi)
-        self.y = np.stack([data.measured[name] for name in self.names], axis=-1)
-        self.s_psi = np.radians(data.errors["psi"])
-        self.s = np.stack([data.errors[name] for name in self.names], axis=-1)
+        self.free: tuple[str, ...] = COEFFICIENTS if rolling else COEFFICIENTS[:3]
+        self.names: tuple[str, ...] = data.names
+        self.psi: Array = np.radians(data.psi)
+        self.y: Array = np.stack([data.measured[name] for name in self.names], axis=-1)
+        self.s_psi: Array = np.radians(data.errors["psi"])
+        self.s: Array = np.stack([data.errors[name] for name in self.names], axis=-1)
 
     def of(self, psi: Array, y: Array) -> Likelihood:
         """The same for other values measured, with the same errors."""

@@ -53,10 +53,10 @@ class Search:
 
     def __init__(self, likelihood: Likelihood) -> None:
         self.likelihood = likelihood
-        self.p = len(likelihood.free)
-        self.low = np.array([0.0, -1.0, 0.0, 0.0])[: self.p]
+        self.p: int = len(likelihood.free)
+        self.low: Array = np.array([0.0, -1.0, 0.0, 0.0])[: self.p]
         steepest = np.arctan(MU_LARGEST / likelihood.model.stick)  # where mu is `MU_LARGEST` for e_n = 0
-        self.high = np.array([1.0, 1.0, steepest, likelihood.model.pair.r])[: self.p]
+        self.high: Array = np.array([1.0, 1.0, steepest, likelihood.model.pair.r])[: self.p]
 
     def limits(self, by_mu: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Lowest and highest coordinates (b, p)."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools import csv as csv_rows
+from ..tools.checked import Array
 
 POSITION = ("x", "y")
 MOTION = ("vx", "vy", "spin")
@@ -21,42 +21,21 @@ MOST_REPORTED = 5  # wrong lines that are listed one by one
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """A start that a file gives.
+    """A start of n disks that a file gives."""
 
-    Attributes
-    ----------
-    position : array (n, 2)
-        Centres [length], inside the box.
-    velocity : array (n, 2) or None
-        Velocities in the lab [length/time], if they are given.
-    spin : array (n,) or None
-        Spins, counter-clockwise [rad/time], if they are given.
-    """
-
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None
-    spin: NDArray[np.float64] | None
+    position: Array  # centres [length], inside the box, shape (n, 2)
+    velocity: Array | None  # in the lab [length/time], (n, 2), if given
+    spin: Array | None  # counter-clockwise [rad/time], (n,), if given
 
 
 def read(path: Path, n: int, box: Box | None = None) -> Given:
     """Read a start file.
 
-    The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and
-    spin [rad/time], in any order, separated by commas. Empty lines, and lines that begin with #, are skipped.
+    The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
+    [rad/time], in any order, separated by commas. Empty lines, and lines that begin with #, are skipped. InputError
+    with a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    n : int
-        Number of disks that it must have.
-    box : Box, optional
-        The box that the positions must lie in, lower sides included.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
+    There must be `n` disks, in the `box` (lower sides included), if there is one.
     """
     rows, lines = csv_rows.read(path, most=MOST_BYTES)
     if not rows:

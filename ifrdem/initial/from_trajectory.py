@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.walls import Wall
 from ..model.walls import check as check_walls
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import packing
 from .from_csv import Given
@@ -23,42 +23,18 @@ ROUNDING = 2.0**-22
 
 
 def read(
-    path: Path,
-    frame: int | None,
-    radius: NDArray[np.float64],
-    box: Box | None = None,
-    *,
-    motion: bool = False,
+    path: Path, frame: int | None, radius: Array, box: Box | None = None, *, motion: bool = False,
     walls: Sequence[Wall] = (),
-) -> Given:
+) -> Given:  # fmt: skip
     """Read a start from a trajectory.
 
-    Parameters
-    ----------
-    path : Path
-        The trajectory.
-    frame : int or None
-        Which frame: from 0, or from -1 backwards. None is the last one.
-    radius : array (n,)
-        Radii [length] of the disks that start there. They need not be those of the trajectory, but must fit.
-    box : Box, optional
-        The box, which must be that of the trajectory.
-    motion : bool
-        Take velocities and spins too.
-    walls : sequence of Wall
-        Where they are at t = 0, beside the sides of the box that are not periodic.
+    InputError if the file cannot be read, or holds no such frame or field, another number of disks or another box; or
+    if the disks overlap. The message says what is there.
 
-    Returns
-    -------
-    Given
-        Positions inside the box without overlaps. Disks that touch in a file in single precision overlap by its
-        rounding, some 1e-7 of the box: these are moved apart by as much (`growth.separate`).
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or holds no such frame or field, another number of disks or another box; or if
-        the disks overlap. The message says what is there.
+    `frame` counts from 0, or from -1 backwards; None is the last one. The radii (n,) [length] are those of the disks
+    that start there, which must fit; the box must be that of the trajectory, and walls stand where they are at t = 0.
+    With `motion`, velocities and spins are taken too. Disks that touch in a file in single precision overlap by its
+    rounding, some 1e-7 of the box: these are moved apart by as much (`packing.separate`).
     """
     if not path.exists():
         names = [each.name for each in path.parent.glob("*.h5")] if path.parent.is_dir() else []
@@ -86,14 +62,15 @@ def read(
         if box is None:
             return Given(position, velocity, spin)
         size = float(np.abs(position).max(initial=0.0)) if box.is_open else max(sides)
-        tolerance = ROUNDING * size / (2.0 * float(radius.min())) if single else None
         try:
             all_walls = Room(box, tuple(walls)).all_walls
-            if tolerance is None:
+            if not single:
                 check_no_overlap(box, radius, position)
                 check_walls(all_walls, box, position, radius)
             else:
-                check_no_overlap(box, radius, position, tolerance=tolerance)
+                check_no_overlap(
+                    box, radius, position, tolerance=ROUNDING * size / (2.0 * float(radius.min()))
+                )
                 check_walls(all_walls, box, position, radius, tolerance=ROUNDING * max(sides))
                 position = packing.separate(box, radius, position, walls=walls)
         except InputError as error:
@@ -103,8 +80,8 @@ def read(
     return Given(position, velocity, spin)
 
 
-def _why(trajectory: Trajectory, radius: NDArray[np.float64], single: bool) -> str:
-    """What may explain an overlap."""
+def _why(trajectory: Trajectory, radius: Array, single: bool) -> str:
+    """Likely cause of an overlap."""
     other = np.abs(trajectory.disks.radius - radius) > 1e-6 * radius  # more than rounding
     if other.any():
         i = int(np.argmax(other))

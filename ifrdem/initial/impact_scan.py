@@ -9,34 +9,26 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..model.state import Disks
 from ..tools import seeds
+from ..tools.checked import Array
 from .from_csv import Given
 
 PATCH = 8.0  # side of a pair's patch, in largest contact distances
 APPROACH = 0.5  # flight before the contact, in contact distances
 
 
-def angles(n: int, psi: tuple[float, float]) -> NDArray[np.float64]:
+def angles(n: int, psi: tuple[float, float]) -> Array:
     """Angles of impact of n pairs from the line of centres [rad], evenly from the first to the last [degrees]."""
     return np.radians(np.linspace(*psi, n))
 
 
 def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) -> Given:
-    """Places and velocities of the pairs: disk p hits disk n/2 + p.
+    """Places and velocities of the pairs: disk p hits disk n/2 + p, of an even number n.
 
-    Parameters
-    ----------
-    disks : Disks
-        An even number n.
-    psi : two floats
-        First and last angle of impact [degrees].
-    speed : float
-        Of those that hit [length/time].
-    seed : int
-        Of the directions of the lines of centres, which are random.
+    `psi` are the first and last angle of impact [degrees], `speed` [length/time] is of those that hit, and the
+    directions of the lines of centres are random by the `seed`.
     """
     n = disks.n // 2
     sigma = disks.radius[:n] + disks.radius[n:]
@@ -56,21 +48,15 @@ def start(disks: Disks, psi: tuple[float, float], speed: float, *, seed: int) ->
     )
 
 
-def line_of_centres(
-    position: NDArray[np.float64], velocity: NDArray[np.float64], sigma: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Unit vectors from the disks that hit to those that are hit, at their contact, shape (n, 2); from a start.
+def line_of_centres(position: Array, velocity: Array, sigma: Array) -> Array:
+    """Unit vectors from the disks that hit to those that are hit, at their contact, shape (n, 2).
 
-    Parameters
-    ----------
-    position, velocity : array (n, 2, 2)
-        Of the disk that hits and of the one that is hit.
-    sigma : array (n,)
-        Contact distances.
+    From a start: position and velocity (n, 2, 2) of the disk that hits and of the one that is hit, and contact
+    distances sigma (n,).
     """
     r, v = position[:, 1] - position[:, 0], velocity[:, 1] - velocity[:, 0]
     b, c, v2 = np.sum(r * v, axis=1), np.sum(r * r, axis=1) - sigma**2, np.sum(v * v, axis=1)
     time = c / (np.sqrt(b * b - v2 * c) - b)
     touching = r + v * time[:, None]
-    found: NDArray[np.float64] = touching / np.linalg.norm(touching, axis=1)[:, None]
+    found: Array = touching / np.linalg.norm(touching, axis=1)[:, None]
     return found

@@ -16,10 +16,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.box import Box
@@ -33,6 +32,7 @@ from ..model.overlaps import (
 )
 from ..model.walls import Wall
 from ..tools import seeds
+from ..tools.checked import Array
 
 MARGIN = 1e-4
 """Part by which radii are made larger while overlaps are removed: what is left then is still a gap."""
@@ -54,40 +54,18 @@ Progress = Callable[[float], None]
 
 
 def grow(
-    box: Box,
-    radius: ArrayLike,
-    *,
-    seed: int,
-    walls: Sequence[Wall] = (),
-    progress: Progress = lambda _: None,
-) -> NDArray[np.float64]:
+    box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = (), progress: Progress = lambda _: None
+) -> Array:
     """Place disks at random as densely as random packing: to about 0.84 of the area, or a little less between walls.
 
     Bidisperse disks (as many of each, 1 to 1.4) reach 0.842 and a lognormal gas with a deviation of 30 % 0.84. Equal
     disks crystallise on the way, in grains that do not fit together: 0.86 was reached, above it only a lattice helps.
+    InputError if they do not fit; the message says which packing fraction the same disks reached.
 
-    Parameters
-    ----------
-    radius : array_like (n,)
-        Radii [length].
-    seed : int
-        Seed of the random numbers. The result is the same for the same seed on one machine.
-    walls : sequence of Wall
-        What the disks must not overlap, at t = 0, beside the sides of the box that are not periodic. They push disks
-        away as other disks do.
-    progress : callable
-        Told how much is done, 0 to 1.
-
-    Returns
-    -------
-    array (n, 2)
-        Centres [length], inside the box, without any overlap. Pairs that almost touch are about as frequent as in a
-        gas at equilibrium (by 20 % more or less up to 0.7); a few collisions per disk make it one.
-
-    Raises
-    ------
-    InputError
-        If they do not fit; the message says which packing fraction the same disks reached.
+    Arguments and what is returned as for `placement.random_positions`; walls push disks away as other disks do, and
+    `progress` is told how much is done, 0 to 1. The result is the same for the same seed on one machine. Pairs that
+    almost touch are about as frequent as in a gas at equilibrium (by 20 % more or less up to 0.7); a few collisions per
+    disk make it one.
 
     Examples
     --------
@@ -114,7 +92,11 @@ def grow(
     most = 3 + 20_000 // (n + 1000)  # few disks jam earlier or later by chance
     for attempt in range(most):
         # Nobody knows how many attempts it takes: each gets half of what is left of the bar.
-        told = partial(_report, progress, 1.0 - 0.5**attempt, 0.5 ** (attempt + 1))
+        before, share = 1.0 - 0.5**attempt, 0.5 ** (attempt + 1)
+
+        def told(part: float, before: float = before, share: float = share) -> None:
+            progress(before + share * part)
+
         soft.cool(agitation, MIXING_STEPS if easy and attempt == 0 else COOLING_STEPS, told)
         done = soft.minimise(LAST_STEPS)
         if done or soft.mean_overlap() > NEARLY:
@@ -131,18 +113,11 @@ def grow(
     return position
 
 
-def separate(
-    box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = ()
-) -> NDArray[np.float64]:
+def separate(box: Box, radius: ArrayLike, position: ArrayLike, *, walls: Sequence[Wall] = ()) -> Array:
     """Positions [length], shape (n, 2), near the given ones and without overlaps, with walls at t = 0 neither.
 
-    For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then.
-    Only disks that overlap, and those that they push, are moved.
-
-    Raises
-    ------
-    InputError
-        If overlaps remain: names the worst of them.
+    For positions that were rounded, as those of a trajectory in single precision: disks that touched overlap then. Only
+    disks that overlap, and those that they push, are moved. InputError if overlaps remain: names the worst of them.
 
     Examples
     --------
@@ -160,7 +135,7 @@ def separate(
     return found
 
 
-def _scattered(room: Room, n: int, random: np.random.Generator) -> NDArray[np.float64]:
+def _scattered(room: Room, n: int, random: np.random.Generator) -> Array:
     """Random points in the room, shape (n, 2)."""
     position = random.random((n, 2)) * room.box.lengths
     low, high = room.bounds()
@@ -175,9 +150,7 @@ class _SoftDisks:
     Disks are numbered along the rows of a grid meanwhile, so that neighbours lie close in memory.
     """
 
-    def __init__(
-        self, room: Room, radius: NDArray[np.float64], position: NDArray[np.float64], margin: float = MARGIN
-    ) -> None:
+    def __init__(self, room: Room, radius: Array, position: Array, margin: float = MARGIN) -> None:
         self.unit = 2.0 * float(radius.mean())
         box, self.walls = room.box, room.all_walls
         self.box = Box((box.lengths[0] / self.unit, box.lengths[1] / self.unit), box.periodic)
@@ -192,7 +165,7 @@ class _SoftDisks:
         self.per_mass = np.minimum(1.0, 1.0 / (2.0 * self.true_radius) ** 2)[:, None]
         self._list()
 
-    def wrapped(self) -> NDArray[np.float64]:
+    def wrapped(self) -> Array:
         """The positions in the order and unit of the caller."""
         position = np.empty_like(self.x)
         position[self.order] = self.box.wrap(self.x) * self.unit
@@ -217,14 +190,12 @@ class _SoftDisks:
         self.at_contact = np.concatenate((self.contact, np.tile(self.radius, len(self.walls))))
         self.image = (nearest - raw)[near]
         count = len(pairs)
-        self.difference = csr_matrix(
-            (np.tile([-1.0, 1.0], count), pairs.ravel(), np.arange(0, 2 * count + 1, 2)),
-            shape=(count, len(self.x)),
-        )
+        rows = (np.tile([-1.0, 1.0], count), pairs.ravel(), np.arange(0, 2 * count + 1, 2))
+        self.difference = csr_matrix(rows, shape=(count, len(self.x)))
         self.to_disks = self.difference.T.tocsr()
         self.listed_at = self.x.copy()
 
-    def force(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def force(self) -> tuple[Array, Array]:
         """Forces on the disks, shape (n, 2), and overlaps, 0 where none, in the order of `at_contact`.
 
         These are of the listed pairs first, and then of all disks with each wall.
@@ -248,7 +219,7 @@ class _SoftDisks:
             force += away * overlaps[-1][:, None]
         return force, np.concatenate(overlaps)
 
-    def worst(self, overlap: NDArray[np.float64]) -> float:
+    def worst(self, overlap: Array) -> float:
         """The largest overlap as a part of the contact distance."""
         return float(np.max(overlap / self.at_contact, initial=0.0))
 
@@ -297,26 +268,21 @@ class _SoftDisks:
             velocity += 0.5 * STEP * self.per_mass * force
             if done % 10 == 0:
                 temperature = HOT * (COLD / HOT) ** max(0.0, (done / steps - HELD) / (1.0 - HELD))
-                velocity *= math.sqrt(
-                    temperature / (0.5 * float(np.mean(np.sum(velocity**2 / self.per_mass, axis=1))))
-                )
+                present = 0.5 * float(np.mean(np.sum(velocity**2 / self.per_mass, axis=1)))
+                velocity *= math.sqrt(temperature / present)
                 progress(done / steps)
 
 
-def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def _product(a: Array, b: Array) -> float:
     """Sum of a_ik b_ik, in one order whatever number of threads a library for linear algebra has."""
     return float(np.sum(a * b))
 
 
-def _squared(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+def _squared(vectors: Array) -> Array:
     return vectors[:, 0] * vectors[:, 0] + vectors[:, 1] * vectors[:, 1]
 
 
-def _report(progress: Progress, before: float, share: float, part: float) -> None:
-    progress(before + share * part)
-
-
-def _attained(soft: _SoftDisks, room: Room, radius: NDArray[np.float64]) -> float:
+def _attained(soft: _SoftDisks, room: Room, radius: Array) -> float:
     """The packing fraction that jammed disks reach: that of smaller radii at which they do not overlap any more."""
     shrunk = 1.0
     while True:

@@ -1,4 +1,4 @@
-"""How a gas starts: positions without overlap, and velocities at a temperature.
+"""Starts of a gas: positions without overlap, and velocities at a temperature.
 
 Each function takes a seed and draws from a random stream of its own, so that the same seed for positions and
 velocities does not tie the two together.
@@ -25,6 +25,7 @@ from ..model.overlaps import (
 )
 from ..model.walls import Wall
 from ..tools import checked, seeds
+from ..tools.checked import Array
 
 CLOSER, CLEAR = (
     1.0 - 1e-9,
@@ -33,15 +34,11 @@ CLOSER, CLEAR = (
 HALVINGS = 40
 
 
-def sites(room: Room, n: int, radius: float) -> NDArray[np.float64]:
+def sites(room: Room, n: int, radius: float) -> Array:
     """Sites [length], shape (n, 2), for disks of this radius [length] that overlap neither each other nor a wall.
 
     Rows along x or along y, which continue across periodic sides. What sites are left over are spread evenly.
-
-    Raises
-    ------
-    InputError
-        If fewer sites than n find room; the message says how many do.
+    InputError if fewer sites than n find room; the message says how many do.
     """
     low = 2.0 * radius * CLOSER
     most = {upright: _free(room, radius, low, upright) for upright in (False, True)}
@@ -64,7 +61,7 @@ def sites(room: Room, n: int, radius: float) -> NDArray[np.float64]:
     return found[np.arange(n, dtype=np.int64) * len(found) // n]
 
 
-def _free(room: Room, radius: float, distance: float, upright: bool) -> NDArray[np.float64]:
+def _free(room: Room, radius: float, distance: float, upright: bool) -> Array:
     """Sites at this distance from their nearest neighbours, or a little more, off the walls; shape (sites, 2).
 
     They keep half of the distance from straight walls along the axes, as if there were sites behind them too.
@@ -101,20 +98,13 @@ SATURATION = 0.547
 MOST_SPEED = 1e140
 """Largest rms of speeds [length/time] or spins [rad/time] that is drawn: energies are its square."""
 ATTEMPTS_PER_DISK = 400
-"""How often random sequential addition tries each disk on average before it gives up."""
-
-
-# --- positions --------------------------------------------------------------------------------------------
+"""Attempts of random sequential addition for each disk on average before it gives up."""
 
 
 def _clear_of(
-    box: Box,
-    candidate: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    placed: NDArray[np.float64],
-    placed_radius: NDArray[np.float64],
+    box: Box, candidate: Array, radius: Array, placed: Array, placed_radius: Array
 ) -> NDArray[np.bool_]:
-    """Which candidates, of these radii, overlap none of the placed disks; shape (candidates,)."""
+    """Mask of candidates, of these radii, that overlap none of the placed disks; shape (candidates,)."""
     from scipy.spatial import cKDTree
 
     if np.ptp(placed_radius) == 0.0:
@@ -133,10 +123,8 @@ def _clear_of(
     return clear
 
 
-def _one_by_one(
-    box: Box, candidate: NDArray[np.float64], radius: NDArray[np.float64], owner: NDArray[np.intp]
-) -> NDArray[np.intp]:
-    """Which attempts succeed when they are made one after the other, in order; shape (successes,).
+def _one_by_one(box: Box, candidate: Array, radius: Array, owner: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Attempts that succeed when they are made one after the other, in order; shape (successes,).
 
     Attempt c puts disk `owner[c]`, of radius `radius[c]`, at `candidate[c]`. It fails if an earlier success
     is in its way or has placed the same disk.
@@ -160,13 +148,13 @@ def _one_by_one(
     return np.flatnonzero(success)
 
 
-def random_positions(
-    box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = ()
-) -> NDArray[np.float64]:
+def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[Wall] = ()) -> Array:
     """Place disks by random sequential addition: uniformly at random, each where it overlaps nothing before it.
 
-    Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first
-    (in size classes of 25 %), which lets mixtures become denser than the equal-disk limit.
+    Attempts are drawn and tested in bulk, with the outcome of making them one by one. Large disks go first (in size
+    classes of 25 %), which lets mixtures become denser than the equal-disk limit. InputError if the disks do not fit:
+    equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when the attempts are used up (400
+    per disk; equal disks reach about 0.53). The message says how far it came.
 
     Parameters
     ----------
@@ -181,12 +169,6 @@ def random_positions(
     -------
     array (n, 2)
         Centres [length], inside the box.
-
-    Raises
-    ------
-    InputError
-        If the disks do not fit: equal disks above packing fraction 0.547 of the room (`room.py`), or any disks when
-        the attempts are used up (400 per disk; equal disks reach about 0.53). The message says how far it came.
 
     Examples
     --------
@@ -224,10 +206,11 @@ def random_positions(
         todo = members
         while len(todo):
             if attempts_left <= 0:
+                reached = (
+                    f"{room.packing_fraction(radii[placed]):.4f}, with {len(placed)} of {n} disks placed"
+                )
                 raise InputError(
-                    f"packing fraction = {wanted:.4f}: random positions ended at "
-                    f"{room.packing_fraction(radii[placed]):.4f}, with {len(placed)} of {n} disks placed; "
-                    + instead
+                    f"packing fraction = {wanted:.4f}: random positions ended at {reached}; {instead}"
                 )
             # When few disks are left space is scarce: try each of them many times in one go.
             owner = np.resize(todo, max(len(todo), min(n, 50_000), 200))
@@ -250,7 +233,7 @@ def random_positions(
 
 def _hexagonal_fit(
     lengths: tuple[float, float], sites: NDArray[np.int64] | int, columns: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.int64], Array]:
     """Rows that hold at least `sites` sites in each number of columns, and the distance of nearest sites.
 
     Every second row is shifted by half a column, so the number of rows is even, or 1.
@@ -276,31 +259,16 @@ def _most_sites(lengths: tuple[float, float], diameter: float) -> int:
 
 def hexagonal_positions(
     box: Box, radius: ArrayLike, *, seed: int | None = None, walls: Sequence[Wall] = ()
-) -> NDArray[np.float64]:
+) -> Array:
     """Place disks on a hexagonal lattice, stretched so that it continues across the periodic sides.
 
-    Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest
-    apart. Sites that are left over are spread evenly. Disks of different radii need the room of the largest.
-    Between walls it takes those sites where a disk overlaps none (`py`).
+    Of all such lattices, with rows along x or along y, it takes the one whose nearest sites are farthest apart. Sites
+    that are left over are spread evenly. Disks of different radii need the room of the largest. Between walls it
+    takes those sites where a disk overlaps none. InputError if the lattice does not fit; the message says how
+    many disks of that size would.
 
-    Parameters
-    ----------
-    radius : array_like (n,)
-        Radii [length].
-    seed : int, optional
-        Deals the disks to the sites in a random order (for mixtures). Without it disk by disk, row by row.
-    walls : sequence of Wall
-        Beside the sides of the box that are not periodic; at t = 0.
-
-    Returns
-    -------
-    array (n, 2)
-        Centres [length], inside the box.
-
-    Raises
-    ------
-    InputError
-        If the lattice does not fit; the message says how many disks of that size would.
+    Arguments and what is returned as for `random_positions`; a `seed` deals the disks to the sites in a random order
+    (for mixtures), without it disk by disk, row by row.
 
     Examples
     --------
@@ -328,34 +296,27 @@ def hexagonal_positions(
         if nearest[i] > best[0]:
             best = (float(nearest[i]), int(columns[i]), int(rows[i]), upright)
     distance, m_columns, m_rows, upright = best
+    lengths = box.lengths[::-1] if upright else box.lengths
     if distance < diameter * (1.0 - TOLERANCE):
         most = max(_most_sites(box.lengths, diameter), _most_sites(box.lengths[::-1], diameter))
         covered = most * math.pi * diameter**2 / 4.0 / box.area
         raise InputError(
             f"{n} disks of diameter {diameter:.6g} do not fit on a hexagonal lattice in a box of "
-            f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}: at most {most} do, "
-            f"which is packing fraction {covered:.4f}. "
+            f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}: at most {most} do, which is packing fraction {covered:.4f}. "
             "Sides that are whole numbers of diameters and of pairs of rows (sqrt(3) diameters) hold more"
         )
-    lengths = box.lengths[::-1] if upright else box.lengths
-    site = np.arange(n, dtype=np.int64) * (m_columns * m_rows) // n
-    row, column = np.divmod(site, m_columns)
+    row, column = np.divmod(np.arange(n, dtype=np.int64) * (m_columns * m_rows) // n, m_columns)
     # A quarter column from the side: both kinds of row then have the same margin.
     x = (column + 0.25 + 0.5 * (row % 2)) * (lengths[0] / m_columns)
     y = (row + 0.5) * (lengths[1] / m_rows)
     return _dealt(box, radii, np.column_stack((y, x) if upright else (x, y)), seed)
 
 
-def _dealt(
-    box: Box, radius: NDArray[np.float64], sites: NDArray[np.float64], seed: int | None
-) -> NDArray[np.float64]:
+def _dealt(box: Box, radius: Array, sites: Array, seed: int | None) -> Array:
     """The sites of a lattice for the disks, in a random order if there is a seed."""
     position = sites if seed is None else sites[seeds.stream(seed, seeds.SITES).permutation(len(sites))]
     check_no_overlap(box, radius, position)
     return position
-
-
-# --- velocities -------------------------------------------------------------------------------------------
 
 
 def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
@@ -368,33 +329,24 @@ def _size_of(name: str, value: float, most: float = MOST_SPEED) -> float:
 
 def maxwellian(
     mass: ArrayLike, *, speed_rms: float | None = None, temperature: float | None = None, seed: int
-) -> NDArray[np.float64]:
+) -> Array:
     """Draw velocities from a Maxwell distribution, with no total momentum and exactly the wanted energy.
 
-    Disks of different masses get the same mean energy: each component has variance T / m. The total momentum
-    of the sample is then removed, and the rest scaled.
+    Disks of different masses get the same mean energy: each component has variance T / m. The total momentum of the
+    sample is then removed, and the rest scaled. InputError if not exactly one of `speed_rms` and `temperature` is
+    given, or a value is negative or not finite.
 
     Parameters
     ----------
     mass : array_like (n,)
         Masses m [mass].
-    speed_rms : float
-        Root mean square of the speeds over all disks, sqrt(<v^2>) [length/time].
-    temperature : float
-        T = <m v^2> / 2 [energy], instead of `speed_rms`.
-    seed : int
-        Seed of the random velocities.
+    speed_rms, temperature : float
+        One of them: sqrt(<v^2>) over all disks [length/time], or T = <m v^2> / 2 [energy].
 
     Returns
     -------
     array (n, 2)
-        Velocities [length/time]. One disk alone keeps its speed, in a random direction: it cannot have both
-        energy and no momentum.
-
-    Raises
-    ------
-    InputError
-        If not exactly one of `speed_rms` and `temperature` is given, or a value is negative or not finite.
+        Velocities [length/time]. One disk alone keeps its speed: it cannot have both energy and no momentum.
 
     Examples
     --------
@@ -421,13 +373,10 @@ def maxwellian(
     return velocity
 
 
-def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> NDArray[np.float64]:
+def gaussian_spins(n: int, *, spin_rms: float, seed: int) -> Array:
     """Draw spins [rad/time], shape (n,), from a normal distribution with mean 0 and exactly this rms value.
 
-    Raises
-    ------
-    InputError
-        If `spin_rms` is negative or not finite.
+    InputError if `spin_rms` is negative or not finite.
 
     Examples
     --------

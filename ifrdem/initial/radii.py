@@ -10,10 +10,10 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..tools import seeds
+from ..tools.checked import Array
 
 TRUNCATION = 3.0
 """Standard deviations from the mean at which a Gaussian is cut off where the case does not say."""
@@ -30,13 +30,10 @@ PARAMETERS: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 """Of each distribution, the parameters that it needs and those that it may have."""
 
 
-def uniform(n: int, *, low: float, high: float, seed: int) -> NDArray[np.float64]:
+def uniform(n: int, *, low: float, high: float, seed: int) -> Array:
     """Radii that are equally frequent between `low` and `high` [length].
 
-    Raises
-    ------
-    InputError
-        If not 0 < low < high, or a number is not finite.
+    InputError if not 0 < low < high, or a number is not finite.
 
     Examples
     --------
@@ -50,17 +47,13 @@ def uniform(n: int, *, low: float, high: float, seed: int) -> NDArray[np.float64
 
 def gaussian(
     n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int
-) -> NDArray[np.float64]:
+) -> Array:
     """Radii from a normal distribution, cut off at `low` and `high` [length].
 
-    Without these it is cut off three standard deviations from the mean, where 0.27 % of it lie outside; the
-    standard deviation of what is left is 1.3 % smaller than `deviation`.
-
-    Raises
-    ------
-    InputError
-        If a number is not positive and finite, the lower end is not positive (a deviation above a third of the
-        mean needs a `low`), or hardly anything of the distribution lies between the ends.
+    Without these it is cut off three standard deviations from the mean, where 0.27 % of it lie outside; the standard
+    deviation of what is left is 1.3 % smaller than `deviation`. InputError if a number is not positive and finite,
+    the lower end is not positive (a deviation above a third of the mean needs a `low`), or hardly anything of the
+    distribution lies between the ends.
 
     Examples
     --------
@@ -74,16 +67,12 @@ def gaussian(
 
 def lognormal(
     n: int, *, mean: float, deviation: float, low: float | None = None, high: float | None = None, seed: int
-) -> NDArray[np.float64]:
+) -> Array:
     """Radii whose logarithm is normal; `mean` and `deviation` [length] are those of the radius itself.
 
-    The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off
-    only where `low` or `high` [length] say so.
-
-    Raises
-    ------
-    InputError
-        If a number is not positive and finite, or hardly anything of the distribution lies between the ends.
+    The logarithm has the variance s^2 = ln(1 + (deviation/mean)^2) and the mean ln(mean) - s^2/2. It is cut off only
+    where `low` or `high` [length] say so. InputError if a number is not positive and finite, or hardly anything of
+    the distribution lies between the ends.
 
     Examples
     --------
@@ -95,15 +84,11 @@ def lognormal(
     return sample("lognormal", n, seed=seed, mean=mean, deviation=deviation, low=low, high=high)
 
 
-def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: int) -> NDArray[np.float64]:
+def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: int) -> Array:
     """Radii of two sizes [length], of which the part `large_fraction` of all disks has `high`, in random order.
 
-    Their number is the whole number nearest to `large_fraction * n`, not a random one.
-
-    Raises
-    ------
-    InputError
-        If not 0 < low < high, or the fraction is not between 0 and 1.
+    Their number is the whole number nearest to `large_fraction * n`, not a random one. InputError if not 0 < low <
+    high, or the fraction is not between 0 and 1.
 
     Examples
     --------
@@ -115,13 +100,10 @@ def bidisperse(n: int, *, low: float, high: float, large_fraction: float, seed: 
     return sample("bidisperse", n, seed=seed, low=low, high=high, large_fraction=large_fraction)
 
 
-def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) -> NDArray[np.float64]:
+def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) -> Array:
     """Radii [length], shape (n,), of a distribution by its name (`PARAMETERS`); see the functions of these names.
 
-    Raises
-    ------
-    InputError
-        As `check`.
+    InputError as `check`.
 
     Examples
     --------
@@ -152,11 +134,8 @@ def sample(distribution: str, n: int, *, seed: int, **parameters: float | None) 
 def check(distribution: str, **parameters: float | None) -> None:
     """Refuse parameters that describe no radii.
 
-    Raises
-    ------
-    InputError
-        If the name is unknown, a parameter is missing or foreign to it, not positive and finite, or the ends
-        contradict each other or the rest.
+    InputError if the name is unknown, a parameter is missing or foreign to it, not positive and finite, or the ends
+    contradict each other or the rest.
 
     Examples
     --------
@@ -198,7 +177,7 @@ def check(distribution: str, **parameters: float | None) -> None:
 
 
 def wrong_parameters(distribution: str, given: Mapping[str, object]) -> str | None:
-    """What is missing of the parameters of a known distribution, or foreign to it; None if nothing is.
+    """Parameters that a known distribution lacks, or that are foreign to it, in words; None if there are none.
 
     Examples
     --------
@@ -220,12 +199,11 @@ def wrong_parameters(distribution: str, given: Mapping[str, object]) -> str | No
 
 def _ends(distribution: str, given: Mapping[str, float]) -> tuple[float, float]:
     """The smallest and the largest radius that the distribution may give [length]."""
-    low, high = given.get("low"), given.get("high")
+    low, high = 0.0, math.inf
     if distribution == "gaussian":
         reach = TRUNCATION * given["deviation"]
-        low = given["mean"] - reach if low is None else low
-        high = given["mean"] + reach if high is None else high
-    return (0.0 if low is None else low), (math.inf if high is None else high)
+        low, high = given["mean"] - reach, given["mean"] + reach
+    return given.get("low", low), given.get("high", high)
 
 
 def _normal(distribution: str, given: Mapping[str, float]) -> tuple[float, float, float, float]:

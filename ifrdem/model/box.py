@@ -12,6 +12,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from ..errors import InputError
 from ..tools import checked
+from ..tools.checked import Array
 
 FASTEST_FLOW = 1e140
 """Largest difference of the flow's velocity across a sheared box [length/time]."""
@@ -20,6 +21,8 @@ FASTEST_FLOW = 1e140
 @dataclass(frozen=True)
 class Box:
     """A rectangle with its lower left corner at the origin; or the whole plane, `Box.open()`.
+
+    InputError if a length is not a positive finite number, the shear rate is not finite, or a sheared box has walls.
 
     Parameters
     ----------
@@ -32,11 +35,6 @@ class Box:
         Edwards (1972), doi:10.1088/0022-3719/5/15/006: at time t the image above lies shear_rate Ly t further along x,
         and moves shear_rate Ly faster. The box is a window at rest in the lab; a disk that leaves it above comes in
         below, that much further to the left and slower.
-
-    Raises
-    ------
-    InputError
-        If a length is not a positive finite number, the shear rate is not finite, or a sheared box has walls.
 
     Notes
     -----
@@ -72,22 +70,22 @@ class Box:
         whole_plane = lengths == (math.inf, math.inf) and not any(periodic)
         if not (whole_plane or all(math.isfinite(side) and side > 0 for side in lengths)):
             raise InputError(f"box lengths = {self.lengths}: {needed}")
-        object.__setattr__(self, "lengths", lengths)
-        object.__setattr__(self, "periodic", periodic)
         shear_rate = checked.real("box shear_rate", self.shear_rate, "a finite number is needed")
+        text, across = f"box shear_rate = {shear_rate:g}", abs(shear_rate) * lengths[1]
         if not math.isfinite(shear_rate):
-            raise InputError(f"box shear_rate = {self.shear_rate}: a finite number is needed")
-        if shear_rate != 0.0 and abs(shear_rate) * lengths[1] > FASTEST_FLOW:
+            raise InputError(f"{text}: a finite number is needed")
+        if shear_rate != 0.0 and across > FASTEST_FLOW:
             raise InputError(
-                f"box shear_rate = {shear_rate:g}: across the box the flow would differ by "
-                f"{abs(shear_rate) * lengths[1]:.3g}, more than {FASTEST_FLOW:g}, whose square can be computed with"
+                f"{text}: across the box the flow would differ by {across:.3g}, more than {FASTEST_FLOW:g}, whose "
+                "square can be computed with"
             )
         if shear_rate != 0.0 and not all(periodic):
-            axis = "xy"[periodic.index(False)]
             raise InputError(
-                f"box shear_rate = {shear_rate:g}: the box must be periodic along x and y, and is not along {axis}; "
+                f"{text}: the box must be periodic along x and y, and is not along {'xy'[periodic.index(False)]}; "
                 "shear between walls by walls that move instead (Box without shear_rate, Wall.line with a surface)"
             )
+        object.__setattr__(self, "lengths", lengths)
+        object.__setattr__(self, "periodic", periodic)
         object.__setattr__(self, "shear_rate", shear_rate)
 
     @classmethod
@@ -101,7 +99,7 @@ class Box:
 
     @property
     def is_open(self) -> bool:
-        """Whether it is the whole plane."""
+        """True for the whole plane."""
         return math.isinf(self.lengths[0])
 
     @property
@@ -117,22 +115,12 @@ class Box:
 
     @classmethod
     def from_packing_fraction(
-        cls,
-        radius: NDArray[np.float64],
-        packing_fraction: float,
-        aspect: float = 1.0,
-        *,
-        shear_rate: float = 0.0,
+        cls, radius: Array, packing_fraction: float, aspect: float = 1.0, *, shear_rate: float = 0.0
     ) -> Box:
         """The box in which disks of these radii [length], shape (n,), fill the given fraction of the area.
 
-        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time].
-
-        Raises
-        ------
-        InputError
-            If the packing fraction is not between 0 and pi / (2 sqrt 3) = 0.9069, the densest packing of
-            equal disks, or if there are no disks.
+        `aspect` is Lx / Ly; `shear_rate` as for a box [1/time]. InputError if the packing fraction is not between 0
+        and pi / (2 sqrt 3) = 0.9069, the densest packing of equal disks, or if there are no disks.
         """
         densest = math.pi / (2.0 * math.sqrt(3.0))
         if not 0.0 < packing_fraction <= densest:
@@ -148,11 +136,11 @@ class Box:
         area = disk_area / packing_fraction
         return cls((math.sqrt(area * aspect), math.sqrt(area / aspect)), shear_rate=shear_rate)
 
-    def packing_fraction(self, radius: NDArray[np.float64]) -> float:
+    def packing_fraction(self, radius: Array) -> float:
         """Fraction of the area that disks of these radii [length], shape (n,), cover."""
         return math.pi * float(np.sum(np.square(radius))) / self.area
 
-    def flow(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    def flow(self, position: Array) -> Array:
         """Velocity of the mean flow [length/time] at positions [length], both of shape (..., 2); 0 without shear."""
         flow = np.zeros_like(position, dtype=np.float64)
         if self.shear_rate == 0.0:
@@ -163,14 +151,12 @@ class Box:
     @overload
     def image_above(self, time: float) -> float: ...
     @overload
-    def image_above(self, time: NDArray[np.float64]) -> NDArray[np.float64]: ...
-    def image_above(self, time: float | NDArray[np.float64]) -> float | NDArray[np.float64]:
-        """How far along x the image above lies at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
+    def image_above(self, time: Array) -> Array: ...
+    def image_above(self, time: float | Array) -> float | Array:
+        """Shift along x of the image above at times [time]: shear_rate Ly t, in [0, Lx) [length]."""
         return self.shear_rate * self.lengths[1] * time % self.lengths[0]
 
-    def wrap(
-        self, position: NDArray[np.float64], time: float | NDArray[np.float64] = 0.0
-    ) -> NDArray[np.float64]:
+    def wrap(self, position: Array, time: float | Array = 0.0) -> Array:
         """Positions [length], shape (..., 2), moved by whole boxes into [0, Lx) x [0, Ly) where periodic.
 
         In a sheared box that depends on the `time` [time], a number or an array (...).
@@ -186,7 +172,7 @@ class Box:
         wrapped = np.where(wrapped >= lengths, 0.0, wrapped)
         return np.where(self.periodic, wrapped, position)
 
-    def minimum_image(self, difference: NDArray[np.float64], time: float = 0.0) -> NDArray[np.float64]:
+    def minimum_image(self, difference: Array, time: float = 0.0) -> Array:
         """The shortest periodic equivalent of differences of positions [length], shape (..., 2).
 
         In a sheared box that depends on the `time` [time], and is the shortest one if that is below half of each side.
@@ -199,12 +185,7 @@ class Box:
             difference[..., 0] -= np.round(difference[..., 1] / lengths[1]) * self.image_above(time)
         return difference - np.where(self.periodic, lengths * np.round(difference / lengths), 0.0)
 
-    def unwrap(
-        self,
-        position: NDArray[np.float64],
-        image: NDArray[np.int32],
-        time: float | NDArray[np.float64] = 0.0,
-    ) -> NDArray[np.float64]:
+    def unwrap(self, position: Array, image: NDArray[np.int32], time: float | Array = 0.0) -> Array:
         """Places on paths without jumps [length], shape (..., 2): of positions in the box and the boxes travelled.
 
         position + image * lengths; in a sheared box, the box above lies shear_rate Ly t further along x, and the path
@@ -224,11 +205,10 @@ def below(length: float, dtype: DTypeLike) -> float:
 
 
 def describe_sides(box: Box) -> str:
-    """What stands at the sides of a box, in words."""
+    """Sides of a box, in words."""
     if box.shear_rate:
         return f"periodic, sheared at the rate {box.shear_rate:.6g}"
     if box.periodic[0] == box.periodic[1]:
         return "periodic" if box.periodic[0] else "between walls"
-    return (
-        f"periodic in {'x' if box.periodic[0] else 'y'}, between walls in {'y' if box.periodic[0] else 'x'}"
-    )
+    across, between = "xy" if box.periodic[0] else "yx"
+    return f"periodic in {across}, between walls in {between}"

@@ -26,19 +26,15 @@ class Coin:
 
     Attributes
     ----------
-    name : str
-        As the paper abbreviates it.
-    mass : float
-        Mass [kg], to 0.01 g (polyester 0.02 g).
-    diameter : float
-        Diameter [m].
+    name, material : str
+        As the paper abbreviates it, and what it is made of.
+    mass, diameter : float
+        Mass [kg], to 0.01 g (polyester 0.02 g), and diameter [m].
     k : float
         Shape number in I = m R^2 / k: 2, because the paper treats its coins as homogeneous disks.
-    material : str
-        What it is made of.
     law : IFRLaw
-        Coefficients against a coin of the same kind, with the paper's percussion-centre sticking and without
-        rolling friction.
+        Coefficients against a coin of the same kind, with the paper's percussion-centre sticking, without rolling
+        friction.
     """
 
     name: str
@@ -84,11 +80,8 @@ class Coins(Mapping[str, Coin]):
     def pair(self, a: str, b: str) -> IFRLaw:
         """The law for collisions between coins named `a` and `b`, in either order.
 
-        Raises
-        ------
-        InputError
-            If a name is unknown, or Table II has no coefficients for the pair: it has like pairs, and 500 pts
-            with 100 pts.
+        InputError if a name is unknown, or Table II has no coefficients for the pair: it has like pairs, and 500 pts
+        with 100 pts.
         """
         coin_a, coin_b = self[a], self[b]
         if coin_a is coin_b:

@@ -12,7 +12,9 @@ COLLAPSE = ("none", "tc", "velocity_cutoff")
 
 @dataclass(frozen=True)
 class Collapse:
-    """What is done about inelastic collapse: infinitely many collisions in a finite time.
+    """Remedy for inelastic collapse: infinitely many collisions in a finite time.
+
+    InputError if the kind is unknown, or a number is missing, not above 0, or of no use.
 
     Parameters
     ----------
@@ -21,15 +23,8 @@ class Collapse:
         tc: a collision is elastic if the latest collision of either partner, with a disk or a wall, was less than the
         contact time ago. Luding and McNamara (1998), doi:10.1007/s100350050017.
         velocity_cutoff: a collision is elastic if its normal speed of approach is below the cut-off.
-    contact_time : float, optional
-        Above 0 [time]; "tc" needs it, and nothing else may have it.
-    velocity_cutoff : float, optional
-        Above 0 [length/time]; "velocity_cutoff" needs it, and nothing else may have it.
-
-    Raises
-    ------
-    InputError
-        If the kind is unknown, or a number is missing, not above 0, or of no use.
+    contact_time, velocity_cutoff : float, optional
+        Above 0 [time], [length/time]; the kind of this name needs it, and nothing else may have it.
 
     Notes
     -----

@@ -5,6 +5,8 @@ these times disks fly freely and collide exactly. This splitting is symmetric in
 multiples of the step is off by the square of the step (and between them, where the force of up to half a step is still
 to come or came early, by the step itself).
 
+Every force takes its `step` first, the time between two applications [time] (`Force`).
+
 The module imports Taichi: `act` and `measure` are compiled to run on the device.
 """
 
@@ -22,20 +24,14 @@ from ..tools import checked
 from .state import Disks
 
 __all__ = [
-    "Drag",
-    "Force",
-    "Langevin",
-    "RandomKicks",
-    "Rescale",
-    "SpinKicks",
-    "TableFriction",
-    "normals",
-    "uniforms",
-]
+    "Drag", "Force", "Langevin", "RandomKicks", "Rescale", "SpinKicks", "TableFriction", "normals", "uniforms",
+]  # fmt: skip
 
 
 class Force:
     """A force on every disk; subclasses say in `act` what it does to one of them during a step.
+
+    InputError if the step is not a positive finite number or a parameter is not finite.
 
     Parameters
     ----------
@@ -49,13 +45,8 @@ class Force:
     totals : int
         How many sums over all disks `act` needs; `measure` gives each disk's share of them.
     keeps_rest : bool
-        Whether a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
+        True if a disk that neither moves nor spins stays so, whatever the others do. Once all are at rest, a run then
         goes to its end without further steps.
-
-    Raises
-    ------
-    InputError
-        If the step is not a positive finite number or a parameter is not finite.
 
     Notes
     -----
@@ -126,7 +117,7 @@ class Force:
 
     @staticmethod
     def measure(disk: Any, step: Any, parameters: Any) -> Any:
-        """What one disk adds to the `totals`, a vector of so many entries; called before `act`, with its arguments."""
+        """Share of one disk in the `totals`, a vector of so many entries; called before `act`, with its arguments."""
         # Abstract for forces with totals, of which `Splitting` refuses those without their own; others need none.
         raise NotImplementedError
 
@@ -141,8 +132,6 @@ class RandomKicks(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two kicks [time].
     power : float
         Energy that each disk gets per time, on average [energy/time].
     diffusion : float
@@ -151,9 +140,8 @@ class RandomKicks(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.RandomKicks(step=0.05, power=0.1)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [0.1, 0.0])
+    >>> [float(value) for value in ifrdem.forces.RandomKicks(step=0.05, power=0.1).parameters]
+    [0.1, 0.0]
     """
 
     __slots__ = ()
@@ -188,8 +176,6 @@ class SpinKicks(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two kicks [time].
     power : float
         Energy that each disk gets per time, on average [energy/time].
     diffusion : float
@@ -198,9 +184,8 @@ class SpinKicks(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.SpinKicks(step=0.05, power=0.1)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [0.1, 0.0])
+    >>> [float(value) for value in ifrdem.forces.SpinKicks(step=0.05, power=0.1).parameters]
+    [0.1, 0.0]
     """
 
     __slots__ = ()
@@ -224,53 +209,34 @@ class Langevin(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two applications [time].
-    temperature : float
-        Of the bath for velocities [energy], 0 or more.
-    rate : float
-        Friction rate of velocities [1/time]; 0, the default, leaves them alone.
-    spin_temperature : float, optional
-        Of the bath for spins [energy]; `temperature` without it.
-    spin_rate : float
-        Friction rate of spins [1/time]; 0, the default, leaves them alone.
+    temperature, spin_temperature : float
+        Of the bath for velocities and for spins, where it differs [energy], 0 or more.
+    rate, spin_rate : float
+        Friction rates of velocities and spins [1/time]; 0, the default, leaves them alone.
 
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [1.0, 0.2, 1.0, 0.0])
+    >>> [float(value) for value in ifrdem.forces.Langevin(step=0.05, temperature=1.0, rate=0.2).parameters]
+    [1.0, 0.2, 1.0, 0.0]
     """
 
     __slots__ = ()
 
     def __init__(
-        self,
-        step: float,
-        *,
-        temperature: float,
-        rate: float = 0.0,
-        spin_temperature: float | None = None,
+        self, step: float, *, temperature: float, rate: float = 0.0, spin_temperature: float | None = None,
         spin_rate: float = 0.0,
-    ) -> None:
-        given = {
-            "temperature": temperature,
-            "rate": rate,
-            "spin_temperature": temperature if spin_temperature is None else spin_temperature,
-            "spin_rate": spin_rate,
-        }
+    ) -> None:  # fmt: skip
         _some(rate=rate, spin_rate=spin_rate)
-        super().__init__(step, [number(name, value) for name, value in given.items()])
+        names = ("temperature", "rate", "spin_temperature", "spin_rate")
+        of_spins = temperature if spin_temperature is None else spin_temperature
+        values = zip(names, (temperature, rate, of_spins, spin_rate), strict=True)
+        super().__init__(step, [number(name, value) for name, value in values])
 
     @staticmethod
     def act(disk: Any, step: Any, parameters: Any) -> tuple[Any, Any, Any]:
-        temperature, rate, spin_temperature, spin_rate = (
-            parameters[0],
-            parameters[1],
-            parameters[2],
-            parameters[3],
-        )
+        temperature, rate = parameters[0], parameters[1]
+        spin_temperature, spin_rate = parameters[2], parameters[3]
         left, spin_left = ti.exp(-rate * step.dt), ti.exp(-spin_rate * step.dt)
         spread = ti.sqrt(temperature / disk.mass * (1.0 - left * left))
         spin_spread = ti.sqrt(spin_temperature / disk.inertia * (1.0 - spin_left * spin_left))
@@ -290,21 +256,16 @@ class Drag(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two applications [time].
-    rate : float
-        Of linear drag [1/time], as by a viscous gas.
+    rate, spin_rate : float
+        Of linear drag of velocities, as by a viscous gas, and of spins [1/time].
     quadratic : float
         Quadratic drag over mass [1/length], as by a fast flow.
-    spin_rate : float
-        Of the spins' linear drag [1/time].
 
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.Drag(step=0.05, rate=0.2)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [0.2, 0.0, 0.0])
+    >>> [float(value) for value in ifrdem.forces.Drag(step=0.05, rate=0.2).parameters]
+    [0.2, 0.0, 0.0]
     """
 
     __slots__ = ()
@@ -356,9 +317,8 @@ class TableFriction(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.TableFriction(step=1e-3, mu=0.2, gravity=10.0)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.001, [2.0])
+    >>> [float(value) for value in ifrdem.forces.TableFriction(step=1e-3, mu=0.2, gravity=10.0).parameters]
+    [2.0]
     """
 
     __slots__ = ()
@@ -388,8 +348,6 @@ class Rescale(Force):
 
     Parameters
     ----------
-    step : float
-        Time between two applications [time].
     temperature : float
         Translational temperature after each, the mean of m v^2 / 2 [energy]; spins are left alone.
     energy : float
@@ -399,9 +357,8 @@ class Rescale(Force):
     Examples
     --------
     >>> import ifrdem
-    >>> force = ifrdem.forces.Rescale(step=0.05, temperature=1.0)
-    >>> force.step, [float(value) for value in force.parameters]
-    (0.05, [1.0, 0.0])
+    >>> [float(value) for value in ifrdem.forces.Rescale(step=0.05, temperature=1.0).parameters]
+    [1.0, 0.0]
     """
 
     __slots__ = ()

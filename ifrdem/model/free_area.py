@@ -16,8 +16,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..tools.checked import Array
 from .box import Box
 from .walls import Point, Wall, sides
 
@@ -37,17 +37,17 @@ class _Line:
     point: Point
     normal: Point
 
-    def inward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inward(self, points: Array) -> Array:
         """Distances from points, shape (n, 2), to the boundary, positive inside."""
         return (points - self.point) @ np.array(self.normal)
 
-    def at(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, s: Array) -> Array:
         """Points at the lengths s from `point`, walking with the room on the left."""
         direction = np.array((self.normal[1], -self.normal[0]))
         return np.array(self.point) + s[:, None] * direction
 
     def ends(self, far: float) -> tuple[float, float]:
-        """What s can be at most."""
+        """Largest and smallest s."""
         return -far, far
 
     def green(self, s: float, s_1: float) -> float:
@@ -60,7 +60,7 @@ class _Line:
         return s_1 - s
 
     def extremes(self, s: float, s_1: float) -> list[float]:
-        """Where along the piece x or y can be largest or smallest."""
+        """Places along the piece where x or y can be largest or smallest."""
         return [s, s_1]
 
 
@@ -72,17 +72,17 @@ class _Circle:
     radius: float
     inside: bool
 
-    def inward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inward(self, points: Array) -> Array:
         """As for a line."""
         r = np.hypot(*(points - self.center).T)
         return self.radius - r if self.inside else r - self.radius
 
-    def at(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, s: Array) -> Array:
         """Points at the angles s."""
         return np.array(self.center) + self.radius * np.column_stack((np.cos(s), np.sin(s)))
 
     def ends(self, far: float) -> tuple[float, float]:
-        """What s can be: all angles, from where no other boundary has a special point."""
+        """Range of s: all angles, from where no other boundary has a special point."""
         return 0.1, 0.1 + 2.0 * math.pi
 
     def green(self, s: float, s_1: float) -> float:
@@ -106,7 +106,7 @@ _Piece = tuple[_Boundary, float, float]
 
 
 def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
-    """Where along `one` it meets `other`: its lengths or angles."""
+    """Lengths or angles along `one` at which it meets `other`."""
     if isinstance(one, _Line):
         x, y = (float(value) for value in np.subtract(one.point, _anchor(other)))
         ux, uy = one.normal[1], -one.normal[0]
@@ -141,32 +141,18 @@ def _anchor(boundary: _Boundary) -> Point:
 
 @dataclass(frozen=True)
 class Room:
-    """Where disks can be in a box between walls, at t = 0.
+    """Area that disks can be in, in a box between walls, at t = 0."""
 
-    Attributes
-    ----------
-    box : Box
-        Those of its sides that are not periodic are walls too.
-    walls : tuple of Wall
-        Others.
-    """
-
-    box: Box
-    walls: tuple[Wall, ...] = ()
+    box: Box  # sides that are not periodic are walls too
+    walls: tuple[Wall, ...] = ()  # others
 
     @property
     def all_walls(self) -> tuple[Wall, ...]:
         """Every wall, the sides of the box included."""
         return (*self.walls, *sides(self.box))
 
-    def gap(self, position: NDArray[np.float64], radius: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance of each disk to the nearest wall [length], shape (n,); negative if they overlap, inf without walls.
-
-        Parameters
-        ----------
-        position : array (n, 2)
-        radius : array (n,)
-        """
+    def gap(self, position: Array, radius: Array) -> Array:
+        """Distance of each disk to the nearest wall [length], (n,); negative if they overlap, inf without walls."""
         gaps = [wall.gap(position, radius) for wall in self.all_walls]
         return np.min(gaps, axis=0) if gaps else np.full(len(position), np.inf)
 
@@ -179,7 +165,7 @@ class Room:
             return math.inf
         return self._area(self._boundaries(inset))
 
-    def strips(self, axis: int, edges: NDArray[np.float64]) -> NDArray[np.float64]:
+    def strips(self, axis: int, edges: Array) -> Array:
         """Areas of the room [length^2] between lines across `axis` at `edges` [length], shape (edges - 1,)."""
         across = np.eye(2)[axis]
         found = []
@@ -188,7 +174,7 @@ class Room:
             found.append(self._area([*self._boundaries(0.0), *cut]))
         return np.array(found)
 
-    def packing_fraction(self, radius: NDArray[np.float64]) -> float:
+    def packing_fraction(self, radius: Array) -> float:
         """Fraction of the room that disks of these radii [length], shape (n,), cover."""
         if not self.all_walls:
             return self.box.packing_fraction(radius)
@@ -206,26 +192,21 @@ class Room:
         segments = (wall for wall in self.walls if wall.shape == "segment")
         return walls + sum(2.0 * (math.hypot(*each.towards) + math.pi * inset) for each in segments)
 
-    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds(self) -> tuple[Array, Array]:
         """Lower left and upper right corner of a rectangle around the room [length]; the box if there is none."""
-        if not self.walls:
-            return np.zeros(2), np.array(self.box.lengths)
-        points = [
-            piece.at(np.array(piece.extremes(s, s_1)))
-            for piece, s, s_1 in self._pieces(self._boundaries(0.0))
-        ]
-        if not points:
-            return np.zeros(2), np.array(self.box.lengths)
         lengths = np.array(self.box.lengths)
+        pieces = self._pieces(self._boundaries(0.0)) if self.walls else ()
+        points = [piece.at(np.array(piece.extremes(s, s_1))) for piece, s, s_1 in pieces]
+        if not points:
+            return np.zeros(2), lengths
         found = np.clip(np.concatenate(points), 0.0, lengths)
         low, high = found.min(axis=0), found.max(axis=0)
         # Across a periodic side the room goes on, where it reaches it.
-        open_ = np.array(self.box.periodic) & (
-            (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
-        )
+        open_ = (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
+        open_ &= np.array(self.box.periodic)
         return np.where(open_, 0.0, low), np.where(open_, lengths, high)
 
-    def spans(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def spans(self, radius: Array) -> tuple[Array, Array]:
         """Lowest and highest x and y [length] that the centre of each disk can have, shape (n, 2)."""
         low, high = self.bounds()
         whole = np.array(self.box.periodic) & (low == 0.0) & (high == self.box.lengths)
@@ -274,5 +255,5 @@ class Room:
                     yield one, s, s_1
 
 
-def _line(point: NDArray[np.float64], normal: NDArray[np.float64]) -> _Line:
+def _line(point: Array, normal: Array) -> _Line:
     return _Line((float(point[0]), float(point[1])), (float(normal[0]), float(normal[1])))

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, nearest
 from ..tools import checked
+from ..tools.checked import Array
 from .law import CollisionLaw
 
 STICKING = ("percussion_center", "contact_point")
@@ -38,7 +39,7 @@ class EnergyWarning(UserWarning):
 
 
 class Regime(IntEnum):
-    """What happened in a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not.
+    """Regime of a collision. 1 and 2 where the law's rho is 0, 3 to 6 where it is not.
 
     Examples
     --------
@@ -57,14 +58,12 @@ class Regime(IntEnum):
 
 
 class Admissibility(NamedTuple):
-    """Whether a law can add energy in the collisions of one kind of pair.
+    """Verdict on a law: whether it can add energy in the collisions of one kind of pair.
 
     Attributes
     ----------
-    admissible : bool
-        No collision adds energy.
-    strict : bool
-        Not even the tangential impulses taken alone do.
+    admissible, strict : bool
+        No collision adds energy; not even the tangential impulses taken alone do.
     message : str
         The reason, with the inequality that decides and its numbers.
     """
@@ -79,21 +78,19 @@ class Collision(NamedTuple):
 
     Attributes
     ----------
-    velocity : array (..., 2, 2)
-        Velocities after the collision [length/time]: disk, then component.
-    spin : array (..., 2)
-        Spins after the collision, counter-clockwise [rad/time].
+    velocity, spin : arrays (..., 2, 2) and (..., 2)
+        After the collision: velocities [length/time], disk, then component; spins, counter-clockwise [rad/time].
     P_n, P_t : array (...)
-        Impulses [mass length/time] that the first disk gives to the second along the normal n and along
-        t = (-n_y, n_x).
+        Impulses [mass length/time] that the first disk gives to the second along the normal n and along t = (-n_y,
+        n_x).
     regime : array (...) of int8
         Values of `Regime`.
     """
 
-    velocity: NDArray[np.float64]
-    spin: NDArray[np.float64]
-    P_n: NDArray[np.float64]
-    P_t: NDArray[np.float64]
+    velocity: Array
+    spin: Array
+    P_n: Array
+    P_t: Array
     regime: NDArray[np.int8]
 
 
@@ -108,14 +105,17 @@ def _number(name: str, value: object, low: float, high: float, why: str) -> floa
 class IFRLaw(CollisionLaw):
     """The independent friction-restitution law of one pair of materials.
 
+    InputError if a coefficient is out of range by itself, `sticking` is unknown, or the coefficients together can add
+    energy in a collision of two disks with this k: the message names the inequality and both its sides. EnergyWarning
+    if the tangential impulses alone could add energy and only the loss along the line of centres outweighs it.
+
     Parameters
     ----------
     e_n : float
         Normal restitution, 0 to 1: the relative normal velocity is reversed and multiplied by it (Eq. 4).
     e_t : float
-        Tangential restitution, -1 (none) to 1: without friction, the tangential velocity of the contact is
-        reversed and multiplied by it (Eq. 8). It is not the apparent coefficient that other laws call
-        tangential restitution, which contains friction (Eqs. 26 to 28).
+        Tangential restitution, -1 (none) to 1: without friction, the tangential velocity of the contact is reversed and
+        multiplied by it (Eq. 8). Not the apparent coefficient of other laws, which contains friction (Eqs. 26 to 28).
     mu : float
         Sliding friction, 0 or more (Eq. 9).
     sticking : {"percussion_center", "contact_point"}
@@ -123,29 +123,14 @@ class IFRLaw(CollisionLaw):
     rho : float
         Rolling friction [length], 0 or more (Eq. 31).
     k : float
-        Shape number in I = m R^2 / k of the disks that the law is for: 2 homogeneous disk, 1 hoop, of a pair
-        that differs the larger one. It enters no collision. It only says for which disks the coefficients are
-        examined here, because whether they can add energy depends on k; the larger, the sooner they do.
-        `check` examines any other pair, and `collide` and the simulation do so for what they collide.
-
-    Raises
-    ------
-    InputError
-        If a coefficient is out of range by itself, `sticking` is unknown, or the coefficients together can
-        add energy in a collision of two disks with this k: the message names the inequality and both its
-        sides.
-
-    Warns
-    -----
-    EnergyWarning
-        If the tangential impulses alone could add energy and only the loss along the line of centres
-        outweighs it.
+        Shape number in I = m R^2 / k of the disks for which the coefficients are examined (2 homogeneous disk, 1 hoop;
+        of a pair that differs the larger one): the larger, the sooner they add energy. It enters no collision; `check`
+        examines any other pair, and `collide` and the simulation do so for what they collide.
 
     Notes
     -----
-    With kbar = (k_i m_j + k_j m_i) / (m_i + m_j), a = 1 + kbar, c = 1/2 (percussion centre) or 1/a (contact
-    point) and e_s = e_t + a c, no collision adds energy if and only if e_n <= 1, -1 <= e_t <= 1, and where
-    mu > 0 also e_t < 1 and
+    With kbar = (k_i m_j + k_j m_i) / (m_i + m_j), a = 1 + kbar, c = 1/2 (percussion centre) or 1/a (contact point) and
+    e_s = e_t + a c, no collision adds energy if and only if e_n <= 1, -1 <= e_t <= 1, and where mu > 0 also e_t < 1 and
 
     1. a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2, and
     2. where e_t a c > 1 - e_t^2, also (1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n).
@@ -182,49 +167,34 @@ class IFRLaw(CollisionLaw):
     k: float = field(default=2.0, compare=False)
 
     def __post_init__(self) -> None:
-        above = "above 1 every collision would add energy"
-        numbers = {
-            "e_n": _number("e_n", self.e_n, 0.0, 1.0, f"normal restitution must lie from 0 to 1; {above}"),
-            "e_t": _number(
-                "e_t",
-                self.e_t,
-                -1.0,
+        for name, low, high, why in (
+            (
+                "e_n",
+                0.0,
                 1.0,
-                "tangential restitution must lie from -1 to 1, or it would add energy",
+                "normal restitution must lie from 0 to 1; above 1 every collision would add energy",
             ),
-            "mu": _number("mu", self.mu, 0.0, math.inf, "friction must be a finite number of 0 or more"),
-            "rho": _number(
-                "rho", self.rho, 0.0, math.inf, "rolling friction [length] must be finite, 0 or more"
-            ),
-            "k": _positive("k", self.k),
-        }
+            ("e_t", -1.0, 1.0, "tangential restitution must lie from -1 to 1, or it would add energy"),
+            ("mu", 0.0, math.inf, "friction must be a finite number of 0 or more"),
+            ("rho", 0.0, math.inf, "rolling friction [length] must be finite, 0 or more"),
+        ):
+            object.__setattr__(self, name, _number(name, getattr(self, name), low, high, why))
+        object.__setattr__(self, "k", _positive("k", self.k))
         if self.sticking not in STICKING:
             allowed = ", ".join(repr(name) for name in STICKING)
             hint = nearest(str(self.sticking), STICKING)
             raise InputError(f"sticking = {self.sticking!r}: must be one of {allowed}{hint}")
-        _bounded("mu", numbers["mu"])
-        for name, number in numbers.items():
-            object.__setattr__(self, name, number)
+        _bounded("mu", self.mu)
         verdict = self._admissibility(self.k)  # kbar = k for a like pair, whatever the masses
         if not verdict.admissible:
             raise InputError(f"{verdict.message}; for disks of another shape pass their k")
         self._act_on(verdict, stacklevel=4)
 
     def admissibility(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> Admissibility:
-        """Whether the law can add energy in collisions of disks with these k and masses.
+        """Verdict on collisions of disks with shape numbers k_i, k_j and masses m_i, m_j.
 
-        Parameters
-        ----------
-        k_i, k_j : float
-            Shape numbers in I = m R^2 / k.
-        m_i, m_j : float
-            Masses [any one unit]; one of them may be infinite, a wall. They matter only where k_i and k_j
-            differ.
-
-        Raises
-        ------
-        InputError
-            If a k is not positive and finite, a mass is not positive, or both masses are infinite.
+        Masses, in any one unit, matter only where the k differ; one of them may be infinite, a wall. InputError if a k
+        is not positive and finite, a mass is not positive, or both masses are infinite.
         """
         k_i, k_j = _positive("k_i", k_i), _positive("k_j", k_j)
         if not (m_i > 0.0 and m_j > 0.0) or (math.isinf(m_i) and math.isinf(m_j)):
@@ -236,15 +206,8 @@ class IFRLaw(CollisionLaw):
     def check(self, k_i: float, k_j: float, m_i: float = 1.0, m_j: float = 1.0) -> None:
         """Refuse the law, or warn, for collisions of disks with these k and masses; see `admissibility`.
 
-        Raises
-        ------
-        InputError
-            If a collision of such a pair can add energy.
-
-        Warns
-        -----
-        EnergyWarning
-            If only the loss along the line of centres keeps it from that.
+        InputError if a collision of such a pair can add energy. EnergyWarning if only the loss along the line of
+        centres keeps it from that.
         """
         self._act_on(self.admissibility(k_i, k_j, m_i, m_j), stacklevel=3)
 
@@ -261,7 +224,7 @@ class IFRLaw(CollisionLaw):
 
     @classmethod
     def parts(cls) -> Callable[..., Any]:
-        """What tells the ledger of P_et, and the regime."""
+        """Function that gives P_et for the ledger, and the regime."""
         from ..kernels.law import ifr_parts  # imports Taichi, which is slow
 
         return ifr_parts
@@ -288,25 +251,13 @@ class IFRLaw(CollisionLaw):
                 True, True, f"{law}: no collision adds energy, because mu = 0 and -1 <= e_t <= 1"
             )
         if e_t == 1.0:
-            return Admissibility(
-                False, False, f"{law}: a grazing collision would add energy; with mu > 0, e_t < 1 is needed"
-            )
-
-        needed = [
-            (
-                "where sliding turns into sticking, a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2",
-                a * (1.0 - e_n),
-                (e_s**2 - 1.0) * (1.0 + e_n) * mu**2 / c**2,
-            )
-        ]
+            text = f"{law}: a grazing collision would add energy; with mu > 0, e_t < 1 is needed"
+            return Admissibility(False, False, text)
+        corner = "where sliding turns into sticking, a (1 - e_n) >= (e_s^2 - 1) (1 + e_n) mu^2 / c^2"
+        needed = [(corner, a * (1.0 - e_n), (e_s**2 - 1.0) * (1.0 + e_n) * mu**2 / c**2)]
         if e_t * ac > 1.0 - e_t**2:
-            needed.append(
-                (
-                    "where it slides, (1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n)",
-                    (1.0 - e_n) * (1.0 - e_t**2),
-                    a * mu**2 * (1.0 + e_n),
-                )
-            )
+            inside = "where it slides, (1 - e_n) (1 - e_t^2) >= a mu^2 (1 + e_n)"
+            needed.append((inside, (1.0 - e_n) * (1.0 - e_t**2), a * mu**2 * (1.0 + e_n)))
         broken = "; and ".join(
             f"{words} is needed, but left is {left:.4g} and right {right:.4g} ({right - left:.4g} more)"
             for words, left, right in needed
@@ -314,24 +265,20 @@ class IFRLaw(CollisionLaw):
         )
         with_ = f"with a = 1 + kbar = {a:g}, c = {c:.4g}, e_s = e_t + a c = {e_s:.4g}"
         if broken:
-            remedy = self._remedy(a, ac)
-            return Admissibility(
-                False, False, f"{law}: a collision would add energy: {broken} ({with_}). {remedy}"
-            )
+            text = f"{law}: a collision would add energy: {broken} ({with_}). {self._remedy(a, ac)}"
+            return Admissibility(False, False, text)
         if e_s <= 1.0 + _ROUND_OFF:
-            return Admissibility(
-                True, True, f"{law}: no collision adds energy, nor do its tangential impulses alone ({with_})"
-            )
+            text = f"{law}: no collision adds energy, nor do its tangential impulses alone ({with_})"
+            return Admissibility(True, True, text)
         bound = "e_t <= 0" if contact_point else f"e_t <= (1 - kbar) / 2 = {0.5 * (1.0 - k_bar):g}"
-        return Admissibility(
-            True,
-            False,
+        text = (
             f"{law}: the tangential impulses alone add energy: {bound} is exceeded by {e_s - 1.0:.4g}; "
-            f"only the loss along the line of centres, e_n = {e_n:g}, outweighs it ({with_})",
+            f"only the loss along the line of centres, e_n = {e_n:g}, outweighs it ({with_})"
         )
+        return Admissibility(True, False, text)
 
     def _remedy(self, a: float, ac: float) -> str:
-        """Which mu and e_t would do, for a law that would not."""
+        """mu and e_t with which a law would not add energy that does."""
         loss = (1.0 - self.e_n) / (a * (1.0 + self.e_n))
         largest = ac * math.sqrt(loss / ((self.e_t + ac) ** 2 - 1.0))
         if self.e_t * ac > 1.0 - self.e_t**2:
@@ -355,7 +302,7 @@ def _bounded(name: str, number: float) -> None:
         raise InputError(f"{name} = {number:g}: at most {_MOST:g} can be computed with")
 
 
-def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> NDArray[np.float64]:
+def _mean_k(k_i: ArrayLike, k_j: ArrayLike, m_i: ArrayLike, m_j: ArrayLike) -> Array:
     """kbar = (k_i m_j + k_j m_i) / (m_i + m_j): exact where k_i = k_j, and for a mass that is infinite."""
     k_i, k_j = np.asarray(k_i, dtype=np.float64), np.asarray(k_j, dtype=np.float64)
     with np.errstate(over="ignore", under="ignore"):
@@ -374,8 +321,10 @@ def collide(
 ) -> Collision:
     """Collide pairs of disks, or disks with walls.
 
-    All arguments may have leading axes `...`, which broadcast; the axis of length 2 after them is the disk.
-    Computed in float64.
+    All arguments may have leading axes `...`, which broadcast; the axis of length 2 after them is the disk. Computed
+    in float64. InputError if a shape does not fit, a value is not finite or not positive where it must be, a normal
+    is not a unit vector, both masses are infinite, or the law can add energy for these k. EnergyWarning if k is
+    larger than the law was made for, and only the loss along the line of centres keeps the energy.
 
     Parameters
     ----------
@@ -383,34 +332,20 @@ def collide(
         The law of the pair's materials.
     normal : array (..., 2)
         Unit vectors from the centre of the first disk to that of the second.
-    mass : array (..., 2)
-        Masses [mass]. An infinite one is a wall: its own velocity and spin are kept.
-    radius : array (..., 2)
-        Radii [length]. That of an infinite mass may be infinite, a flat wall. For rolling friction it then
-        counts as equal to the partner's, so that the paper's r is the partner's radius.
+    mass, radius : array (..., 2)
+        Masses [mass] and radii [length]. An infinite mass is a wall, which keeps its velocity and spin; its radius may
+        be infinite, a flat wall. For rolling friction that counts as the partner's, so that the paper's r is the
+        partner's.
     k : array (..., 2)
         Shape numbers in I = m R^2 / k.
-    velocity : array (..., 2, 2)
-        Velocities before the collision [length/time]: disk, then component.
-    spin : array (..., 2)
-        Spins before the collision, counter-clockwise [rad/time]; 0 for a flat wall.
+    velocity, spin : arrays (..., 2, 2) and (..., 2)
+        Before the collision: velocities [length/time], disk, then component; spins, counter-clockwise [rad/time], 0 for
+        a flat wall.
 
     Returns
     -------
     Collision
         Velocities and spins after, impulses, regime. Pairs that separate come back unchanged.
-
-    Raises
-    ------
-    InputError
-        If a shape does not fit, a value is not finite or not positive where it must be, a normal is not a
-        unit vector, both masses are infinite, or the law can add energy for these k.
-
-    Warns
-    -----
-    EnergyWarning
-        If k is larger than the law was made for, and only the loss along the line of centres keeps the
-        energy.
 
     Notes
     -----
@@ -431,25 +366,24 @@ def collide(
     from ..kernels.law import collide_pair  # imports Taichi, which is slow
 
     if not isinstance(law, IFRLaw):
-        raise InputError(
-            f"law = {law!r}: collide takes an IFRLaw; a law of one's own runs on the device only, in a Simulation"
-        )
-    m = _pairs("mass", mass)
-    R = _pairs("radius", radius)
-    k_ = _pairs("k", k)
-    w = _pairs("spin", spin)
-    n = _pairs("normal", normal)
+        own = "a law of one's own runs on the device only, in a Simulation"
+        raise InputError(f"law = {law!r}: collide takes an IFRLaw; {own}")
+    given = {"normal": normal, "mass": mass, "radius": radius, "k": k, "spin": spin}
+    n, m, R, k_, w = (_pairs(name, value) for name, value in given.items())
     v = np.asarray(velocity, dtype=np.float64)
     if v.shape[-2:] != (2, 2):
         raise InputError(f"velocity has shape {v.shape}: (..., 2, 2) is needed, disk then component")
 
     wall, flat = np.isinf(m), np.isinf(R)
-    _refuse("mass", m, ~(m > 0.0), "a positive number is needed (infinite for a wall)")
-    _refuse("mass", m, np.all(wall, axis=-1, keepdims=True) & wall, "only one of the two may be infinite")
-    _refuse("radius", R, ~(R > 0.0), "a positive number is needed (infinite for a flat wall)")
-    _refuse("k", k_, ~((k_ > 0.0) & np.isfinite(k_)), "a positive finite number is needed")
-    _refuse("velocity", v, ~np.isfinite(v), "a finite number is needed")
-    _refuse("spin", w, ~np.isfinite(w), "a finite number is needed")
+    for name, array, wrong, needed in (
+        ("mass", m, ~(m > 0.0), "a positive number is needed (infinite for a wall)"),
+        ("mass", m, np.all(wall, axis=-1, keepdims=True) & wall, "only one of the two may be infinite"),
+        ("radius", R, ~(R > 0.0), "a positive number is needed (infinite for a flat wall)"),
+        ("k", k_, ~((k_ > 0.0) & np.isfinite(k_)), "a positive finite number is needed"),
+        ("velocity", v, ~np.isfinite(v), "a finite number is needed"),
+        ("spin", w, ~np.isfinite(w), "a finite number is needed"),
+    ):
+        _refuse(name, array, wrong, needed)
     try:
         shape = np.broadcast_shapes(m.shape, R.shape, k_.shape, w.shape, n.shape, v.shape[:-1])
     except ValueError:
@@ -476,27 +410,22 @@ def collide(
         *(inverse[..., 1], R[..., 1], k_[..., 1], v[..., 1, 0], v[..., 1, 1], w[..., 1]),
     )
     vx_i, vy_i, w_i, vx_j, vy_j, w_j, P_n, P_t, sticks, rolls = (np.broadcast_to(a, shape[:-1]) for a in out)
-    disk_i, disk_j = np.stack([vx_i, vy_i], axis=-1), np.stack([vx_j, vy_j], axis=-1)
     regime = 1 + sticks.astype(np.int8)
     if law.rho > 0.0:
         regime = np.where(rolls > 0.0, regime + 2, regime + 4)
-    return Collision(
-        velocity=np.stack([disk_i, disk_j], axis=-2),
-        spin=np.stack([w_i, w_j], axis=-1),
-        P_n=np.array(P_n),
-        P_t=np.array(P_t),
-        regime=np.where(P_n > 0.0, regime, 0).astype(np.int8),
-    )
+    after = np.stack([np.stack([vx_i, vy_i], axis=-1), np.stack([vx_j, vy_j], axis=-1)], axis=-2)
+    regime = np.where(P_n > 0.0, regime, 0).astype(np.int8)
+    return Collision(after, np.stack([w_i, w_j], axis=-1), np.array(P_n), np.array(P_t), regime)
 
 
-def _pairs(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def _pairs(name: str, value: ArrayLike) -> Array:
     array = np.asarray(value, dtype=np.float64)
     if array.ndim == 0 or array.shape[-1] != 2:
         raise InputError(f"{name} has shape {array.shape}: (..., 2) is needed")
     return array
 
 
-def _refuse(name: str, value: NDArray[np.float64], wrong: NDArray[np.bool_], needed: str) -> None:
+def _refuse(name: str, value: Array, wrong: NDArray[np.bool_], needed: str) -> None:
     """Raise for the first value that is wrong, if one is."""
     if np.any(wrong):
         value, wrong = np.broadcast_arrays(value, wrong)

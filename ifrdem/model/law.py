@@ -14,7 +14,8 @@ from ..tools import checked
 class CollisionLaw:
     """A collision law of one's own: subclasses say in `collide` which impulses a pair of disks exchanges.
 
-    `ifrdem.IFRLaw` is one too, and passes through the same code.
+    `ifrdem.IFRLaw` is one too, and passes through the same code. InputError if a coefficient is missing, unknown or
+    not a finite number.
 
     Parameters
     ----------
@@ -26,11 +27,6 @@ class CollisionLaw:
     ----------
     coefficients : tuple of str
         Names of the law's coefficients, in the order in which `collide` gets them.
-
-    Raises
-    ------
-    InputError
-        If a coefficient is missing, unknown or not a finite number.
 
     Notes
     -----
@@ -111,7 +107,7 @@ class CollisionLaw:
 
     @classmethod
     def parts(cls) -> Callable[..., Any] | None:
-        """What tells the ledger which part of P_t restitution gives, and the regime; None where a law does not say."""
+        """Function that gives restitution's part of P_t for the ledger, and the regime; None of a law without."""
         return None
 
     def table_row(self) -> tuple[float, ...]:
@@ -124,7 +120,7 @@ class CollisionLaw:
 
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
-    """What kernels take of a class of laws, a `kernels.layout.Law`; one object for each class."""
+    """Compiled form of a class of laws, a `kernels.layout.Law`; one object for each class."""
     from ..kernels.language import ti
     from ..kernels.layout import Law, plain
 
@@ -137,10 +133,7 @@ def compiled(kind: type[CollisionLaw]) -> Any:
 def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:
     """The one class of all laws of a table.
 
-    Raises
-    ------
-    InputError
-        If one is no law, or says not how disks collide, or there are several classes.
+    InputError if one is no law, or says not how disks collide, or there are several classes.
     """
     kinds: list[type[CollisionLaw]] = []
     for law in (law for row in laws for law in row):

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.checked import Array
 from .ifr import EnergyWarning
 from .law import CollisionLaw, checked_class, compiled
 from .state import Disks
@@ -24,12 +24,12 @@ _ROUND_OFF = (
 )
 
 
-def try_on(
-    kind: type[CollisionLaw], table: NDArray[np.float64], disks: Disks, walls: Sequence[int], speed: float
-) -> None:
+def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence[int], speed: float) -> None:
     """Try a law on pairs drawn from these disks and walls, always the same ones.
 
     Angles are uniform, spins up to twice the speed at the rim, and speeds spread over 1e-3 to 10 times `speed`.
+    InputError if impulses are not finite, or too small to keep two disks from going through each other. EnergyWarning
+    always: how many of these collisions added energy, and how much; others are not checked.
 
     Parameters
     ----------
@@ -41,16 +41,6 @@ def try_on(
         Materials of the walls.
     speed : float
         The fastest at the start [length/time].
-
-    Raises
-    ------
-    InputError
-        If impulses are not finite, or too small to keep two disks from going through each other.
-
-    Warns
-    -----
-    EnergyWarning
-        Always: how many of these collisions added energy, and how much; others are not checked.
     """
     from taichi.lang.exception import TaichiCompilationError
 
@@ -99,9 +89,7 @@ def try_on(
     )
 
 
-def _refuse_too_weak(
-    kind: type[CollisionLaw], pairs: NDArray[np.float64], found: NDArray[np.float64]
-) -> None:
+def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:
     P_n, least = found[:, 0], found[:, 1]
     wrong = ~np.isfinite(found).all(axis=1) | ~(P_n >= least * (1.0 - _ROUND_OFF))
     if wrong.any():
@@ -114,12 +102,12 @@ def _refuse_too_weak(
         )
 
 
-def _before(pairs: NDArray[np.float64]) -> NDArray[np.float64]:
+def _before(pairs: Array) -> Array:
     zero = np.zeros(len(pairs))
     return np.column_stack((pairs[:, 8], pairs[:, 9], pairs[:, 10], zero, zero, pairs[:, 11]))
 
 
-def _energy(pairs: NDArray[np.float64], motion: NDArray[np.float64]) -> NDArray[np.float64]:
+def _energy(pairs: Array, motion: Array) -> Array:
     """Kinetic energy of each pair, of which j may be a wall."""
     energy = np.zeros(len(pairs))
     for inverse, radius, k, first in ((2, 3, 4, 0), (5, 6, 7, 3)):
@@ -135,17 +123,14 @@ def law_table(
 ) -> list[list[CollisionLaw]]:
     """The table [material][material] of one law for all, or of a table that is checked.
 
+    InputError if it is neither, not square, too small for the materials that are there, or not symmetric.
+
     Parameters
     ----------
     law : CollisionLaw or sequence of sequences of CollisionLaw
     disks : Disks
     most_of_walls : int
         The highest material of walls.
-
-    Raises
-    ------
-    InputError
-        If it is neither, not square, too small for the materials that are there, or not symmetric.
     """
     materials = max(int(disks.material.max()) if disks.n else 0, most_of_walls) + 1
     if isinstance(law, CollisionLaw):
@@ -184,6 +169,6 @@ def check_energy(laws: list[list[CollisionLaw]], disks: Disks, of_walls: Iterabl
             laws[int(a)][material].check(k_a, k_a)
 
 
-def coefficient_table(laws: list[list[CollisionLaw]]) -> NDArray[np.float64]:
+def coefficient_table(laws: list[list[CollisionLaw]]) -> Array:
     """The coefficients as kernels take them, shape (M, M, c). A law without any has a column of zeros."""
     return np.array([[one.table_row() or (0.0,) for one in row] for row in laws])

@@ -1,4 +1,4 @@
-"""What is measured on a gas at one time: energies, temperatures, momentum, collisions."""
+"""Observables of a gas at one time: energies, temperatures, momentum, collisions."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools.checked import Array
 from .state import Disks, State
 
 MECHANISMS = ("normal", "tangential_restitution", "sliding", "sticking", "rolling", "walls")
-"""What collisions take energy by: normal and tangential restitution, friction while it slides or sticks, rolling
-friction, and all of these in collisions with walls."""
+"""Mechanisms by which collisions take energy: normal and tangential restitution, friction while it slides or sticks,
+rolling friction, and all of these in collisions with walls."""
 REGIMES = ("sliding", "sticking", "rolling_sliding", "rolling_sticking", "elastic")
 """Of collisions of two disks: whether friction slides or sticks, with the rolling torque rho P_n or without, or whether
 a remedy for collapse made them elastic."""
@@ -25,29 +26,20 @@ class Measure:
 
     Attributes
     ----------
-    time : float
-        The time [time].
-    collisions : int
-        Collisions between two disks so far; each counts once.
-    translational_energy : float
-        Sum of m v^2 / 2 [energy].
-    rotational_energy : float
-        Sum of I w^2 / 2 [energy].
-    temperature : float
-        T = <m v^2> / 2 [energy], the energy of two degrees of freedom at T / 2 each. 0 without disks.
-        Averages are over the disks that can move.
-    rotational_temperature : float
-        T_rot = <I w^2> [energy], of one degree of freedom. 0 without disks.
+    time, collisions, wall_hits : float, int, int
+        The time [time]; collisions between two disks so far, each once; collisions with walls.
+    translational_energy, rotational_energy : float
+        Sums of m v^2 / 2 and of I w^2 / 2 [energy].
+    temperature, rotational_temperature : float
+        T = <m v^2> / 2, the energy of two degrees of freedom at T / 2 each, and T_rot = <I w^2>, of one [energy].
+        Averages are over the disks that can move; 0 without disks.
     momentum : array (2,)
         Sum of m v [mass length/time].
-    energy_input : float
-        Energy that forces and a mean flow have put in since the start, less what they took out [energy].
-    wall_work, wall_heat : float
-        Energy that moving walls have given as work since the start, and thermal walls as heat [energy].
+    energy_input, wall_work, wall_heat : float
+        Energy since the start that forces and a mean flow have put in, less what they took out, that moving walls have
+        given as work, and thermal walls as heat [energy].
     potential_energy : float
         Sum of -m g.x, g the gravity: 0 at the box's lower left corner [energy].
-    wall_hits : int
-        Collisions with walls so far.
     dissipated : array (6,) or None
         Energy that collisions have taken since the start, by mechanism (`MECHANISMS`) [energy]; None without a ledger.
     regimes : array (5,) or None
@@ -67,14 +59,14 @@ class Measure:
     rotational_energy: float
     temperature: float
     rotational_temperature: float
-    momentum: NDArray[np.float64]
+    momentum: Array
     energy_input: float = 0.0
     shear_pressure: float = 0.0
     wall_work: float = 0.0
     wall_heat: float = 0.0
     potential_energy: float = 0.0
     wall_hits: int = 0
-    dissipated: NDArray[np.float64] | None = None
+    dissipated: Array | None = None
     regimes: NDArray[np.int64] | None = None
 
     @property
@@ -96,15 +88,12 @@ def measure(
     wall_work: float = 0.0,
     wall_heat: float = 0.0,
     gravity: tuple[float, float] = (0.0, 0.0),
-    dissipated: NDArray[np.float64] | None = None,
+    dissipated: Array | None = None,
     regimes: NDArray[np.int64] | None = None,
 ) -> Measure:
     """Measure a gas; a state does not tell what was put in in its past [energy], nor the gravity [length/time^2].
 
-    Raises
-    ------
-    InputError
-        If the disks and the state differ in their number.
+    InputError if the disks and the state differ in their number.
 
     Examples
     --------
@@ -121,32 +110,20 @@ def measure(
     mass, inertia = np.where(movable, disks.mass, 0.0), np.where(movable, disks.inertia, 0.0)
     # np.sum adds pairwise along a contiguous axis: its rounding grows like log n, not like n.
     v_x, v_y = np.ascontiguousarray(state.peculiar_velocity.T)
-    translational = 0.5 * float(np.sum(mass * (v_x**2 + v_y**2)))
-    rotational = 0.5 * float(np.sum(inertia * state.spin**2))
-    n = max(int(np.count_nonzero(movable)), 1)
-    return Measure(
-        time=float(state.time),
-        # Each collision is counted at both of its disks.
-        collisions=int(np.sum(state.collisions, dtype=np.int64)) // 2,
-        translational_energy=translational,
-        rotational_energy=rotational,
-        temperature=translational / n,
-        rotational_temperature=2.0 * rotational / n,
-        momentum=np.array([np.sum(mass * v_x), np.sum(mass * v_y)]),
-        energy_input=energy_input,
-        wall_work=wall_work,
-        wall_heat=wall_heat,
-        potential_energy=-float(np.sum(mass * (state.position @ np.array(gravity)))) if any(gravity) else 0.0,
-        wall_hits=int(np.sum(state.wall_hits, dtype=np.int64)),
-        shear_pressure=float(np.sum(mass * v_x * v_y)),
-        dissipated=dissipated,
-        regimes=regimes,
+    totals = (
+        0.5 * np.sum(mass * (v_x**2 + v_y**2)), 0.5 * np.sum(inertia * state.spin**2), np.sum(mass * v_x),
+        np.sum(mass * v_y), np.sum(mass * v_x * v_y),
+        np.sum(mass * (state.position @ np.array(gravity))) if any(gravity) else 0.0,
+        np.sum(state.collisions, dtype=np.int64) + (wall_hits := int(np.sum(state.wall_hits, dtype=np.int64))), 0.0,
+    )  # fmt: skip
+    put_in = {"energy_input": energy_input, "wall_work": wall_work, "wall_heat": wall_heat}
+    counted: Any = {"dissipated": dissipated, "regimes": regimes}
+    return from_totals(
+        disks, np.array(totals, dtype=np.float64), float(state.time), wall_hits, **put_in, **counted
     )
 
 
-def from_totals(
-    disks: Disks, totals: NDArray[np.float64], time: float, wall_hits: int, **put_in: Any
-) -> Measure:
+def from_totals(disks: Disks, totals: Array, time: float, wall_hits: int, **put_in: Any) -> Measure:
     """The same of sums over all disks (`kernels/totals.py`), which `Engine.totals` gives.
 
     Examples
@@ -171,7 +148,7 @@ def from_totals(
         rotational_temperature=2.0 * rotational / n,
         momentum=np.array([momentum_x, momentum_y]),
         shear_pressure=shear_pressure,
-        potential_energy=-fall,
+        potential_energy=-fall or 0.0,
         wall_hits=wall_hits,
         **put_in,
     )

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..tools import checked
+from ..tools.checked import Array
 from .box import Box
 from .free_area import Room
 
@@ -21,7 +22,7 @@ the engine found is left with a few of those.
 """
 
 
-def checked_radii(radius: ArrayLike) -> NDArray[np.float64]:
+def checked_radii(radius: ArrayLike) -> Array:
     """The radii [length] as an array of shape (n,); InputError if one is not positive and finite."""
     column = checked.array("radius", radius)
     if column.ndim != 1:
@@ -33,7 +34,7 @@ def checked_radii(radius: ArrayLike) -> NDArray[np.float64]:
     return column
 
 
-def refuse_wider_than_box(box: Box, radius: NDArray[np.float64]) -> None:
+def refuse_wider_than_box(box: Box, radius: Array) -> None:
     """A disk wider than the box overlaps its own periodic image."""
     i = int(np.argmax(radius))
     if 2.0 * radius[i] > min(box.lengths) * (1.0 + TOLERANCE):
@@ -43,14 +44,14 @@ def refuse_wider_than_box(box: Box, radius: NDArray[np.float64]) -> None:
         )
 
 
-def refuse_no_room(room: Room, radius: NDArray[np.float64]) -> None:
+def refuse_no_room(room: Room, radius: Array) -> None:
     """Raise InputError if walls leave no room for some disk, wherever it stands."""
     i = int(np.argmax(radius))
     if room.all_walls and room.area(float(radius[i])) <= 0.0:
         raise InputError(f"the walls leave no room for disk {i}, of diameter {2.0 * radius[i]:.6g}")
 
 
-def size_classes(radius: NDArray[np.float64], ratio: float) -> Iterator[NDArray[np.intp]]:
+def size_classes(radius: Array, ratio: float) -> Iterator[NDArray[np.intp]]:
     """Indices of the disks, largest first, in groups whose radii differ by less than `ratio`."""
     order = np.argsort(-radius, kind="stable")
     begin = 0
@@ -62,9 +63,7 @@ def size_classes(radius: NDArray[np.float64], ratio: float) -> Iterator[NDArray[
         begin = end
 
 
-def close_pairs(
-    box: Box, radius: NDArray[np.float64], position: NDArray[np.float64], margin: float = 0.0
-) -> NDArray[np.intp]:
+def close_pairs(box: Box, radius: Array, position: Array, margin: float = 0.0) -> NDArray[np.intp]:
     """Every pair (i, j), i != j, that may be closer than contact + `margin` [length]; shape (pairs, 2).
 
     The trees find a superset; by size class, so that small disks need not look as far as the largest reach.
@@ -85,9 +84,7 @@ def close_pairs(
     return np.concatenate(found)
 
 
-def _close_pairs_at(
-    box: Box, radius: NDArray[np.float64], position: NDArray[np.float64], time: float
-) -> NDArray[np.intp]:
+def _close_pairs_at(box: Box, radius: Array, position: Array, time: float) -> NDArray[np.intp]:
     """`close_pairs` at a `time` [time], in a sheared box too, where a tree knows the images to the sides only."""
     if box.shear_rate == 0.0:
         return close_pairs(box, radius, position)
@@ -104,7 +101,9 @@ def check_no_overlap(
 ) -> None:
     """Refuse positions at which disks overlap, across the periodic sides too.
 
-    Distances are computed pair by pair and exactly; a tree only finds which pairs are near.
+    Distances are computed pair by pair and exactly; a tree only finds which pairs are near. InputError names the pair
+    that overlaps most, by how much, and how many pairs overlap; or the disk that is wider than the box, or whose
+    position is not finite.
 
     Parameters
     ----------
@@ -116,12 +115,6 @@ def check_no_overlap(
         Overlap that is taken as rounding, as a part of the contact distance R_i + R_j.
     time : float
         The time [time], which says where the images above and below are in a sheared box.
-
-    Raises
-    ------
-    InputError
-        Names the pair that overlaps most, by how much, and how many pairs overlap; or the disk that is wider
-        than the box, or whose position is not finite.
     """
     radii = checked_radii(radius)
     centres = np.asarray(position, dtype=np.float64)

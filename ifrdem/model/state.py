@@ -1,4 +1,4 @@
-"""What a gas is made of (`Disks`, constant) and where it is now (`State`, changing)."""
+"""Disks of a gas (`Disks`, constant), and their positions and motion at a time (`State`, changing)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from ..tools import checked
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from ..tools.sealed import Sealed
 
 
-def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) -> NDArray[np.float64]:
+def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) -> Array:
     column = checked.column(name, value, n)
     wrong = ~(column > 0.0) | (np.isinf(column) & (not infinite))
     if np.any(wrong):
@@ -32,26 +33,20 @@ def _positive(name: str, value: ArrayLike, n: int, *, infinite: bool = False) ->
 class Disks(Brief):
     """The constant properties of n disks.
 
-    Every argument but `n` may be a number (the same for all) or an array of shape (n,).
+    Every argument but `n` may be a number (the same for all) or an array of shape (n,). InputError if n is negative,
+    or a mass, radius or k is not a positive finite number (a mass may be infinite).
 
     Parameters
     ----------
     n : int
         Number of disks.
-    mass : array_like
-        Masses m [mass]. An infinite one makes an immovable disk: it must be at rest, without spin, and counts
-        neither in energies nor in momentum.
-    radius : array_like
-        Radii R [length].
+    mass, radius : array_like
+        Masses m [mass] and radii R [length]. An infinite mass makes an immovable disk: it must be at rest, without
+        spin, and counts neither in energies nor in momentum.
     k : array_like
         Shape number in the moment of inertia I = m R^2 / k: 2 for a homogeneous disk, 1 for a hoop.
     material : array_like of int
         Index of each disk's material in the law table; 0 where there is one material.
-
-    Raises
-    ------
-    InputError
-        If n is negative, or a mass, radius or k is not a positive finite number (a mass may be infinite).
 
     Examples
     --------
@@ -62,9 +57,9 @@ class Disks(Brief):
     """
 
     n: int
-    mass: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    k: NDArray[np.float64] = field(default_factory=lambda: np.array(2.0))
+    mass: Array
+    radius: Array
+    k: Array = field(default_factory=lambda: np.array(2.0))
     material: NDArray[np.int32] = field(default_factory=lambda: np.array(0, dtype=np.int32))
 
     def __post_init__(self) -> None:
@@ -78,11 +73,11 @@ class Disks(Brief):
 
     @property
     def movable(self) -> NDArray[np.bool_]:
-        """Which disks have a finite mass, shape (n,)."""
+        """True for disks of a finite mass, shape (n,)."""
         return np.isfinite(self.mass)
 
     @property
-    def inertia(self) -> NDArray[np.float64]:
+    def inertia(self) -> Array:
         """Moments of inertia m R^2 / k [mass length^2], shape (n,); infinite for an immovable disk."""
         return self.mass * self.radius**2 / self.k
 
@@ -94,32 +89,29 @@ _COUNTS = (
     ("wall_hits", (), 0),
     ("last_partner", (), _LOWEST),
 )
-"""What a state counts, its shape beside the number of disks, and the lowest number."""
+"""Counts of a state, their shape beside the number of disks, and the lowest number."""
 
 
 @dataclass(eq=False, repr=False)
 class State(Brief, Sealed):
-    """Where n disks are and how they move at one time.
+    """Positions and motion of n disks at one time.
+
+    InputError if shapes do not fit or a value is not finite (the first such disk is named).
 
     Attributes
     ----------
-    position : array (n, 2)
-        Centres [length], inside the box.
-    velocity : array (n, 2)
-        Velocities of the centres [length/time], in the lab: in a sheared box too.
+    position, velocity : array (n, 2)
+        Centres [length], inside the box, and their velocities in the lab [length/time], in a sheared box too.
     spin : array (n,)
         Angular velocities, counter-clockwise [rad/time].
     time : float
-        The time [time].
-    collisions : array (n,) of int32
-        Collisions that each disk has had.
-    image : array (n, 2) of int32
-        How often each disk has left the box through each side: `Box.unwrap` makes paths without jumps of it.
-    wall_hits : array (n,) of int32
-        Collisions with walls that each disk has had. Thermal walls count them to draw their random numbers.
+        [time].
+    collisions, wall_hits, image : array (n,), (n,) and (n, 2) of int32
+        Collisions that each disk has had, those with walls, and how often it has left the box through each side, of
+        which `Box.unwrap` makes paths. Thermal walls count their hits to draw random numbers.
     latest_collision : array (n,)
-        When each disk last collided with a disk or wall [time], -inf if never. Only runs with the tc rule
-        (`Collapse`) keep it up to date.
+        When each disk last collided with a disk or wall [time], -inf if never. Only runs with the tc rule (`Collapse`)
+        keep it up to date.
     last_partner : array (n,) of int32
         Whom each disk hit last: an id, -1 if nobody yet, -2 - w for wall w. Only runs that are asked to
         (`Simulation(partners=True)`) keep it up to date.
@@ -130,11 +122,6 @@ class State(Brief, Sealed):
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.
 
-    Raises
-    ------
-    InputError
-        If shapes do not fit or a value is not finite (the first such disk is named).
-
     Examples
     --------
     >>> import ifrdem
@@ -143,24 +130,22 @@ class State(Brief, Sealed):
     (0.0, (2, 2))
     """
 
-    assignable: ClassVar[frozenset[str]] = frozenset(
-        {
-            "angle", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
-            "velocity", "wall_hits",
-        }
-    )  # fmt: skip
+    assignable: ClassVar[frozenset[str]] = frozenset({
+        "angle", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
+        "velocity", "wall_hits",
+    })  # fmt: skip
 
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    spin: NDArray[np.float64]
+    position: Array
+    velocity: Array
+    spin: Array
     time: float = 0.0
     collisions: NDArray[np.int32] = None  # type: ignore[assignment]
     image: NDArray[np.int32] = None  # type: ignore[assignment]
     wall_hits: NDArray[np.int32] = None  # type: ignore[assignment]
-    latest_collision: NDArray[np.float64] = None  # type: ignore[assignment]
+    latest_collision: Array = None  # type: ignore[assignment]
     last_partner: NDArray[np.int32] = None  # type: ignore[assignment]
-    angle: NDArray[np.float64] = None  # type: ignore[assignment]
-    flow: NDArray[np.float64] | None = None
+    angle: Array = None  # type: ignore[assignment]
+    flow: Array | None = None
 
     def __post_init__(self) -> None:
         self.spin = checked.array("spin", self.spin)
@@ -172,33 +157,26 @@ class State(Brief, Sealed):
         self.time = checked.real("time", self.time)
         if not math.isfinite(self.time):
             raise InputError(f"time = {self.time}: a finite number is needed")
-        for name, value in (("position", self.position), ("velocity", self.velocity), ("spin", self.spin)):
-            finite = np.isfinite(value)
-            if not finite.all():
-                i = int(np.argmin(finite)) // max(value.size // n, 1)
-                raise InputError(f"{name}[{i}] = {value[i]}: every value must be finite")
         for name, shape, least in _COUNTS:
             value = getattr(self, name)
             if value is None:
-                filled = np.full((n, *shape), -1 if name == "last_partner" else 0, dtype=np.int32)
-                setattr(self, name, filled)
-            else:
-                setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
+                value = np.full((n, *shape), -1 if name == "last_partner" else 0, dtype=np.int32)
+            setattr(self, name, checked.counts(name, value, (n, *shape), least=least))
         if self.latest_collision is None:
             self.latest_collision = np.full(n, -np.inf)
         self.latest_collision = checked.array("latest_collision", self.latest_collision, (n,))
         self.angle = np.zeros(n) if self.angle is None else checked.array("angle", self.angle, (n,))
-        if not np.isfinite(self.angle).all():
-            i = int(np.argmin(np.isfinite(self.angle)))
-            raise InputError(f"angle[{i}] = {self.angle[i]}: every value must be finite")
+        for name in ("position", "velocity", "spin", "angle"):
+            value = getattr(self, name)
+            finite = np.isfinite(value)
+            if not finite.all():
+                i = int(np.argmin(finite)) // max(value.size // n, 1)
+                raise InputError(f"{name}[{i}] = {value[i]}: every value must be finite")
         late = ~(self.latest_collision <= self.time)
         if np.any(late):
             i = int(np.argmax(late))
-            raise InputError(
-                f"latest_collision[{i}] = {self.latest_collision[i]}: a time not after the state's, {self.time}, is "
-                "needed"
-            )
-
+            needed = f"a time not after the state's, {self.time}, is needed"
+            raise InputError(f"latest_collision[{i}] = {self.latest_collision[i]}: {needed}")
         if self.flow is not None:
             self.flow = checked.array("flow", self.flow, (n, 2))
             if not np.isfinite(self.flow).all():
@@ -210,7 +188,7 @@ class State(Brief, Sealed):
         return len(self.spin)
 
     @property
-    def peculiar_velocity(self) -> NDArray[np.float64]:
+    def peculiar_velocity(self) -> Array:
         """Velocities relative to the mean flow [length/time], shape (n, 2)."""
         return self.velocity if self.flow is None else self.velocity - self.flow
 

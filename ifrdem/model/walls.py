@@ -13,20 +13,16 @@ from dataclasses import asdict, dataclass
 from typing import Literal, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
 from ..kernels.limits import MOST_WALLS
 from ..tools import checked
+from ..tools.checked import Array
 from .box import Box
 
 Point = tuple[float, float]
 SHAPES = ("line", "segment", "container", "post")
 MOTIONS = ("still", "steady", "sine", "sawtooth")
-
-
-def _point(name: str, value: Sequence[float]) -> Point:
-    return checked.finite_pair(name, value)
 
 
 def _number(
@@ -43,30 +39,21 @@ def _number(
 
 @dataclass(frozen=True)
 class Motion:
-    """How a wall moves as a whole: a displacement s(t) along a direction; t is the time of the run.
+    """Motion of a wall as a whole: a displacement s(t) along a direction; t is the time of the run.
+
+    InputError if a number is not finite or out of its range.
 
     Parameters
     ----------
     kind : {"still", "steady", "sine", "sawtooth"}
         steady: s = speed t. sine: s = amplitude sin(2 pi frequency t + phase). sawtooth: at constant speed from
-        -amplitude to +amplitude in the part `rise` of a period, and back in the rest of it.
+        -amplitude to +amplitude in the part `rise`, between 0 and 1, of a period, and back in the rest of it.
     direction : two floats
         Any length but 0; only the direction counts.
-    speed : float
-        Of a steady motion [length/time].
-    amplitude : float
-        Of an oscillation [length].
-    frequency : float
-        Of an oscillation [1/time].
+    speed, amplitude, frequency : float
+        [length/time], [length], [1/time].
     phase : float
         At t = 0 [rad]; 2 pi is a whole period.
-    rise : float
-        Between 0 and 1.
-
-    Raises
-    ------
-    InputError
-        If a number is not finite or out of its range.
 
     Examples
     --------
@@ -89,16 +76,14 @@ class Motion:
             raise InputError(
                 f"motion kind = '{self.kind}': allowed are {', '.join(MOTIONS)}{nearest(self.kind, MOTIONS)}"
             )
-        x, y = _point("motion direction", self.direction)
+        x, y = checked.finite_pair("motion direction", self.direction)
         length = math.hypot(x, y)
         if length == 0.0:
             raise InputError("motion direction = (0, 0): it has no direction")
-        object.__setattr__(self, "direction", (x / length, y / length))
         set_ = object.__setattr__
-        set_(self, "speed", _number("motion speed", self.speed))
-        set_(self, "amplitude", _number("motion amplitude", self.amplitude, 0.0))
-        set_(self, "frequency", _number("motion frequency", self.frequency, 0.0))
-        set_(self, "phase", _number("motion phase", self.phase))
+        set_(self, "direction", (x / length, y / length))
+        for name, low in (("speed", -math.inf), ("amplitude", 0.0), ("frequency", 0.0), ("phase", -math.inf)):
+            set_(self, name, _number(f"motion {name}", getattr(self, name), low))
         set_(self, "rise", _number("motion rise", self.rise, 0.0, 1.0, open_=True))
         if self.kind in ("sine", "sawtooth") and self.frequency == 0.0:
             raise InputError(f"motion kind = '{self.kind}': a frequency above 0 is needed")
@@ -116,7 +101,7 @@ class Motion:
 
     @property
     def extent(self) -> float:
-        """How far it goes from its middle position [length]; infinite for a steady motion."""
+        """Largest displacement from its middle position [length]; infinite for a steady motion."""
         return math.inf if self.kind == "steady" and self.speed != 0.0 else self.amplitude
 
     def displacement(self, t: float) -> float:
@@ -133,8 +118,8 @@ class Motion:
         return 0.0
 
 
-class Options(TypedDict, total=False):
-    """What any wall may have; see `Wall`."""
+class WallOptions(TypedDict, total=False):
+    """Options of any wall; see `Wall`."""
 
     material: int
     motion: Motion
@@ -149,10 +134,9 @@ class Wall:
     Attributes
     ----------
     shape : {"line", "segment", "container", "post"}
-    place : two floats
-        A point of a line, the beginning of a segment, the centre of a circle [length].
-    towards : two floats
-        A line's unit normal towards the disks; from the beginning of a segment to its end [length].
+    place, towards : two floats each
+        A point of a line and its unit normal towards the disks; the beginning of a segment and the vector to its end
+        [length]; the centre of a circle [length].
     radius : float
         Of a circle [length].
     material : int
@@ -201,13 +185,13 @@ class Wall:
                 f"wall shape = '{self.shape}': allowed are {', '.join(SHAPES)}{nearest(self.shape, SHAPES)}"
             )
         set_, name = object.__setattr__, f"{self.shape} wall"
-        set_(self, "place", _point(f"{name}, place", self.place))
-        set_(self, "towards", _point(f"{name}, direction", self.towards))
+        set_(self, "place", checked.finite_pair(f"{name}, place", self.place))
+        set_(self, "towards", checked.finite_pair(f"{name}, direction", self.towards))
         if self.shape in ("line", "segment") and math.hypot(*self.towards) == 0.0:
-            what = (
+            wrong = (
                 "normal = (0, 0): it has no direction" if self.shape == "line" else "both ends are the same"
             )
-            raise InputError(f"{name}: {what}")
+            raise InputError(f"{name}: {wrong}")
         if self.shape == "line":
             length = math.hypot(*self.towards)
             set_(self, "towards", (self.towards[0] / length, self.towards[1] / length))
@@ -220,65 +204,51 @@ class Wall:
             set_(self, "temperature", _number(f"{name}, temperature", self.temperature, 0.0, open_=True))
 
     @classmethod
-    def line(cls, point: Point, normal: Point, **options: Unpack[Options]) -> Wall:
+    def line(cls, point: Point, normal: Point, **options: Unpack[WallOptions]) -> Wall:
         """An endless straight wall through `point`; disks are on the side to which `normal` points."""
         return cls("line", point, normal, **options)
 
     @classmethod
-    def segment(cls, start: Point, end: Point, **options: Unpack[Options]) -> Wall:
+    def segment(cls, start: Point, end: Point, **options: Unpack[WallOptions]) -> Wall:
         """A straight wall from `start` to `end`, without thickness; disks collide with both sides and the ends."""
-        (x, y), (x_1, y_1) = _point("segment wall, start", start), _point("segment wall, end", end)
+        (x, y), (x_1, y_1) = (
+            checked.finite_pair("segment wall, start", start),
+            checked.finite_pair("segment wall, end", end),
+        )
         return cls("segment", (x, y), (x_1 - x, y_1 - y), **options)
 
     @classmethod
-    def container(cls, center: Point, radius: float, **options: Unpack[Options]) -> Wall:
+    def container(cls, center: Point, radius: float, **options: Unpack[WallOptions]) -> Wall:
         """A circular wall around the disks."""
         return cls("container", center, radius=radius, **options)
 
     @classmethod
-    def post(cls, center: Point, radius: float, **options: Unpack[Options]) -> Wall:
+    def post(cls, center: Point, radius: float, **options: Unpack[WallOptions]) -> Wall:
         """A round wall among the disks; radius 0 is a point."""
         return cls("post", center, radius=radius, **options)
 
-    def row(self, offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    def row(self, offset: Array) -> Array:
         """The wall as a row of `kernels/walls.py`, every position moved by `offset` [length], shape (2,)."""
-        motion = self.motion
+        motion, turn = self.motion, 2.0 * math.pi
         amplitude = motion.speed if motion.kind == "steady" else motion.amplitude
-        turn = 2.0 * math.pi
-        rate = turn * motion.frequency if motion.kind == "sine" else motion.frequency
-        phase = motion.phase if motion.kind == "sine" else motion.phase / turn
-        return np.array(
-            [
-                SHAPES.index(self.shape), *(np.array(self.place) + offset), *self.towards, self.radius,
-                MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,
-                self.surface_speed, self.material, 0.0, self.temperature or 0.0, -1.0,
-            ],
-            dtype=np.float64,
-        )  # fmt: skip
+        rate, phase = motion.frequency, motion.phase / turn
+        if motion.kind == "sine":
+            rate, phase = turn * rate, motion.phase
+        row = [
+            SHAPES.index(self.shape), *(np.array(self.place) + offset), *self.towards, self.radius,
+            MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,
+            self.surface_speed, self.material, 0.0, self.temperature or 0.0, -1.0,
+        ]  # fmt: skip
+        return np.array(row, dtype=np.float64)
 
-    def gap(
-        self, position: NDArray[np.float64], radius: NDArray[np.float64], t: float = 0.0
-    ) -> NDArray[np.float64]:
-        """Distance between wall and disks [length] at time t; negative where they overlap.
+    def gap(self, position: Array, radius: Array, t: float = 0.0) -> Array:
+        """Distance between wall and disks [length] at time t, shape (n,); negative where they overlap."""
+        return self.normal(position, t)[1] - radius
 
-        Parameters
-        ----------
-        position : array (n, 2)
-        radius : array (n,)
-        """
-        _, distance = self.normal(position, t)
-        return distance - radius
-
-    def normal(
-        self, position: NDArray[np.float64], t: float = 0.0
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def normal(self, position: Array, t: float = 0.0) -> tuple[Array, Array]:
         """Unit vectors from the wall to points, towards the disks' side, shape (n, 2), and distances, shape (n,).
 
         A distance [length] is negative on the wrong side of a line, outside of a container or inside of a post.
-
-        Parameters
-        ----------
-        position : array (n, 2)
         """
         moved = np.array(self.place) + np.array(self.motion.direction) * self.motion.displacement(t)
         d = position - moved
@@ -301,16 +271,15 @@ class Wall:
 
 def sides(box: Box, material: int = 0) -> list[Wall]:
     """Straight walls at those sides of a box that are not periodic; an open one has no sides."""
-    (width, height), found = box.lengths, []
     if box.is_open:
         return []
+    width, height = box.lengths
+    found = []
     if not box.periodic[0]:
-        found += [Wall.line((0.0, 0.0), (1.0, 0.0), material=material)]
-        found += [Wall.line((width, 0.0), (-1.0, 0.0), material=material)]
+        found += [((0.0, 0.0), (1.0, 0.0)), ((width, 0.0), (-1.0, 0.0))]
     if not box.periodic[1]:
-        found += [Wall.line((0.0, 0.0), (0.0, 1.0), material=material)]
-        found += [Wall.line((0.0, height), (0.0, -1.0), material=material)]
-    return found
+        found += [((0.0, 0.0), (0.0, 1.0)), ((0.0, height), (0.0, -1.0))]
+    return [Wall.line(point, normal, material=material) for point, normal in found]
 
 
 def check_types(walls: Sequence[Wall]) -> None:
@@ -351,8 +320,8 @@ def check_place(wall: Wall, box: Box) -> None:
 def check(
     walls: Sequence[Wall],
     box: Box,
-    position: NDArray[np.float64],
-    radius: NDArray[np.float64],
+    position: Array,
+    radius: Array,
     materials: int | None = None,
     time: float = 0.0,
     tolerance: float = 0.0,
@@ -360,16 +329,11 @@ def check(
     """Refuse walls that cannot be simulated, or that disks overlap at the start, which is at `time` [time].
 
     `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
-
-    Raises
-    ------
-    InputError
-        Names wall and disk, and by how much they overlap.
+    InputError names wall and disk, and by how much they overlap.
     """
     if walls and box.is_open:
-        raise InputError(
-            "walls are not supported in an open box: use a box with sides, large enough for the disks not to reach them"
-        )
+        instead = "use a box with sides, large enough for the disks not to reach them"
+        raise InputError(f"walls are not supported in an open box: {instead}")
     if len(walls) > MOST_WALLS:
         raise InputError(
             f"{len(walls)} walls: {MOST_WALLS} at most are supported, the sides of the box included"

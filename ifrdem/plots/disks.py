@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from ..model.box import Box
 from ..model.walls import Wall
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from .style import with_unit
+from .style import place_axes, unit_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,15 +29,9 @@ MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 
 
 def last_frame(figure: Any, axes: Axes, trajectory: Trajectory, index: int = -1) -> None:
     """The disks of the last frame (or another), coloured by spin, or a map of where they are if they are too many."""
-    units = trajectory.units
     frame = trajectory[index]
     position = frame.position if "position" in trajectory.fields else np.zeros((1, 2))
-    (left, right), (bottom, top) = shown_region(trajectory, position)
-    axes.set_xlim(left, right)
-    axes.set_ylim(bottom, top)
-    axes.set_aspect("equal")
-    axes.set_xlabel(with_unit("$x$", units.get("length")))
-    axes.set_ylabel(with_unit("$y$", units.get("length")))
+    place_axes(axes, trajectory, shown_region(trajectory, position))
     draw_walls(axes, trajectory, frame.time)
     if "position" not in trajectory.fields:
         axes.set_title("the file holds no positions")
@@ -52,7 +47,7 @@ def last_frame(figure: Any, axes: Axes, trajectory: Trajectory, index: int = -1)
         axes.set_title(f"disks at {time}")
 
 
-def shown_region(trajectory: Trajectory, position: NDArray[np.float64]) -> NDArray[np.float64]:
+def shown_region(trajectory: Trajectory, position: Array) -> Array:
     """Ends of x and of y [length], shape (2, 2), of the box; of an open one, of what holds these positions."""
     if not trajectory.box.is_open:
         return np.array([[0.0, side] for side in trajectory.box.lengths])
@@ -62,12 +57,7 @@ def shown_region(trajectory: Trajectory, position: NDArray[np.float64]) -> NDArr
 
 
 def _disks(
-    figure: Any,
-    axes: Axes,
-    trajectory: Trajectory,
-    position: NDArray[np.float64],
-    spin: NDArray[np.float64],
-    time: float,
+    figure: Any, axes: Axes, trajectory: Trajectory, position: Array, spin: Array, time: float
 ) -> None:
     from matplotlib.collections import EllipseCollection
     from matplotlib.colors import LinearSegmentedColormap
@@ -77,68 +67,53 @@ def _disks(
     # A heavy tail of fast spins must not wash out all others: colours are full from the 95th percentile on.
     limit = float(np.quantile(np.abs(spin), 0.95)) if len(spin) else 0.0
     limit = limit if limit > 0.0 else 1.0
+    width = 2.0 * radius[owner]
     drawn = EllipseCollection(
-        2.0 * radius[owner],
-        2.0 * radius[owner],
-        np.zeros(len(owner)),
-        units="xy",
-        offsets=position,
-        offset_transform=axes.transData,
-        array=spin[owner],
-        cmap=LinearSegmentedColormap.from_list("spins", SPINS),
-        clim=(-limit, limit),
-        linewidths=0.0,
-    )
+        width, width, np.zeros(len(owner)), units="xy", offsets=position, offset_transform=axes.transData,
+        array=spin[owner], cmap=LinearSegmentedColormap.from_list("spins", SPINS), clim=(-limit, limit), linewidths=0.0,
+    )  # fmt: skip
     axes.add_collection(drawn)
-    unit_time = trajectory.units.get("time")
-    unit = "reduced units" if unit_time is None else f"rad/{unit_time}"
-    bar = figure.colorbar(drawn, ax=axes, extend="both", shrink=0.85)
-    bar.set_label(rf"spin $\omega$ ({unit}), counter-clockwise positive")
+    figure.colorbar(drawn, ax=axes, extend="both", shrink=0.85).set_label(spin_label(trajectory))
 
 
-def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: NDArray[np.float64]) -> float:
+def spin_label(trajectory: Trajectory) -> str:
+    unit = unit_of(trajectory, "time")
+    return (
+        rf"spin $\omega$ ({'reduced units' if unit is None else f'rad/{unit}'}), counter-clockwise positive"
+    )
+
+
+def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: Array) -> float:
     """Draw the local area fraction and return the mean side of its cells [length]."""
     region = shown_region(trajectory, position)
     covered = area_fraction(trajectory, position, region)
     drawn = axes.imshow(
-        covered.T,
-        origin="lower",
-        extent=(*region[0], *region[1]),
-        cmap=DENSITIES,
-        vmin=0.0,
-        vmax=float(np.quantile(covered, 0.999)),
-        interpolation="nearest",
-    )
+        covered.T, origin="lower", extent=(*region[0], *region[1]), cmap=DENSITIES, vmin=0.0,
+        vmax=float(np.quantile(covered, 0.999)), interpolation="nearest",
+    )  # fmt: skip
     figure.colorbar(drawn, ax=axes, extend="max", shrink=0.85).set_label("area fraction")
     return cell_side(covered, region)
 
 
-def area_fraction(
-    trajectory: Trajectory, position: NDArray[np.float64], region: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def area_fraction(trajectory: Trajectory, position: Array, region: Array) -> Array:
     """The part that disks cover of each cell of a region [length], shape (2, 2): cells along x and along y."""
     radius = trajectory.disks.radius
     lengths = np.ptp(region, axis=1)
     cell = MAP_CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
     counts = [int(np.clip(round(side / cell), 1, 1000)) for side in lengths]
+    ends = [(low, high) for low, high in region]
     covered, _, _ = np.histogram2d(
-        position[:, 0],
-        position[:, 1],
-        bins=counts,
-        range=[(low, high) for low, high in region],
-        weights=np.pi * radius**2,
+        position[:, 0], position[:, 1], bins=counts, range=ends, weights=np.pi * radius**2
     )
     return covered * counts[0] * counts[1] / float(np.prod(lengths))
 
 
-def cell_side(covered: NDArray[np.float64], region: NDArray[np.float64]) -> float:
+def cell_side(covered: Array, region: Array) -> float:
     """Mean side of the cells of `area_fraction` [length]."""
     return float(np.sqrt(np.prod(np.ptp(region, axis=1)) / covered.size))
 
 
-def with_images(
-    position: NDArray[np.float64], radius: NDArray[np.float64], box: Box, time: float
-) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def with_images(position: Array, radius: Array, box: Box, time: float) -> tuple[Array, NDArray[np.intp]]:
     """Positions with the periodic images of disks that a side cuts, and which disk each of them is."""
     owner = np.arange(len(position))
     for axis in (1, 0):  # what comes in above or below may be cut at the side
@@ -176,10 +151,8 @@ def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
     if wall.shape in ("line", "segment"):
         if wall.shape == "line":
             along = 2.0 * size * np.array((towards[1], -towards[0]))
-            ends = np.array((place - along, place + along))
-            ends += (
-                np.clip(0.5 * size - place, -size, size) @ along / (along @ along) * along
-            )  # about the box
+            middle = np.clip(0.5 * size - place, -size, size) @ along / (along @ along) * along  # of the box
+            ends = np.array((place - along, place + along)) + middle
         else:
             ends = np.array((place, place + towards))
         # Above the frame: half of a line at a side of the box shows.
@@ -188,18 +161,12 @@ def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
         axes.plot(*ends.T, scalex=False, scaley=False, **look)
         return
     filled = wall.shape == "post"
-    axes.add_patch(
-        Circle((float(place[0]), float(place[1])), wall.radius, fill=filled, fc=POST, ec=colour, lw=2.0)
-    )
+    axes.add_patch(Circle((place[0], place[1]), wall.radius, fill=filled, fc=POST, ec=colour, lw=2.0))
     if wall.surface_speed != 0.0:
         angle = np.arange(8) * np.pi / 4.0
         out = np.column_stack((np.cos(angle), np.sin(angle)))
         turn = np.sign(wall.surface_speed) * (1.0 if filled else -1.0)  # counter-clockwise
         along = turn * np.column_stack((-out[:, 1], out[:, 0]))
         for at, step in zip(place + wall.radius * out, 0.06 * wall.radius * along, strict=True):
-            axes.annotate(
-                "",
-                xy=at + step,
-                xytext=at - step,
-                arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.5},
-            )
+            arrow = {"arrowstyle": "-|>", "color": colour, "lw": 1.5}
+            axes.annotate("", xy=at + step, xytext=at - step, arrowprops=arrow)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..analysis import result
 from ..trajectory.reader import Trajectory
-from .style import ACROSS, RATIO, ROTATION, TRANSLATION, legend_above, with_unit
+from .style import ACROSS, RATIO, ROTATION, TRANSLATION, grid, label, legend_above
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,9 +17,8 @@ INPUT, HEAT, DISSIPATED = "#009E73", "#CC79A7", "#E69F00"
 
 
 def _finish(axes: Any, trajectory: Trajectory, text: str, columns: int = 3) -> None:
-    axes.set_xlabel(with_unit("time $t$", trajectory.units.get("time")))
-    axes.set_ylabel(with_unit(text, trajectory.units.get("energy")))
-    axes.grid(True, which="major", lw=0.4, alpha=0.5)
+    axes.set(xlabel=label(trajectory, "time $t$", "time"), ylabel=label(trajectory, text, "energy"))
+    grid(axes)
     legend_above(axes, columns)
 
 
@@ -38,43 +37,39 @@ def energy(figure: Figure, trajectory: Trajectory) -> None:
 
 
 def ledger(figure: Figure, trajectory: Trajectory) -> None:
-    """Where the energy is and went: present, dissipated, put in; and by how much the sum of it all changes.
+    """Energy ledger: present, dissipated, put in; and by how much the sum of it all changes.
 
     present + dissipated - input = start. The residual is that of the file's `ledger_residual` if it has one, which is
     counted collision by collision; otherwise there is nothing to compare and it is not drawn.
     """
-    with_residual = True
     try:
         when_left, (residual,) = result.series(trajectory, "ledger_residual")
     except ValueError:  # only runs that count every collision have it
-        with_residual = False
-    if with_residual:
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
-    else:
         upper = figure.subplots()
+        lower = None
+    else:
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
     when, (present, dissipated) = result.series(trajectory, "energy", "dissipated_energy")
     if "potential_energy" in trajectory.observables:
         present = present + result.series(trajectory, "potential_energy")[1][0]
     upper.plot(when, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
     upper.plot(when, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
     total = present + dissipated
-    for name, colour, label in (
+    for name, colour, text in (
         ("energy_input", INPUT, "put in by forces or shear"),
         ("wall_work", ACROSS, "work of walls"),
         ("wall_heat", HEAT, "heat of walls"),
     ):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
             _, (value,) = result.series(trajectory, name)
-            upper.plot(when, value, "-.", color=colour, lw=1.5, label=label)
+            upper.plot(when, value, "-.", color=colour, lw=1.5, label=text)
             total = total - value
     upper.plot(when, total, ":", color=RATIO, lw=1.8, label="present + dissipated $-$ put in")
     _finish(upper, trajectory, "energy")
-    if with_residual:
-        start = abs(float(total[0])) or 1.0
-        lower.plot(when_left, residual / start, ".-", color=RATIO, lw=0.8, ms=3)
-        lower.set_ylabel("residual / start")
-        lower.set_xlabel(upper.get_xlabel())
-        lower.grid(True, lw=0.4, alpha=0.5)
+    if lower is not None:
+        lower.plot(when_left, residual / (abs(float(total[0])) or 1.0), ".-", color=RATIO, lw=0.8, ms=3)
+        lower.set(ylabel="residual / start", xlabel=upper.get_xlabel())
+        grid(lower)
         upper.set_xlabel("")
 
 
@@ -84,9 +79,8 @@ def mechanisms(figure: Figure, trajectory: Trajectory) -> None:
     when, (values,) = result.series(trajectory, "dissipated_by_mechanism")
     names = ("normal", "tangential restitution", "sliding", "sticking", "rolling", "walls")
     colours = (TRANSLATION, ROTATION, INPUT, HEAT, DISSIPATED, RATIO)
-    for i, (name, colour, style) in enumerate(
-        zip(names, colours, ("-", "--", "-.", ":", "-", "--"), strict=True)
-    ):
-        if np.any(values[:, i]):
-            axes.plot(when, values[:, i], style, color=colour, lw=1.5, label=name)
+    styles = ("-", "--", "-.", ":", "-", "--")
+    for name, colour, style, value in zip(names, colours, styles, values.T, strict=True):
+        if np.any(value):
+            axes.plot(when, value, style, color=colour, lw=1.5, label=name)
     _finish(axes, trajectory, "energy dissipated", columns=4)

@@ -12,32 +12,19 @@ from ..errors import InputError
 from ..initial import impact_scan as scan
 from ..model.ifr import IFRLaw, Regime, collide
 from ..model.state import Disks
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .run import save
-from .style import RATIO, ROTATION, TRANSLATION
-
-Array = NDArray[np.float64]
+from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid
 
 
 def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
     """Draw the disks that were hit: the tangent of their angle from the line of centres against that of the impact.
 
-    Points are the velocities of the last frame, seen from the line of centres that the first frame leads to; the line
-    is the law, `ifrdem.collide`. Below, their difference.
-
-    Parameters
-    ----------
-    path_h5 : path
-        A trajectory of a case with start.positions = "impact_scan", with positions and velocities, and the parameter
-        `laws` that `ifrdem run` writes.
-    path_png : path
-        The picture to write: it appears whole or not at all. An existing one is replaced.
-
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be read, lacks these, holds fewer than two frames, or a pair has not collided exactly
-        once; or if the picture cannot be written.
+    As `run.cooling`, of a case with start.positions = "impact_scan", with positions and velocities. Points are the
+    velocities of the last frame, seen from the line of centres that the first frame leads to; the line is the law,
+    `ifrdem.collide`. Below, their difference. InputError also for fewer than two frames, or a pair that has not
+    collided exactly once.
     """
     from matplotlib.figure import Figure
 
@@ -55,9 +42,8 @@ def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str
         (stuck, TRANSLATION, "o", "simulated, sticking"),
         (~stuck, ROTATION, "s", "simulated, sliding"),
     ):
-        upper.plot(
-            tan_psi[chosen], tan_delta[chosen], marker, ms=4, mfc="none", color=colour, label=label, zorder=2
-        )
+        look = OPEN | {"marker": marker, "ms": 4, "color": colour, "label": label, "zorder": 2}
+        upper.plot(tan_psi[chosen], tan_delta[chosen], **look)
     changes = np.flatnonzero(sticking[1:] != sticking[:-1])
     for at in (_change(law, disks, fine[i], fine[i + 1]) for i in changes):
         name_of = rf"sticking and sliding meet, $\tan\psi$ = {at:.4g}"
@@ -68,8 +54,7 @@ def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str
     upper.set_ylabel(r"$\tan\delta_2$ of the disk that was hit")
     lower.set_ylabel("simulated $-$ law")
     lower.set_xlabel(r"$\tan\psi$, $\psi$: angle of impact from the line of centres")
-    for axes in (upper, lower):
-        axes.grid(True, lw=0.4, alpha=0.5)
+    grid(upper, lower)
     upper.legend(loc="best", frameon=False)
     upper.set_title(
         f"{name}: {len(tan_psi)} impacts, $e_n$ = {law.e_n:g}, $e_t$ = {law.e_t:g}, $\\mu$ = {law.mu:g}; "
@@ -79,13 +64,7 @@ def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str
 
 
 def measured(trajectory: Trajectory) -> tuple[Array, Array]:
-    """tan(psi) and tan(delta_2) of each pair of a scan, shape (n,).
-
-    Raises
-    ------
-    InputError
-        If it has fewer than two frames, or a pair has not collided exactly once.
-    """
+    """tan(psi) and tan(delta_2) of each pair of a scan, shape (n,)."""
     if len(trajectory) < 2:
         raise InputError(f"{trajectory.path}: two frames at least are needed, before and after the impacts")
     first, last = trajectory[0], trajectory[-1]
@@ -117,23 +96,17 @@ def predicted(law: IFRLaw, disks: Disks, tan_psi: Array) -> tuple[Array, NDArray
     pair = [0, disks.n // 2]
     velocity = np.zeros((len(tan_psi), 2, 2))
     velocity[:, 0, 0], velocity[:, 0, 1] = 1.0, tan_psi
-    after = collide(
-        law, [1.0, 0.0], disks.mass[pair], disks.radius[pair], disks.k[pair], velocity, [0.0, 0.0]
-    )
+    columns = disks.mass[pair], disks.radius[pair], disks.k[pair]
+    after = collide(law, [1.0, 0.0], *columns, velocity, [0.0, 0.0])
     sticking = np.isin(after.regime, [Regime.STICKING, Regime.STICKING_ROLLING, Regime.STICKING_NONROLLING])
     return after.velocity[:, 1, 1] / after.velocity[:, 1, 0], sticking
 
 
 def _change(law: IFRLaw, disks: Disks, low: float, high: float) -> float:
-    """Where sticking turns into sliding, or back, between two tangents of psi: by bisection."""
-    at_low = predicted(law, disks, np.array([low]))[1][0]
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        if predicted(law, disks, np.array([middle]))[1][0] == at_low:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    """Tangent of psi, between two, at which sticking turns into sliding, or back."""
+    from scipy.optimize import bisect
+
+    return float(bisect(lambda at: predicted(law, disks, np.array([at]))[1][0] - 0.5, low, high, xtol=1e-15))
 
 
 def _law(trajectory: Trajectory) -> IFRLaw:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError, nearest
+from ..tools.checked import Array
 from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from . import run
-from .style import with_unit
+from .style import label, place_axes
 
 MARK_WIDTH = 0.18  # half the width of an orientation mark, in radii
 LEAST_MARKED = 5.0  # radius [pixels] below which no mark would be seen
@@ -23,30 +25,19 @@ LEAST_MARKED = 5.0  # radius [pixels] below which no mark would be seen
 
 def draw(
     shape: tuple[int, int],
-    place: NDArray[np.float64],
-    radius: NDArray[np.float64],
+    place: Array,
+    radius: Array,
     number: NDArray[np.integer],
     *,
     empty: int,
-    angle: NDArray[np.float64] | None = None,
+    angle: Array | None = None,
     mark: int = 0,
 ) -> NDArray[np.uint16]:
-    """The number of the disk's colour at each pixel.
+    """The number of the disk's colour at each pixel of an image (rows, columns), row 0 at the bottom.
 
-    Parameters
-    ----------
-    shape : (rows, columns)
-        Of the image; row 0 is at the bottom.
-    place : array (n, 2)
-        Centres in pixels from the lower left corner of the image. Disks may reach beyond it.
-    radius : array (n,)
-        In pixels; those smaller than half a pixel are drawn with that.
-    number : array (n,)
-        Number of each disk's colour.
-    empty, mark : int
-        Numbers where there is no disk, and of the orientation mark.
-    angle : array (n,), optional
-        Orientations [rad]: a mark goes from the centre to the rim in this direction.
+    Centres (n, 2) are in pixels from the lower left corner, and may lie beyond the image; radii (n,) too, half a pixel
+    at least. `empty` is the number where there is no disk, `mark` that of the line from the centre to the rim at each
+    disk's `angle` (n,) [rad].
     """
     image = np.full(shape, empty, dtype=np.uint16)
     radius = np.maximum(radius, 0.5)
@@ -62,65 +53,53 @@ def draw(
 
 
 def _by_offset(
-    image: NDArray[np.uint16],
-    place: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    number: NDArray[np.integer],
-    window: int,
-    angle: NDArray[np.float64] | None,
-    mark: int,
-) -> None:
+    image: NDArray[np.uint16], place: Array, radius: Array, number: NDArray[np.integer], window: int,
+    angle: Array | None, mark: int,
+) -> None:  # fmt: skip
     """Many small disks: all of them at once for each pixel of a window around the centre."""
     rows, columns = image.shape
     corner = np.floor(place).astype(np.int64)
     inside = place - corner
-    for dy in range(-window, window + 1):
-        y = dy + 0.5 - inside[:, 1]
-        row = corner[:, 1] + dy
-        for dx in range(-window, window + 1):
-            x = dx + 0.5 - inside[:, 0]
-            column = corner[:, 0] + dx
-            hit = x * x + y * y <= radius * radius
-            hit &= (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-            colour = number[hit]
-            if angle is not None:
-                colour = np.where(_marked(x[hit], y[hit], radius[hit], angle[hit]), mark, colour)
-            image[row[hit], column[hit]] = colour
+    steps = range(-window, window + 1)
+    for dy, dx in itertools.product(steps, steps):
+        x, y = dx + 0.5 - inside[:, 0], dy + 0.5 - inside[:, 1]
+        column, row = corner[:, 0] + dx, corner[:, 1] + dy
+        hit = (
+            (x * x + y * y <= radius * radius)
+            & (row >= 0)
+            & (row < rows)
+            & (column >= 0)
+            & (column < columns)
+        )
+        colour = number[hit]
+        if angle is not None:
+            colour = np.where(_marked(x[hit], y[hit], radius[hit], angle[hit]), mark, colour)
+        image[row[hit], column[hit]] = colour
 
 
 def _one_by_one(
-    image: NDArray[np.uint16],
-    place: NDArray[np.float64],
-    radius: NDArray[np.float64],
-    number: NDArray[np.integer],
-    window: int,
-    angle: NDArray[np.float64] | None,
-    mark: int,
-) -> None:
+    image: NDArray[np.uint16], place: Array, radius: Array, number: NDArray[np.integer], window: int,
+    angle: Array | None, mark: int,
+) -> None:  # fmt: skip
     """Few large disks: all pixels of the window at once for each disk."""
-    rows, columns = image.shape
-    for i in range(len(place)):
-        left, bottom = (int(low) - window for low in np.floor(place[i]))
-        first_row, last_row = max(bottom, 0), min(bottom + 2 * window + 1, rows)
-        first_column, last_column = max(left, 0), min(left + 2 * window + 1, columns)
-        if first_row >= last_row or first_column >= last_column:
+    for i, corner in enumerate(np.floor(place).astype(int) - window):
+        (left, bottom), (right, top) = (
+            np.maximum(corner, 0),
+            np.minimum(corner + 2 * window + 1, image.shape[::-1]),
+        )
+        if left >= right or bottom >= top:
             continue
-        y = (np.arange(first_row, last_row) + 0.5 - place[i, 1])[:, None]
-        x = (np.arange(first_column, last_column) + 0.5 - place[i, 0])[None, :]
+        y = (np.arange(bottom, top) + 0.5 - place[i, 1])[:, None]
+        x = (np.arange(left, right) + 0.5 - place[i, 0])[None, :]
         hit = x * x + y * y <= radius[i] ** 2
-        part = image[first_row:last_row, first_column:last_column]
+        part = image[bottom:top, left:right]
         part[hit] = number[i]
         if angle is not None:
             part[hit & _marked(x, y, radius[i], angle[i])] = mark
 
 
-def _marked(
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    radius: NDArray[np.float64] | np.float64,
-    angle: NDArray[np.float64] | np.float64,
-) -> NDArray[np.bool_]:
-    """Whether places (x, y) from the centre lie on the mark."""
+def _marked(x: Array, y: Array, radius: Array | np.float64, angle: Array | np.float64) -> NDArray[np.bool_]:
+    """Mask of places (x, y) from the centre that lie on the mark."""
     along = x * np.cos(angle) + y * np.sin(angle)
     across = y * np.cos(angle) - x * np.sin(angle)
     return (along >= 0.0) & (np.abs(across) <= MARK_WIDTH * radius)
@@ -138,23 +117,10 @@ DPI = 100
 class Scene:
     """The picture of which every frame is a variant: axes, colour bar and walls are drawn once.
 
-    Up to `disks.MOST_DISKS` disks are drawn as disks, coloured by spin or by the temperature of each, m c^2 / 2
+    Up to `disks.MOST_DISKS` disks are drawn as disks, coloured by "spin" or by the "temperature" of each, m c^2 / 2
     with the velocity c relative to the mean flow of a sheared box; of more than that a map of the area fraction. The
-    range of the colours is that of the whole movie.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-    frames : sequence of int
-        The frames of the movie.
-    size : (width, height)
-        In pixels.
-    colour : {"spin", "temperature"}
-
-    Raises
-    ------
-    InputError
-        If the colour is another word, or a field that is needed is not stored.
+    range of the colours is that of the whole movie. InputError if the colour is another word, or a field that is needed
+    is not stored.
     """
 
     def __init__(
@@ -175,7 +141,7 @@ class Scene:
         samples = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, SAMPLES).astype(int))]
         regions = [plot_disks.shown_region(trajectory, trajectory[i].position) for i in samples]
         self._region = np.column_stack([np.min(regions, axis=0)[:, 0], np.max(regions, axis=0)[:, 1]])
-        low, high = self._range(samples)
+        self._low, self._high = low, high = self._range(samples)
         map_ = colormaps[plot_disks.DENSITIES]
         if colour == "spin" and not self._is_map:
             map_ = LinearSegmentedColormap.from_list("spins", plot_disks.SPINS)
@@ -183,16 +149,11 @@ class Scene:
         self._shades = (
             (255.0 * np.vstack([shades, to_rgb("white"), to_rgb("white")])).round().astype(np.uint8)
         )
-        self._low, self._high = low, high
 
         figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, layout="compressed")
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
-        axes.set_xlim(*self._region[0])
-        axes.set_ylim(*self._region[1])
-        axes.set_aspect("equal")
-        axes.set_xlabel(with_unit("$x$", trajectory.units.get("length")))
-        axes.set_ylabel(with_unit("$y$", trajectory.units.get("length")))
+        place_axes(axes, trajectory, self._region)
         bar = figure.colorbar(
             ScalarMappable(Normalize(low, high), map_), ax=axes, shrink=0.85,
             extend="both" if colour == "spin" and not self._is_map else "max",
@@ -207,19 +168,16 @@ class Scene:
         self._background = self._canvas.copy_from_bbox(figure.bbox)
         box = axes.get_window_extent()
         height = self._canvas.get_width_height()[1]
-        left, right = round(box.x0), round(box.x1)
         # Agg counts rows from the top.
         self._rows = slice(height - round(box.y1), height - round(box.y0))
-        self._columns = slice(left, right)
+        self._columns = slice(round(box.x0), round(box.x1))
 
     def _label(self) -> str:
-        units = self._trajectory.units
         if self._is_map:
             return "area fraction"
         if self._colour == "spin":
-            unit = "reduced units" if "time" not in units else f"rad/{units['time']}"
-            return rf"spin $\omega$ ({unit}), counter-clockwise positive"
-        return with_unit("temperature of each disk $m c^2 / 2$", units.get("energy"))
+            return plot_disks.spin_label(self._trajectory)
+        return label(self._trajectory, "temperature of each disk $m c^2 / 2$", "energy")
 
     def _range(self, samples: Sequence[int]) -> tuple[float, float]:
         """Ends of the colours: few of the whole movie's values lie beyond."""
@@ -231,15 +189,15 @@ class Scene:
         top = top if top > 0.0 else 1.0
         return (-top, top) if self._colour == "spin" else (0.0, top)
 
-    def _values(self, index: int) -> NDArray[np.float64]:
-        """What colours the disks, shape (n,)."""
+    def _values(self, index: int) -> Array:
+        """Values by which the disks are coloured, shape (n,)."""
         frame, mass = self._trajectory[index], self._trajectory.disks.mass
         if self._colour == "spin":
             return frame.spin
         movable = self._trajectory.disks.movable
         return 0.5 * np.where(movable, mass, 0.0) * np.sum(frame.peculiar_velocity**2, axis=1)
 
-    def _covered(self, index: int) -> NDArray[np.float64]:
+    def _covered(self, index: int) -> Array:
         return plot_disks.area_fraction(self._trajectory, self._trajectory[index].position, self._region)
 
     def draw(self, index: int) -> NDArray[np.uint8]:
@@ -264,7 +222,7 @@ class Scene:
         self._draw_above(frame.time)
         return picture[..., :3].copy()
 
-    def _numbers(self, values: NDArray[np.float64]) -> NDArray[np.intp]:
+    def _numbers(self, values: Array) -> NDArray[np.intp]:
         part = (values - self._low) / (self._high - self._low)
         return (np.clip(part, 0.0, 1.0) * (SHADES - 1) + 0.5).astype(np.intp)
 
@@ -307,29 +265,11 @@ def write(
     colour: str = "spin",
     progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> None:
-    """Write a movie (H.264 in MP4), a picture a frame.
+    """Write a movie (H.264 in MP4), a picture for each of `frames` in their order, `fps` a second.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    place : Path
-        The file to write: it appears whole or not at all, and replaces one that is there.
-    frames : sequence of int
-        Which, in this order.
-    fps : int
-        Pictures a second.
-    size : (width, height)
-        In pixels, both even.
-    colour : {"spin", "temperature"}
-        What colours the disks, see `Scene`.
-    progress : callable
-        Wraps the frames, to show how far it is.
-
-    Raises
-    ------
-    InputError
-        If imageio-ffmpeg is not installed, there is nothing to draw, or the file cannot be written: a folder, a device,
-        the trajectory itself.
+    The file appears whole or not at all, and replaces one that is there. `size` is (width, height) in pixels, both
+    even; `colour` as for `Scene`; `progress` wraps the frames, to show how far it is. InputError if imageio-ffmpeg is
+    not installed, there is nothing to draw, or the file cannot be written: a folder, a device, the trajectory itself.
     """
     ffmpeg: Any = tables.needed("imageio_ffmpeg", "movie")
     if len(frames) == 0 or trajectory.disks.n == 0:

@@ -1,27 +1,56 @@
-"""What all panels of a picture have in common: colours, units in labels, axes."""
+"""Style of all panels of a picture: colours, units in labels, axes."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..tools.checked import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ..trajectory.reader import Trajectory
+
 # Okabe and Ito's blue and vermilion: told apart with every kind of colour blindness, and in grey.
 TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#444444"
+OPEN: dict[str, Any] = {"mfc": "none", "ls": "none"}
+"""Open markers, so that a curve below shows."""
 ACROSS = "#56B4E9"  # their sky blue: the part of the translation that is across an axis
 
 
-def positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def positive(values: Array) -> Array:
     """With nan for what a logarithmic axis cannot show, such as the temperature of spins at rest."""
     return np.where(values > 0.0, values, np.nan)
 
 
-def with_unit(text: str, unit: str | None) -> str:
-    return f"{text} ({'reduced units' if unit is None else unit})"
+def unit_of(trajectory: Trajectory, quantity: str) -> str | None:
+    """Unit of a quantity such as "length^2/time" in the words of a file; None in reduced units."""
+    words, units = re.findall("[a-z]+", quantity), trajectory.units
+    if not set(words) <= units.keys():
+        return None
+    text = re.sub("[a-z]+", lambda word: units[word[0]], quantity)
+    return text.replace("^2", "\N{SUPERSCRIPT TWO}")
+
+
+def label(trajectory: Trajectory, text: str, quantity: str) -> str:
+    """Label of an axis, with the unit of a quantity in brackets."""
+    return f"{text} ({unit_of(trajectory, quantity) or 'reduced units'})"
+
+
+def grid(*panels: Axes) -> None:
+    for axes in panels:
+        axes.grid(True, which="major", lw=0.4, alpha=0.5)
+
+
+def place_axes(axes: Axes, trajectory: Trajectory, region: Array | None = None) -> None:
+    """Make axes those of places in the box; `region`: ends of x and of y [length], shape (2, 2)."""
+    if region is not None:
+        axes.set(xlim=region[0], ylim=region[1])
+    axes.set_aspect("equal")
+    axes.set(xlabel=label(trajectory, "$x$", "length"), ylabel=label(trajectory, "$y$", "length"))
 
 
 def from_zero(axes: Axes) -> None:
@@ -35,13 +64,8 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
     """A legend over the axes, in rows, where it can hide no curve; figures laid out as "constrained" make the room."""
     entries = len(axes.get_legend_handles_labels()[1])
     if entries:
-        axes.legend(
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.0),
-            ncols=min(columns, entries),
-            frameon=False,
-            fontsize="small",
-        )
+        place: Any = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": min(columns, entries)}
+        axes.legend(frameon=False, fontsize="small", **place)
 
 
 def few_labels(axes: Axes) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.ifr import EnergyWarning, IFRLaw
@@ -17,9 +16,10 @@ from ..theory.choose import prediction
 from ..theory.driven_gas import Drive
 from ..theory.mixtures import Mixture
 from ..theory.sheared_gas import TheoryWarning
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 
-Curves = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+Curves = tuple[Array, Array, Array]
 """Times, and T and T_rot [energy] at them."""
 
 MOST_KINDS = 16
@@ -28,27 +28,23 @@ MOST_KINDS = 16
 
 @dataclass(frozen=True)
 class _Gas:
-    """What kinetic theory needs to know of a trajectory: temperatures at its start are those of each kind of disks."""
+    """Gas of a trajectory as kinetic theory takes it: temperatures at its start are those of each kind of disks."""
 
     disks: Disks
     laws: list[list[IFRLaw]]
     phi: float
-    T0: NDArray[np.float64]
-    T_rot0: NDArray[np.float64]
+    T0: Array
+    T_rot0: Array
     forces: list[dict[str, Any]]
     kinds: int
 
     @property
     def one_kind(self) -> tuple[IFRLaw, float, float, float, float]:
         """Law, mass, radius, k and packing fraction, as theories of equal disks take them."""
-        disks = self.disks
-        material = int(disks.material[0])
-        return (
-            self.laws[material][material],
-            float(disks.mass[0]), float(disks.radius[0]), float(disks.k[0]), self.phi,
-        )  # fmt: skip
+        d, material = self.disks, int(self.disks.material[0])
+        return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
 
-    def curves(self, trajectory: Trajectory, elapsed: NDArray[np.float64], shear_rate: float = 0.0) -> Curves:
+    def curves(self, trajectory: Trajectory, elapsed: Array, shear_rate: float = 0.0) -> Curves:
         """T and T_rot of all disks, `elapsed` after the first frame."""
         with warnings.catch_warnings():
             for told in (EnergyWarning, TheoryWarning):  # by the run
@@ -61,29 +57,24 @@ class _Gas:
 
     @property
     def text(self) -> str:
-        """What the legend says of the curves."""
-        return (
-            "kinetic theory (homogeneous gas)" if self.kinds == 1 else "kinetic theory (homogeneous mixture)"
-        )
+        """Name of the curves in the legend."""
+        return f"kinetic theory (homogeneous {'gas' if self.kinds == 1 else 'mixture'})"
 
 
 def _gas(trajectory: Trajectory) -> _Gas | str:
     """The gas of a trajectory as kinetic theory takes it, or why it does not hold."""
-    if trajectory.room.all_walls:
-        return "walls: no kinetic theory here"
-    if trajectory.parameters.get("collapse", "none") != "none":
-        return "elastic exceptions against collapse: no kinetic theory here"
     disks = trajectory.disks
-    if trajectory.box.is_open:
-        return "open box: no kinetic theory here"
-    if not disks.movable.all():
-        return "immovable disks: no kinetic theory here"
-    if "laws" not in trajectory.parameters:
-        return "no law in the file: no kinetic theory here"
-    columns = np.stack([disks.mass, disks.radius, disks.k, disks.material.astype(np.float64)])
-    kinds = len(np.unique(columns, axis=1).T)
-    if kinds > MOST_KINDS:
-        return f"more than {MOST_KINDS} kinds of disks: no kinetic theory here"
+    kinds = len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T)
+    for wrong, text in (
+        (trajectory.room.all_walls, "walls"),
+        (trajectory.parameters.get("collapse", "none") != "none", "elastic exceptions against collapse"),
+        (trajectory.box.is_open, "open box"),
+        (not disks.movable.all(), "immovable disks"),
+        ("laws" not in trajectory.parameters, "no law in the file"),
+        (kinds > MOST_KINDS, f"more than {MOST_KINDS} kinds of disks"),
+    ):
+        if wrong:
+            return f"{text}: no kinetic theory here"
     phi = trajectory.box.packing_fraction(disks.radius)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnergyWarning)
@@ -99,9 +90,7 @@ def _gas(trajectory: Trajectory) -> _Gas | str:
             return f"no kinetic theory here: {error}"
     forces = trajectory.record("forces", _forces, "[]")
     if kinds == 1:
-        start = [
-            np.array([trajectory.observables[name][0]]) for name in ("temperature", "rotational_temperature")
-        ]
+        start = [trajectory.observables[name][:1] for name in ("temperature", "rotational_temperature")]
     else:
         frame, members = trajectory[0], [which == kind for kind in range(kinds)]
         moving = 0.5 * disks.mass * np.sum(frame.velocity**2, axis=1)

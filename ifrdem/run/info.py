@@ -1,87 +1,63 @@
-"""What a trajectory file holds, as text for people."""
+"""Content of a trajectory file, as text for people."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
+from ..case.summary import size
 from ..errors import InputError, printable
 from ..model.box import describe_sides
+from ..tools.files import checkpoint_of
 from ..trajectory import damage, layout, views
 from ..trajectory.reader import Trajectory
 from . import status
 
 
 def describe(path: str | os.PathLike[str], *, full: bool = False) -> str:
-    """What a trajectory file holds, as text for people.
+    """Content of a trajectory file, as text for people; `full` gives long parameters (the case text) whole.
 
-    Parameters
-    ----------
-    path : str or path
-        The file.
-    full : bool
-        Give long parameters (the case text) whole instead of by their number of lines.
-
-    Raises
-    ------
-    InputError
-        As `Trajectory`.
+    Raises InputError as `Trajectory`.
     """
     with Trajectory(path) as trajectory:
         lines = [f"{path}: trajectory of ifrdem, H5MD {'.'.join(map(str, layout.H5MD_VERSION))}"]
-        lines += _describe_gas(trajectory)
-        lines += _describe_fields(trajectory)
-        lines += _describe_series(trajectory)
-        lines += _describe_histories(trajectory)
-        lines += _describe_beside(trajectory.path)
+        lines += [f"  {name:<18}{text}" for name, text in _gas(trajectory)]
+        for describe in (_describe_fields, _describe_series, _describe_histories, _describe_beside):
+            lines += describe(trajectory)
         lines += _describe_names("units", trajectory.units, full=full)
-        record = {
-            k: v for k, v in trajectory.parameters.items() if k != "units" and not k.startswith("units/")
-        }
+        record = {name: each for name, each in trajectory.parameters.items() if name.split("/")[0] != "units"}
         lines += _describe_names("parameters", record, full=full)
     return printable("\n".join(lines))
 
 
-def _describe_gas(trajectory: Trajectory) -> list[str]:
-    disks, box, times = trajectory.disks, trajectory.box, trajectory.times
-    length, time, mass = (
-        f" {trajectory.units[name]}" if name in trajectory.units else ""
-        for name in ("length", "time", "mass")
-    )
-    lines = [f"  size on disk      {_bytes(trajectory.path.stat().st_size)}"]
+def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    disks, box, times, units = trajectory.disks, trajectory.box, trajectory.times, trajectory.units
+    length, time, mass = (f" {units[name]}" if name in units else "" for name in ("length", "time", "mass"))
+    yield "size on disk", size(trajectory.path.stat().st_size)
     span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""
-    lines.append(f"  frames            {len(trajectory)}{span}")
+    yield "frames", f"{len(trajectory)}{span}"
     if "units" in trajectory.parameters:
-        lines.append(f"  units             {trajectory.parameters['units']}")
-    lines.append(f"  disks             {disks.n}")
-    for name, values, unit in (
-        ("radius", disks.radius, length),
-        ("mass", disks.mass, mass),
-        ("k", disks.k, ""),
-    ):
-        if disks.n:
-            low, high = float(values.min()), float(values.max())
-            lines.append(
-                f"  {name:<18}" + (f"{low:.6g}" if low == high else f"{low:.6g} to {high:.6g}") + unit
-            )
+        yield "units", str(trajectory.parameters["units"])
+    yield "disks", str(disks.n)
     if disks.n:
-        lines.append(f"  materials         {len(np.unique(disks.material))}")
+        for name, unit in (("radius", length), ("mass", mass), ("k", "")):
+            values = getattr(disks, name)
+            ends = dict.fromkeys((f"{values.min():.6g}", f"{values.max():.6g}"))
+            yield name, " to ".join(ends) + unit
+        yield "materials", str(len(np.unique(disks.material)))
     if box.is_open:
-        lines.append("  box               open: positions are plain, never wrapped")
+        yield "box", "open: positions are plain, never wrapped"
     else:
-        lines.append(
-            f"  box               {box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {describe_sides(box)}"
-        )
+        yield "box", f"{box.lengths[0]:.6g} x {box.lengths[1]:.6g}{length}, {describe_sides(box)}"
     if trajectory.walls:
-        shapes = [wall.shape for wall in trajectory.walls]
-        counts = ", ".join(f"{shapes.count(shape)} {shape}" for shape in dict.fromkeys(shapes))
-        lines.append(f"  walls             {counts}")
+        shapes = Counter(wall.shape for wall in trajectory.walls)
+        yield "walls", ", ".join(f"{count} {shape}" for shape, count in shapes.items())
     if not box.is_open:
-        lines.append(f"  packing fraction  {trajectory.room.packing_fraction(disks.radius):.4f}")
-    return lines
+        yield "packing fraction", f"{trajectory.room.packing_fraction(disks.radius):.4f}"
 
 
 def _describe_fields(trajectory: Trajectory) -> list[str]:
@@ -90,11 +66,11 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
         with damage.reading(trajectory.path, name):
             dataset = trajectory.dataset(name)
             filters = f", {damage.compression(dataset)}" if damage.compression(dataset) else ""
-            stored = _bytes(dataset.id.get_storage_size())
+            stored = size(dataset.id.get_storage_size())
         frame = int(np.prod(dataset.shape[1:])) * dataset.dtype.itemsize
         lines.append(
             f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, "
-            f"{_bytes(frame)} a frame, {stored} stored{filters}"
+            f"{size(frame)} a frame, {stored} stored{filters}"
         )
         if len(dataset) > len(trajectory):
             lines[-1] += f", {len(dataset) - len(trajectory)} uncommitted"
@@ -114,27 +90,17 @@ def _describe_series(trajectory: Trajectory) -> list[str]:
             value, columns = series[name], series.columns(name)
             named = f": {', '.join(columns)}" if columns else ""
             lines.append(f"  {name:<24}{value.dtype}{_shape(value.shape[1:])}{named}")
-    ledger = ledger_residual(trajectory)
-    if ledger is not None:
-        worst, scale = ledger
+    if "ledger_residual" in series and len(series.time):
+        # What was there at the start and was put in since, less what was dissipated and what is there.
+        worst, *parts = (
+            float(np.max(np.abs(series[name])))
+            for name in ("ledger_residual", "energy", "dissipated_energy", "energy_input", "wall_work")
+            if name in series
+        )
+        scale = max(parts, default=0.0)
         share = f", {worst / scale:.1e} of the largest energy in it" if scale > 0.0 else ""
-        unit = trajectory.with_unit("", "energy")
-        lines.append(f"energy ledger closes to {worst:.3g}{unit}{share}")
+        lines.append(f"energy ledger closes to {worst:.3g}{trajectory.with_unit('', 'energy')}{share}")
     return lines
-
-
-def ledger_residual(trajectory: Trajectory) -> tuple[float, float] | None:
-    """The largest absolute residual of the energy ledger, and the largest energy in it [energy]; None without ledger.
-
-    The ledger is the series `ledger_residual`: what was there at the start and was put in since, less what was
-    dissipated and what is there.
-    """
-    series = trajectory.series
-    if "ledger_residual" not in series or len(series.time) == 0:
-        return None
-    worst = float(np.max(np.abs(series["ledger_residual"])))
-    parts = [name for name in ("energy", "dissipated_energy", "energy_input", "wall_work") if name in series]
-    return worst, max((float(np.max(np.abs(series[name]))) for name in parts), default=0.0)
 
 
 def _describe_histories(trajectory: Trajectory) -> list[str]:
@@ -150,13 +116,12 @@ def _describe_histories(trajectory: Trajectory) -> list[str]:
     ]
 
 
-def _describe_beside(path: Path) -> list[str]:
+def _describe_beside(trajectory: Trajectory) -> list[str]:
     """Files that belong to the trajectory."""
-    name = path.name.removesuffix(".h5")
-    lines = []
-    checkpoint = path.with_name(f"{name}.checkpoint.h5")
+    path, lines = trajectory.path, []
+    checkpoint = checkpoint_of(path)
     if checkpoint.exists():
-        lines.append(f"  checkpoint        {checkpoint.name} ({_bytes(checkpoint.stat().st_size)})")
+        lines.append(f"  checkpoint        {checkpoint.name} ({size(checkpoint.stat().st_size)})")
     told = status.path_of(path)
     if told.exists():
         lines.append(f"  status            {told.name}: {_status(told)}")
@@ -193,11 +158,3 @@ def _describe_names(title: str, names: Mapping[str, object], *, full: bool) -> l
 
 def _shape(shape: tuple[int, ...]) -> str:
     return f" x {' x '.join(map(str, shape))}" if shape else ""
-
-
-def _bytes(count: float) -> str:
-    for unit in ("B", "kB", "MB", "GB"):
-        if count < 1000:
-            return f"{count:.3g} {unit}"
-        count /= 1000
-    return f"{count:.3g} TB"

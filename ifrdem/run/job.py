@@ -6,33 +6,35 @@ import contextlib
 import json
 import os
 import shlex
-import subprocess
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..case import summary as check
 from ..case.case import IMPACT_SCAN, UNITS, Case
-from ..case.estimate import Estimate
+from ..case.estimate import RunEstimate
 from ..case.file import CaseFile
-from ..case.gas import Gas
-from ..errors import EngineError, InputError
+from ..case.gas import CaseGas
+from ..case.pair_rules import COEFFICIENTS
+from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from ..model.observables import MECHANISMS, Measure
 from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
+from ..tools.versions import revision
 from ..trajectory.background import QueuedWriter
 from ..trajectory.views import write_views
-from ..trajectory.writer import TrajectoryError, TrajectoryWriter
+from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs
 from .progress import Progress, Stage
 from .recorder import Ledger, Recorder
-from .signals import Stopped, Stops
+from .signals import Stops
 from .status import Status
 
 
@@ -41,14 +43,15 @@ class Job:
     """A run that is under way, from its beginning or from a checkpoint."""
 
     file: CaseFile
-    gas: Gas
+    gas: CaseGas
     outputs: Outputs
     simulation: Simulation
     course: Course
     ledger: Ledger
     writer: QueuedWriter
-    device: str
     pending: Events | None = None
+    output_share: float = 0.0
+    """Processor time of writing over that of all, when the run is done."""
 
 
 def run(
@@ -64,38 +67,20 @@ def run(
 
     Whatever can be refused is refused before a file is touched.
 
-    Parameters
-    ----------
-    file : CaseFile
-        The case.
-    outputs : Outputs
-        Where to write.
-    force : bool
-        Replace files that exist.
-    max_hours : float, optional
-        Real time after which it stops with a checkpoint [hours].
-    say, warn : callable
-        Take the lines to show.
+    `force` replaces files that exist; after `max_hours` of real time it stops with a checkpoint; `say` and `warn` take
+    the lines to show.
 
-    Raises
-    ------
-    InputError
-        If the case, the device or the outputs cannot be used.
-    Stopped
-        If it was stopped by a signal or the limit of time. A checkpoint is there; the trajectory keeps the frames so
-        far.
-    KeyboardInterrupt
-        If the user interrupts it twice, or before it has begun. The trajectory keeps the frames so far.
-    EngineError, TrajectoryError
-        If the engine or the disk fails. The trajectory keeps the frames so far.
+    Raises InputError if the case, the device or the outputs cannot be used. Else the trajectory keeps the frames so
+    far: Stopped, with a checkpoint, by a signal or the limit of time; KeyboardInterrupt after a second Ctrl-C
+    or one before it has begun; EngineError or TrajectoryError if the engine or the disk fails.
     """
     case = file.case
     outputs.check(force=force)
     backend.check(case.run.arch, case.run.threads, case.run.precision)
     check.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch, case.start.positions)
     began = time.perf_counter()
-    gas = Gas.from_file(file)
-    estimate = Estimate.of(gas, case)
+    gas = file.gas.ready(case)
+    estimate = RunEstimate.of(gas, case)
     check.refuse_cadences(case, gas, estimate)
     check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
     say(check.summary(case, gas, estimate, how(case)))
@@ -110,17 +95,9 @@ def run(
     if force:  # the checkpoint of the trajectory that is replaced is of no use
         outputs.checkpoint.unlink(missing_ok=True)
     writer = TrajectoryWriter(
-        outputs.trajectory,
-        gas.disks,
-        gas.box,
-        fields=case.output.fields,
-        parameters=_record(file, gas, device_of(case)),
-        units=UNITS[case.run.units],
-        precision=case.output.precision,
-        compression=case.output.compression,
-        force=force,
-        walls=gas.walls,
-    )
+        outputs.trajectory, gas.disks, gas.box, parameters=_record(file, gas, device_of(case)),
+        units=UNITS[case.run.units], force=force, **stored(case, gas),
+    )  # fmt: skip
     with QueuedWriter(writer) as queue:
         if len(tracked):
             queue.begin_histories(tracked, state)
@@ -129,14 +106,22 @@ def run(
             t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk,
         )  # fmt: skip
         course = Course(span, case.output.frame_cadence, case.output.series_cadence)
-        job = Job(file, gas, outputs, simulation, course, Ledger(), queue, device_of(case))
+        job = Job(file, gas, outputs, simulation, course, Ledger(), queue)
         before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)
 
 
+def stored(case: Case, gas: CaseGas) -> dict[str, Any]:
+    """Arguments of the writer of a case's trajectory."""
+    output = case.output
+    return {
+        "fields": output.fields, "precision": output.precision, "compression": output.compression, "walls": gas.walls,
+    }  # fmt: skip
+
+
 def how(case: Case) -> str:
-    """What computes, for the summary of a run."""
+    """Device of a case and its threads, for the summary of a run."""
     used = case.run.threads or backend.cores()
     text = device_of(case) + (f", {used} used" if case.run.arch == "cpu" else "")
     return text + (f", computing in {case.run.precision}" if case.run.precision != "f64" else "")
@@ -153,10 +138,7 @@ def drive(
 ) -> float:
     """Run to the end, writing all that the case wants; returns collisions per second of real time.
 
-    Raises
-    ------
-    Stopped, KeyboardInterrupt, EngineError, TrajectoryError
-        As `run`.
+    Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
     case, simulation = job.file.case, job.simulation
     recorder = Recorder(
@@ -167,7 +149,7 @@ def drive(
         name=case.run.name,
         t_end=case.run.t_end,
         collisions_per_disk_end=case.run.collisions_per_disk,
-        device=job.device,
+        device=device_of(case),
     )
     stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
     n = job.gas.disks.n
@@ -208,15 +190,16 @@ def drive(
             save(job, recorder)
             stops.stored()
 
+    began = time.process_time()
     say("compiling kernels: seconds if this machine has compiled them before, else up to some minutes")
     try:
         with stops, progress:
-            simulation.follow(
-                job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
-                stored=case.output.fields if case.output.precision == "f4" else None,
-            )  # fmt: skip
+            with recorder:
+                simulation.follow(
+                    job.course, observers=[recorder.frame], samplers=[row], progress=tell, between=between,
+                    stored=case.output.fields if case.output.precision == "f4" else None,
+                )  # fmt: skip
             # A signal that comes while the latest frames are written is that of a run that is about to end anyway.
-            recorder.write_rows()
             job.writer.flush()
     except Stopped as stop:
         save(job, recorder)
@@ -225,7 +208,6 @@ def drive(
         raise Stopped(text, stop.status) from None
     except KeyboardInterrupt:
         with contextlib.suppress(InputError, TrajectoryError):  # the interrupt is what is told
-            recorder.write_rows()
             job.writer.flush()
         text = _remains(job, "interrupted")
         if len(job.writer):
@@ -241,12 +223,13 @@ def drive(
     job.outputs.checkpoint.unlink(missing_ok=True)
     status.update(frames=len(job.writer), series_rows=job.writer.series_rows)
     status.finish("done")
+    job.output_share = (recorder.seconds + job.writer.seconds) / (time.process_time() - began)
     return progress.collisions_per_second
 
 
 def save(job: Job, recorder: Recorder) -> None:
     """Write a checkpoint, after all that was given to the trajectory is committed."""
-    recorder.write_rows()
+    recorder.write()
     job.writer.flush()
     pending = recorder.pending
     arrays = {} if pending is None else {f"extra_{name}": each for name, each in pending.columns().items()}
@@ -270,10 +253,7 @@ def save(job: Job, recorder: Recorder) -> None:
 
 
 def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str], None]) -> None:
-    """Draw the picture, and say what the run did; it began, or went on, at this time (`perf_counter`).
-
-    There were so many collisions before.
-    """
+    """Draw the picture, and say what the run did since it `began` (`perf_counter`), after so many collisions."""
     ran = time.perf_counter() - began
     if job.outputs.views:
         write_views(job.outputs.trajectory)
@@ -282,14 +262,16 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
     last = job.simulation.measure()
     overall = (last.collisions - before) / ran
     say(_closing(job.file.case, job.gas, job.ledger, last, time.perf_counter() - began, rate, overall))
-    if job.simulation.statistics.elastic:
-        say(f"  {job.simulation.statistics.elastic} collisions were elastic, against inelastic collapse")
-    for path, size in job.outputs.sizes().items():
-        say(f"  {path} ({check.size(size)})")
+    if elastic := job.simulation.statistics.elastic:
+        say(f"  {elastic} collisions were elastic, against inelastic collapse")
+    rows, frames = job.writer.series_rows, len(job.writer)
+    say(f"  output, {frames} frames and {rows} rows of series, took {100.0 * job.output_share:.2g} % of it")
+    for path, bytes_there in job.outputs.sizes().items():
+        say(f"  {path} ({check.size(bytes_there)})")
 
 
-def _draw(case: Case, gas: Gas) -> Callable[[Path, Path], None]:
-    """What draws the picture of a case."""
+def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], None]:
+    """Function that draws the picture of a case."""
     from ..plots import impact_scan, table_friction
     from ..plots import run as plot  # Matplotlib takes a second, which no run need wait for at its beginning
 
@@ -310,85 +292,72 @@ def _one_line(text: str) -> str:
 
 
 def _remains(job: Job, reason: str) -> str:
-    ledger, trajectory = job.ledger, job.outputs.trajectory
-    if len(job.writer) == 0 or ledger.latest is None:
+    latest, trajectory = job.ledger.latest, job.outputs.trajectory
+    if len(job.writer) == 0 or latest is None:
         return f"{reason} before the first frame: nothing was written"
     if why := job.writer.gone:
         return f"{reason}: {trajectory} is lost: {why}"
-    text = (
-        f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
-        f"to t = {ledger.latest.time:.6g} and {ledger.latest.collisions} collisions"
-    )
+    text = f"{reason}: {trajectory} holds the {len(job.writer)} frames so far, "
+    text += f"to t = {latest.time:.6g} and {latest.collisions} collisions"
     if job.outputs.checkpoint.exists():
         place = str(trajectory)  # relative to where the user is, as it was given
-        if place.startswith("-"):
-            place = os.path.join(os.curdir, place)
+        place = os.path.join(os.curdir, place) if place.startswith("-") else place
         text += f"\nto go on: ifrdem resume {shlex.quote(place)}"
     return text
 
 
 def _closing(
-    case: Case, gas: Gas, ledger: Ledger, last: Measure, wall: float, rate: float, overall: float
+    case: Case, gas: CaseGas, ledger: Ledger, last: Measure, wall: float, rate: float, overall: float
 ) -> str:
     """The lines below a run; `last` is its end, rates are collisions a second without and with compilation."""
-    first = ledger.first
+    first, energy, lines = ledger.first, case.unit("energy"), []
     assert first is not None
     done = last.collisions - first.collisions
-    per_disk = 2.0 * done / gas.disks.n
-    lines = [
-        f"done in {wall:.1f} s: {done} collisions ({per_disk:.4g} per disk) "
-        f"to t = {last.time:.5g}{case.unit('time')}; "
-        f"{rate:.3g} collisions/s once compiled, {overall:.3g} in all"
-    ]
+    head = f"done in {wall:.1f} s: {done} collisions ({2.0 * done / gas.disks.n:.4g} per disk) "
+    head += f"to t = {last.time:.5g}{case.unit('time')}; {rate:.3g} collisions/s once compiled, {overall:.3g} in all"
+    temperatures = []
     if first.temperature > 0.0:
-        lines.append(f"  T/T0 = {last.temperature / first.temperature:.5g}")
+        temperatures.append(f"T/T0 = {last.temperature / first.temperature:.5g}")
     if last.temperature > 0.0:
-        lines[-1] += f", theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}"
+        temperatures.append(f"theta = T_rot/T = {last.rotational_temperature / last.temperature:.4g}")
+    if temperatures:
+        lines.append(", ".join(temperatures))
     lost = ledger.dissipated(last)
-    energy = case.unit("energy")
     if case.walled:
-        gave = f"{last.wall_work:.6g}{energy} as work"
-        if last.wall_heat != 0.0:
-            gave += f" and {last.wall_heat:.6g}{energy} as heat"
-        lines.append(f"  {last.wall_hits} collisions with walls, which gave {gave}")
-    if case.force or case.walled or gas.box.shear_rate:
-        source = " and ".join(
-            name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there
-        )
-        put_in = f"{source} put in {last.energy_input:.6g}{energy}, " if source else ""
-        lines.append(f"  {put_in}collisions dissipated {lost:.6g}{energy}")
+        heat = f" and {last.wall_heat:.6g}{energy} as heat" if last.wall_heat != 0.0 else ""
+        gave = f"{last.wall_work:.6g}{energy} as work{heat}"
+        lines.append(f"{last.wall_hits} collisions with walls, which gave {gave}")
+    sources = [name for name, there in (("forces", case.force), ("the flow", gas.box.shear_rate)) if there]
+    if sources or case.walled:
+        put_in = f"{' and '.join(sources)} put in {last.energy_input:.6g}{energy}, " if sources else ""
+        lines.append(f"{put_in}collisions dissipated {lost:.6g}{energy}")
     elif first.energy > 0.0:
-        lines.append(f"  dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
+        lines.append(f"dissipated {lost:.6g}{energy}, {100.0 * lost / first.energy:.4g} % of the start")
     residual = ledger.relative_residual(last)
     if residual is not None and last.dissipated is not None:
         shares = zip(MECHANISMS, last.dissipated, strict=True)
-        parts = ", ".join(f"{name.replace('_', ' ')} {part:.4g}" for name, part in shares if part != 0.0)
-        if parts:
-            lines.append(f"  by mechanism: {parts}{energy}")
+        if parts := [f"{name.replace('_', ' ')} {part:.4g}" for name, part in shares if part != 0.0]:
+            lines.append(f"by mechanism: {', '.join(parts)}{energy}")
         lines.append(
-            f"  the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
+            f"the energy ledger closes to {abs(residual):.1e} of the energy that was there or put in"
         )
-    if first.energy > 0.0:
-        # Against the momentum that the disks' typical speed would add up to, all one way.
-        scale = np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass))
-        if scale > 0.0:
-            drift = float(np.linalg.norm(last.momentum - first.momentum))
-            what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
-            lines.append(
-                f"  momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
-                "of what the disks would carry if all flew one way at the start"
-            )
-    return "\n".join(lines)
+    # Against the momentum that the disks' typical speed would add up to, all one way.
+    scale = float(np.sqrt(2.0 * first.translational_energy * np.sum(gas.disks.mass)))
+    if first.energy > 0.0 and scale > 0.0:
+        drift = float(np.linalg.norm(last.momentum - first.momentum))
+        what = "change" if case.force or case.walled else "drift"  # heat baths, drag and walls change it
+        lines.append(
+            f"momentum {what} {drift:.2g}{case.unit('momentum')}, {drift / scale:.2g} "
+            "of what the disks would carry if all flew one way at the start"
+        )
+    return "\n  ".join([head, *lines])
 
 
-def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | float]:
-    """What the trajectory file says of where it comes from."""
+def _record(file: CaseFile, gas: CaseGas, device: str) -> dict[str, str | int | float]:
+    """Record of a trajectory's origin, its parameters."""
     case = file.case
     species = [{"name": each.name, "number": each.number, "material": each.material} for each in gas.species]
-    laws = [
-        [law and {key: getattr(law, key) for key in ("e_n", "e_t", "mu", "sticking", "rho")} for law in row]
-        for row in gas.laws
-    ]
+    laws = [[law and {key: getattr(law, key) for key in COEFFICIENTS} for law in row] for row in gas.laws]
     return {
         "name": case.run.name,
         "seed": case.run.seed,
@@ -406,21 +375,3 @@ def _record(file: CaseFile, gas: Gas, device: str) -> dict[str, str | int | floa
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": revision(),
     }
-
-
-def revision() -> str:
-    """The git commit of the program's own source tree, or why there is none."""
-    root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():
-        return "not a git checkout"
-    try:
-        found = subprocess.run(
-            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40"],
-            capture_output=True,
-            text=True,
-            timeout=10.0,
-            check=True,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return "unknown"
-    return found.stdout.strip()

@@ -10,9 +10,9 @@ import time
 from collections.abc import Callable
 from typing import Any, NamedTuple, TextIO
 
-WITH_BAR, BARE = "{percentage:5.1f} %|{bar:10}| {desc}", "{percentage:5.1f} % {desc}"
-FRAME = {WITH_BAR: 20, BARE: 8}
-"""Columns that each kind of bar line needs beside its text."""
+BAR = "{percentage:5.1f} %|{bar}| {desc}"
+FRAME = 14
+"""Columns that the bar line needs beside its text, at least."""
 
 NARROWEST = 36
 """Columns of a terminal below which there is no room for the shortest bar line: plain lines are shown."""
@@ -29,32 +29,13 @@ class Mark(NamedTuple):
 class Progress:
     """Shows collisions/s, simulated time, collisions per disk and the time that is left.
 
-    Called as ``progress(time, collisions)``, as often as one likes: it prints every `interval` seconds
-    at most (a bar on a terminal is redrawn at its own pace). A context manager: it ends with a last line.
-    On a narrow terminal the bar line leaves out what matters least; time left and rate are always there.
+    Called as ``progress(time, collisions)``, as often as one likes: it prints every `interval` seconds at most (a bar
+    on a terminal is redrawn at its own pace). A context manager: it ends with a last line. On a narrow terminal the bar
+    line leaves out what matters least; time left and rate are always there.
 
-    Parameters
-    ----------
-    n : int
-        Number of disks.
-    t_end : float, optional
-        Simulated time at which the run ends [time].
-    collisions_per_disk : float, optional
-        Collisions per disk at which the run ends. Exactly one of the two is given; the time left (ETA)
-        is estimated by it, not counting what passed before the first call, which compiles the kernels.
-    unit : str
-        Unit of time, for display.
-    stream : text file, optional
-        Where to show it; the standard error stream by default.
-    interval : float
-        Seconds between plain lines.
-    clock : callable
-        Seconds of real time; another one in tests.
-
-    Raises
-    ------
-    ValueError
-        If not exactly one of `t_end` and `collisions_per_disk` is given.
+    The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
+    (ValueError). The time left (ETA) is estimated by it, not counting what passed before the first call, which compiles
+    the kernels. `interval` are the seconds between plain lines, `clock` gives those of real time.
     """
 
     def __init__(
@@ -86,10 +67,10 @@ class Progress:
         if self._columns >= NARROWEST:
             from tqdm import tqdm
 
-            # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a
-            # terminal that reports no rows.
+            # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a terminal
+            # that reports no rows. The last column stays free: writing there moves some terminals to the next line.
             self._bar = tqdm(
-                total=100.0, file=self._stream, bar_format=WITH_BAR, ncols=self._columns - 1, nrows=24
+                total=100.0, file=self._stream, bar_format=BAR, ncols=self._columns - 1, nrows=24
             )
             self._bar.set_description_str("compiling")
 
@@ -105,8 +86,7 @@ class Progress:
         if self._first is None:
             self._first = self._printed = self._latest
         elif self._bar is not None:
-            self._bar.bar_format, text = self._fitting()
-            self._bar.set_description_str(text, refresh=False)
+            self._bar.set_description_str(self._fitting(), refresh=False)
             self._bar.update(100.0 * self.fraction - self._bar.n)
         elif self._latest.clock - self._printed.clock >= self._interval:
             self._line()
@@ -144,15 +124,13 @@ class Progress:
         time = f"t = {self._latest.time:.4g} {self._unit}".rstrip()
         return f"ETA {clock_face(self.seconds_left)}", f"{rate:.3g}", f"{per_disk:.2f}", time
 
-    def _fitting(self) -> tuple[str, str]:
-        """Format of the bar line and its text: as much as the terminal has room for."""
+    def _fitting(self) -> str:
+        """As much as the terminal has room for."""
         left, rate, per_disk, time = self._texts(self.collisions_per_second)
-        main = f"{left}, {rate} collisions/s"
-        longer = f"{main}, {per_disk} per disk"
-        choices = [(WITH_BAR, f"{longer}, {time}"), (WITH_BAR, longer), (WITH_BAR, main), (BARE, main)]
-        # The last column stays free: writing there moves some terminals to the next line.
-        fitting = [(form, text) for form, text in choices if FRAME[form] + len(text) < self._columns]
-        return fitting[0] if fitting else (BARE, f"{left}, {rate}/s")
+        parts = [left, f"{rate} collisions/s", f"{per_disk} per disk", time]
+        while len(parts) > 1 and len(", ".join(parts)) + FRAME > self._columns:
+            parts.pop()
+        return ", ".join(parts) if len(parts) > 1 else f"{left}, {rate}/s"
 
     def _line(self) -> None:
         if self._quiet:
@@ -175,23 +153,12 @@ class Progress:
 
 
 class Stage:
-    """Prints the part of a long step of the preparation that is done, every `interval` seconds at most.
-
-    Parameters
-    ----------
-    name : str
-        The step.
-    interval : float
-        Seconds between lines on the standard error stream.
-    clock : callable
-        Seconds of real time; another one in tests.
-    """
+    """Prints the part of a long step of the preparation that is done, every `interval` seconds at most."""
 
     def __init__(
         self, name: str, *, interval: float = 5.0, clock: Callable[[], float] = time.perf_counter
     ) -> None:
-        self._name, self._interval, self._clock = name, interval, clock
-        self._printed = clock()
+        self._name, self._interval, self._clock, self._printed = name, interval, clock, clock()
 
     def __call__(self, part: float) -> None:
         """Take note that this part is done, 0 to 1."""
@@ -213,7 +180,7 @@ def _columns(stream: TextIO) -> int:
 
 
 def quiet() -> bool:
-    """Whether the logger `ifrdem` is set to warnings and errors only, as by `--quiet`."""
+    """True if the logger `ifrdem` is set to warnings and errors only, as by `--quiet`."""
     return logging.getLogger("ifrdem").level > logging.INFO
 
 

@@ -1,7 +1,8 @@
-"""What a run writes: its frames, time series and histories, and what it tells of itself as it goes."""
+"""Output of a run as it goes: frames, time series, histories, and the energy ledger."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -9,16 +10,19 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..case.estimate import OBSERVABLES
+from ..errors import InputError, TrajectoryError
 from ..model.observables import MECHANISMS, REGIMES, Measure
 from ..model.state import State
 from ..simulation.tracking import Events, joined
 from ..trajectory.background import QueuedWriter
 
-ROWS_AT_ONCE, ROWS_WAIT = 256, 2.0
-"""Rows of the time series that are written together at most, and seconds after which the next row or frame has those
-written that wait: each commit costs a run, however few its rows are."""
+ROWS_AT_ONCE, BYTES_AT_ONCE, WAIT = 256, 4 << 20, 2.0
+"""Rows of the time series and bytes of frames that are written together at most, and seconds after which the next row
+or frame has those written that wait: each commit costs a run, however little there is in it."""
+BYTES_PER_DISK = 64
+"""Of a state that waits, about."""
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
 COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
@@ -26,7 +30,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "c
 
 @dataclass(slots=True)
 class Ledger:
-    """What a trajectory tells of the whole gas beside its frames: `observables` makes it of the measure of each.
+    """Energy ledger of a trajectory: `observables` makes quantities of the whole gas from the measure of each frame.
 
     Attributes
     ----------
@@ -55,7 +59,7 @@ class Ledger:
         return self.first.unspent - measure.unspent
 
     def residual(self, measure: Measure) -> float | None:
-        """What is missing of the energy beyond what the mechanisms took [energy]; None without a ledger."""
+        """Energy that is missing beyond what the mechanisms took [energy]; None without a ledger."""
         if measure.dissipated is None:
             return None
         return self.dissipated(measure) - float(measure.dissipated.sum())
@@ -64,38 +68,22 @@ class Ledger:
         """The same, over all energy that was there or put in."""
         residual = self.residual(measure)
         assert self.first is not None
-        turned = (
-            abs(self.first.energy)
-            + abs(measure.energy_input)
-            + abs(measure.wall_work)
-            + abs(measure.wall_heat)
+        turned = sum(
+            map(abs, (self.first.energy, measure.energy_input, measure.wall_work, measure.wall_heat))
         )
         return None if residual is None or turned == 0.0 else residual / turned
 
-    def observables(self, measure: Measure) -> dict[str, float | int | NDArray[np.float64]]:
-        """What is written of the whole gas; see `estimate.OBSERVABLES`."""
+    def observables(self, measure: Measure) -> dict[str, Any]:
+        """Quantities of the whole gas in a frame (`estimate.OBSERVABLES`)."""
         if self.first is None:
             self.first = measure
-        return {
-            "translational_energy": measure.translational_energy,
-            "rotational_energy": measure.rotational_energy,
-            "energy": measure.energy,
-            "temperature": measure.temperature,
-            "rotational_temperature": measure.rotational_temperature,
-            "momentum": measure.momentum,
-            "potential_energy": measure.potential_energy,
-            "energy_input": measure.energy_input,
-            "wall_work": measure.wall_work,
-            "wall_heat": measure.wall_heat,
-            # What is missing of what was there and what forces and walls put in was dissipated.
-            "dissipated_energy": self.dissipated(measure),
-            "collisions": measure.collisions,
-            "wall_hits": measure.wall_hits,
-        }
+        # What is missing of what was there and what forces and walls put in was dissipated.
+        own = {"dissipated_energy": self.dissipated(measure)}
+        return {name: own[name] if name in own else getattr(measure, name) for name in OBSERVABLES}
 
     def row(self, measure: Measure) -> dict[str, Any]:
-        """What is written in a row of the time series; see `estimate.SERIES`."""
-        row: dict[str, Any] = self.observables(measure)
+        """Quantities of a row of the time series (with `estimate.LEDGER`)."""
+        row = self.observables(measure)
         if measure.dissipated is not None and measure.regimes is not None:
             row |= {
                 "dissipated_by_mechanism": measure.dissipated,
@@ -110,7 +98,7 @@ class Ledger:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Ledger:
-        """What `to_record` gave."""
+        """The ledger that `to_record` gave."""
         return cls(_measure(record["first"]), _measure(record["latest"]), int(record["frames"]))
 
 
@@ -127,24 +115,17 @@ def _measure(record: Mapping[str, Any] | None) -> Measure | None:
     if record is None:
         return None
     values: dict[str, Any] = {
-        name: np.array(value) if isinstance(value, list) else value for name, value in record.items()
+        name: np.array(each) if isinstance(each, list) else each for name, each in record.items()
     }
     return Measure(**values)
 
 
 class Recorder:
-    """Writes what a simulation gives as it runs.
+    """Writes what a simulation gives as it runs; a context manager, which writes at its end what waits.
 
-    Parameters
-    ----------
-    writer : QueuedWriter
-    ledger : Ledger
-    take_events : callable, optional
-        Gives what happened to tracked disks since the last call (`Simulation.take_events`).
-    pending : Events, optional
-        Events that were not written yet when the run stopped.
-    clock : callable
-        Seconds of real time; another one in tests.
+    `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
+    events that were not written yet when the run stopped; `clock` gives seconds of real time. `seconds` is the
+    processor time that this has taken of the run's thread.
     """
 
     def __init__(
@@ -158,40 +139,60 @@ class Recorder:
         self._writer, self._take = writer, take_events
         self.ledger: Ledger = ledger
         self._clock, self._wrote = clock, -math.inf
+        self.seconds = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
+        self._frames: list[tuple[State, dict[str, Any]]] = []
+        self._parts: list[tuple[Mapping[str, Any], float]] = []
         self._pending = [] if pending is None or not len(pending) else [pending]
 
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        """Write what waits; where the run has failed, that is what is told, not what this may fail by."""
+        with contextlib.nullcontext() if kind is None else contextlib.suppress(InputError, TrajectoryError):
+            self.write()
+
     def frame(self, state: State, measure: Measure) -> None:
-        """Write a frame, and the events until then."""
-        self._write_due_rows()
-        self._gather()
-        self._write_events(measure.time)
-        self._writer.write(state, self.ledger.observables(measure))
+        """Write a frame, and the events until then, now or together with some others."""
+        began = time.thread_time()
+        self._close_part(measure.time)
+        self._frames.append((state, self.ledger.observables(measure)))
         self.ledger.latest = measure
         self.ledger.frames += 1
+        self._write_due(began)
 
     def row(self, measure: Measure) -> None:
-        """Write a row of the time series, now or together with some others."""
+        """Write a row of the time series, likewise."""
+        began = time.thread_time()
         self._rows.append((measure.time, self.ledger.row(measure)))
-        self._write_due_rows()
+        self._write_due(began)
 
-    def _write_due_rows(self) -> None:
-        if len(self._rows) >= ROWS_AT_ONCE or self._clock() - self._wrote >= ROWS_WAIT:
-            self.write_rows()
+    def _write_due(self, began: float) -> None:
+        bytes_waiting = sum(BYTES_PER_DISK * state.n for state, _ in self._frames)
+        full = len(self._rows) >= ROWS_AT_ONCE or bytes_waiting >= BYTES_AT_ONCE
+        if full or self._clock() - self._wrote >= WAIT:
+            self.write()
+        self.seconds += time.thread_time() - began
 
-    def write_rows(self) -> None:
-        """Write the rows that wait."""
+    def write(self) -> None:
+        """Write the rows, events and frames that wait."""
         if self._rows:
             first = self._rows[0][1]
             columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
             self._writer.write_series_rows(self._rows, columns)
-        self._rows, self._wrote = [], self._clock()
+        if self._parts:
+            self._writer.write_history_parts(self._parts)
+        if self._frames:
+            self._writer.write_frames(self._frames)
+        self._rows, self._parts, self._frames, self._wrote = [], [], [], self._clock()
 
     def between(self, now: float) -> None:
         """Write events, if many wait; the run is at this time [time]."""
         self._gather()
         if sum(len(each) for each in self._pending) >= EVENTS_AT_ONCE:
-            self._write_events(now)
+            self._close_part(now)
+            self.write()
 
     @property
     def pending(self) -> Events | None:
@@ -205,8 +206,10 @@ class Recorder:
         if self._take is not None and len(found := self._take()):
             self._pending.append(found)
 
-    def _write_events(self, now: float) -> None:
+    def _close_part(self, now: float) -> None:
+        """Let the events until now wait to be written: one commit of the histories."""
         if self._take is not None:
+            self._gather()
             found = joined(self._pending) if self._pending else self._take()
-            self._writer.write_histories(found.columns(), now)
+            self._parts.append((found.columns(), now))
             self._pending = []

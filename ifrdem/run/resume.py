@@ -16,8 +16,7 @@ from ..case import file as case_file
 from ..case import summary
 from ..case.case import Case
 from ..case.file import CaseFile
-from ..case.gas import Gas
-from ..case.rules import judge
+from ..case.gas import CaseGas
 from ..errors import InputError
 from ..simulation import checkpoint, device
 from ..simulation.schedule import Course
@@ -26,33 +25,35 @@ from ..tools import text_file
 from ..tools.files import CHECKPOINT, checkpoint_of
 from ..trajectory.background import QueuedWriter
 from ..trajectory.writer import TrajectoryWriter
-from .job import Job, device_of, drive, finish, how
-from .outputs import Outputs, checkpoint_in
+from .job import Job, drive, finish, how, stored
+from .outputs import Outputs, only
 from .recorder import Ledger
 
 
 def find(place: str | os.PathLike[str]) -> Path:
     """The checkpoint that a path means: itself, that of a trajectory, or the only one in a folder.
 
-    Raises
-    ------
-    InputError
-        If there is none, or several.
+    Raises InputError if there is none, or several.
     """
     path = Path(place)
     if path.is_dir():
-        return checkpoint_in(path)
+        there = list(path.glob(f"*{CHECKPOINT}"))
+        if not there:
+            raise InputError(
+                f"{path}: no run can go on here: there is no *{CHECKPOINT}; a run that is done has none"
+            )
+        return only(there, f"{path}: several runs can go on here")
     if path.name.endswith(CHECKPOINT):
         return path
     if not path.exists():
         raise InputError(f"{place}: there is no such file or folder")
-    found_one = checkpoint_of(path)
-    if not found_one.exists():
+    found = checkpoint_of(path)
+    if not found.exists():
         raise InputError(
-            f"{place}: there is no {found_one.name} beside it: the run is done, or was killed in its very beginning. "
+            f"{place}: there is no {found.name} beside it: the run is done, or was killed in its very beginning. "
             f'A new run can begin with a stored frame: start.positions = "{path.name}"'
         )
-    return found_one
+    return found
 
 
 def resume(
@@ -69,25 +70,12 @@ def resume(
 
     Frames that were committed after the checkpoint are computed again and compared, bit for bit.
 
-    Parameters
-    ----------
-    place : path
-        The trajectory, its checkpoint, or the folder that holds the only one.
-    ignore_case_changes : bool
-        Go on as the run began though its case file has changed since.
-    threads : int, optional
-        CPU threads, another number than before; the result does not depend on it.
-    max_hours, say, warn
-        As for `run.run`.
-    picture : bool
-        Draw it at the end, if the case wants it.
+    `place` is the trajectory, its checkpoint, or the folder that holds the only one. `ignore_case_changes` goes on as
+    the run began though its case file has changed since. `threads` may be another number of CPU threads than before:
+    the result does not depend on it. A picture is drawn at the end, if the case wants it. Others as for `job.run`.
 
-    Raises
-    ------
-    InputError
-        If there is no checkpoint, it belongs to another version, case or trajectory, or the device is not there.
-    Stopped, KeyboardInterrupt, EngineError, TrajectoryError
-        As `run.run`.
+    Raises InputError if there is no checkpoint, it belongs to another version, case or trajectory, or the device is not
+    there; Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `job.run`.
     """
     path = find(place)
     arrays, record = checkpoint.read(path)
@@ -109,41 +97,28 @@ def resume(
         ledger = Ledger.from_record(extra["ledger"])
         course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
         state, tracked = checkpoint.state_of(arrays), arrays["tracked"]
-        seen = {name: operator.index(extra["seen"][name]) for name in ("frames", "series_rows", "events")}
+        seen: dict[str, Any] = {
+            name: operator.index(extra["seen"][name]) for name in ("frames", "series_rows", "events")
+        }
     if threads is not None:
         case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
     device.check(case.run.arch, case.run.threads, case.run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), case.run.arch)
     began = time.perf_counter()
-    file = CaseFile(*begun, judge(case, begun[0].parent, start=False))
-    gas = Gas.from_file(file)
-    outputs = Outputs.plan(
-        case.run.name, str(trajectory), picture=picture and case.output.picture,
-        views=case.output.views and "position" in case.output.fields,
-    )  # fmt: skip
-    writer = TrajectoryWriter.resume(
-        trajectory,
-        gas.disks,
-        gas.box,
-        fields=case.output.fields,
-        precision=case.output.precision,
-        compression=case.output.compression,
-        walls=gas.walls,
-        **seen,
-    )
+    gas = CaseGas.from_case(case, begun[0].parent, start=False)
+    file = CaseFile(*begun, case, gas)
+    outputs = Outputs.plan(case, str(trajectory), picture=picture)
+    writer = TrajectoryWriter.resume(trajectory, gas.disks, gas.box, **stored(case, gas), **seen)
     with QueuedWriter(writer) as queue:
         simulation = gas.simulation(case, state, tracked=tracked)
         simulation.load_checkpoint(path)
+        later = len(writer) - ledger.frames
+        more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
         say(
             f"{case.run.name}: {gas.disks.n} disks go on at t = {simulation.time:.6g}{case.unit('time')}, "
-            f"after {simulation.collisions} collisions and {ledger.frames} frames, on {how(case)}"
-            + (
-                f"; {len(writer) - ledger.frames} later frames of the file are computed again and compared"
-                if len(writer) > ledger.frames
-                else ""
-            )
+            f"after {simulation.collisions} collisions and {ledger.frames} frames, on {how(case)}{more}"
         )
-        job = Job(file, gas, outputs, simulation, course, ledger, queue, device_of(case), pending)
+        job = Job(file, gas, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
     finish(job, began, before, rate, say)

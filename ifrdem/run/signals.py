@@ -10,6 +10,8 @@ from collections.abc import Callable
 from types import FrameType, TracebackType
 from typing import Any
 
+from ..errors import Stopped
+
 WARNINGS = [getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)]
 """Signals by which batch systems tell that a job is about to run out of time (Windows has none)."""
 SIGNALS = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
@@ -20,30 +22,14 @@ TERMINATED = 143
 TIME_IS_UP = 3  # --maxh, or the warning of a batch system; as `cli.UNFINISHED`
 
 
-class Stopped(Exception):
-    """A run was stopped before its end; `status` is the exit status of the command, the message says why."""
-
-    def __init__(self, reason: str, status: int) -> None:
-        super().__init__(reason)
-        self.status = status
-
-
 class Stops:
     """Listens for reasons to stop, and for the next checkpoint; a context manager.
 
     The first of `SIGNALS` is taken note of, and `check` raises when the run can stop; a second Ctrl-C stops
     at once (KeyboardInterrupt). In a thread other than the main one, signals are left alone.
 
-    Parameters
-    ----------
-    max_hours : float, optional
-        Real time after which the run stops [hours].
-    every_minutes : float
-        Real time between two checkpoints [minutes]; the first one is due at once.
-    warn : callable
-        Takes a line to show when a signal comes.
-    clock : callable
-        Seconds of real time; another one in tests.
+    A run stops after `max_hours` of real time; checkpoints are due every so many minutes of it, the first one at once.
+    `warn` takes a line to show when a signal comes; `clock` gives seconds of real time.
     """
 
     def __init__(
@@ -85,7 +71,7 @@ class Stops:
 
     @property
     def checkpoint_due(self) -> bool:
-        """Whether it is time for a checkpoint."""
+        """True if it is time for a checkpoint."""
         return self._clock() - self._stored >= self._every
 
     def stored(self) -> None:
@@ -101,10 +87,7 @@ class Stops:
                 "interrupted: the run stops after this epoch, with a checkpoint; Ctrl-C again stops it at once"
             )
         elif self._reason is None:
-            name = signal.Signals(number).name
-            self._reason = (
-                Stopped(f"warned ({name})", TIME_IS_UP)
-                if number in WARNINGS
-                else Stopped(f"terminated ({name})", TERMINATED)
-            )
+            name, warned = signal.Signals(number).name, number in WARNINGS
+            told = ("warned", TIME_IS_UP) if warned else ("terminated", TERMINATED)
+            self._reason = Stopped(f"{told[0]} ({name})", told[1])
             self._warn(f"{self._reason}: the run stops after this epoch, with a checkpoint")

@@ -15,12 +15,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import DamageError, InputError
 from ..model.state import State
 from ..tools import files
 from ..tools.versions import package_versions
 from ..trajectory import damage
-from ..trajectory.damage import DamageError
 
 FORMAT = 6
 BEGIN_ANEW = '; begin a new run from a stored frame: start.positions = "NAME.h5"'

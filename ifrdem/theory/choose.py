@@ -1,4 +1,4 @@
-"""What kinetic theory says of a gas, whatever it is: one species or several, cooling, driven or sheared."""
+"""Kinetic theory of a gas, whatever it is: one species or several, cooling, driven or sheared."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
+from ..tools.checked import Array
 from ..tools.reprs import Brief
 from . import mixtures, sheared_gas
 from .driven_gas import Drive
@@ -32,9 +33,9 @@ class Prediction(Brief):
     """
 
     kind: Literal["cooling", "driven", "sheared"]
-    T: NDArray[np.float64]
-    T_rot: NDArray[np.float64]
-    collisions_per_disk: NDArray[np.float64]
+    T: Array
+    T_rot: Array
+    collisions_per_disk: Array
     species: MixtureTemperatures | None = None
 
 
@@ -49,29 +50,24 @@ def prediction(
     forces: Iterable[Mapping[str, Any]] = (),
     shear_rate: float = 0.0,
 ) -> Prediction:
-    """What kinetic theory says of a gas: the theory that belongs to it is chosen here.
+    """Temperatures of a gas by the kinetic theory that belongs to it.
+
+    InputError if no theory here describes such a gas (rolling friction, a force that is not linear, a sheared
+    mixture, forces in a flow), or as the theories do.
 
     Parameters
     ----------
     disks : Disks
-        Disks are of one species if mass, radius, k and material agree; `mixtures.MOST_SPECIES` at most.
+        Of one species if mass, radius, k and material agree; `mixtures.MOST_SPECIES` at most.
     law : IFRLaw or sequence of sequences of IFRLaw
         One for all, or a table `[material][material]`.
-    packing_fraction : float
-    T0, T_rot0 : float or array_like (s,)
-        Temperatures at time 0 [energy], of all or of each species in the order of `Mixture.of`.
-    times : array_like (steps,)
-        Times since the start [time].
+    packing_fraction, shear_rate : float
+        Part of the area that the disks cover, and du_x/dy of a mean flow [1/time].
+    T0, T_rot0, times : float or array_like (s,), and array_like (steps,)
+        Temperatures at time 0 [energy], of all or of each species in the order of `Mixture.of`; times since the start
+        [time].
     forces : iterable of mappings
         Forces as a case has them (`driven_gas.Drive.of`).
-    shear_rate : float
-        Of a mean flow [1/time].
-
-    Raises
-    ------
-    InputError
-        If no theory here describes such a gas (rolling friction, a force that is not linear, a sheared mixture, forces
-        in a flow), or as the theories do.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How often hard disks collide in a homogeneous gas whose velocities are Gaussian, and how far they fly between.
+"""Collision rates and free paths of hard disks in a homogeneous gas whose velocities are Gaussian.
 
 What a collision by the IFR law changes on average, of two disks that differ in all but are uncorrelated.
 
@@ -12,12 +12,11 @@ centre, m_t / m_n for the contact point,
     P_n = (1 + e_n) m_n g_n,    P_t = m_n sign(g_t) [h |g_t| + min(c |g_t|, mu (1 + e_n) g_n)].
 
 *Averages.* The relative velocity of the centres has the variance V = T_i/m_i + T_j/m_j per component. Colliding pairs
-are weighted by the approach speed g_n = sqrt(V) y: y has the density y exp(-y^2/2), with <y^2> = 2. The slip
-g_t = v_t + R_i w_i + R_j w_j is Gaussian with variance V S, S = 1 + (k_i tau_i/m_i + k_j tau_j/m_j) / V, because
-R^2 <w^2> = k tau / m; call it sqrt(V S) u. Then P_t = m_n sqrt(V S) sign(u) [h |u| + c min(|u|, kappa y)] with
-kappa = mu (1 + e_n) / (c sqrt S). Since P(y > a) = exp(-a^2/2), the average over y of min(|u|, kappa y) is the
-integral of exp(-z^2 / (2 kappa^2)) from 0 to |u|, and likewise for its square with 2 z in the integrand. Averaging
-over the normal u,
+are weighted by the approach speed g_n = sqrt(V) y: y has the density y exp(-y^2/2), with <y^2> = 2. The slip g_t = v_t
++ R_i w_i + R_j w_j is Gaussian with variance V S, S = 1 + (k_i tau_i/m_i + k_j tau_j/m_j) / V, because R^2 <w^2> = k
+tau / m; call it sqrt(V S) u. Then P_t = m_n sqrt(V S) sign(u) [h |u| + c min(|u|, kappa y)] with kappa = mu (1 + e_n) /
+(c sqrt S). Since P(y > a) = exp(-a^2/2), the average over y of min(|u|, kappa y) is the integral of exp(-z^2 / (2
+kappa^2)) from 0 to |u|, and likewise for its square with 2 z in the integrand. Averaging over the normal u,
 
     J_1 = <|u| min> = sqrt(2/pi) int_0^inf exp(-z^2 (1 + 1/kappa^2) / 2) dz = kappa / sqrt(1 + kappa^2)
     J_2 = <min^2> = int_0^inf 2 z exp(-z^2 / (2 kappa^2)) erfc(z / sqrt 2) dz = 2 kappa^2 (1 - J_1),
@@ -39,14 +38,15 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .contact import checked_packing_fraction, checked_positive, contact_value
 
 
-class Disk(NamedTuple):
+class Collider(NamedTuple):
     """One of the two: mass [mass], shape number k in I = m R^2 / k, temperatures T, T_rot [energy]; or arrays."""
 
     mass: ArrayLike
@@ -58,10 +58,7 @@ class Disk(NamedTuple):
 def checked_law(law: object) -> IFRLaw:
     """The law, if the averages are known for it.
 
-    Raises
-    ------
-    InputError
-        If it is no IFR law, or has rolling friction.
+    InputError if it is no IFR law, or has rolling friction.
     """
     if not isinstance(law, IFRLaw):
         raise InputError(
@@ -74,9 +71,7 @@ def checked_law(law: object) -> IFRLaw:
     return law
 
 
-def tangential_averages(
-    law: IFRLaw, inverse_a: ArrayLike, S: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def tangential_averages(law: IFRLaw, inverse_a: ArrayLike, S: ArrayLike) -> tuple[Array, Array]:
     """A and B of the tangential impulse, at inverse_a = m_t / m_n and S = <g_t^2> / V."""
     ratio, S = np.asarray(inverse_a, dtype=np.float64), np.asarray(S, dtype=np.float64)
     c = {"percussion_center": np.full_like(ratio, 0.5), "contact_point": ratio}[law.sticking]
@@ -88,7 +83,7 @@ def tangential_averages(
     return h + c * J_1, h**2 + 2.0 * h * c * J_1 + c**2 * J_2
 
 
-def energy_changes(law: IFRLaw, disk: Disk, other: Disk) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def energy_changes(law: IFRLaw, disk: Collider, other: Collider) -> tuple[Array, Array]:
     """Mean energies [energy] that the motion and the spin of `disk` gain in a collision with `other`.
 
     The two gases may have different temperatures; one at least of the two must move. Derived in the module's text.
@@ -118,12 +113,8 @@ def collision_rate(
     Gaussian with variance 2 T / m, so <max(g_n, 0)> = sqrt(T / (pi m)), and with phi = pi n sigma^2 / 4 the
     rate is 8 phi g sqrt(T / (pi m)) / sigma.
 
-    `g` is the pair correlation at contact; `contact_value(packing_fraction)` if not given.
-
-    Raises
-    ------
-    InputError
-        If T, mass or radius is not positive, or for an impossible packing fraction.
+    `g` is the pair correlation at contact; `contact_value(packing_fraction)` if not given. InputError if T, mass or
+    radius is not positive, or for an impossible packing fraction.
 
     Examples
     --------
@@ -157,7 +148,7 @@ def mean_free_path(packing_fraction: float, radius: float) -> float:
 
 def mixture_collision_rates(
     T: ArrayLike, mass: ArrayLike, radius: ArrayLike, number_density: ArrayLike, g: ArrayLike
-) -> NDArray[np.float64]:
+) -> Array:
     """Collisions of a disk of species i with disks of species j per time [1/time], shape (s, s).
 
     As at `collision_rate`, with a relative velocity of variance V_ij = T_i/m_i + T_j/m_j and sigma_ij = R_i + R_j:

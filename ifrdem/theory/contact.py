@@ -9,9 +9,10 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, nearest
+from ..tools.checked import Array
 
 VIRIAL = (
     1.0,
@@ -32,7 +33,7 @@ _RESUMMED = np.convolve(VIRIAL, (1.0, -1.0, 0.25))[: len(VIRIAL)]
 
 CONTACT = ("virial", "henderson", "dilute")
 Contact = Literal["virial", "henderson", "dilute"]
-"""Where the contact value of equal disks comes from; "dilute" is g = 1, Boltzmann's gas."""
+"""Source of the contact value of equal disks; "dilute" is g = 1, Boltzmann's gas."""
 
 
 def checked_packing_fraction(value: float) -> float:
@@ -53,14 +54,9 @@ def checked_positive(**values: float) -> None:
 def contact_value(packing_fraction: float) -> float:
     """Pair correlation g of equal hard disks at contact: how much crowding raises the collision rate.
 
-    From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about
-    1e-5 at packing fraction 0.3 and 1e-4 at 0.5, if the spread of other resummations of the same series
-    tells; near freezing (0.70) the real fluid orders and its g is smaller.
-
-    Raises
-    ------
-    InputError
-        If the packing fraction is not between 0 and 0.9069.
+    From the virial series to the tenth coefficient, Z = 1 + sum B_i rho^(i-1) = 1 + 2 phi g. Known to about 1e-5 at
+    packing fraction 0.3 and 1e-4 at 0.5, if the spread of other resummations of the same series tells; near freezing
+    (0.70) the real fluid orders and its g is smaller. InputError if the packing fraction is not between 0 and 0.9069.
 
     Examples
     --------
@@ -75,12 +71,8 @@ def contact_value(packing_fraction: float) -> float:
 def henderson(packing_fraction: float) -> float:
     """Contact value of equal hard disks by Henderson, (1 - 7 phi / 16) / (1 - phi)^2.
 
-    D. Henderson, Mol. Phys. 30, 971 (1975). Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to 0.55.
-
-    Raises
-    ------
-    InputError
-        As `contact_value`.
+    D. Henderson, Mol. Phys. 30, 971 (1975). Within 1e-3 of `contact_value` up to packing fraction 0.3, 1 % up to
+    0.55. InputError as `contact_value`.
 
     Examples
     --------
@@ -95,10 +87,7 @@ def henderson(packing_fraction: float) -> float:
 def of_equal_disks(packing_fraction: float, contact: Contact = "virial") -> float:
     """The contact value of equal disks by one of `CONTACT`.
 
-    Raises
-    ------
-    InputError
-        If there is no such, or as `contact_value`.
+    InputError if there is no such, or as `contact_value`.
     """
     if contact not in CONTACT:
         raise InputError(
@@ -111,10 +100,7 @@ def of_equal_disks(packing_fraction: float, contact: Contact = "virial") -> floa
 
 
 def crowding_of_mixture(
-    packing_fraction: float,
-    radius: ArrayLike,
-    fraction: ArrayLike | None = None,
-    contact: Contact = "virial",
+    packing_fraction: float, radius: ArrayLike, fraction: ArrayLike | None = None, contact: Contact = "virial"
 ) -> tuple[float, float]:
     """The two numbers (a, b) [1, 1/length] of which contact values are made: g_ij = a + b R_i R_j / (R_i + R_j).
 
@@ -123,23 +109,16 @@ def crowding_of_mixture(
         g_ij = 1 / (1 - phi) + [g(phi) - 1 / (1 - phi)] (<sigma> / <sigma^2>) sigma_i sigma_j / sigma_ij,
 
     with sigma_ij = R_i + R_j. It gives g(phi) for equal disks, and for a point, sigma_i = 0, the exact 1 / (1 - phi):
-    only the area that is left decides how often a point is hit. With Henderson's g(phi) the bracket is
-    (9/16) phi / (1 - phi)^2.
+    only the area that is left decides how often a point is hit. With Henderson's g(phi) the bracket is (9/16) phi /
+    (1 - phi)^2. InputError as `of_equal_disks`.
 
     Parameters
     ----------
     packing_fraction : float
-    radius : array_like (s,)
-        Radii [length], of species or of disks.
-    fraction : array_like (s,), optional
-        What part of all disks each is; alike without it.
+    radius, fraction : array_like (s,)
+        Radii [length], of species or of disks; what part of all disks each is, alike without it.
     contact : {"virial", "henderson", "dilute"}
         g(phi) of equal disks; "dilute" makes all contact values 1.
-
-    Raises
-    ------
-    InputError
-        As `of_equal_disks`.
     """
     g = of_equal_disks(packing_fraction, contact)
     if contact == "dilute":
@@ -153,11 +132,8 @@ def crowding_of_mixture(
 
 
 def mixture_contact_values(
-    packing_fraction: float,
-    radius: ArrayLike,
-    fraction: ArrayLike | None = None,
-    contact: Contact = "virial",
-) -> NDArray[np.float64]:
+    packing_fraction: float, radius: ArrayLike, fraction: ArrayLike | None = None, contact: Contact = "virial"
+) -> Array:
     """Contact values g_ij of hard disks of different sizes, shape (s, s); see `crowding_of_mixture`.
 
     Examples

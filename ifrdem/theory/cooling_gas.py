@@ -16,17 +16,16 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
-from .collisions import Disk, checked_law, collision_rate, energy_changes
+from ..tools.checked import Array
+from .collisions import Collider, checked_law, collision_rate, energy_changes
 from .contact import checked_positive
 
 
-def changes_per_collision(
-    theta: ArrayLike, law: IFRLaw, k: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def changes_per_collision(theta: ArrayLike, law: IFRLaw, k: float) -> tuple[Array, Array]:
     """Relative changes (dT / T, dT_rot / T) per collision of a disk, at theta = T_rot / T.
 
     Derived in `cooling_rates`.
@@ -38,7 +37,7 @@ def changes_per_collision(
     >>> [float(change) for change in theory.changes_per_collision(0.5, law, 2.0)]
     [0.0, 0.0]
     """
-    disk = Disk(1.0, k, 1.0, np.asarray(theta, dtype=np.float64))
+    disk = Collider(1.0, k, 1.0, np.asarray(theta, dtype=np.float64))
     translation, rotation = energy_changes(law, disk, disk)
     return translation, 2.0 * rotation  # energies T and T_rot / 2
 
@@ -57,8 +56,10 @@ def cooling_rates(
     radius: float,
     k: float,
     number_density: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     r"""Rates (dT/dt, dT_rot/dt) [energy/time] at which a homogeneous gas of equal disks cools.
+
+    InputError if the law has rolling friction, a property is not positive, or T <= 0 or T_rot < 0.
 
     Parameters
     ----------
@@ -66,15 +67,8 @@ def cooling_rates(
         Translational and rotational temperature, m <v^2> / 2 and I <w^2> [energy]; shapes that broadcast.
     law : IFRLaw
         The collision law, without rolling friction.
-    mass, radius, k : float
-        Of one disk [mass], [length], I = m R^2 / k.
-    number_density : float
-        Disks per area [1/length^2].
-
-    Raises
-    ------
-    InputError
-        If the law has rolling friction, a property is not positive, or T <= 0 or T_rot < 0.
+    mass, radius, k, number_density : float
+        Of one disk [mass], [length], I = m R^2 / k; disks per area [1/length^2].
 
     Notes
     -----
@@ -107,7 +101,7 @@ def cooling_rates(
     return rate * translational * translation, rate * translational * rotation
 
 
-def checked_times(times: ArrayLike) -> NDArray[np.float64]:
+def checked_times(times: ArrayLike) -> Array:
     """Times [time] as an array of shape (steps,); InputError unless they are finite, 0 or more, and do not decrease.
 
     Examples
@@ -126,11 +120,7 @@ def checked_times(times: ArrayLike) -> NDArray[np.float64]:
     return when
 
 
-def cooled(
-    slope: Callable[[NDArray[np.float64]], NDArray[np.float64]],
-    start: NDArray[np.float64],
-    x: NDArray[np.float64],
-) -> NDArray[np.float64]:
+def cooled(slope: Callable[[Array], Array], start: Array, x: Array) -> Array:
     """Solution of dy/dx = slope(y) at x (steps,), y = start at x = 0; shape (unknowns, steps).
 
     Integrated over ln(1 + x), x being time in units of the first mean free time: temperatures fall like powers of time
@@ -139,40 +129,27 @@ def cooled(
     from scipy.integrate import solve_ivp
 
     when = np.log1p(x)
-    solution = solve_ivp(
-        lambda s, y: math.exp(s) * slope(y),
-        (0.0, float(when[-1])),
-        start,
-        method="LSODA",
-        t_eval=when,
-        rtol=1e-10,
-        atol=1e-12,
-    )
+    options = {"method": "LSODA", "t_eval": when, "rtol": 1e-10, "atol": 1e-12}
+    solution = solve_ivp(lambda s, y: math.exp(s) * slope(y), (0.0, float(when[-1])), start, **options)
     if not solution.success:
         raise TheoryError(f"the cooling equations could not be integrated: {solution.message}")
     return np.asarray(solution.y)
 
 
 def cooling(
-    law: IFRLaw,
-    mass: float,
-    radius: float,
-    k: float,
-    packing_fraction: float,
-    T0: float,
-    T_rot0: float,
+    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, T0: float, T_rot0: float,
     times: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Temperatures of a homogeneous gas of equal disks as it cools: `cooling_rates` integrated.
+
+    InputError as `cooling_rates`, or if the times decrease or are negative.
 
     Parameters
     ----------
     law, mass, radius, k
         As for `cooling_rates`.
-    packing_fraction : float
-        Part of the area that the disks cover.
-    T0, T_rot0 : float
-        Temperatures at time 0, T0 > 0 and T_rot0 >= 0 [energy].
+    packing_fraction, T0, T_rot0 : float
+        Part of the area that the disks cover; temperatures at time 0, T0 > 0 and T_rot0 >= 0 [energy].
     times : array_like (steps,)
         Times since the start [time], 0 or more and not decreasing.
 
@@ -180,11 +157,6 @@ def cooling(
     -------
     T, T_rot, collisions_per_disk : arrays (steps,)
         [energy], [energy], and the collisions each disk has had on average (each pair's counts for both).
-
-    Raises
-    ------
-    InputError
-        As `cooling_rates`, or if the times decrease or are negative.
 
     Examples
     --------
@@ -202,7 +174,7 @@ def cooling(
     if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
 
-    def slope(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(y: Array) -> Array:
         """Derivatives of ln(T/T0), theta and collisions per disk by rate0 t."""
         log_T, theta, _collisions = y
         translation, rotation = changes_per_collision(max(theta, 0.0), law, k)
@@ -216,9 +188,8 @@ def cooling(
 def haff_time(e_n: float, rate0: float) -> float:
     """Haff's time t_H [time] of smooth equal disks, 4 / ((1 - e_n^2) rate0): infinite for elastic ones.
 
-    Each collision of a disk takes (1 - e_n^2) / 2 of its temperature, at a rate nu = rate0 sqrt(T / T0):
-    dT/dt = -(1 - e_n^2) nu T / 2, of which T0 / (1 + t / t_H)^2 is the solution. P. K. Haff,
-    J. Fluid Mech. 134, 401 (1983).
+    Each collision of a disk takes (1 - e_n^2) / 2 of its temperature, at a rate nu = rate0 sqrt(T / T0): dT/dt = -(1 -
+    e_n^2) nu T / 2, of which T0 / (1 + t / t_H)^2 is the solution. P. K. Haff, J. Fluid Mech. 134, 401 (1983).
 
     Parameters
     ----------
@@ -234,7 +205,7 @@ def haff_time(e_n: float, rate0: float) -> float:
     return math.inf if e_n == 1.0 else 4.0 / ((1.0 - e_n**2) * rate0)
 
 
-def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> NDArray[np.float64]:
+def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> Array:
     """Temperature of smooth equal disks [energy]: Haff's law T0 / (1 + t / t_H)^2, shape of `times`.
 
     The special case mu = 0, e_t = -1 of `cooling_rates`; t_H and rate0 as in `haff_time`.
@@ -248,9 +219,7 @@ def haff(T0: float, e_n: float, rate0: float, times: ArrayLike) -> NDArray[np.fl
     return T0 / (1.0 + np.asarray(times, dtype=np.float64) / haff_time(e_n, rate0)) ** 2
 
 
-def rough_rates(
-    theta: ArrayLike, e_n: float, beta: float, k: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rough_rates(theta: ArrayLike, e_n: float, beta: float, k: float) -> tuple[Array, Array]:
     """(dT / T, dT_rot / T) per collision of disks of constant roughness beta, at theta = T_rot / T.
 
     Every collision reverses the slip to -beta times itself: the limit mu -> infinity of the law that sticks at the
@@ -273,17 +242,10 @@ def rough_rates(
 
 
 class CoolingRatio(NamedTuple):
-    """A ratio theta = T_rot / T that stays in a cooling gas.
-
-    Attributes
-    ----------
-    theta : float
-    stable : bool
-        True if nearby ratios tend to it, False if they go away from it.
-    """
+    """A ratio theta = T_rot / T that stays in a cooling gas."""
 
     theta: float
-    stable: bool
+    stable: bool  # True if nearby ratios tend to it, False if they go away from it
 
 
 def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
@@ -291,11 +253,7 @@ def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
 
     A gas may have two stable ones with an unstable one between: to which it tends depends on its start
     (`cooling_ratio`). In simulations of some laws spins get tails that are heavier than Gaussian, and another theta.
-
-    Raises
-    ------
-    InputError
-        As `cooling_rates`.
+    InputError as `cooling_rates`.
 
     Notes
     -----
@@ -333,10 +291,7 @@ def cooling_ratios(law: IFRLaw, k: float) -> tuple[CoolingRatio, ...]:
 def cooling_ratio(law: IFRLaw, k: float, theta0: float) -> float:
     """T_rot / T to which a cooling gas with T_rot / T = theta0 tends by the theory; inf where T_rot outlives T.
 
-    Raises
-    ------
-    InputError
-        As `cooling_ratios`, or if theta0 is not a finite number of 0 or more.
+    InputError as `cooling_ratios`, or if theta0 is not a finite number of 0 or more.
 
     Examples
     --------

@@ -17,17 +17,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .collisions import collision_rate
 from .cooling_gas import checked_times, cooling_rates
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What all forces together do to the temperatures.
+    """Heating and friction by all forces together.
 
     Attributes
     ----------
@@ -46,12 +47,7 @@ class Drive:
     def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Drive | None:
         """The drive of the forces of a case (`forces_section.py`) on equal disks; None where a force is not linear.
 
-        Parameters
-        ----------
-        forces : iterable of mappings
-            The keys of each force; None stands for a key that is not given.
-        mass, inertia : float
-            Of one disk [mass], [mass length^2].
+        Each force is a mapping of its keys, None for a key that is not given; mass and inertia are those of a disk.
         """
         found = {"power": 0.0, "spin_power": 0.0, "rate": 0.0, "spin_rate": 0.0}
         for force in forces:
@@ -89,20 +85,12 @@ class _Balance:
 
     def __call__(self, T: float, T_rot: float) -> tuple[float, float]:
         """(dT/dt, dT_rot/dt) [energy/time], T > 0."""
-        cooling = cooling_rates(
-            T,
-            T_rot,
-            law=self.law,
-            mass=self.mass,
-            radius=self.radius,
-            k=self.k,
-            number_density=self.packing_fraction / (math.pi * self.radius**2),
-        )
-        d = self.drive
-        return (
-            d.power - 2.0 * d.rate * T + float(cooling[0]),
-            2.0 * (d.spin_power - d.spin_rate * T_rot) + float(cooling[1]),
-        )
+        density, d = self.packing_fraction / (math.pi * self.radius**2), self.drive
+        one: Any = {"law": self.law, "mass": self.mass, "radius": self.radius, "k": self.k}
+        cooling = cooling_rates(T, T_rot, number_density=density, **one)
+        translation, rotation = (float(rate) for rate in cooling)
+        turning = 2.0 * (d.spin_power - d.spin_rate * T_rot) + rotation
+        return d.power - 2.0 * d.rate * T + translation, turning
 
     def steady_spins(self, T: float) -> float:
         """T_rot at which spins get what they lose, at a given T; nan if both are nothing, inf if they get more."""
@@ -123,21 +111,8 @@ def steady_state(
 ) -> tuple[float, float] | None:
     """Temperatures (T, T_rot) [energy] at which the gas loses what it gets; None if it has no such state with T > 0.
 
-    T_rot is nan where nothing acts on the spins (smooth disks): they keep what they have.
-
-    Parameters
-    ----------
-    law, mass, radius, k
-        As for `theory.cooling_rates`.
-    packing_fraction : float
-        Part of the area that the disks cover.
-    drive : Drive
-        What heats and slows the disks.
-
-    Raises
-    ------
-    InputError
-        As `theory.cooling_rates`.
+    T_rot is nan where nothing acts on the spins (smooth disks): they keep what they have. Arguments as for
+    `theory.cooling`; errors as `theory.cooling_rates`.
     """
     from scipy.optimize import brentq
 
@@ -170,37 +145,13 @@ def steady_state(
 
 
 def driven(
-    law: IFRLaw,
-    mass: float,
-    radius: float,
-    k: float,
-    packing_fraction: float,
-    drive: Drive,
-    T0: float,
-    T_rot0: float,
-    times: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, drive: Drive, T0: float,
+    T_rot0: float, times: ArrayLike,
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Temperatures of a homogeneous gas of equal disks that is driven.
 
-    Parameters
-    ----------
-    law, mass, radius, k, packing_fraction, drive
-        As for `steady_state`.
-    T0, T_rot0 : float
-        Temperatures at time 0, 0 or more [energy].
-    times : array_like (steps,)
-        Times since the start [time], 0 or more and not decreasing.
-
-    Returns
-    -------
-    T, T_rot, collisions_per_disk : arrays (steps,)
-        [energy], [energy], and the collisions each disk has had on average.
-
-    Raises
-    ------
-    InputError
-        As `theory.cooling_rates`, if the times decrease or are negative, or nothing moves (T0 = 0) and only spins, if
-        any, are driven: without motion there are no collisions.
+    Arguments and what is returned as for `theory.cooling`, but T0 may be 0. InputError as there, or if nothing moves
+    (T0 = 0) and only spins, if any, are driven: without motion there are no collisions.
     """
     from scipy.integrate import solve_ivp
 
@@ -214,25 +165,25 @@ def driven(
         raise InputError("T0 = 0 and no power: nothing moves")
     if when[-1] == 0.0:  # all are the start, which an integrator may not leave from rest
         return np.full(len(when), T0), np.full(len(when), T_rot0), np.zeros(len(when))
-    scale = max(T0, (drive.power + drive.spin_power) * float(when[-1])) or 1.0
+    # No hotter than at the start, than all power makes it, or than it stays.
+    gained = (drive.power + drive.spin_power) * float(when[-1])
+    steady = steady_state(law, mass, radius, k, packing_fraction, drive)
+    scale = max(T0, min(gained, steady[0] if steady else math.inf)) or 1.0
+    # What has a steady state is in it by far after a million times that in which its energy was given to it.
+    most = 1e6 * scale / (drive.power + drive.spin_power) if steady else math.inf
+    until, at = np.unique(np.minimum(when, most), return_inverse=True)
 
-    def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float]:
+    def slope(_: float, y: Array) -> tuple[float, float, float]:
         # From rest, a gas passes temperatures at which nothing collides yet.
         T, T_rot = max(float(y[0]), 1e-9), max(float(y[1]), 0.0)
         dT, dT_rot = balance(scale * T, scale * T_rot)
         collisions = collision_rate(packing_fraction, scale * T, mass, radius)
         return dT / scale, dT_rot / scale, collisions
 
-    solution = solve_ivp(
-        slope,
-        (0.0, float(when[-1])),
-        (T0 / scale, T_rot0 / scale, 0.0),
-        method="LSODA",
-        t_eval=when,
-        rtol=1e-9,
-        atol=1e-12,
-    )
+    start, options = (T0 / scale, T_rot0 / scale, 0.0), {"t_eval": until, "rtol": 1e-9, "atol": 1e-12}
+    solution = solve_ivp(slope, (0.0, float(until[-1])), start, method="LSODA", **options)
     if not solution.success:
         raise TheoryError(f"the equations of the driven gas could not be integrated: {solution.message}")
-    T, T_rot, collisions = solution.y
+    T, T_rot, collisions = solution.y[:, at]
+    collisions += collision_rate(packing_fraction, scale * float(T[-1]), mass, radius) * (when - until[at])
     return scale * T, scale * T_rot, collisions

@@ -22,9 +22,8 @@ z(tau') exp(G - G') over tau' from 0 to tau; where z and xi stay, [exp(z tau (1 
 
 *Heat modes.* In a long wave that neither grows nor decays beside T the pressure is uniform and nothing flows, so that
 density and temperature differ by factors 1 + r and 1 + q with r p_n + q p_T = 0; losses go with n g n T^(3/2). What a
-denser part loses more must come by heat conduction: z nu (a p_T / p_n - 1/2) = kappa k^2 / n, with
-a = 1 + d ln g / d ln phi and p_T / p_n = 1 / (1 + d ln Z / d ln phi). Longer waves become clusters. To lowest order in
-1 - e_n.
+denser part loses more must come by heat conduction: z nu (a p_T / p_n - 1/2) = kappa k^2 / n, with a = 1 + d ln g / d
+ln phi and p_T / p_n = 1 / (1 + d ln Z / d ln phi). Longer waves become clusters. To lowest order in 1 - e_n.
 """
 
 from __future__ import annotations
@@ -38,6 +37,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .collisions import checked_law, collision_rate
 from .contact import checked_positive, compressibility, contact_value
 from .cooling_gas import changes_per_collision
@@ -50,18 +50,13 @@ _STEPS = 2000  # of a course: what is interpolated between two of them is off by
 
 
 class ShearModes(NamedTuple):
-    """When shear modes hold a certain part of the energy of a cooling gas.
+    """Time at which shear modes hold a part of the energy of a cooling gas, since it was homogeneous and thermal.
 
-    Attributes
-    ----------
-    collisions_per_disk : float
-        Since the gas was homogeneous and thermal; infinite if they do not within 1e5, or before T is 1e-200 T0.
-    time : float
-        The same [time].
+    Infinite if they do not within 1e5 collisions per disk, or before T is 1e-200 T0.
     """
 
     collisions_per_disk: float
-    time: float
+    time: float  # [time]
 
 
 def _theta(law: IFRLaw, theta: float | None, name: str = "theta") -> float:
@@ -91,21 +86,16 @@ def shear_viscosity(
 ) -> float:
     """Shear viscosity eta [mass/time] of a gas of equal disks that cools; of elastic smooth disks without a law.
 
+    InputError if a property is not positive, the law has rolling friction, or theta is missing.
+
     Parameters
     ----------
     packing_fraction, T, mass, radius
         As for `collisions.collision_rate`; the packing fraction above 0.
-    law : IFRLaw
-        Without rolling friction.
-    k : float
-        Shape number in I = m R^2 / k.
+    law, k : IFRLaw, float
+        Without rolling friction; shape number in I = m R^2 / k.
     theta : float, optional
         T_rot / T at the time; not needed of smooth disks. In a gas that cools it changes.
-
-    Raises
-    ------
-    InputError
-        If a property is not positive, the law has rolling friction, or theta is missing.
 
     Notes
     -----
@@ -188,20 +178,13 @@ def shear_length(
 def clustering_length(e_n: float, radius: float, packing_fraction: float) -> float:
     """Wavelength [length] above which density waves of cooling smooth disks grow: clusters; infinite for elastic ones.
 
+    InputError if e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do
+    not lose more (0.5 and above).
+
     Parameters
     ----------
-    e_n : float
-        Normal restitution. To lowest order in 1 - e_n.
-    radius : float
-        [length].
-    packing_fraction : float
-        Above 0, and below that of freezing.
-
-    Raises
-    ------
-    InputError
-        If e_n is not from 0 to 1, the radius or packing fraction not positive, or so high that denser parts do not
-        lose more (0.5 and above).
+    e_n, radius, packing_fraction : float
+        Normal restitution, to lowest order in 1 - e_n; [length]; above 0, and below that of freezing.
 
     Examples
     --------
@@ -232,24 +215,12 @@ def clustering_length(e_n: float, radius: float, packing_fraction: float) -> flo
 
 
 class _Course(NamedTuple):
-    """A homogeneous gas that cools, at collisions per disk tau (steps,): see the module's text.
+    """A homogeneous gas that cools, at collisions per disk tau (steps,): see the module's text."""
 
-    Attributes
-    ----------
-    tau : array
-        Collisions per disk.
-    lost : array
-        Z, ln(T0 / T).
-    spread : array
-        X [length^2], the integral of z xi^2.
-    time : array
-        In units of the first mean free time.
-    """
-
-    tau: NDArray[np.float64]
-    lost: NDArray[np.float64]
-    spread: NDArray[np.float64]
-    time: NDArray[np.float64]
+    tau: Array
+    lost: Array  # Z, ln(T0 / T)
+    spread: Array  # X [length^2], the integral of z xi^2
+    time: Array  # in units of the first mean free time
 
     @classmethod
     def of(
@@ -261,14 +232,14 @@ class _Course(NamedTuple):
         nu = collision_rate(packing_fraction, 1.0, 1.0, radius)
         per_eta = 2.0 * math.pi * radius**2 / (packing_fraction * nu)
 
-        def slope(_: float, y: NDArray[np.float64]) -> tuple[float, float, float, float]:
+        def slope(_: float, y: Array) -> tuple[float, float, float, float]:
             lost, theta, _spread, _time = y
             theta = max(theta, 0.0)
             translation, rotation = (float(one) for one in changes_per_collision(theta, law, k))
             eta = shear_viscosity(packing_fraction, 1.0, 1.0, radius, law=law, k=k, theta=theta)
             return -translation, rotation - theta * translation, per_eta * eta, math.exp(0.5 * lost)
 
-        def cold(_: float, y: NDArray[np.float64]) -> float:
+        def cold(_: float, y: Array) -> float:
             return float(y[0]) - _COLDEST
 
         cold.terminal = True  # type: ignore[attr-defined]
@@ -282,7 +253,7 @@ class _Course(NamedTuple):
         lost, _, spread, time = found.sol(tau)
         return cls(tau, lost, spread, time)
 
-    def excess(self, waves_q2: NDArray[np.float64], times: NDArray[np.intp]) -> NDArray[np.float64]:
+    def excess(self, waves_q2: Array, times: NDArray[np.intp]) -> Array:
         """Sum of S - 1 over waves (k / 2 pi)^2, each so many times, that have grown on the whole, at all tau."""
         grown = self.lost[:, None] - (2.0 * math.pi) ** 2 * waves_q2 * self.spread[:, None]
         rise = np.diff(grown, axis=0)  # linear in tau over a step, as what is lost
@@ -308,23 +279,18 @@ def shear_mode_energy(
     """Energy of growing shear modes beyond their thermal share, as part of the thermal energy N T of all N disks.
 
     (1 / 2N) sum (S - 1) over the waves of a periodic box that have grown since the start, Z > k^2 X (module's text).
-    Where it is small, the gas is still homogeneous.
+    Where it is small, the gas is still homogeneous. InputError as `shear_length`; if a side of the box is not positive.
 
     Parameters
     ----------
     collisions_per_disk : float
         tau since the gas was homogeneous and thermal.
-    box : two floats
-        Sides of the periodic box [length].
     law, radius, packing_fraction, k
         As for `shear_length`.
+    box : two floats
+        Sides of the periodic box [length].
     theta0 : float, optional
         T_rot / T at the start, from where it changes as the gas cools; not needed of smooth disks.
-
-    Raises
-    ------
-    InputError
-        As `shear_length`; if a side of the box is not positive.
 
     Examples
     --------
@@ -342,7 +308,7 @@ def shear_mode_energy(
 def _mode_energy(
     law: IFRLaw, radius: float, packing_fraction: float, box: tuple[float, float], k: float,
     theta0: float | None, end: float,
-) -> tuple[_Course, NDArray[np.float64]]:  # fmt: skip
+) -> tuple[_Course, Array]:  # fmt: skip
     """The course of the gas until tau = end, and `shear_mode_energy` at its times."""
     checked_positive(box_x=box[0], box_y=box[1], radius=radius, k=k, packing_fraction=packing_fraction)
     course = _Course.of(law, radius, packing_fraction, k, _theta(law, theta0, "theta0"), end)
@@ -352,7 +318,7 @@ def _mode_energy(
     return course, course.excess(*found) / (2.0 * n)
 
 
-def waves(box: tuple[float, float], most: float) -> NDArray[np.float64]:
+def waves(box: tuple[float, float], most: float) -> Array:
     """(k / 2 pi)^2 [1/length^2] of all waves of a periodic box with wave numbers 0 < k < `most` [1/length]."""
     most = most / (2.0 * math.pi)
     x, y = (np.arange(-int(side * most), int(side * most) + 1) / side for side in box)
@@ -360,7 +326,7 @@ def waves(box: tuple[float, float], most: float) -> NDArray[np.float64]:
     return np.asarray(q2[(q2 > 0.0) & (q2 < most**2)])
 
 
-def excess(z_tau: ArrayLike, growth: NDArray[np.float64]) -> NDArray[np.float64]:
+def excess(z_tau: ArrayLike, growth: Array) -> Array:
     """S - 1 = [exp(z tau (1 - q)) - 1] / (1 - q) for growth = 1 - q, q = k^2 xi^2; shape (times, waves)."""
     x = np.atleast_1d(np.asarray(z_tau, dtype=np.float64))[:, None]
     critical = np.abs(growth) < 1e-9
@@ -379,26 +345,20 @@ def shear_mode_time(
     k: float = 2.0,
     theta0: float | None = None,
 ) -> ShearModes:
-    """When growing shear modes hold `share` of the thermal energy in a periodic box: until about then theory holds.
+    """Time at which growing shear modes hold `share` of the thermal energy in a periodic box: theory holds until then.
 
     In simulations of 5,700 disks at packing fraction 0.2 (smooth with e_n = 0.8, and coins) T was 3 % above that of a
-    homogeneous gas where the share was 0.02, and 13 % where it was 0.06; from 0.1 on modes grow more slowly than here.
+    homogeneous gas where the share was 0.02, and 13 % where it was 0.06; from 0.1 on modes grow more slowly than
+    here. InputError as `shear_mode_energy`; if the mass, T0 or the share is not positive.
 
     Parameters
     ----------
     law, radius, packing_fraction, box, k, theta0
         As for `shear_mode_energy`.
-    mass : float
-        [mass].
-    T0 : float
-        Temperature at the start [energy].
+    mass, T0 : float
+        [mass], and temperature at the start [energy].
     share : float
         `shear_mode_energy` that counts, above 0.
-
-    Raises
-    ------
-    InputError
-        As `shear_mode_energy`; if the mass, T0 or the share is not positive.
 
     Examples
     --------

@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
 from ..model.state import Disks
-from .collisions import Disk, checked_law, energy_changes, mixture_collision_rates
+from ..tools.checked import Array
+from .collisions import Collider, checked_law, energy_changes, mixture_collision_rates
 from .contact import Contact, checked_packing_fraction, mixture_contact_values
 from .cooling_gas import checked_times, cooled
 from .driven_gas import Drive
@@ -30,7 +31,7 @@ from .driven_gas import Drive
 MOST_SPECIES = 64  # every pair of them is summed at every step
 
 
-def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def _column(name: str, value: ArrayLike) -> Array:
     column = np.atleast_1d(np.asarray(value, dtype=np.float64))
     wrong = ~(np.isfinite(column) & (column > 0.0))
     if column.ndim != 1 or len(column) == 0:
@@ -43,28 +44,23 @@ def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Mixture:
-    """What a homogeneous gas of s species is made of.
+    """Species of a homogeneous gas, s of them.
+
+    InputError if a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`,
+    has rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
 
     Parameters
     ----------
-    mass, radius : array_like (s,)
-        Of one disk of each species [mass], [length].
+    mass, radius, k : array_like (s,)
+        Of one disk of each species [mass], [length], shape numbers in I = m R^2 / k.
     law : IFRLaw or sequence of sequences of IFRLaw
         One for all pairs, or a symmetric table `[species][species]`. Without rolling friction.
     packing_fraction : float
         Part of the area that all disks together cover.
-    k : array_like (s,)
-        Shape numbers in I = m R^2 / k.
     fraction : array_like (s,), optional
         What part of all disks each species is, in any unit (numbers of disks do); equal parts without it.
     contact : {"virial", "henderson", "dilute"}
         Contact values: see `contact.crowding_of_mixture`.
-
-    Raises
-    ------
-    InputError
-        If a property is not positive, shapes do not fit, a law could add energy for a pair, is not an `IFRLaw`, has
-        rolling friction, or differs between `[i][j]` and `[j][i]`; or the packing fraction or `contact` is impossible.
 
     Examples
     --------
@@ -75,25 +71,18 @@ class Mixture:
     array([0.8, 0.2])
     """
 
-    mass: NDArray[np.float64]
-    radius: NDArray[np.float64]
+    mass: Array
+    radius: Array
     law: tuple[tuple[IFRLaw, ...], ...]
     packing_fraction: float
-    k: NDArray[np.float64]
-    fraction: NDArray[np.float64]
+    k: Array
+    fraction: Array
     contact: Contact
 
     def __init__(
-        self,
-        mass: ArrayLike,
-        radius: ArrayLike,
-        law: IFRLaw | Sequence[Sequence[IFRLaw]],
-        packing_fraction: float,
-        *,
-        k: ArrayLike = 2.0,
-        fraction: ArrayLike | None = None,
-        contact: Contact = "virial",
-    ) -> None:
+        self, mass: ArrayLike, radius: ArrayLike, law: IFRLaw | Sequence[Sequence[IFRLaw]], packing_fraction: float, *,
+        k: ArrayLike = 2.0, fraction: ArrayLike | None = None, contact: Contact = "virial",
+    ) -> None:  # fmt: skip
         columns = {"mass": mass, "radius": radius, "k": k, "fraction": 1.0 if fraction is None else fraction}
         found = {name: _column(name, value) for name, value in columns.items()}
         try:
@@ -103,31 +92,24 @@ class Mixture:
             raise InputError(f"mixture: {shapes}: one number per species is needed") from None
         if s > MOST_SPECIES:
             raise InputError(f"mixture: {s} species; {MOST_SPECIES} at most (ifrdem.dsmc has no such limit)")
+        set_ = object.__setattr__
         for name, column in found.items():
-            object.__setattr__(self, name, np.array(np.broadcast_to(column, s)))
-        object.__setattr__(self, "fraction", self.fraction / self.fraction.sum())
-        object.__setattr__(self, "packing_fraction", checked_packing_fraction(packing_fraction))
-        object.__setattr__(self, "contact", contact)
+            set_(self, name, np.array(np.broadcast_to(column, s)))
+        set_(self, "fraction", self.fraction / self.fraction.sum())
+        set_(self, "packing_fraction", checked_packing_fraction(packing_fraction))
+        set_(self, "contact", contact)
         self.contact_values()  # refuses an unknown `contact`
-        object.__setattr__(self, "law", self._table(law))
+        set_(self, "law", self._table(law))
 
     @classmethod
     def of(
-        cls,
-        disks: Disks,
-        law: IFRLaw | Sequence[Sequence[IFRLaw]],
-        packing_fraction: float,
-        *,
+        cls, disks: Disks, law: IFRLaw | Sequence[Sequence[IFRLaw]], packing_fraction: float, *,
         contact: Contact = "virial",
-    ) -> tuple[Mixture, NDArray[np.int64]]:
+    ) -> tuple[Mixture, NDArray[np.int64]]:  # fmt: skip
         """The mixture of these disks, whose `law` is a table of materials, and each disk's species, shape (n,).
 
-        Disks are of one species if mass, radius, k and material agree.
-
-        Raises
-        ------
-        InputError
-            As the class, or if a disk is immovable, or there are none.
+        Disks are of one species if mass, radius, k and material agree. InputError as the class, or if a disk is
+        immovable, or there are none.
         """
         if disks.n == 0 or not disks.movable.all():
             raise InputError("mixture: disks of finite mass are needed, one at least")
@@ -160,59 +142,46 @@ class Mixture:
 
     @property
     def species(self) -> int:
-        """How many species there are."""
+        """Number of species."""
         return len(self.mass)
 
     @property
-    def number_density(self) -> NDArray[np.float64]:
+    def number_density(self) -> Array:
         """Disks of each species per area [1/length^2], shape (s,)."""
         return self.fraction * self.packing_fraction / (math.pi * float(self.fraction @ self.radius**2))
 
-    def contact_values(self) -> NDArray[np.float64]:
+    def contact_values(self) -> Array:
         """g_ij, shape (s, s)."""
         return mixture_contact_values(self.packing_fraction, self.radius, self.fraction, self.contact)
 
-    def collision_rates(self, T: ArrayLike) -> NDArray[np.float64]:
+    def collision_rates(self, T: ArrayLike) -> Array:
         """Collisions of a disk of species i with species j per time [1/time], shape (s, s), at T (s,) [energy]."""
         return mixture_collision_rates(T, self.mass, self.radius, self.number_density, self.contact_values())
 
 
 class MixtureTemperatures(NamedTuple):
-    """Temperatures of the species of a mixture over time.
+    """Temperatures of the s species of a mixture over time; arrays (steps, s)."""
 
-    Attributes
-    ----------
-    T, T_rot : array (steps, s)
-        [energy].
-    collisions_per_disk : array (steps, s)
-        Collisions that a disk of each species has had on average.
-    """
+    T: Array  # [energy]
+    T_rot: Array  # [energy]
+    collisions_per_disk: Array  # that a disk of each species has had on average
 
-    T: NDArray[np.float64]
-    T_rot: NDArray[np.float64]
-    collisions_per_disk: NDArray[np.float64]
-
-    def mean(self, mixture: Mixture) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def mean(self, mixture: Mixture) -> tuple[Array, Array, Array]:
         """T, T_rot and collisions of all disks together, shape (steps,) each, as `observables.measure` has them."""
         x = mixture.fraction
         return self.T @ x, self.T_rot @ x, self.collisions_per_disk @ x
 
 
-def mixture_cooling_rates(
-    mixture: Mixture, T: ArrayLike, T_rot: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def mixture_cooling_rates(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Array, Array]:
     """Rates (dT_i/dt, dT_rot,i/dt) [energy/time], shape (s,) each, at which species of a mixture change by collisions.
+
+    InputError if shapes do not fit or a temperature is negative.
 
     Parameters
     ----------
     mixture : Mixture
     T, T_rot : array_like (s,)
         Temperatures m <v^2> / 2 and I <w^2> of each species [energy], 0 or more.
-
-    Raises
-    ------
-    InputError
-        If shapes do not fit or a temperature is negative.
 
     Examples
     --------
@@ -226,9 +195,7 @@ def mixture_cooling_rates(
     return _rates(mixture, T, T_rot, mixture.collision_rates(T))
 
 
-def _temperatures(
-    mixture: Mixture, T: ArrayLike, T_rot: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _temperatures(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Array, Array]:
     found = []
     for name, value in (("T", T), ("T_rot", T_rot)):
         try:
@@ -243,12 +210,10 @@ def _temperatures(
     return found[0], found[1]
 
 
-def _rates(
-    mixture: Mixture, T: NDArray[np.float64], T_rot: NDArray[np.float64], often: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rates(mixture: Mixture, T: Array, T_rot: Array, often: Array) -> tuple[Array, Array]:
     s = mixture.species
     translation, rotation = np.zeros(s), np.zeros(s)
-    disks = [Disk(*each) for each in zip(mixture.mass, mixture.k, T, T_rot, strict=True)]
+    disks = [Collider(*each) for each in zip(mixture.mass, mixture.k, T, T_rot, strict=True)]
     for i in range(s):
         for j in range(s):
             if often[i, j] > 0.0:  # not where both are at rest: they never meet
@@ -263,6 +228,8 @@ def mixture_cooling(
 ) -> MixtureTemperatures:
     """Temperatures of the species of a mixture as it cools: `mixture_cooling_rates` integrated.
 
+    InputError as `mixture_cooling_rates`, if nothing moves, or if the times decrease or are negative.
+
     Parameters
     ----------
     mixture : Mixture
@@ -270,11 +237,6 @@ def mixture_cooling(
         Temperatures at time 0 [energy], 0 or more; one species at least moves.
     times : array_like (steps,)
         Times since the start [time], 0 or more and not decreasing.
-
-    Raises
-    ------
-    InputError
-        As `mixture_cooling_rates`, if nothing moves, or if the times decrease or are negative.
 
     Examples
     --------
@@ -296,21 +258,20 @@ def mixture_cooling(
     if len(when) == 0 or when[-1] == 0.0 or rate0 == 0.0:
         return _unpacked(np.tile(start, (len(when), 1)).T, mean0, s)
 
-    def slope(y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(y: Array) -> Array:
         """Derivatives, by rate0 t, of ln(T/T0) of all disks, T_i/T, T_rot,i/T and collisions."""
         part, part_rot = np.maximum(y[1 : 1 + s], 0.0), np.maximum(y[1 + s : 1 + 2 * s], 0.0)
         speed = math.exp(0.5 * y[0])
         often = mixture.collision_rates(part * mean0) / rate0  # at T = T0; rates go with sqrt(T)
         translation, rotation = _rates(mixture, part, part_rot, often)
         change = float(x @ translation)
-        return speed * np.concatenate(
-            [[change], translation - part * change, rotation - part_rot * change, often.sum(axis=1)]
-        )
+        rates = ([change], translation - part * change, rotation - part_rot * change, often.sum(axis=1))
+        return speed * np.concatenate(rates)
 
     return _unpacked(cooled(slope, start, rate0 * when), mean0, s)
 
 
-def _unpacked(y: NDArray[np.float64], mean0: float, s: int) -> MixtureTemperatures:
+def _unpacked(y: Array, mean0: float, s: int) -> MixtureTemperatures:
     mean = mean0 * np.exp(y[0])
     return MixtureTemperatures((mean * y[1 : 1 + s]).T, (mean * y[1 + s : 1 + 2 * s]).T, y[1 + 2 * s :].T)
 
@@ -320,10 +281,7 @@ def mixture_driven(
 ) -> MixtureTemperatures:
     """Temperatures of the species of a driven mixture: as `mixture_cooling`, with a `Drive` for each species.
 
-    Raises
-    ------
-    InputError
-        As `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
+    InputError as `mixture_cooling`; if there is not a drive for each species, or nothing moves or is set in motion.
 
     Examples
     --------
@@ -342,9 +300,9 @@ def mixture_driven(
     s = mixture.species
     if len(drives) != s:
         raise InputError(f"drives: {len(drives)} for {s} species; one each is needed")
+    names = ("power", "spin_power", "rate", "spin_rate")
     power, spin_power, rate, spin_rate = (
-        np.array([getattr(each, name) for each in drives])
-        for name in ("power", "spin_power", "rate", "spin_rate")
+        np.array([getattr(each, name) for each in drives]) for name in names
     )
     if not T0.any() and not power.any():
         raise InputError("T0 = 0 and no power: nothing moves")
@@ -352,7 +310,7 @@ def mixture_driven(
         return MixtureTemperatures(np.empty((0, s)), np.empty((0, s)), np.empty((0, s)))
     scale = max(float(T0.max()), float((power + spin_power).max() * when[-1]))
 
-    def slope(_: float, y: NDArray[np.float64]) -> NDArray[np.float64]:
+    def slope(_: float, y: Array) -> Array:
         # From rest, a gas passes temperatures at which nothing collides yet.
         T, T_rot = scale * np.maximum(y[:s], 1e-9), scale * np.maximum(y[s : 2 * s], 0.0)
         often = mixture.collision_rates(T)

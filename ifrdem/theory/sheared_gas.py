@@ -39,13 +39,14 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError, TheoryError
 from ..model.ifr import IFRLaw
+from ..tools.checked import Array
 from .collisions import collision_rate
 from .contact import checked_positive, contact_value
 from .cooling_gas import changes_per_collision, checked_times
@@ -65,7 +66,7 @@ MOST_CALLS = 10_000
 """Evaluations of the right-hand side that one integration may take; hundreds over nine decades of both rates."""
 
 
-def _half_normal() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _half_normal() -> tuple[Array, Array]:
     """Nodes and weights of averages over the positive half of a normal variable, of total weight 1/2."""
     nodes = 0.5 * _HIGHEST * (_NODES + 1.0)
     return nodes, 0.5 * _HIGHEST * _WEIGHTS * np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
@@ -85,16 +86,8 @@ def relaxation(theta: float, law: IFRLaw, k: float) -> float:
         l = -(sqrt(2 pi) / 4) < g_n [ (D_nn - D_tt)(g_n^2 - v_t^2)/4 + D_nt g_n v_t ] >_(g_n > 0).
 
     The slip of the contact points is sqrt(S) u, u normal, S = 1 + k theta; given it, v_t is Gaussian with mean
-    u/sqrt(S) and variance 1 - 1/S. P_t is as at `theory.cooling_rates`.
-
-    Parameters
-    ----------
-    theta : float
-        T_rot / T.
-    law : IFRLaw
-        Without rolling friction.
-    k : float
-        Shape number in I = m R^2 / k.
+    u/sqrt(S) and variance 1 - 1/S. P_t is as at `theory.cooling_rates`. `theta` is T_rot / T, `k` the shape number in
+    I = m R^2 / k; the law has no rolling friction.
     """
     e, S = law.e_n, 1.0 + k * theta
     c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
@@ -126,25 +119,13 @@ class TheoryWarning(UserWarning):
 
 
 class _Flow(NamedTuple):
-    """State of a sheared gas, for m = sigma = 1: in free flight only `tilt` changes, at the rate -g.
+    """State of a sheared gas, for m = sigma = 1: in free flight only `tilt` changes, at the rate -g."""
 
-    Attributes
-    ----------
-    across, along : float
-        ln p_yy and ln(p_xx - p_xy^2 / p_yy): both are positive whatever an integrator tries.
-    tilt : float
-        p_xy / p_yy.
-    turn : float
-        Mean spin W.
-    tau : float
-        I <(w - W)^2>.
-    """
-
-    across: float
+    across: float  # ln p_yy and ln(p_xx - p_xy^2 / p_yy): both are positive whatever an integrator tries
     along: float
-    tilt: float
-    turn: float
-    tau: float
+    tilt: float  # p_xy / p_yy
+    turn: float  # mean spin W
+    tau: float  # I <(w - W)^2>
 
     @classmethod
     def of(cls, p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float) -> _Flow:
@@ -181,7 +162,7 @@ class _Flow(NamedTuple):
 
 def collisional_changes(
     p_xx: float, p_yy: float, p_xy: float, turn: float, tau: float, g: float, law: IFRLaw, k: float
-) -> NDArray[np.float64]:
+) -> Array:
     r"""Changes of a disk by its collisions, over 8 phi chi and per time: of 1, of m V V (xx, yy, xy), of w and I w^2.
 
     In units m = sigma = 1. Let n = (cos a, sin a) point from a disk to the other and t = (-sin a, cos a). The relative
@@ -195,14 +176,7 @@ def collisional_changes(
 
         d(V V) = -(P c + c P) / 2 + P P,    dw = -2 k P_t,    d(I w^2) = -P_t w + k P_t^2.
 
-    Parameters
-    ----------
-    p_xx, p_yy, p_xy, turn, tau
-        As in the module's text, turn being W.
-    g : float
-        Shear rate.
-    law, k
-        As for `relaxation`.
+    Arguments as in the module's text: `turn` is W, g the shear rate; law and k as for `relaxation`.
     """
     from scipy.special import erfc
 
@@ -244,7 +218,7 @@ def collisional_changes(
     by_n, by_t = C_nt * nn + C_tt * nt, C_nt * nt + C_tt * tt
     c_t, c_t0 = by_n * g_n + by_t * g_t, by_n * flow_n + by_t * flow_t  # mean of c_t: r c_t - c_t0
 
-    def average(square: NDArray[np.float64], linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    def average(square: Array, linear: Array) -> Array:
         """Over b and r, of square r^2 - linear r."""
         return np.asarray(np.sum(weight * (square * I_4 - linear * I_3), axis=1))
 
@@ -254,16 +228,15 @@ def collisional_changes(
     d_w = np.sum(weight * I_3 * -2.0 * k * P_t, axis=1)
     d_spinning = average(k * P_t**2 - P_t * (g_t - c_t), -P_t * (flow_t - c_t0 - turn))
     x, y = x[:, 0], y[:, 0]
-    return np.array(
-        (
-            np.sum(weight * I_2, axis=1),
-            x**2 * d_nn - 2.0 * x * y * d_nt + y**2 * d_tt,
-            y**2 * d_nn + 2.0 * x * y * d_nt + x**2 * d_tt,
-            x * y * (d_nn - d_tt) + (x**2 - y**2) * d_nt,
-            d_w,
-            d_spinning,
-        )
-    ).mean(axis=1)
+    changes = (
+        np.sum(weight * I_2, axis=1),
+        x**2 * d_nn - 2.0 * x * y * d_nt + y**2 * d_tt,
+        y**2 * d_nn + 2.0 * x * y * d_nt + x**2 * d_tt,
+        x * y * (d_nn - d_tt) + (x**2 - y**2) * d_nt,
+        d_w,
+        d_spinning,
+    )
+    return np.array(changes).mean(axis=1)
 
 
 def _check(law: IFRLaw, packing_fraction: float, shear_rate: float) -> None:
@@ -285,24 +258,9 @@ def steady_state(
 ) -> tuple[float, float] | None:
     """T and T_rot [energy] at which a sheared gas stays; None where it goes on heating, as elastic disks do.
 
-    T_rot is nan for smooth disks, whose spins nothing changes.
-
-    Parameters
-    ----------
-    law, mass, radius, k, packing_fraction
-        As for `theory.cooling`.
-    shear_rate : float
-        [1/time].
-
-    Raises
-    ------
-    InputError
-        If the law has rolling friction, the shear rate is 0 or a property is not positive.
-
-    Warns
-    -----
-    TheoryWarning
-        Outside the range of the module's text.
+    T_rot is nan for smooth disks, whose spins nothing changes. Arguments as for `theory.cooling`, with the shear rate
+    [1/time]. InputError if the law has rolling friction, the shear rate is 0 or a property is not positive.
+    TheoryWarning outside the range of the module's text.
     """
     from scipy.optimize import root
 
@@ -323,7 +281,7 @@ def steady_state(
     shear = -T * math.sqrt(part * (1.0 - part))
     guess = _Flow.of(T * (1.0 + part), T * (1.0 - part), shear, -0.5, theta * T)
 
-    def change(y: NDArray[np.float64]) -> tuple[float, ...]:
+    def change(y: Array) -> tuple[float, ...]:
         if smooth:
             return _Flow._make((*y, 0.0, 0.0)).rates(law, k, packing_fraction, 1.0)[0][:3]
         state = _Flow(y[0], y[1], y[2], y[3], math.exp(y[4]))
@@ -343,7 +301,6 @@ def steady_state(
 
 def _steady_theta(law: IFRLaw, k: float) -> float | None:
     """T_rot / T at which collisions leave T_rot alone while T is held; None if there is none up to 1e6."""
-
     from scipy.optimize import brentq
 
     def rotation(log_theta: float) -> float:
@@ -356,41 +313,16 @@ def _steady_theta(law: IFRLaw, k: float) -> float | None:
 
 
 def sheared(
-    law: IFRLaw,
-    mass: float,
-    radius: float,
-    k: float,
-    packing_fraction: float,
-    shear_rate: float,
-    T0: float,
-    T_rot0: float,
-    times: ArrayLike,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    law: IFRLaw, mass: float, radius: float, k: float, packing_fraction: float, shear_rate: float, T0: float,
+    T_rot0: float, times: ArrayLike,
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Temperatures of a gas of equal disks, isotropic at time 0, from when its flow begins.
 
-    Parameters
-    ----------
-    law, mass, radius, k, packing_fraction, T0, T_rot0, times
-        As for `theory.cooling`.
-    shear_rate : float
-        [1/time].
+    InputError as `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
+    TheoryError if the equations cannot be integrated: shear and collision rates differ by too many orders of
+    magnitude. TheoryWarning as `steady_state`.
 
-    Returns
-    -------
-    T, T_rot, collisions_per_disk : arrays (steps,)
-        [energy], [energy], and the collisions that each disk has had on average.
-
-    Raises
-    ------
-    InputError
-        As `steady_state`, or if T0 is not positive, T_rot0 negative, or the times decrease or are negative.
-    TheoryError
-        If the equations cannot be integrated: shear and collision rates differ by too many orders of magnitude.
-
-    Warns
-    -----
-    TheoryWarning
-        As `steady_state`.
+    Arguments and what is returned as for `theory.cooling`, with the shear rate [1/time].
     """
     from scipy.integrate import solve_ivp
 
@@ -405,7 +337,7 @@ def sheared(
 
     calls = 0
 
-    def slope(_: float, y: NDArray[np.float64]) -> tuple[float, ...]:
+    def slope(_: float, y: Array) -> tuple[float, ...]:
         """Of the state and the collisions."""
         nonlocal calls
         calls += 1
@@ -424,17 +356,11 @@ def sheared(
             ) from None
         return (*rates, often)
 
+    start = (*_Flow.of(1.0, 1.0, 0.0, 0.0, T_rot0 / T0), 0.0)
+    options: Any = {"method": "LSODA", "t_eval": unit * when, "rtol": 1e-8, "atol": 1e-10}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # `success` and `message` say the same
-        solution = solve_ivp(
-            slope,
-            (0.0, unit * when[-1]),
-            (*_Flow.of(1.0, 1.0, 0.0, 0.0, T_rot0 / T0), 0.0),
-            method="LSODA",
-            t_eval=unit * when,
-            rtol=1e-8,
-            atol=1e-10,
-        )
+        solution = solve_ivp(slope, (0.0, unit * when[-1]), start, **options)
     if not solution.success:
         raise TheoryError(f"the equations of the sheared gas could not be integrated: {solution.message}")
     T, T_rot = np.array([_Flow._make(one).temperatures(k) for one in solution.y[:5].T]).T

@@ -1,4 +1,4 @@
-r"""How far from Gaussian velocities of smooth disks are: the coefficient a_2 of Sonine's expansion.
+r"""Departure of velocities of smooth disks from Gaussian ones: the coefficient a_2 of Sonine's expansion.
 
 Symbols: c = v / sqrt(2 T / m); f(c) = exp(-c^2) / pi [1 + a_2 S_2(c^2)], S_2(x) = x^2/2 - 2 x + 1, so that
 <c^4> = 2 (1 + a_2), or a_2 = <v^4> / (2 <v^2>^2) - 1. e_n is the normal restitution; spins do not matter.
@@ -20,9 +20,10 @@ a_2 of the cooling gas is -0.0303 at e = 0.9 and -0.0260 at 0.8, here -0.0269 an
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..tools.checked import Array
 
 _D = 2  # dimensions
 
@@ -61,12 +62,7 @@ def _solved(e_n: float, a_2_of_the_state: float) -> float:
 def cooling_sonine(e_n: float) -> float:
     """a_2 of smooth disks that cool: 16 (1 - e) (1 - 2 e^2) / (57 - 25 e + 30 e^2 (1 - e)).
 
-    Reached after some 10 collisions of each disk, while the gas is homogeneous.
-
-    Raises
-    ------
-    InputError
-        If e_n is not from 0 to 1.
+    Reached after some 10 collisions of each disk, while the gas is homogeneous. InputError if e_n is not from 0 to 1.
 
     Examples
     --------
@@ -80,10 +76,7 @@ def cooling_sonine(e_n: float) -> float:
 def heated_sonine(e_n: float) -> float:
     """a_2 of smooth disks in the steady state of white noise: 16 (1 - e) (1 - 2 e^2) / (185 - 153 e + 30 e^2 (1 - e)).
 
-    Raises
-    ------
-    InputError
-        If e_n is not from 0 to 1.
+    InputError if e_n is not from 0 to 1.
 
     Examples
     --------
@@ -94,7 +87,7 @@ def heated_sonine(e_n: float) -> float:
     return _solved(e_n, 0.0)
 
 
-def cooling_factor(a_2: ArrayLike) -> NDArray[np.float64]:
+def cooling_factor(a_2: ArrayLike) -> Array:
     """By how much faster smooth disks lose energy than Gaussian ones at the same T: 1 + (3/16) a_2.
 
     The relative velocity of two disks has a_2 / 2 of its own; the mean of its cube, to which the loss per time is
@@ -109,7 +102,7 @@ def cooling_factor(a_2: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(1.0 + 3.0 / 16.0 * np.asarray(a_2, dtype=np.float64))
 
 
-def collision_factor(a_2: ArrayLike) -> NDArray[np.float64]:
+def collision_factor(a_2: ArrayLike) -> Array:
     """By how much more often smooth disks collide than Gaussian ones at the same T: 1 - a_2 / 16.
 
     As at `cooling_factor`, with the mean relative speed instead of its cube: 1 - (1/8) (a_2 / 2).

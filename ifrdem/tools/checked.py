@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from numbers import Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, nearest
+
+Array = NDArray[np.float64]
+"""An array of float64."""
 
 
 def real(name: str, value: object, needed: str = "a number is needed") -> float:
@@ -41,6 +44,14 @@ def whole(name: str, value: object, least: int, most: float = math.inf) -> int:
     if not least <= number <= most:
         raise InputError(f"{name} = {value}: {needed}")
     return number
+
+
+def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
+    """A text that is one of those allowed."""
+    known = list(allowed)
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"{name} = {value!r}: allowed are {', '.join(known)}{nearest(str(value), known)}")
+    return value
 
 
 def finite_pair(name: str, value: Any) -> tuple[float, float]:

@@ -15,10 +15,7 @@ def read(path: Path, *, most: int) -> tuple[list[list[str]], list[int]]:
 
     The file has `most` bytes at most.
 
-    Raises
-    ------
-    InputError
-        As `text_file.read`, or if it is not CSV. The message does not name the file.
+    Raises InputError as `text_file.read`, or if it is not CSV. The message does not name the file.
     """
     text = text_file.read(path, most=most, bom=True)
     reader = csv.reader(io.StringIO(text, newline=""))
@@ -34,7 +31,7 @@ def read(path: Path, *, most: int) -> tuple[list[list[str]], list[int]]:
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number, NaN and infinity included."""
+    """True if a text is a number, NaN and infinity included."""
     try:
         float(text)
     except ValueError:

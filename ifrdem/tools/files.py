@@ -20,10 +20,7 @@ VIEWS = (".vtkhdf", ".nc")
 def create(place: Path) -> Path:
     """Create an empty file beside a place, which nothing that is there can be or lead to; returns its path.
 
-    Raises
-    ------
-    OSError
-        If it cannot be created.
+    Raises OSError if it cannot be created.
     """
     beside = place.with_name(f".{place.name[:100]}.{secrets.token_hex(4)}.part")
     flags = os.O_CREAT | os.O_EXCL | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
@@ -45,10 +42,7 @@ def replacing(place: Path) -> Iterator[Path]:
 def check_apart(path: Path, trajectory: Path) -> None:
     """Refuse an output that would replace the trajectory that it is made of.
 
-    Raises
-    ------
-    InputError
-        If both are one file.
+    Raises InputError if both are one file.
     """
     if path.exists() and path.samefile(trajectory):
         raise InputError(f"output {path}: is the trajectory itself; -o writes elsewhere")
@@ -57,10 +51,8 @@ def check_apart(path: Path, trajectory: Path) -> None:
 def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:
     """Refuse files that exist (unless `force`) or cannot be written.
 
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong; `elsewhere` says how to choose another place. Nothing is left behind.
+    Raises InputError with a line for each thing that is wrong; `elsewhere` says how to choose another place. Nothing is
+    left behind.
     """
     wrong = []
     for path in paths:
@@ -85,10 +77,8 @@ def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writ
 def write_aside(place: Path, write: Callable[[Path], object]) -> None:
     """Let `write` write a file beside its place, and rename it into place: it appears whole or not at all.
 
-    Raises
-    ------
-    InputError
-        If the place is a folder, a device or a pipe, which nothing must take the place of, or cannot be written.
+    Raises InputError if the place is a folder, a device or a pipe, which nothing must take the place of, or cannot be
+    written.
     """
     if special := not_a_file(place):
         raise InputError(special)
@@ -99,8 +89,13 @@ def write_aside(place: Path, write: Callable[[Path], object]) -> None:
         raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
 
 
+def write_text(place: Path, text: str) -> None:
+    """Write a text in UTF-8, whole or not at all; InputError as `write_aside`."""
+    write_aside(place, lambda aside: aside.write_text(text, encoding="utf-8"))
+
+
 def not_a_file(path: Path) -> str | None:
-    """Why something that is there can be no output; None for files and where nothing is."""
+    """Reason why something that is there can be no output; None for files and where nothing is."""
     if path.is_dir():
         return f"output {path}: is a folder"
     if path.exists() and not path.is_file():

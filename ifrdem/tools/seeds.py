@@ -12,16 +12,13 @@ import numpy as np
 from ..errors import InputError
 
 POSITIONS, SITES, VELOCITIES, SPINS, RADII, AGITATION, HISTORIES = range(7)
-"""What random numbers are drawn for."""
+"""Purposes of random numbers."""
 
 
 def stream(seed: int, purpose: int) -> np.random.Generator:
     """The random numbers of a seed for one purpose, independent of those for another.
 
-    Raises
-    ------
-    InputError
-        If the seed is not a whole number of 0 or more.
+    Raises InputError if the seed is not a whole number of 0 or more.
     """
     if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
         raise InputError(f"seed = {seed}: a whole number, 0 or more, is needed")
@@ -36,10 +33,7 @@ def of_species(seed: int, i: int) -> int:
 def of_device(seed: int) -> int:
     """The seed as the key of random numbers on the device (`kernels/random.py`).
 
-    Raises
-    ------
-    InputError
-        If it is not a whole number from 0 to 2^64 - 1.
+    Raises InputError if it is not a whole number from 0 to 2^64 - 1.
     """
     if not (hasattr(seed, "__index__") and 0 <= seed < 2**64):
         raise InputError(f"seed = {seed}: a whole number from 0 to 2^64 - 1 is needed")

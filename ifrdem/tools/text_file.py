@@ -12,22 +12,10 @@ _AT_ONCE = getattr(os, "O_NONBLOCK", 0)  # a pipe is opened without waiting for 
 
 
 def read(path: Path, *, most: int, bom: bool = False) -> str:
-    """Text of a regular file in UTF-8.
+    """Text of a regular file in UTF-8 of at most so many bytes; with `bom`, a byte order mark is left out.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    most : int
-        Largest size that is read [bytes].
-    bom : bool
-        A byte order mark at the beginning, as spreadsheets write it, is left out.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, it is larger, a device, a pipe or a folder, or not text in UTF-8. The message does
-        not name the file.
+    Raises InputError if there is no such file, it is larger, a device, a pipe or a folder, or not text in UTF-8. The
+    message does not name the file.
     """
     if "\0" in str(path):
         raise InputError("cannot be read: a null character stands in its name")

@@ -1,10 +1,12 @@
-"""Versions of this package and of those that its numbers depend on."""
+"""Versions of this package, its source, and the packages that its numbers depend on."""
 
 from __future__ import annotations
 
 import functools
 import importlib.metadata
 import platform
+import subprocess
+from pathlib import Path
 
 __version__ = "0.1.0"
 
@@ -19,3 +21,21 @@ def package_versions() -> dict[str, str]:
         except importlib.metadata.PackageNotFoundError:  # a trajectory can be written without Taichi
             versions[package] = "not installed"
     return versions
+
+
+def revision() -> str:
+    """The git commit of the program's own source tree, or why there is none."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return "not a git checkout"
+    try:
+        found = subprocess.run(
+            ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40"],
+            capture_output=True,
+            text=True,
+            timeout=10.0,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "unknown"
+    return found.stdout.strip()

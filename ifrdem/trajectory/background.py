@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import queue
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+import time
+from collections.abc import Callable
 from types import TracebackType
+from typing import Any
 
-from numpy.typing import ArrayLike
-
-from ..model.state import State
-from .file import TrajectoryError
+from ..errors import TrajectoryError
 from .writer import TrajectoryWriter
 
 WAITING = 2
@@ -20,26 +19,23 @@ WAITING = 2
 
 
 class QueuedWriter:
-    """Hands frames, rows of series and histories to a `TrajectoryWriter` in a thread, in order.
+    """Hands what is given to the methods of a `TrajectoryWriter` to a thread, in order; other attributes are its own.
 
     What is given must not change afterwards: it is written later, without a copy. Two calls can wait; one more waits
-    until there is room. What goes wrong is raised by the next call, or by `close`; what was waiting is dropped then,
-    and the file keeps what is committed.
+    until there is room. What goes wrong (InputError, TrajectoryError) is raised by the next call, by `flush` or by
+    `close`; what was waiting is dropped then, and the file keeps what is committed. The writer belongs to the thread
+    until `close`; `seconds` is the processor time that the thread has taken.
 
     Use it as a context manager: leaving it writes all that waits, and closes the file.
-
-    Parameters
-    ----------
-    writer : TrajectoryWriter
-        It belongs to the thread until `close`; only what `QueuedWriter` has may be called.
     """
 
     def __init__(self, writer: TrajectoryWriter) -> None:
         self._writer = writer
         self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue(WAITING)
         self._closed = False
+        self.seconds = 0.0
         self._error: BaseException | None = None
-        self._said = False
+        self._told = False
         # A daemon: a run that dies without closing is not held up by it, and the file stays whole.
         self._thread = threading.Thread(target=self._work, name="trajectory", daemon=True)
         self._thread.start()
@@ -48,30 +44,11 @@ class QueuedWriter:
         """Number of committed frames."""
         return len(self._writer)
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._writer.path
-
-    @property
-    def gone(self) -> str | None:
-        """Reason why the file is not at its place any more; None if it is."""
-        return self._writer.gone
-
-    @property
-    def series_rows(self) -> int:
-        """Number of committed rows of the series."""
-        return self._writer.series_rows
-
-    @property
-    def events(self) -> int:
-        """Number of committed events of the histories."""
-        return self._writer.events
-
-    @property
-    def seen(self) -> dict[str, int]:
-        """What a checkpoint keeps for `TrajectoryWriter.resume`: what has been written. `flush` first."""
-        return self._writer.seen
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._writer, name)
+        if not callable(found):
+            return found
+        return lambda *given, **options: self._put(functools.partial(found, *given, **options))
 
     def __enter__(self) -> QueuedWriter:
         return self
@@ -79,74 +56,34 @@ class QueuedWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if error is None:
+        # What is on its way already is what is told.
+        with contextlib.suppress(*(() if error is None else (TrajectoryError,))):
             self.close()
-            return
-        with contextlib.suppress(TrajectoryError):  # what is on its way already is what is told
-            self.close()
-
-    def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:
-        """As `TrajectoryWriter.write`, later."""
-        self._put(lambda: self._writer.write(state, observables))
-
-    def write_series(
-        self, time: float, values: Mapping[str, ArrayLike], columns: Mapping[str, Sequence[str]] | None = None
-    ) -> None:
-        """As `TrajectoryWriter.write_series`, later."""
-        self._put(lambda: self._writer.write_series(time, values, columns))
-
-    def write_series_rows(
-        self,
-        rows: Sequence[tuple[float, Mapping[str, ArrayLike]]],
-        columns: Mapping[str, Sequence[str]] | None = None,
-    ) -> None:
-        """As `TrajectoryWriter.write_series_rows`, later."""
-        self._put(lambda: self._writer.write_series_rows(rows, columns))
-
-    def begin_histories(self, ids: ArrayLike, state: State) -> None:
-        """As `TrajectoryWriter.begin_histories`, later."""
-        self._put(lambda: self._writer.begin_histories(ids, state))
-
-    def write_histories(self, events: Mapping[str, ArrayLike], time: float) -> None:
-        """As `TrajectoryWriter.write_histories`, later."""
-        self._put(lambda: self._writer.write_histories(events, time))
 
     def flush(self) -> None:
-        """Wait until all that was given is committed.
-
-        Raises
-        ------
-        InputError, TrajectoryError
-            What went wrong meanwhile.
-        """
+        """Wait until all that was given is committed."""
         self._jobs.join()
-        self._say()
+        self._tell()
 
     def close(self) -> None:
-        """Write all that waits, and close the file. May be called twice.
-
-        Raises
-        ------
-        InputError, TrajectoryError
-            What went wrong meanwhile, if it was not raised before, or closing itself.
-        """
+        """Write all that waits, and close the file. May be called twice."""
         if not self._closed:
             self._closed = True
             self._jobs.put(None)
         self._thread.join()
         self._writer.close()
-        if not self._said:
-            self._say()
+        if not self._told:
+            self._tell()
 
     def _put(self, job: Callable[[], None]) -> None:
         if self._closed:
             raise TrajectoryError(f"{self._writer.path} is closed: nothing can be added")
-        self._say()
+        self._tell()
         self._jobs.put(job)
 
-    def _say(self) -> None:
+    def _tell(self) -> None:
         if self._error is not None:
-            self._said = True
+            self._told = True
             raise self._error
 
     def _work(self) -> None:
@@ -154,6 +91,7 @@ class QueuedWriter:
             try:
                 if self._error is None:  # after an error the rest is dropped
                     job()
+                    self.seconds = time.thread_time()
             except BaseException as error:
                 # Whatever it is, the run's thread has to hear of it: this one has nobody to raise it to.
                 self._error = error

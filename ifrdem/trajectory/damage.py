@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import os
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -12,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import DamageError, InputError
 
 FAULTS = (
     OSError, RuntimeError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, MemoryError,
@@ -22,14 +23,8 @@ HINT = "; `ifrdem repair` keeps what is whole"
 ZSTD = 32015  # number of the filter, https://github.com/HDFGroup/hdf5_plugins
 # Numbers of bytes made of one, at most: zlib's technical details; a block of Zstandard, RFC 8878: 128 KiB of 4 bytes.
 EXPANSION = {None: 1, "gzip": 1032, "zstd": 2**15}
-
-
-class DamageError(InputError):
-    """A part of a file that cannot be read."""
-
-
-class DamageWarning(UserWarning):
-    """A part of a file is left out, because it cannot be read and nothing else needs it."""
+# Texts and views stand in global heaps, which a file gets when it is made: those of 1e5 disks within so many bytes.
+HEAPS = 1 << 24
 
 
 @contextlib.contextmanager
@@ -58,11 +53,8 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
     uncompressed data look like other numbers. Where its bookkeeping has lost a chunk, it gives zeros; that is noticed
     here, because no writer of ours leaves a chunk of committed data out.
 
-    Raises
-    ------
-    DamageError
-        If HDF5 cannot read it, there are no numbers, or more than the file has room for; the message names the file and
-        the dataset.
+    Raises DamageError if HDF5 cannot read it, there are no numbers, or more than the file has room for; the message
+    names the file and the dataset.
     """
     with reading(dataset.file.filename, str(dataset.name)):
         if dataset.dtype.kind not in "biuf":
@@ -83,10 +75,7 @@ def read(dataset: h5py.Dataset, selection: Any = ()) -> NDArray[Any]:
 def compression(dataset: h5py.Dataset) -> str | None:
     """The compression of a dataset: "gzip", "zstd", None.
 
-    Raises
-    ------
-    DamageError
-        If it is another one, which no writer of ours uses.
+    Raises DamageError if it is another one, which no writer of ours uses.
     """
     filters = dataset.id.get_create_plist()
     known = {h5py.h5z.FILTER_DEFLATE: "gzip", ZSTD: "zstd"}
@@ -103,10 +92,7 @@ def compression(dataset: h5py.Dataset) -> str | None:
 def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | float:
     """A text or a number that stands alone; `errors` is what to do with bytes that are no UTF-8 (`bytes.decode`).
 
-    Raises
-    ------
-    DamageError
-        If it is neither, or cannot be read.
+    Raises DamageError if it is neither, or cannot be read.
     """
     with reading(dataset.file.filename, str(dataset.name)):
         if dataset.shape != ():
@@ -122,10 +108,7 @@ def parameter(dataset: h5py.Dataset, errors: str = "strict") -> str | int | floa
 def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "iuf") -> None:
     """Refuse a dataset of another shape (None: any length) or of other kinds of numbers (NumPy's letters).
 
-    Raises
-    ------
-    DamageError
-        With what is there and what is needed.
+    Raises DamageError with what is there and what is needed.
     """
     with reading(dataset.file.filename, str(dataset.name)):
         found = dataset.shape
@@ -143,23 +126,18 @@ def expect(dataset: h5py.Dataset, shape: tuple[int | None, ...], kinds: str = "i
 def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = None) -> None:
     """Refuse data that lie elsewhere, before anything is read: HDF5 would follow them to any file or pipe.
 
-    Parameters
-    ----------
-    file : h5py.File
-    path : str
-        Its path, for messages.
-    views : mapping, optional
-        Name of each virtual dataset that there may be -> name of the dataset of the same file that it shows.
+    `views` are the virtual datasets that there may be, and the dataset of the same file that each shows; `path` is for
+    messages.
 
-    Raises
-    ------
-    InputError
-        If there are links to other files, datasets whose numbers lie in other files, or other virtual datasets.
+    Raises InputError if there are links to other files, datasets whose numbers lie in other files, or other virtual
+    datasets.
     """
     allowed = views or {}
 
     links: list[tuple[bytes, int]] = []  # looked at later: h5py loses exceptions in here
     with reading(path, "its list of contents"):
+        # A file that is opened by an object of Python has no name of its own.
+        _check_heaps(file.filename if os.path.exists(file.filename) else path)
         file.id.links.visit(lambda name, info: links.append((name, info.type)), info=True)
     for name, kind in links:
         try:
@@ -170,6 +148,32 @@ def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = No
             raise InputError(
                 f"{path} is refused: {text_of(name)} {wrong}; a file of ifrdem holds its own data"
             )
+
+
+def _check_heaps(path: str) -> None:
+    """Refuse global heaps whose objects do not follow each other: HDF5 would walk through them for ever.
+
+    https://github.com/HDFGroup/hdf5/issues/1707. The format: https://docs.hdfgroup.org/documentation/hdf5/latest/
+    _f_m_t3.html, III.E: a collection has a head of 16 bytes, as has each object; object 0 is what is free.
+    """
+    with open(path, "rb") as file:
+        beginning = file.read(HEAPS)
+        for found in re.finditer(rb"GCOL\x01\0\0\0", beginning):
+            file.seek(found.start() + 8)
+            size = int.from_bytes(file.read(8), "little")
+            heap = file.read(size - 16) if 16 <= size <= os.path.getsize(path) else b""
+            at = 0
+            while at + 16 <= len(heap):
+                index, length = (
+                    int.from_bytes(heap[at : at + 2], "little"),
+                    int.from_bytes(heap[at + 8 : at + 16], "little"),
+                )
+                needed = 16 + (length + 7) // 8 * 8 if index else length
+                if needed < 16:
+                    break
+                at += needed
+            if not len(heap) - 16 < at <= len(heap) == size - 16:
+                raise ValueError(f"the global heap at byte {found.start()} has no end")
 
 
 def text_of(name: bytes | str) -> str:
@@ -212,7 +216,7 @@ def _chosen(dataset: h5py.Dataset, selection: Any) -> list[range]:
 
 
 def _lacks(dataset: h5py.Dataset, chosen: list[range], value: NDArray) -> bool:
-    """Whether a chunk of the selected part is not in the file; only one that reads as zeros can be."""
+    """True if a chunk of the selected part is not in the file; only one that reads as zeros can be."""
     if dataset.chunks is None or dataset.is_virtual or 0 in map(len, chosen):
         return False
     chunks = []

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, printable
+from ..errors import printable
+from ..tools import checked
 from ..tools.files import check_apart, write_aside
 from . import tables
 from .damage import FAULTS
@@ -34,29 +35,19 @@ def export(
 ) -> None:
     """Write frames of a trajectory to a file; memory holds one frame at a time.
 
-    Parameters
-    ----------
-    trajectory : Trajectory
-    place : path
-        The file to write: it appears whole or not at all, and replaces one that is there.
-    to : {"gsd", "extxyz", "csv"}
-        gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box; `angle` as
-        orientations, spins as angular momenta, both also as logged quantities `particles/angle` and
-        `particles/angular_velocity`, times as `time`; types are species. extxyz: extended XYZ with z = 0, every stored
-        field, and names of species without blanks in the column `kind`. csv: a line a disk and frame, with a header.
-        The last two keep every digit that is stored.
-    frames : sequence of int
-        Which, in this order.
-    progress : callable
-        Wraps the frames, to show how far it is.
+    The file at `place` appears whole or not at all, and replaces one that is there; `frames` are written in this order,
+    and `progress` wraps them, to show how far it is.
 
-    Raises
-    ------
-    InputError
-        If the format is none of these, a field it needs is not stored, a package is missing, or it cannot be written.
+    gsd: HOOMD's schema in two dimensions, single precision, with the origin in the middle of the box; `angle` as
+    orientations, spins as angular momenta, both also as logged quantities `particles/angle` and
+    `particles/angular_velocity`, times as `time`; types are species. extxyz: extended XYZ with z = 0, every stored
+    field, and names of species without blanks in the column `kind`. csv: a line a disk and frame, with a header. The
+    last two keep every digit that is stored.
+
+    Raises InputError if the format is none of these, a field it needs is not stored, a package is missing, or it cannot
+    be written.
     """
-    if to not in FORMATS:
-        raise InputError(f"--to {to}: allowed are {', '.join(FORMATS)}{nearest(to, FORMATS)}")
+    checked.one_of("to", to, FORMATS)
     writers = {"gsd": _gsd, "extxyz": _extxyz, "csv": _csv}
     if to != "csv":
         trajectory.dataset("position")  # says that it is missing
@@ -70,17 +61,16 @@ def write_history(history: History, place: Path) -> None:
     for name, value in history.columns.items():
         ends = ("n", "t") if name == "impulse" else ()
         found.update(tables.columns(name, value, ends))
-    write_aside(
-        place, lambda aside: _rows(aside, list(found), [np.column_stack([*map(_texts, found.values())])])
-    )
+    texts = np.column_stack([*map(_texts, found.values())]).tolist()
+    write_aside(place, lambda aside: write_csv(aside, found, texts))
 
 
-def _rows(place: Path, names: Sequence[str], blocks: Iterable[NDArray[Any]]) -> None:
+def write_csv(place: Path, names: Iterable[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a header and rows."""
     with place.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
-        for block in blocks:
-            writer.writerows(block.tolist())
+        writer.writerows(rows)
 
 
 def _texts(column: NDArray[Any]) -> NDArray[Any]:
@@ -98,7 +88,7 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     n = trajectory.disks.n
     names = [end for name, value in _empty(trajectory).items() for end, _ in tables.columns(name, value)]
 
-    def blocks() -> Iterable[NDArray[Any]]:
+    def rows() -> Iterable[list[str]]:
         ids = np.arange(n).astype(str)
         for index in frames:
             flat = [
@@ -107,9 +97,9 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
                 for _, column in tables.columns(name, value)
             ]
             head = [np.full(n, str(index)), np.full(n, repr(float(trajectory.times[index]))), ids]
-            yield np.column_stack([*head, *flat])
+            yield from np.column_stack([*head, *flat]).tolist()
 
-    _rows(place, ["frame", "time", "id", *names], blocks())
+    write_csv(place, ["frame", "time", "id", *names], rows())
 
 
 def _empty(trajectory: Trajectory) -> dict[str, NDArray[Any]]:
@@ -140,9 +130,7 @@ def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
 def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     disks, box = trajectory.disks, trajectory.box
     constant: dict[str, NDArray[Any]] = {
-        "radius": disks.radius,
-        "mass": disks.mass,
-        "material": disks.material,
+        name: getattr(disks, name) for name in ("radius", "mass", "material")
     }
     species = np.full(disks.n, "X")  # no chemical element; ASE takes no other name
     first, first_properties = [species], ["species:S:1"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import h5py
 
-from ..errors import InputError
+from ..errors import InputError, TrajectoryError
 from ..tools import files
 
 try:
@@ -18,12 +18,7 @@ try:
 except ImportError:  # not on Windows
     fcntl = None  # type: ignore[assignment]
 
-LOST = "its frames are not at their place any more"
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
-
-
-class TrajectoryError(RuntimeError):
-    """A trajectory cannot be written further (a full disk, a closed file). Its committed frames are kept."""
 
 
 class OrderedFile:
@@ -36,21 +31,10 @@ class OrderedFile:
     child early is harmless, because the old one still holds what has moved. Only a new name in a group that exists
     changes two pieces that must fit, its heap's head and body: groups are added before the first frame where possible.
 
-    Parameters
-    ----------
-    path : str or path
-        A file that exists. It is locked until `close`.
+    The file exists, and is locked until `close`. The first failure (`error`) is not raised, because HDF5 cannot be told
+    of it in the middle of its work: nothing is written any more, and whoever writes looks there after each flush.
 
-    Attributes
-    ----------
-    error : OSError or None
-        The first failure. It is not raised, because HDF5 cannot be told of it in the middle of its work: nothing is
-        written any more, and whoever writes looks here after each flush.
-
-    Raises
-    ------
-    BlockingIOError
-        If another process has locked the file.
+    Raises BlockingIOError if another process has locked the file.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
@@ -76,7 +60,7 @@ class OrderedFile:
         return self._at
 
     def tell(self) -> int:
-        """Where reading and writing go on."""
+        """Place at which reading and writing go on."""
         return self._at
 
     def readinto(self, buffer: bytearray) -> int:
@@ -170,19 +154,12 @@ class OrderedFile:
 
 
 def _order(data: bytes) -> tuple[int, int]:
-    """When a piece is written: see the numbers. Pieces of one number keep HDF5's order: data, then their headers."""
-    if data.startswith(_SUPERBLOCK):
-        return 0, 0
-    if data.startswith(b"HEAP"):  # of names
-        return 1, 0
-    if data.startswith(
-        b"TREE\x01"
-    ):  # of chunks, from the root down; the sixth byte is the level, 0 for leaves
-        return 2, -data[5]
-    if data.startswith(b"TREE"):  # of the names in a group
-        return 4, -data[5]
-    # Without a mark: names, numbers, and headers of datasets, which say how many rows there are.
-    return (5, 0) if data.startswith(b"SNOD") else (3, 0)
+    """Rank of a piece in the order of writing. Pieces of one rank keep HDF5's order: data, then their headers."""
+    for number, mark in ((0, _SUPERBLOCK), (1, b"HEAP"), (2, b"TREE\x01"), (4, b"TREE"), (5, b"SNOD")):
+        # A heap holds names, trees chunks (\x01) or names: from the root down, whose level is the sixth byte.
+        if data.startswith(mark):
+            return number, -data[5] if mark.startswith(b"TREE") else 0
+    return 3, 0  # names, numbers, and headers of datasets, which say how many rows there are
 
 
 class OutputFile:
@@ -190,14 +167,8 @@ class OutputFile:
 
     A new one grows up beside its place, so that its place never holds half a file; `publish` puts it there.
 
-    Attributes
-    ----------
-    path : Path
-        Its place, links followed: what they point to is replaced, not they.
-    file : h5py.File
-        The open file.
-    failed : bool
-        Whether writing has failed; nothing is written any more then.
+    Its place `path` has links followed: what they point to is replaced, not they. After a failure (`failed`) nothing is
+    written any more.
     """
 
     def __init__(
@@ -206,7 +177,7 @@ class OutputFile:
         self.file = file
         self._raw = raw
         self.path = path
-        self.failed = False
+        self.failed: bool = False
         self._present = present
         self._replaces = replaces
         self._removable = new
@@ -219,14 +190,22 @@ class OutputFile:
     ) -> OutputFile:
         """A new file; `fill` writes what stands in it before its first commit.
 
-        Raises
-        ------
-        InputError
-            If the path exists and `force` is not given, or the file cannot be made. Nothing is left behind.
+        Raises InputError if the path exists and `force` is not given, or the file cannot be made. Nothing is left
+        behind.
         """
-        path = Path(os.path.realpath(given))
-        replaces = _check_output(path, given, force=force)
-        present = _create_empty(path, given)
+        path, name = Path(os.path.realpath(given)), f"output {os.fspath(given)}"
+        if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
+            raise InputError(f"{name} is a folder: the name of a file is needed")
+        if not os.path.isdir(path.parent):
+            raise InputError(f"{name}: there is no folder {path.parent}")
+        if (replaces := os.path.exists(path)) and not os.path.isfile(path):
+            raise InputError(f"{name} is not a regular file")
+        if replaces and not force:
+            raise InputError(f"{name} exists: choose another name, or replace it (--force)")
+        try:
+            present = files.create(path)
+        except OSError as error:
+            raise InputError(f"{name} cannot be created: {error.strerror}") from error
         file, raw = None, None
         try:
             raw = OrderedFile(present)
@@ -240,38 +219,29 @@ class OutputFile:
         except (OSError, RuntimeError, ValueError, TypeError) as error:
             _close(file, raw)
             present.unlink(missing_ok=True)
-            raise InputError(f"output {os.fspath(given)} cannot be written: {error}") from error
+            raise InputError(f"{name} cannot be written: {error}") from error
         return output
 
     @classmethod
     def reopen(cls, given: str | os.PathLike[str]) -> OutputFile:
         """A file that is there, to be written further; no other process can write it meanwhile.
 
-        Raises
-        ------
-        InputError
-            If it is not there, not HDF5, damaged, or open elsewhere.
+        Raises InputError if it is not there, not HDF5, damaged, or open elsewhere.
         """
-        path = Path(os.path.realpath(given))
+        path, name, raw = Path(os.path.realpath(given)), os.fspath(given), None
         if not os.path.isfile(path):
-            raise InputError(f"{os.fspath(given)}: there is no such file to go on with")
-        raw = None
+            raise InputError(f"{name}: there is no such file to go on with")
         try:
             raw = OrderedFile(path)
             file = h5py.File(raw, "r+")
         except BlockingIOError as error:
             raise InputError(
-                f"{os.fspath(given)} is open elsewhere: a run is writing it, or a program holds it"
+                f"{name} is open elsewhere: a run is writing it, or a program holds it"
             ) from error
         except (OSError, RuntimeError) as error:
             _close(None, raw)
-            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-            raise InputError(f"{os.fspath(given)} cannot be written further: {reason}") from error
+            raise InputError(f"{name} cannot be written further: {_reason(error)}") from error
         return cls(file, raw, path, path, replaces=False, new=False)
-
-    def __bool__(self) -> bool:
-        """Whether it is open."""
-        return bool(self.file)
 
     @property
     def gone(self) -> str | None:
@@ -304,14 +274,9 @@ class OutputFile:
 
     @contextlib.contextmanager
     def committing(self, what: str, kept: Callable[[], str]) -> Iterator[None]:
-        """Turn what fails inside into a TrajectoryError; nothing is written after it.
+        """Turn what fails inside, where `what` is written, into a TrajectoryError; nothing is written after it.
 
-        Parameters
-        ----------
-        what : str
-            What is being written, e.g. "a frame".
-        kept : callable
-            Says what the file keeps.
+        `kept` says what the file keeps.
         """
         if self.failed or not self.file:
             raise TrajectoryError(f"{self.path} is closed: {what} cannot be added")
@@ -322,40 +287,26 @@ class OutputFile:
         except TrajectoryError as error:
             self.failed = True
             raise TrajectoryError(f"{self.path}: {error}") from error
-        except (OSError, RuntimeError) as caught:
+        except (OSError, RuntimeError) as error:
             self.failed = True
-            reason = (
-                os.strerror(caught.errno) if isinstance(caught, OSError) and caught.errno else str(caught)
-            )
-            left = LOST if self.gone else kept()
-            raise TrajectoryError(f"{self.path}: {what} could not be written ({reason}); {left}") from caught
+            left = "its frames are not at their place any more" if self.gone else kept()
+            raise TrajectoryError(
+                f"{self.path}: {what} could not be written ({_reason(error)}); {left}"
+            ) from error
 
     def flush(self) -> None:
         """Have all that was written on its way to the disk.
 
-        Raises
-        ------
-        OSError
-            If something could not be written. Nothing reaches the file any more then.
+        Raises OSError if something could not be written. Nothing reaches the file any more then.
         """
         self.file.flush()
         if self._raw.error is not None:
             raise self._raw.error
 
     def close(self, drop: Callable[[], None], *, keep: bool) -> None:
-        """Close the file.
+        """Close the file; `drop` removes what is not committed, and a new file is removed unless `keep`.
 
-        Parameters
-        ----------
-        drop : callable
-            Removes what is not committed.
-        keep : bool
-            Whether a new file has something committed in it; otherwise it is removed.
-
-        Raises
-        ------
-        TrajectoryError
-            If closing fails, e.g. because the disk has gone.
+        Raises TrajectoryError if closing fails, e.g. because the disk has gone.
         """
         if not self.file:
             return
@@ -395,31 +346,12 @@ def drop_staged(file: h5py.File, name: str) -> None:
         del file[f"{name}_uncommitted"]
 
 
+def _reason(error: OSError | RuntimeError) -> str:
+    return os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+
+
 def _close(file: h5py.File | None, raw: OrderedFile | None) -> None:
     for one in (file, raw):
         if one is not None:
             with contextlib.suppress(OSError, RuntimeError):
                 one.close()
-
-
-def _check_output(path: Path, given: str | os.PathLike[str], *, force: bool) -> bool:
-    """Whether there is a file to replace at `path`; raises InputError if that must not be."""
-    if os.path.isdir(path):  # unlike Path.is_dir, os.path takes an impossible name for an absent file
-        raise InputError(f"output {os.fspath(given)} is a folder: the name of a file is needed")
-    if not os.path.isdir(path.parent):
-        raise InputError(f"output {os.fspath(given)}: there is no folder {path.parent}")
-    if not os.path.exists(path):
-        return False
-    if not os.path.isfile(path):
-        raise InputError(f"output {os.fspath(given)} is not a regular file")
-    if not force:
-        raise InputError(f"output {os.fspath(given)} exists: choose another name, or replace it (--force)")
-    return True
-
-
-def _create_empty(path: Path, given: str | os.PathLike[str]) -> Path:
-    """Create an empty file beside `path` and return its path."""
-    try:
-        return files.create(path)
-    except OSError as error:
-        raise InputError(f"output {os.fspath(given)} cannot be created: {error.strerror}") from error

@@ -7,29 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import AttributeMissing, NameMissing
 from ..tools.sealed import Sealed
 
 if TYPE_CHECKING:
     from .reader import Trajectory
 
 SPIN = "angular_velocity"
-"""What H5MD calls the spin; both names are understood."""
-
-
-class FrameError(InputError, IndexError):
-    """A frame number outside the trajectory."""
-
-
-class NameMissing(InputError, KeyError):
-    """A name that the file does not hold."""
-
-    def __str__(self) -> str:  # KeyError would put its message into quotes
-        return Exception.__str__(self)
-
-
-class AttributeMissing(NameMissing, AttributeError):
-    """The same, asked for as an attribute."""
+"""Name of the spin in H5MD; both names are understood."""
 
 
 class Frame(Sealed):
@@ -53,7 +38,7 @@ class Frame(Sealed):
         self._set(index=index)
 
     def __repr__(self) -> str:
-        """Which frame of how many, and when."""
+        """Number of the frame of how many, and its time."""
         trajectory = self._trajectory
         return (
             f"<Frame {self.index} of {len(trajectory)}: {trajectory.disks.n} disks at "
@@ -80,10 +65,7 @@ class Frame(Sealed):
     def field(self, name: str) -> NDArray[Any]:
         """A stored field by its name in the file, shape (n,) or (n, 2).
 
-        Raises
-        ------
-        InputError
-            If the file does not hold it (also a KeyError), or it cannot be read (`damage.DamageError`).
+        Raises InputError if the file does not hold it (also a KeyError), or it cannot be read (`DamageError`).
         """
         value = self._trajectory.read(name, self.index)
         return value.astype(np.float64) if value.dtype.kind == "f" else value
@@ -122,7 +104,7 @@ class Frame(Sealed):
 
     @property
     def image(self) -> NDArray[np.int32]:
-        """How often each disk has left the box through each side, shape (n, 2); see `Box.unwrap`."""
+        """Box lengths that each disk has travelled along each axis, shape (n, 2); see `Box.unwrap`."""
         return self.field("image")
 
     @property

@@ -9,32 +9,11 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, NameMissing, nearest, there_are
 from ..model.box import Box
 from . import damage
-from .frame import NameMissing
-
-GROUP = "histories"
-
-COLUMNS: dict[str, tuple[int, ...]] = {
-    "time": (),
-    "partner": (),
-    "position": (2,),
-    "image": (2,),
-    "normal": (2,),
-    "velocity_before": (2,),
-    "velocity_after": (2,),
-    "spin_before": (),
-    "spin_after": (),
-    "partner_velocity_before": (2,),
-    "partner_velocity_after": (2,),
-    "partner_spin_before": (),
-    "partner_spin_after": (),
-    "impulse": (2,),
-    "psi": (),
-    "regime": (),
-}
-"""What is stored of each event beside the disk's id, and its shape."""
+from .layout import EVENT_COLUMNS, START_COLUMNS
+from .layout import HISTORIES as GROUP
 
 KICK = -1
 """Partner of an event that is no collision: a force changed the disk's velocity or spin."""
@@ -91,14 +70,12 @@ class History:
     columns: dict[str, NDArray[Any]] = field(repr=False)
     _box: Box = field(repr=False)
     _gravity: NDArray[np.float64] = field(repr=False)
-    _path: _Path = field(repr=False)
+    # Where flights begin, at the start of tracking and after each event: time, position, velocity, spin, image, angle.
+    _flights: dict[str, NDArray[Any]] = field(repr=False)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self.columns:
-            raise NameMissing(
-                f"a history has no column {name!r}: there are {', '.join(self.columns)}"
-                f"{nearest(str(name), self.columns)}"
-            )
+            raise NameMissing(f"a history has no column {name!r}{there_are(str(name), self.columns)}")
         return self.columns[name]
 
     def __getattr__(self, name: str) -> NDArray[Any]:
@@ -137,24 +114,20 @@ class History:
     def position(self, t: ArrayLike) -> NDArray[np.float64]:
         """Centre at times t [time] of any shape (...): inside the box [length], shape (..., 2). Exact.
 
-        Raises
-        ------
-        InputError
-            If a time is not between `start` and `end`.
+        Raises InputError if a time is not between `start` and `end`.
         """
-        at, place, _ = self._flight(t)
+        at, _, place = self._flight(t)
         return self._box.wrap(place, at)
 
     def unwrapped(self, t: ArrayLike) -> NDArray[np.float64]:
         """The same on a path without jumps: what `Box.unwrap` makes of position and image."""
-        at, place, event = self._flight(t)
-        return self._box.unwrap(place, self._path.image[event], at)
+        at, begun, place = self._flight(t)
+        return self._box.unwrap(place, begun["image"], at)
 
     def velocity(self, t: ArrayLike) -> NDArray[np.float64]:
         """Velocity in the lab at times t [length/time], shape (..., 2); after the event at the time of one."""
-        at, place, event = self._flight(t)
-        since = at - self._path.time[event]
-        velocity = self._path.velocity[event] + since[..., None] * self._gravity
+        at, begun, place = self._flight(t)
+        velocity = begun["velocity"] + (at - begun["time"])[..., None] * self._gravity
         if self._box.shear_rate:  # who leaves a sheared box above comes in below, so much slower
             height = self._box.lengths[1]
             velocity[..., 0] -= np.floor(place[..., 1] / height) * self._box.shear_rate * height
@@ -162,15 +135,15 @@ class History:
 
     def spin(self, t: ArrayLike) -> NDArray[np.float64]:
         """Spin at times t [rad/time], shape (...); after the event at the time of one."""
-        _, event = self._find(t)
-        return self._path.spin[event]
+        return self._begun(t)[1]["spin"]
 
     def angle(self, t: ArrayLike) -> NDArray[np.float64]:
-        """How far the disk has turned since tracking began, at times t [rad], shape (...)."""
-        at, event = self._find(t)
-        return self._path.angle[event] + self._path.spin[event] * (at - self._path.time[event])
+        """Angle by which the disk has turned since tracking began, at times t [rad], shape (...)."""
+        at, begun = self._begun(t)
+        return begun["angle"] + begun["spin"] * (at - begun["time"])
 
-    def _find(self, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    def _begun(self, t: ArrayLike) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]]]:
+        """Times, and the beginnings of the flights that the disk is on then."""
         at = np.asarray(t, dtype=np.float64)
         wrong = ~((at >= self.start) & (at <= self.end))
         if wrong.any():
@@ -178,28 +151,16 @@ class History:
                 f"t = {at[wrong].flat[0] if at.ndim else float(at):.17g}: the history of disk {self.disk} is known "
                 f"from {self.start:.17g} to {self.end:.17g}"
             )
-        return at, np.searchsorted(self._path.time, at, side="right") - 1
+        event = np.searchsorted(self._flights["time"], at, side="right") - 1
+        return at, {name: value[event] for name, value in self._flights.items()}
 
-    def _flight(self, t: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.intp]]:
-        """Times, the places in the plane of which the latest event's box is a part, and the number of that event."""
-        at, event = self._find(t)
-        since = (at - self._path.time[event])[..., None]
-        place = self._path.position[event] + since * (
-            self._path.velocity[event] + 0.5 * since * self._gravity
-        )
-        return at, place, event
-
-
-@dataclass(frozen=True, eq=False)
-class _Path:
-    """Where the flights of a disk begin: the start of tracking, then after each event."""
-
-    time: NDArray[np.float64]
-    position: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    spin: NDArray[np.float64]
-    image: NDArray[np.int32]
-    angle: NDArray[np.float64]
+    def _flight(
+        self, t: ArrayLike
+    ) -> tuple[NDArray[np.float64], dict[str, NDArray[Any]], NDArray[np.float64]]:
+        """The same, and the places in the plane of which the latest event's box is a part."""
+        at, begun = self._begun(t)
+        since = (at - begun["time"])[..., None]
+        return at, begun, begun["position"] + since * (begun["velocity"] + 0.5 * since * self._gravity)
 
 
 def tracked(file: h5py.File) -> NDArray[np.int32]:
@@ -212,10 +173,7 @@ def tracked(file: h5py.File) -> NDArray[np.int32]:
 def committed(file: h5py.File, path: str) -> tuple[int, float, float]:
     """Number of committed events of all disks, and the times between which histories are complete [time].
 
-    Raises
-    ------
-    InputError
-        If the file has no histories, or a part of them cannot be read.
+    Raises InputError if the file has no histories, or a part of them cannot be read.
     """
     if GROUP not in file:
         raise InputError(
@@ -233,10 +191,8 @@ def read(
 ) -> History:
     """The history of a disk. Memory holds its own events, and a block of those of all.
 
-    Raises
-    ------
-    InputError
-        If the file has no histories, or not of this disk; the message says of which, or how to ask for them.
+    Raises InputError if the file has no histories, or not of this disk; the message says of which, or how to ask for
+    them.
     """
     if not 0 <= disk < len(radius):
         raise InputError(f"disk {disk} of {path}: there are {len(radius)} disks, 0 to {len(radius) - 1}")
@@ -250,39 +206,32 @@ def read(
             f"disk {disk} of {path} is not tracked: {len(ids)} of {len(radius)} disks are ({some})"
             + ("" if near is None else f"; the nearest is {near}")
         )
-    columns = _events(file, disk, count)
-    start = {
-        name: damage.read(file[f"{GROUP}/start/{name}"], place if name != "time" else ())
-        for name in ("time", "position", "velocity", "spin", "image")
-    }
-    time = np.concatenate([[float(start["time"])], columns["time"]])
-    spin = np.concatenate([[start["spin"]], columns["spin_after"]])
-    flights = _Path(
-        time=time,
-        position=np.concatenate([start["position"][None], columns["position"]]),
-        velocity=np.concatenate([start["velocity"][None], columns["velocity_after"]]),
-        spin=spin,
-        image=np.concatenate([start["image"][None], columns["image"]]),
-        angle=np.concatenate([[0.0], np.cumsum(spin[:-1] * np.diff(time))]),
-    )
+    columns, group = _events(file, disk, count), file[GROUP]
+    flights = {"time": np.concatenate([[float(damage.read(group["start/time"]))], columns["time"]])}
+    for name in START_COLUMNS:
+        after = columns[f"{name}_after" if name in ("velocity", "spin") else name]
+        flights[name] = np.concatenate([damage.read(group[f"start/{name}"], place)[None], after])
+    flights["angle"] = np.concatenate([[0.0], np.cumsum(flights["spin"][:-1] * np.diff(flights["time"]))])
     columns["contact_point"] = columns["position"] + radius[disk] * columns["normal"]
     for column in columns.values():
         column.flags.writeable = False
-    return History(disk, float(time[0]), end, columns, box, np.asarray(gravity, dtype=np.float64), flights)
+    start = float(flights["time"][0])
+    return History(disk, start, end, columns, box, np.asarray(gravity, dtype=np.float64), flights)
 
 
 def _events(file: h5py.File, disk: int, count: int) -> dict[str, NDArray[Any]]:
     """The columns of a disk's events among the first `count` of all."""
     events = file[f"{GROUP}/events"]
     found: dict[str, list[NDArray[Any]]] = {
-        name: [np.zeros((0, *tail), dtype=events[name].dtype)] for name, tail in COLUMNS.items()
+        name: [np.zeros((0, *column.tail), dtype=events[name].dtype)]
+        for name, column in EVENT_COLUMNS.items()
+        if name != "id"
     }
     for first in range(0, count, _BLOCK):
         last = min(first + _BLOCK, count)
         mine = np.flatnonzero(damage.read(events["id"], slice(first, last)) == disk)
-        if len(mine) == 0:
-            continue
-        rows = slice(first + int(mine[0]), first + int(mine[-1]) + 1)
-        for name in COLUMNS:
-            found[name].append(damage.read(events[name], rows)[mine - mine[0]])
+        if len(mine):
+            rows = slice(first + int(mine[0]), first + int(mine[-1]) + 1)
+            for name, parts in found.items():
+                parts.append(damage.read(events[name], rows)[mine - mine[0]])
     return {name: np.concatenate(parts) for name, parts in found.items()}

@@ -1,46 +1,8 @@
 """The layout of a trajectory file: H5MD 1.1 with raw two-dimensional data and 3D views of it.
 
 H5MD: P. de Buyl, P. H. Colberg and F. Hoefling, Comput. Phys. Commun. 185, 1546 (2014),
-doi:10.1016/j.cpc.2014.01.018. With n disks and F frames::
-
-    h5md                                attribute version = [1, 1]; author, creator
-      modules/units                     attributes version = [1, 0], system = "SI"; absent without SI units
-      modules/ifrdem                    attribute version: the version of this layout
-    particles/all
-      box                               attributes dimension = 3, boundary, lengths = (Lx, Ly); shear_rate if sheared
-        edges/{step, time, value}       (F, 3): Lx, Ly and the placeholder 1
-      position/value_2d                 (F, n, 2): the stored data
-      position/{step, time, value}      (F, n, 3): a virtual dataset of value_2d with z = 0
-      velocity/...                      as position
-      angle/{step, time, value}       (F, n), counter-clockwise since the start, full turns included
-      angular_velocity/{step, time, value}   (F, n), counter-clockwise
-      collisions/{step, time, value}    (F, n) int32, how many each disk has had
-      image/...                         as position, int32: box lengths travelled
-      last_partner/...                  (F, n) int32: partner of the latest collision; -1 none yet, -2 - w wall w
-      radius, mass, k, material         (n,): constant; `species` is another name of `material`
-    observables/<name>/{step, time, value}   (F, ...) whole-gas quantities
-    timeseries                          absent without series
-      {step, time}                      (S,), the number of the row and its time
-      <name>/{step, time, value}        (S, ...) whole-gas quantities at times of their own
-    histories                           absent without m tracked disks; E events, K commits
-      tracked                           (m,) int32 ids, ascending
-      start/{time, position, velocity, spin, image}   where each tracked disk was when tracking began
-      committed/{events, time}          (K,): so many events are committed, complete up to this time;
-                                        `events` grows last: rows beyond its last number do not count
-      events/<column>                   (E, ...): see EVENT_COLUMNS; by time, then id
-    parameters                          case text, seed, device, ...; versions/<package>
-      units/<quantity>                  e.g. momentum = "kg m s-1"; or units = "reduced" for all of them
-
-`step` (the number of the frame) and `time` exist once; the groups share them by hard links, and likewise those of
-the time series. `step` is the commit marker: it grows last, so that a frame counts only if it has a step. Wall w
-is that of the parameter "walls", then come the sides of the box (`walls.sides`). The names of a series' columns
-stand in its attribute `columns`. Layout 1.0 had no last_partner, timeseries and histories, 1.1 no angle. Readers
-that need three components (MDAnalysis, VMD, ASE) take `value`; nothing is stored twice. H5MD knows no sheared box:
-what such readers make of images above and below is wrong in one. There are no `unit` attributes, because MDAnalysis
-refuses units that are not in its list.
-
-A collision of two tracked disks stands in the events twice, once for each. Between events a disk's path is
-x(t) = x_e + v_after (t - t_e) + g (t - t_e)^2 / 2 with the parameter `gravity`.
+doi:10.1016/j.cpc.2014.01.018. The manual has all groups and datasets (`ifrdem docs format`). Layout 1.0 had no
+last_partner, timeseries and histories, 1.1 no angle.
 """
 
 from __future__ import annotations
@@ -52,7 +14,7 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from ..errors import InputError
 from ..model.box import Box
@@ -67,7 +29,7 @@ PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
 TIMESERIES = "timeseries"
 REDUCED = "reduced"
-"""What stands for the unit of every quantity where there are none."""
+"""Unit of every quantity where there are none."""
 SI_SYMBOLS = ("m", "kg", "s", "rad", "J", "N", "Hz")
 STATIC = ("radius", "mass", "k", "material")
 
@@ -81,26 +43,21 @@ CHUNK_ROWS = 512
 
 @dataclass(frozen=True)
 class Field:
-    """A quantity stored per disk and frame.
+    """A quantity stored per disk and frame."""
 
-    Attributes
-    ----------
-    attribute : str
-        Its name in `State`.
-    components : int
-        2 for vectors, stored as (frames, n, 2) with a 3D view; 1 for scalars, (frames, n).
-    count : bool
-        Stored as int32; otherwise in the floating-point precision of the file.
-    """
-
-    attribute: str
-    components: int
-    count: bool = False
+    attribute: str  # its name in `State`
+    components: int  # 2 for vectors, stored as (frames, n, 2) with a 3D view; 1 for scalars, (frames, n)
+    count: bool = False  # stored as int32; otherwise in the floating-point precision of the file
 
     @property
     def dataset(self) -> str:
         """Name of the dataset with the stored data inside the field's group."""
         return "value_2d" if self.components == 2 else "value"
+
+    @property
+    def tail(self) -> tuple[int, ...]:
+        """Shape of one disk's values."""
+        return () if self.components == 1 else (self.components,)
 
 
 FIELDS = {
@@ -131,8 +88,7 @@ COMPRESSIONS: dict[str, dict[str, object]] = {
 
 HISTORIES = "histories"
 CHUNK_EVENTS, FEW_EVENTS, MANY = 16384, 512, 1000
-"""Events per chunk of many tracked disks; of fewer than MANY; never compressed: the last chunk is written again by each
-commit, and must stay in its place."""
+"""Events per chunk of many tracked disks; of fewer than MANY."""
 
 
 @dataclass(frozen=True)
@@ -180,7 +136,7 @@ MEANINGS = {
     "regime": "0 none; 1 sliding, 2 sticking; with rolling friction 3 sliding rolling, 4 sticking rolling, 5 sliding "
     "non-rolling, 6 sticking non-rolling; 9 elastic by a remedy for collapse; -1 not known",
 }
-"""What numbers stand for; in the file an attribute of the column."""
+"""Meaning of numbers; in the file an attribute of the column."""
 
 START_COLUMNS = {
     "position": Column(2, np.float64),
@@ -201,10 +157,7 @@ def create(
     parameters: Mapping[str, str | int | float],
     units: Mapping[str, str],
 ) -> None:
-    """Write everything but the frames into an empty file: groups, constant data, empty series.
-
-    The names and choices are expected to have been checked.
-    """
+    """Write everything but the frames into an empty file: groups, constant data, empty series; names are checked."""
     h5md = file.create_group("h5md")
     h5md.attrs["version"] = np.array(H5MD_VERSION, dtype=np.int32)
     h5md.create_group("author").attrs["name"] = str(parameters.get("author", "not stated"))
@@ -219,40 +172,37 @@ def create(
         module.attrs["system"] = np.bytes_("SI")  # the module wants a text of fixed length
 
     particles = file.create_group(PARTICLES)
-    frame_box = particles.create_group("box")
-    for name, value in box_attributes(box).items():
-        frame_box.attrs[name] = value
-    edges = frame_box.create_group("edges")
-    edges.create_dataset("step", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.int64)
-    edges.create_dataset("time", shape=(0,), maxshape=(None,), chunks=(CHUNK_FRAMES,), dtype=np.float64)
-    edges.create_dataset(
-        "value", shape=(0, 3), maxshape=(None, 3), chunks=(CHUNK_FRAMES, 3), dtype=np.float64
-    )
-
+    particles.create_group("box").attrs.update(box_attributes(box))
+    edges = particles.create_group("box/edges")
+    for name, dtype, tail in (("step", np.int64, ()), ("time", np.float64, ()), ("value", np.float64, (3,))):
+        _growing(edges, name, dtype, CHUNK_FRAMES, tail)
     for name in STATIC:
         particles[name] = getattr(disks, name)
     particles["species"] = particles["material"]
     for name in fields:
         field = FIELDS[name]
-        dtype: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
-        _create_field(file, name, field, disks.n, dtype, COMPRESSIONS[compression])
+        stored_as: DTypeLike = np.int32 if field.count else PRECISIONS[precision]
+        _create_field(file, name, field, disks.n, stored_as, COMPRESSIONS[compression])
 
     stored = file.create_group("parameters")
-    for package, version in versions.items():
-        if f"versions/{package}" not in parameters:
-            stored[f"versions/{package}"] = version
-    if units and set(units.values()) == {REDUCED}:
-        stored["units"] = REDUCED
-    else:
-        for quantity, unit in units.items():
-            stored[f"units/{quantity}"] = unit
-    for name, value in parameters.items():
+    reduced = bool(units) and set(units.values()) == {REDUCED}
+    record = {f"versions/{package}": version for package, version in versions.items()}
+    record |= {"units": REDUCED} if reduced else {f"units/{name}": unit for name, unit in units.items()}
+    for name, value in {**record, **parameters}.items():
         stored[name] = value
     file.create_group("observables")
 
 
+def _growing(
+    group: h5py.Group, name: str, dtype: DTypeLike, chunk: int, tail: tuple[int, ...] = ()
+) -> h5py.Dataset:
+    """An empty dataset that grows along its first axis, by rows of the shape `tail`."""
+    chunks = (chunk, *tail)
+    return group.create_dataset(name, shape=(0, *tail), maxshape=(None, *tail), chunks=chunks, dtype=dtype)
+
+
 def box_attributes(box: Box) -> dict[str, Any]:
-    """What a file says of its box."""
+    """Attributes of a box in the file."""
     sides: dict[str, Any] = {
         "dimension": 3,
         "boundary": [*("periodic" if one else "none" for one in box.periodic), "none"],
@@ -262,7 +212,7 @@ def box_attributes(box: Box) -> dict[str, Any]:
 
 
 def _are_si(units: Mapping[str, str]) -> bool:
-    """Whether there are units and all are powers of SI symbols in the module's notation: "kg m s-1"."""
+    """True if there are units and all are powers of SI symbols in the module's notation: "kg m s-1"."""
     factors = [factor for unit in units.values() for factor in unit.split(" ")]
     power = rf"({'|'.join(SI_SYMBOLS)})([+-][1-9][0-9]*)?"
     return bool(factors) and all(re.fullmatch(power, factor) for factor in factors)
@@ -273,14 +223,12 @@ def _create_field(
 ) -> None:
     group = file.create_group(f"{PARTICLES}/{name}")
     _link_steps(file, group)
-    tail = (2,) if field.components == 2 else ()
     # HDF5 has no chunks of size 0 in an axis that cannot grow.
-    limit = n if n > 0 else None
     group.create_dataset(
         field.dataset,
-        shape=(0, n, *tail),
-        maxshape=(None, limit, *tail),
-        chunks=(1, chunk_disks(n), *tail),
+        shape=(0, n, *field.tail),
+        maxshape=(None, n or None, *field.tail),
+        chunks=(1, chunk_disks(n), *field.tail),
         dtype=dtype,
         **filters,
     )
@@ -291,9 +239,8 @@ def _create_field(
             "value", shape=(0, 0, 3), maxshape=(None, None, 3), chunks=(1, 1, 3), dtype=dtype
         )
         return
-    source = h5py.VirtualSource(
-        ".", f"/{PARTICLES}/{name}/{field.dataset}", shape=(1, n, 2), maxshape=(None, n, 2), dtype=dtype
-    )
+    shape = {"shape": (1, n, 2), "maxshape": (None, n, 2), "dtype": dtype}
+    source = h5py.VirtualSource(".", f"/{PARTICLES}/{name}/{field.dataset}", **shape)
     view = h5py.VirtualLayout(shape=(1, n, 3), maxshape=(None, n, 3), dtype=dtype)
     frames = slice(0, h5py.h5s.UNLIMITED)  # the view grows with its source
     view[frames, :, :2] = source[frames, :, :]
@@ -304,13 +251,7 @@ def add_observable(file: h5py.File, name: str, sample: NDArray[Any]) -> h5py.Dat
     """Add an empty series for values of the shape and type of `sample`; returns its dataset."""
     group = file.create_group(f"observables/{name}")
     _link_steps(file, group)
-    return group.create_dataset(
-        "value",
-        shape=(0, *sample.shape),
-        maxshape=(None, *sample.shape),
-        chunks=(CHUNK_FRAMES if sample.size <= 16 else 1, *sample.shape),
-        dtype=sample.dtype,
-    )
+    return _growing(group, "value", sample.dtype, CHUNK_FRAMES if sample.size <= 16 else 1, sample.shape)
 
 
 def create_timeseries(
@@ -318,20 +259,30 @@ def create_timeseries(
 ) -> None:
     """Write the group of the time series, without a row yet, for values of the shapes and types of `samples`."""
     with staged(file, TIMESERIES) as group:
-        for name, dtype in (("step", np.int64), ("time", np.float64)):
-            group.create_dataset(name, shape=(0,), maxshape=(None,), chunks=(CHUNK_ROWS,), dtype=dtype)
+        _growing(group, "step", np.int64, CHUNK_ROWS)
+        _growing(group, "time", np.float64, CHUNK_ROWS)
         for name, sample in samples.items():
             series = group.create_group(name)
             series["step"], series["time"] = group["step"], group["time"]
             if name in columns:
                 series.attrs["columns"] = list(columns[name])
-            series.create_dataset(
-                "value",
-                shape=(0, *sample.shape),
-                maxshape=(None, *sample.shape),
-                chunks=(max(1, CHUNK_ROWS // sample.size), *sample.shape),
-                dtype=sample.dtype,
-            )
+            _growing(series, "value", sample.dtype, max(1, CHUNK_ROWS // sample.size), sample.shape)
+
+
+def create_histories(
+    file: h5py.File, tracked: NDArray[np.int32], start: Mapping[str, NDArray[Any] | np.float64]
+) -> None:
+    """Write the group of the tracked disks with no event yet; `start` is where they are, and the time."""
+    with staged(file, HISTORIES) as group:
+        group["tracked"] = tracked
+        for name, values in start.items():
+            group[f"start/{name}"] = values
+        for name, column in EVENT_COLUMNS.items():
+            _growing(group, f"events/{name}", column.dtype, chunk_events(len(tracked)), column.tail)
+        for name, text in MEANINGS.items():
+            group[f"events/{name}"].attrs["meaning"] = text
+        for name, first in (("events", np.int64(0)), ("time", np.float64(start["time"]))):
+            group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
 
 
 def _link_steps(file: h5py.File, group: h5py.Group) -> None:
@@ -341,10 +292,12 @@ def _link_steps(file: h5py.File, group: h5py.Group) -> None:
 
 def chunk_disks(n: int) -> int:
     """Disks per chunk: equal chunks, as few as CHUNK_DISKS allows, so that the last is not mostly empty."""
-    if n == 0:
-        return 1
-    chunks = -(-n // CHUNK_DISKS)
-    return -(-n // chunks)
+    return -(-n // -(-n // CHUNK_DISKS)) if n else 1
+
+
+def chunk_events(tracked: int) -> int:
+    """Events per chunk; never compressed: each commit writes the last chunk again, which must stay in its place."""
+    return CHUNK_EVENTS if tracked >= MANY else min(CHUNK_EVENTS, FEW_EVENTS)
 
 
 def stored_fields(file: h5py.File) -> tuple[str, ...]:
@@ -357,29 +310,15 @@ def field_dataset(file: h5py.File, name: str) -> h5py.Dataset:
     return file[f"{PARTICLES}/{name}/{FIELDS[name].dataset}"]
 
 
-def plain_views(file: h5py.File) -> list[h5py.Dataset]:
-    """The views that do not grow by themselves: those of no disks."""
-    views = [
-        file[f"{PARTICLES}/{name}/value"] for name in stored_fields(file) if FIELDS[name].components == 2
-    ]
-    return [view for view in views if not view.is_virtual]
-
-
-def check_layout(file: h5py.File, path: str) -> None:
-    """Raise InputError that says what is missing or wrong unless the file has this layout, and holds all its data."""
-    damage.check_links(file, path, VIEWS)
-    load_compression(file, path)
-    with damage.reading(path, "its layout"):
-        _check_layout(file, path)
+def committed_rows(file: h5py.File) -> int:
+    """Number of committed rows of the time series."""
+    return len(file[f"{TIMESERIES}/step"]) if TIMESERIES in file else 0
 
 
 def need_zstd(what: str) -> None:
     """Make zstd known to HDF5.
 
-    Raises
-    ------
-    InputError
-        If the package for it is missing; `what` needs it.
+    Raises InputError if the package for it is missing; `what` needs it.
     """
     try:
         import hdf5plugin  # noqa: F401 importing it is what makes the filter known
@@ -398,24 +337,46 @@ def load_compression(file: h5py.File, path: str) -> None:
             return
 
 
-def _check_layout(file: h5py.File, path: str) -> None:
+def check_layout(file: h5py.File, path: str) -> None:
+    """Raise InputError that says what is missing or wrong unless the file has this layout, and holds all its data."""
+    damage.check_links(file, path, VIEWS)
+    load_compression(file, path)
+    with damage.reading(path, "its layout"):
+        _check_frames(file, path)
+        if TIMESERIES in file:
+            _check_series(file[TIMESERIES], path)
+        if HISTORIES in file:
+            _check_histories(file[HISTORIES], path)
+
+
+Expected = Mapping[str, tuple[tuple[int | None, ...], str]]
+"""Name of each dataset -> its shape (None: any length), and the kinds of its numbers (NumPy's letters)."""
+
+
+def _check_frames(file: h5py.File, path: str) -> None:
     if "h5md" not in file or "version" not in file["h5md"].attrs:
         found = ", ".join(sorted(file)) or "nothing"
         raise InputError(
             f"{path} is HDF5 but not H5MD: its group h5md with a version is missing (it holds {found})"
         )
-    needed = [f"{EDGES}/{name}" for name in ("step", "time", "value")]
-    needed += [f"{PARTICLES}/{name}" for name in STATIC]
-    needed += ["h5md/modules/ifrdem", "parameters", "observables"]
-    missing = [name for name in needed if name not in file]
+    n = len(file[f"{PARTICLES}/radius"]) if f"{PARTICLES}/radius" in file else 0
+    expected: dict[str, tuple[tuple[int | None, ...], str]] = {
+        f"{EDGES}/step": ((None,), "iu"),
+        f"{EDGES}/time": ((None,), "f"),
+        f"{EDGES}/value": ((None, 3), "f"),
+        **{f"{PARTICLES}/{name}": ((n,), "iu" if name == "material" else "f") for name in STATIC},
+    }
     for name in stored_fields(file):
-        if FIELDS[name].dataset not in file[f"{PARTICLES}/{name}"]:
-            missing.append(f"{PARTICLES}/{name}/{FIELDS[name].dataset}")
-    if missing:
+        field = FIELDS[name]
+        expected[f"{PARTICLES}/{name}/{field.dataset}"] = (
+            (None, n, *field.tail),
+            "i" if field.count else "f",
+        )
+    groups = ("h5md/modules/ifrdem", "parameters", "observables")
+    if missing := [name for name in (*expected, *groups) if name not in file]:
         creator = file["h5md/creator"].attrs.get("name", "unknown") if "h5md/creator" in file else "unknown"
         raise InputError(
-            f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): "
-            f"missing {', '.join(missing)}"
+            f"{path} is H5MD but not a trajectory of ifrdem (its creator: {creator}): missing {', '.join(missing)}"
         )
     version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
     if version[0] != LAYOUT_VERSION[0]:
@@ -424,111 +385,42 @@ def _check_layout(file: h5py.File, path: str) -> None:
         )
     steps = len(file[f"{EDGES}/step"])
     for name in stored_fields(file):
-        frames = len(field_dataset(file, name))
-        if frames < steps:
+        if (frames := len(field_dataset(file, name))) < steps:
             raise InputError(f"{path} is damaged: {name} holds {frames} of {steps} frames")
-    _check_numbers(file)
-    _check_series(file, path)
-    _check_histories(file, path)
+    _expect(file, expected)
 
 
-def _check_numbers(file: h5py.File) -> None:
-    """Raise DamageError unless frames and disks are numbers of the right shape."""
-    n = len(file[f"{PARTICLES}/radius"])
-    for name in STATIC:
-        damage.expect(file[f"{PARTICLES}/{name}"], (n,), "iu" if name == "material" else "f")
-    for name, tail, kinds in (("step", (), "iu"), ("time", (), "f"), ("value", (3,), "f")):
-        damage.expect(file[f"{EDGES}/{name}"], (None, *tail), kinds)
-    for name in stored_fields(file):
-        field = FIELDS[name]
-        tail = (2,) if field.components == 2 else ()
-        damage.expect(field_dataset(file, name), (None, n, *tail), "i" if field.count else "f")
+def _expect(group: h5py.Group, expected: Expected) -> None:
+    for name, (shape, kinds) in expected.items():
+        damage.expect(group[name], shape, kinds)
 
 
-def _check_series(file: h5py.File, path: str) -> None:
-    if TIMESERIES not in file:
-        return
-    group = file[TIMESERIES]
+def _check_series(group: h5py.Group, path: str) -> None:
     if "step" not in group or "time" not in group:
         raise InputError(f"{path} is damaged: its time series have no steps or times")
     steps = len(group["step"])
     for name, item in group.items():
         rows = item if name in ("step", "time") else item.get("value")
-        if steps and (rows is None or len(rows) < steps):
-            held = 0 if rows is None else len(rows)
+        if (held := 0 if rows is None else len(rows)) < steps:
             raise InputError(f"{path} is damaged: time series {name} holds {held} of {steps} rows")
 
 
-def create_histories(
-    file: h5py.File, tracked: NDArray[np.int32], time: float, start: dict[str, NDArray[Any]]
-) -> None:
-    """Write the group with no event yet."""
-    with staged(file, HISTORIES) as group:
-        group["tracked"] = tracked
-        group["start/time"] = time
-        for name, values in start.items():
-            group[f"start/{name}"] = values
-        for name, column in EVENT_COLUMNS.items():
-            group.create_dataset(
-                f"events/{name}",
-                shape=(0, *column.tail),
-                maxshape=(None, *column.tail),
-                chunks=(
-                    CHUNK_EVENTS if len(tracked) >= MANY else min(CHUNK_EVENTS, FEW_EVENTS),
-                    *column.tail,
-                ),
-                dtype=column.dtype,
-            )
-        for name, text in MEANINGS.items():
-            group[f"events/{name}"].attrs["meaning"] = text
-        for name, first in (("events", np.int64(0)), ("time", np.float64(time))):
-            group.create_dataset(f"committed/{name}", data=[first], maxshape=(None,), chunks=(64,))
-
-
-def as_column(what: str, value: ArrayLike, column: Column, length: int | None = None) -> NDArray[Any]:
-    """Values in the type of a column.
-
-    Raises
-    ------
-    InputError
-        If they do not fit its shape or type.
-    """
-    given = np.asarray(value)
-    target = np.dtype(column.dtype)
-    shape = (len(given) if given.ndim else 0, *column.tail) if length is None else (length, *column.tail)
-    if given.shape != shape:
-        raise InputError(f"{what} has shape {given.shape}: {shape} is needed")
-    if given.dtype.kind not in ("iu" if target.kind == "i" else "iuf") and given.size:
-        raise InputError(f"{what} has type {given.dtype}: {target} is needed")
-    if target.kind == "i" and given.size and given.dtype != target:
-        limits = np.iinfo(target)
-        if not limits.min <= given.min() <= given.max() <= limits.max:
-            raise InputError(f"{what}: numbers beyond {limits.max} cannot be stored")
-    if target.kind == "f" and not np.isfinite(given).all():
-        row = int(np.argmin(np.isfinite(given).reshape(len(given), -1).all(axis=1)))
-        raise InputError(f"{what}[{row}] = {given[row]}: every value must be finite")
-    return np.ascontiguousarray(given, dtype=target)
-
-
-def _check_histories(file: h5py.File, path: str) -> None:
-    """Raise InputError if there are histories and something is missing in them."""
-    if HISTORIES not in file:
-        return
-    group = file[HISTORIES]
-    needed = ["tracked", "start/time", "committed/events", "committed/time"]
-    needed += [f"start/{name}" for name in START_COLUMNS] + [f"events/{name}" for name in EVENT_COLUMNS]
-    missing = [name for name in needed if name not in group]
-    if missing:
+def _check_histories(group: h5py.Group, path: str) -> None:
+    tracked = len(group["tracked"]) if "tracked" in group else 0
+    expected: Expected = {
+        "tracked": ((None,), "i"),
+        "start/time": ((), "iuf"),
+        **{f"start/{name}": ((tracked, *column.tail), "iuf") for name, column in START_COLUMNS.items()},
+        **{
+            f"events/{name}": ((None, *column.tail), np.dtype(column.dtype).kind)
+            for name, column in EVENT_COLUMNS.items()
+        },
+        "committed/events": ((None,), "iu"),
+        "committed/time": ((None,), "f"),
+    }
+    if missing := [name for name in expected if name not in group]:
         raise InputError(f"{path} is damaged: its histories lack {', '.join(missing)}")
-    damage.expect(group["tracked"], (None,), "i")
-    tracked = len(group["tracked"])
-    damage.expect(group["start/time"], ())
-    for name, column in START_COLUMNS.items():
-        damage.expect(group[f"start/{name}"], (tracked, *column.tail))
-    for name, column in EVENT_COLUMNS.items():
-        damage.expect(group[f"events/{name}"], (None, *column.tail), "i" if _counts(column) else "f")
-    damage.expect(group["committed/events"], (None,), "iu")
-    damage.expect(group["committed/time"], (None,), "f")
+    _expect(group, expected)
     commits = len(group["committed/events"])
     if not 0 < commits <= len(group["committed/time"]):
         raise InputError(f"{path} is damaged: its histories have no commit")
@@ -536,10 +428,5 @@ def _check_histories(file: h5py.File, path: str) -> None:
     if events < 0:
         raise InputError(f"{path} is damaged: its histories have {events} events")
     for name in EVENT_COLUMNS:
-        held = len(group[f"events/{name}"])
-        if held < events:
+        if (held := len(group[f"events/{name}"])) < events:
             raise InputError(f"{path} is damaged: its histories hold {held} of {events} events ({name})")
-
-
-def _counts(column: Column) -> bool:
-    return np.dtype(column.dtype).kind == "i"

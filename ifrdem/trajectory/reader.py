@@ -1,8 +1,7 @@
-"""Trajectory files, read lazily as sequences of frames. The layout is described in `ifrdem.h5md`."""
+"""Trajectory files, read lazily as sequences of frames. The layout is described in `layout`."""
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import json
 import math
@@ -20,35 +19,29 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, printable
+from ..errors import (
+    DamageError,
+    DamageWarning,
+    FrameError,
+    InputError,
+    NameMissing,
+    counted,
+    printable,
+    there_are,
+)
 from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
 from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
-from .damage import DamageError, DamageWarning
-from .frame import SPIN, Frame, FrameError, NameMissing
+from .frame import SPIN, Frame
 from .history import History
 from .series import Series
-from .writer import TrajectoryError, TrajectoryWriter
 
 if TYPE_CHECKING:
     import pandas
     import xarray
-
-__all__ = [
-    "DamageError",
-    "DamageWarning",
-    "DiskPath",
-    "Frame",
-    "FrameError",
-    "History",
-    "NameMissing",
-    "Trajectory",
-    "TrajectoryError",
-    "TrajectoryWriter",
-]
 
 Result = TypeVar("Result")
 
@@ -83,9 +76,7 @@ class DiskPath:
     def __getitem__(self, name: str) -> NDArray[Any]:
         name = SPIN if name == "spin" else name
         if name not in self.fields:
-            raise NameMissing(
-                f"the file holds no field {name!r}: there are {', '.join(self.fields)}{nearest(name, self.fields)}"
-            )
+            raise NameMissing(f"the file holds no field {name!r}{there_are(name, self.fields)}")
         return self.fields[name]
 
     def __len__(self) -> int:
@@ -95,8 +86,9 @@ class DiskPath:
     def __repr__(self) -> str:
         """Whose it is, how much, from when to when, and what."""
         span = f", t = {self.time[0]:.6g} to {self.time[-1]:.6g}" if len(self) else ""
-        frames = f"{len(self)} frame{'' if len(self) == 1 else 's'}"
-        return f"<DiskPath of disk {self.disk}: {frames}{span}; {', '.join(self.fields)}>"
+        return (
+            f"<DiskPath of disk {self.disk}: {counted(len(self), 'frame')}{span}; {', '.join(self.fields)}>"
+        )
 
 
 class Trajectory(Sealed, Sequence[Frame]):
@@ -172,25 +164,21 @@ class Trajectory(Sealed, Sequence[Frame]):
 
     def _again(self, act: Callable[[], Result]) -> Result:
         """Do it; while a run writes, open the file again if only half of what it did is seen, and do it again."""
-        for attempt in range(_ATTEMPTS):
+        for _ in range(_ATTEMPTS - 1 if self._written_to else 0):
             try:
                 with damage.reading(self.path, "its content"):
                     return act()
             except DamageError:
-                if not self._written_to or attempt == _ATTEMPTS - 1:
-                    raise
-            time.sleep(_PAUSE)
-            self._file.close()
-            self._open()
-        raise AssertionError("the last attempt returns or raises")
+                time.sleep(_PAUSE)
+                self._file.close()
+                self._open()
+        with damage.reading(self.path, "its content"):
+            return act()
 
     def read(self, name: str, selection: Any = ()) -> NDArray[Any]:
         """A part of a stored field, such as `read("position", 3)` of a frame; see `dataset`.
 
-        Raises
-        ------
-        InputError
-            If the file does not hold the field, or it cannot be read (`DamageError`).
+        Raises InputError if the file does not hold the field, or it cannot be read (`DamageError`).
         """
         value = self._again(lambda: damage.read(self.dataset(name), selection))
         if value.dtype.kind == "f" and not np.isfinite(value).all():  # no writer of ours stores such
@@ -221,14 +209,13 @@ class Trajectory(Sealed, Sequence[Frame]):
         layout.check_layout(file, str(self.path))
         self._fields = layout.stored_fields(file)
         self._frames = len(file[f"{layout.EDGES}/step"])
-        self._set(times=self._moments(file[layout.EDGES]))
-        particles = file[layout.PARTICLES]
-        columns = {name: damage.read(particles[name]) for name in ("mass", "radius", "k", "material")}
+        particles, rows = file[layout.PARTICLES], file.get(layout.TIMESERIES)
+        columns = {name: damage.read(particles[name]) for name in layout.STATIC}
         with damage.reading(self.path, layout.PARTICLES):
             self._set(disks=Disks(len(columns["mass"]), **columns))
         with damage.reading(self.path, f"{layout.PARTICLES}/box"):
             self._set(box=_box(particles["box"].attrs))
-        self._set(parameters={})
+        self._set(times=self._moments(file[layout.EDGES]), parameters={})
         self._unreadable: dict[str, DamageError] = {}
         names: list[bytes | str] = []
         file["parameters"].visit(names.append)
@@ -236,7 +223,6 @@ class Trajectory(Sealed, Sequence[Frame]):
             self._read_parameter(file["parameters"], name)
         with damage.reading(self.path, "parameter walls"):
             self._set(walls=walls.from_json(self._text("walls", "[]")))
-        rows = file.get(layout.TIMESERIES)
         moments = np.zeros(0) if rows is None else self._moments(rows)
         self._set(
             observables=Series(file["observables"], self.times, "observable", self._read_rows),
@@ -278,10 +264,7 @@ class Trajectory(Sealed, Sequence[Frame]):
     def record(self, name: str, use: Callable[[Any], Result], default: str | None = None) -> Result:
         """Return `use` of a parameter that holds JSON (`default` where the run stored none).
 
-        Raises
-        ------
-        InputError
-            If there is none and no default, it cannot be read, or `use` cannot do with what it says.
+        Raises InputError if there is none and no default, it cannot be read, or `use` cannot do with what it says.
         """
         text = self._text(name, default)
         with damage.reading(self.path, f"parameter {name}"):
@@ -291,7 +274,7 @@ class Trajectory(Sealed, Sequence[Frame]):
         if name in self._unreadable:
             raise self._unreadable[name]
         if name not in self.parameters and default is None:
-            raise NameMissing(f"{self.path} holds no parameter {name!r}{nearest(name, self.parameters)}")
+            raise NameMissing(f"{self.path} holds no parameter {name!r}{there_are(name, self.parameters)}")
         return str(self.parameters.get(name, default))
 
     @property
@@ -310,10 +293,7 @@ class Trajectory(Sealed, Sequence[Frame]):
     def laws(self) -> list[list[dict[str, Any] | None]]:
         """Coefficients of the law of each pair of materials, [a][b]; None for materials that never meet.
 
-        Raises
-        ------
-        InputError
-            If the run stored none, or they are damaged.
+        Raises InputError if the run stored none, or they are damaged.
         """
         materials = int(self.disks.material.max(initial=-1)) + 1
         return self.record("laws", lambda given: _laws(given, materials))
@@ -333,7 +313,7 @@ class Trajectory(Sealed, Sequence[Frame]):
 
     @property
     def room(self) -> Room:
-        """What walls leave to the disks, at t = 0."""
+        """The area that walls leave to the disks, at t = 0."""
         return Room(self.box, self.walls)
 
     def close(self) -> None:
@@ -348,8 +328,7 @@ class Trajectory(Sealed, Sequence[Frame]):
         span = ""
         if self._frames:
             span = f" from t = {self.times[0]:.6g} to {self.with_unit(f'{self.times[-1]:.6g}', 'time')}"
-        frames = f"{self._frames} frame{'' if self._frames == 1 else 's'}"
-        closed = "" if self._file else ", closed"
+        frames, closed = counted(self._frames, "frame"), "" if self._file else ", closed"
         return f"<Trajectory {str(self.path)!r}: {self.disks.n} disks, {frames}{span}{closed}>"
 
     @overload
@@ -375,27 +354,18 @@ class Trajectory(Sealed, Sequence[Frame]):
 
         Shape (frames, n) or (frames, n, 2); after a kill it may hold an uncommitted frame behind the last.
 
-        Raises
-        ------
-        InputError
-            If the file does not hold it (also a KeyError), or is closed.
+        Raises InputError if the file does not hold it (also a KeyError), or is closed.
         """
         file = self._opened()
         name = SPIN if name == "spin" else name
         if name not in self.fields:
-            raise NameMissing(
-                f"{self.path} holds no field {name!r}: "
-                f"there are {', '.join(self.fields)}{nearest(name, self.fields)}"
-            )
+            raise NameMissing(f"{self.path} holds no field {name!r}{there_are(name, self.fields)}")
         return layout.field_dataset(file, name)
 
     def disk(self, disk: int) -> DiskPath:
         """The stored path of a disk over the frames; `history` is exact between them, if the disk is tracked.
 
-        Raises
-        ------
-        InputError
-            If there is no such disk, the file holds no positions, or it is damaged.
+        Raises InputError if there is no such disk, the file holds no positions, or it is damaged.
         """
         disk = self._checked_disk(disk)
         fields: dict[str, NDArray[Any]] = {}
@@ -417,10 +387,7 @@ class Trajectory(Sealed, Sequence[Frame]):
     def tracked_events(self) -> tuple[int, float, float]:
         """Number of committed events of all tracked disks, and the times between which they are complete [time].
 
-        Raises
-        ------
-        InputError
-            If the file has no histories, or they are damaged.
+        Raises InputError if the file has no histories, or they are damaged.
         """
         return self._again(lambda: history.committed(self._opened(), str(self.path)))
 
@@ -433,10 +400,8 @@ class Trajectory(Sealed, Sequence[Frame]):
     def history(self, disk: int) -> History:
         """Every collision of a tracked disk, and where it was at any time between them.
 
-        Raises
-        ------
-        InputError
-            If there is no such disk, or it is not tracked (the message says which are), or the file is damaged.
+        Raises InputError if there is no such disk, or it is not tracked (the message says which are), or the file is
+        damaged.
         """
         disk, radius, path = self._checked_disk(disk), self.disks.radius, str(self.path)
         return self._again(
@@ -449,9 +414,8 @@ class Trajectory(Sealed, Sequence[Frame]):
         disk = operator.index(disk)
         n = self.disks.n
         if not 0 <= disk < n:
-            raise FrameError(
-                f"disk {disk} of {self.path}: there are {n} disks{f' (0 to {n - 1})' if n else ''}"
-            )
+            span = f" (0 to {n - 1})" if n else ""
+            raise FrameError(f"disk {disk} of {self.path}: there are {n} disks{span}")
         return disk
 
     def to_pandas(
@@ -459,20 +423,14 @@ class Trajectory(Sealed, Sequence[Frame]):
     ) -> pandas.DataFrame:
         """A table: `series` or `observables` by time, or the disks of the frame `index` by id; vectors as _x, _y.
 
-        Raises
-        ------
-        InputError
-            If `which` is another word, there is no such frame, or pandas is not installed.
+        Raises InputError if `which` is another word, there is no such frame, or pandas is not installed.
         """
         return tables.to_pandas(self, which, index)
 
     def to_xarray(self) -> xarray.Dataset:
         """Fields, observables and series with named axes; fields are read when computed with, from the open file.
 
-        Raises
-        ------
-        InputError
-            If xarray is not installed.
+        Raises InputError if xarray is not installed.
         """
         return tables.to_xarray(self)
 
@@ -492,19 +450,13 @@ class Trajectory(Sealed, Sequence[Frame]):
 
 
 def check_file(path: Path) -> None:
-    """Refuse what is no file, before HDF5 waits for a pipe for ever.
-
-    Raises
-    ------
-    InputError
-        If there is nothing, a folder, or a device or pipe.
-    """
+    """Refuse what is no file, before HDF5 waits for a pipe for ever: an InputError says what it is."""
+    wrong = {os.path.isdir: "is a folder", os.path.exists: "is a device or pipe"}
     if not os.path.exists(path):
         raise InputError(f"{path}: there is no such file")
-    if os.path.isdir(path):
-        raise InputError(f"{path} is a folder: a trajectory file is needed")
     if not os.path.isfile(path):
-        raise InputError(f"{path} is a device or pipe: a trajectory file is needed")
+        what = next(text for kind, text in wrong.items() if kind(path))
+        raise InputError(f"{path} {what}: a trajectory file is needed")
 
 
 _LAW = {"e_n", "e_t", "mu", "sticking", "rho"}
@@ -534,20 +486,21 @@ def _box(attributes: Mapping[str, Any]) -> Box:
 def _open(path: Path) -> tuple[h5py.File, bool]:
     """The file, and whether a run is writing it."""
     check_file(path)
-    try:
+    attempt, writing = 1, False
+    while True:
         try:
-            return h5py.File(path, "r"), False
-        except BlockingIOError:  # a run is writing it
-            for _ in range(_ATTEMPTS - 1):
-                with contextlib.suppress(OSError):  # it has grown between two looks of HDF5 at its size
-                    return h5py.File(path, "r", locking=False), True
+            return h5py.File(path, "r", **({"locking": False} if writing else {})), writing
+        except BlockingIOError:
+            writing = True
+        except OSError as error:
+            if writing and attempt < _ATTEMPTS:  # it has grown between two looks of HDF5 at its size
+                attempt += 1
                 time.sleep(_PAUSE)
-            return h5py.File(path, "r", locking=False), True
-    except OSError as error:
-        if error.errno:
-            raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
-        if h5py.is_hdf5(path):
+                continue
+            if error.errno:
+                raise InputError(f"{path} cannot be read: {os.strerror(error.errno)}") from error
+            if not h5py.is_hdf5(path):
+                raise InputError(f"{path} is not an HDF5 file") from error
             raise DamageError(
                 f"{path} is a damaged HDF5 file: {error}; `ifrdem repair` says what can be done"
             ) from error
-        raise InputError(f"{path} is not an HDF5 file") from error

@@ -12,17 +12,19 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import DamageError, InputError
+from ..model.state import Disks
 from ..tools import files
 from ..tools.files import check_apart, checkpoint_of, not_a_file
 from . import damage, history, layout
-from .damage import DamageError
 from .reader import Trajectory, check_file
+from .reader import _box as box_of
 from .views import paths as view_paths
 
 BLOCK = 1 << 22  # numbers that are copied at once
@@ -32,7 +34,8 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     """Write what can be read of a trajectory to a new file; False if nothing is wrong, and nothing was written.
 
     Frames that can be read are kept, also behind damaged ones, with the numbers (`step`) that they had. Series and
-    histories end before their first damaged part. Either answer is given only after the file, or its copy, was opened
+    histories end before their first damaged part. The new file is of the present layout; what others added to the old
+    one is not in it. Either answer is given only after the file, or its copy, was opened
     and read to its end.
 
     Parameters
@@ -57,10 +60,10 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     with _openable(path, say) as (source, whole), h5py.File(source, "r") as file:
         try:
             with damage.reading(path, "its bookkeeping"):
-                copy = _Copy(file, path, whole, say)
+                kept = _Kept(file, path, whole, say)
         except DamageError as error:
             raise _in_vain(path, error) from error
-        if not copy.wrong and whole is None:
+        if not kept.wrong and whole is None:
             try:
                 _read_through(path)
                 return False
@@ -68,14 +71,14 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
                 say(f"  {error}")
         try:
             with files.replacing(place) as new:
-                copy.write(new)
-                try:
-                    _read_through(new)
-                except InputError as error:
-                    raise _in_vain(path, error, new) from error
+                with h5py.File(new, "w") as copy:
+                    kept.write(copy)
+                _read_through(new)
+        except InputError as error:
+            raise _in_vain(path, error, new) from error
         except OSError as error:
             raise InputError(f"output {place}: cannot be written: {error.strerror or error}") from error
-    say(f"  {len(copy.frames)} of {copy.committed} frames are kept")
+    say(f"  {len(kept.frames)} of {kept.committed} frames are kept")
     return True
 
 
@@ -99,8 +102,8 @@ def _read_through(path: Path) -> None:
             trajectory.history(int(disk))
 
 
-class _Copy:
-    """What of a trajectory can be read, and its copy.
+class _Kept:
+    """The readable part of a trajectory; `write` makes a trajectory of it.
 
     Attributes
     ----------
@@ -117,52 +120,104 @@ class _Copy:
         layout.load_compression(file, str(path))
         self.wrong = False
         self._file, self._path, self._whole, self._say = file, path, whole, say
-        self._rows: dict[
-            str, NDArray[np.intp]
-        ] = {}  # that are kept, of what grows; by the beginning of the name
-        self._lost: set[str] = set()
         edges = [f"{layout.EDGES}/{name}" for name in ("step", "time", "value")]
         static = [f"{layout.PARTICLES}/{name}" for name in layout.STATIC]
         missing = [one for one in (*edges, *static, "h5md/modules/ifrdem", "parameters") if one not in file]
         if missing:
             raise InputError(f"{path} cannot be made a trajectory of ifrdem: {', '.join(missing)} is missing")
         self.committed = len(file[edges[0]])
-        fields = [layout.field_dataset(file, name).name.lstrip("/") for name in layout.stored_fields(file)]
+        self._fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
         good = np.ones(self.committed, dtype=bool)
-        for name in (*edges, *fields):
-            here = self._good(file[name], self.committed, 1, finite=True)
+        for dataset in (*(file[name] for name in edges), *self._fields.values()):
+            name, here = dataset.name[1:], self._good(dataset, self.committed, 1)
             if not here.all():
                 self._note(f"{name}: {_numbers(np.flatnonzero(~here))} cannot be read")
-            self._beyond(name, file[name], self.committed, "frame")
+            self._beyond(name, dataset, self.committed, "frame")
             good &= here
-        self._looked_at = {*edges, *fields}
-        self.frames = self._rows[layout.PARTICLES] = self._rows["observables"] = np.flatnonzero(good)
+        self.frames = np.flatnonzero(good)
         if len(self.frames) == 0:
             raise InputError(
                 f"{path}: no frame of {self.committed} is whole: nothing can be kept{_otherwise(path)}"
             )
-        self._look_at_series()
-        self._look_at_histories()
-        self._made: dict[int, h5py.Group | h5py.Dataset] = {}
-        self._copy(file, None)
+        columns = {name: self._all_of(file[f"{layout.PARTICLES}/{name}"]) for name in layout.STATIC}
+        self._disks = Disks(len(columns["mass"]), **columns)
+        for dataset in self._fields.values():
+            if dataset.shape[1] != self._disks.n:
+                raise DamageError(
+                    f"{path} is damaged: {dataset.name} has {dataset.shape[1]} disks instead of {self._disks.n}"
+                )
+        self._box = box_of(file[f"{layout.PARTICLES}/box"].attrs)
+        self._parameters: dict[str, str | int | float] = {}
+        names: list[bytes | str] = []
+        file["parameters"].visit(names.append)
+        for each in names:
+            with self._or_lost(f"parameters/{damage.text_of(each)}"):
+                if isinstance(item := file["parameters"][each], h5py.Dataset):
+                    self._parameters[damage.text_of(each)] = damage.parameter(item)
+        self._observables: dict[str, h5py.Dataset] = {}
         if "observables" not in file:
             self._note("observables: missing; the copy has none")
+        for name in file.get("observables", ()):
+            with self._or_lost(f"observables/{damage.text_of(name)}"):
+                dataset = file["observables"][name]["value"]
+                if not self._good(dataset, self.committed)[self.frames].all():
+                    raise DamageError(f"{path} is damaged: {dataset.name}")
+                self._observables[damage.text_of(name)] = dataset
+        self._cut: dict[str, dict[str, int]] = {}  # groups that are copied, and the rows of their datasets
+        if layout.TIMESERIES in file:
+            with self._or_lost(layout.TIMESERIES):
+                group = file[layout.TIMESERIES]
+                series = [name for name in group if name not in ("step", "time")]
+                for name in series:
+                    "".join(map(damage.text_of, group[name].attrs.get("columns", ()))).encode()
+                rows = ["step", "time", *(f"{name}/value" for name in series)]
+                self._cut[layout.TIMESERIES] = self._leading(group, rows, len(group["step"]), "row")
+        if history.GROUP in file:
+            with self._or_lost(history.GROUP):
+                group = file[history.GROUP]
+                for one in (group["tracked"], *group["start"].values()):
+                    self._all_of(one)
+                events = [f"events/{name}" for name in group["events"]]
+                cut = self._leading(group, events, history.committed(file, str(path))[0], "event")
+                commits = int(np.count_nonzero(damage.read(group["committed/events"]) <= min(cut.values())))
+                if not commits:
+                    raise DamageError(f"{path} is damaged: no commit of its histories is whole")
+                cut |= {"committed/events": commits, "committed/time": commits}
+                self._cut[history.GROUP] = cut
 
-    def write(self, place: Path) -> None:
-        """Write the copy."""
-        self._made = {}
-        with h5py.File(place, "w") as new:
-            self._copy(self._file, new)
-            if "observables" not in new:
-                new.create_group("observables")
+    def write(self, new: h5py.File) -> None:
+        """Write a new trajectory with what is kept."""
+        old, floats = self._file, [one for one in self._fields.values() if one.dtype.kind == "f"]
+        double = bool(floats) and floats[0].dtype == np.float64
+        parameters = dict(self._parameters)
+        units = {
+            name: str(parameters.pop(name)) for name in self._parameters if name.partition("/")[0] == "units"
+        }
+        layout.create(
+            new, disks=self._disks, box=self._box, fields=tuple(self._fields), precision="f8" if double else "f4",
+            compression=damage.compression(next(iter(self._fields.values()))) or "none",
+            parameters=parameters, units={name.removeprefix("units/"): unit for name, unit in units.items()},
+        )  # fmt: skip
+        for name in ("step", "time", "value"):
+            _append(new[f"{layout.EDGES}/{name}"], old[f"{layout.EDGES}/{name}"], self.frames)
+        for name, dataset in self._fields.items():
+            _append(layout.field_dataset(new, name), dataset, self.frames)
+        for name, dataset in self._observables.items():
+            sample = np.empty(dataset.shape[1:], dataset.dtype)
+            _append(layout.add_observable(new, name, sample), dataset, self.frames)
+        for name, cut in self._cut.items():
+            with damage.reading(self._path, name):
+                old.copy(name, new)
+            for dataset, rows in cut.items():
+                new[name][dataset].resize(rows, axis=0)
 
     def _note(self, text: str) -> None:
         self.wrong = True
         self._say(f"  {text}")
 
-    def _beyond(self, name: str, dataset: h5py.Dataset, rows: int, what: str) -> None:
+    def _beyond(self, name: str, dataset: h5py.Dataset, rows: int, unit: str) -> None:
         if len(dataset) > rows:
-            self._note(f"{name}: {len(dataset) - rows} uncommitted behind the last {what}")
+            self._note(f"{name}: {len(dataset) - rows} uncommitted behind the last {unit}")
 
     @contextmanager
     def _or_lost(self, name: str) -> Iterator[None]:
@@ -172,12 +227,16 @@ class _Copy:
                 yield
         except DamageError:
             self._note(f"{name}: cannot be read; the copy lacks it")
-            self._lost.add(name)
 
-    def _good(
-        self, dataset: h5py.Dataset, rows: int, step: int = 0, *, finite: bool = False
-    ) -> NDArray[np.bool_]:
-        """The first rows that can be read, looked at in steps of whole chunks."""
+    def _all_of(self, dataset: h5py.Dataset) -> NDArray[Any]:
+        """All numbers of a dataset, none of them behind the end of the file."""
+        if dataset.shape and self._behind_end(dataset).any():
+            raise DamageError(f"{self._path} is damaged: {dataset.name} is behind its end")
+        return damage.read(dataset)
+
+    def _good(self, dataset: h5py.Dataset, rows: int, step: int = 0) -> NDArray[np.bool_]:
+        """The first rows that can be read, looked at in steps of whole chunks; of frames and times, finite ones."""
+        finite = step == 1 or str(dataset.name).endswith("/time")
         good = np.zeros(rows, dtype=bool)
         step = step or (dataset.chunks[0] if dataset.chunks else max(rows, 1))
         held = min(rows, len(dataset))
@@ -207,127 +266,28 @@ class _Copy:
         dataset.id.chunk_iter(look)
         return lost
 
-    def _leading(self, group: h5py.Group, names: list[str], rows: int, what: str, unit: str) -> None:
-        """Keep the rows before the first that cannot be read in one of these datasets."""
-        kept = rows
+    def _leading(self, group: h5py.Group, names: list[str], rows: int, unit: str) -> dict[str, int]:
+        """Rows of each of these datasets: those before the first that cannot be read in one of them."""
+        kept, what = rows, str(group.name)[1:]
         for name in names:
-            good = self._good(group[name], rows, finite=name == "time")
+            if group[name].chunks is None and rows:
+                raise DamageError(f"{self._path} is damaged: {group[name].name} cannot grow")
+            good = self._good(group[name], rows)
             kept = min(kept, rows if good.all() else int(np.argmin(good)))
             self._beyond(f"{what}/{name}", group[name], rows, unit)
         if kept < rows:
-            self._note(f"{what.partition('/')[0]}: only the first {kept} of {rows} {unit}s can be read")
-        self._rows[what] = np.arange(kept)
-
-    def _look_at_series(self) -> None:
-        if layout.TIMESERIES in self._file:
-            with self._or_lost(layout.TIMESERIES):
-                group = self._file[layout.TIMESERIES]
-                several = [f"{name}/value" for name in group if isinstance(group[name], h5py.Group)]
-                rows = len(group["step"])
-                self._leading(group, ["step", "time", *several], rows, layout.TIMESERIES, "row")
-
-    def _look_at_histories(self) -> None:
-        if history.GROUP not in self._file:
-            return
-        with self._or_lost(history.GROUP):
-            count = history.committed(self._file, str(self._path))[0]
-            events, group = self._file[f"{history.GROUP}/events"], self._file[history.GROUP]
-            for name in ("tracked", *(f"start/{one}" for one in group["start"])):
-                self._check(group[name])
-            self._leading(events, list(events), count, f"{history.GROUP}/events", "event")
-            commits = damage.read(group["committed/events"])
-            kept = np.flatnonzero(commits <= len(self._rows[f"{history.GROUP}/events"]))
-            if len(kept) == 0:
-                raise DamageError(f"{self._path} is damaged: no commit of its histories is whole")
-            self._rows[f"{history.GROUP}/committed"] = kept
-
-    def _check(self, item: h5py.Dataset) -> None:
-        """Raise DamageError if the kept rows of a dataset, or all of one that does not grow, cannot be read."""
-        name = str(item.name).lstrip("/")
-        if item.is_virtual or name in self._looked_at:
-            return
-        if name.startswith("parameters/") or item.dtype.kind not in "biuf":
-            damage.parameter(item)
-        elif item.shape == ():
-            damage.read(item)
-        else:
-            rows = self._kept(item)
-            rows = np.arange(len(item)) if rows is None else rows
-            count = int(rows.max(initial=-1)) + 1
-            if not self._good(item, count)[rows].all():
-                raise DamageError(f"{self._path} is damaged: {name}")
-
-    def _kept(self, item: h5py.Dataset) -> NDArray[np.intp] | None:
-        """Rows of a dataset that are kept; None if it has none that grow, or is a view."""
-        if item.is_virtual or not item.maxshape or item.maxshape[0] is not None:
-            return None
-        name = str(item.name).lstrip("/")
-        return next((rows for begin, rows in self._rows.items() if name.startswith(f"{begin}/")), None)
-
-    def _copy(self, old: h5py.Group | h5py.Dataset, new: h5py.Group | h5py.Dataset | None) -> None:
-        """Copy what is not lost; without `new`, find out what is."""
-        for key in old.attrs:
-            name = f"{old.name}, attribute {key}"
-            if new is not None and name not in self._lost:
-                new.attrs[key] = old.attrs[key]
-            elif new is None:
-                with self._or_lost(name):
-                    "".join(one for one in np.ravel(old.attrs[key]) if isinstance(one, str)).encode()
-        for key in old if isinstance(old, h5py.Group) else ():
-            name = f"{old.name}/{damage.text_of(key)}".lstrip("/")
-            part = "/".join(name.split("/")[:2]) if name.startswith("observables/") else name
-            if part not in self._lost:
-                if new is None:
-                    with self._or_lost(part):
-                        self._copy_link(old, key, None)
-                else:
-                    self._copy_link(old, key, new)
-
-    def _copy_link(self, old: h5py.Group, key: str, new: h5py.Group | None) -> None:
-        link = old.get(key, getlink=True)
-        if isinstance(link, h5py.SoftLink):
-            if new is not None:
-                new[key] = link
-            return
-        item = old[key]
-        address = h5py.h5o.get_info(item.id).addr
-        if address in self._made:  # a hard link: step and time of every element
-            if new is not None:
-                new[key] = self._made[address]
-            return
-        made = item
-        if isinstance(item, h5py.Dataset):
-            if new is None:
-                self._check(item)
-            else:
-                made = _like(item, new, key, self._kept(item))
-        elif new is not None:
-            made = new.create_group(key)
-        self._made[address] = made
-        self._copy(item, None if new is None else made)
+            self._note(f"{what}: only the first {kept} of {rows} {unit}s can be read")
+        return dict.fromkeys(names, kept)
 
 
-def _like(item: h5py.Dataset, new: h5py.Group, name: str, rows: NDArray[np.intp] | None) -> h5py.Dataset:
-    """An equal dataset (type, chunks, filters, sources of a view) with the kept rows."""
-    shape = item.shape if rows is None else (len(rows), *item.shape[1:])
-    limits = tuple(h5py.h5s.UNLIMITED if one is None else one for one in item.maxshape)
-    space = h5py.h5s.create_simple(shape, limits) if shape else item.id.get_space()
-    made = h5py.Dataset(
-        h5py.h5d.create(new.id, name.encode(), item.id.get_type(), space, item.id.get_create_plist())
-    )
-    if item.is_virtual:
-        return made
-    if rows is None:
-        made[()] = item[()]
-        return made
-    block = max(1, BLOCK // max(1, int(np.prod(shape[1:]))))
-    first = 0
+def _append(new: h5py.Dataset, old: h5py.Dataset, rows: NDArray[np.intp]) -> None:
+    """Copy rows to a dataset that has none, some megabytes at a time."""
+    new.resize(len(rows), axis=0)
+    block, first = max(1, BLOCK // max(1, int(np.prod(old.shape[1:])))), 0
     for run in np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1):
         for some in np.split(run, range(block, len(run), block)):
-            if len(some):
-                made[first : first + len(some)] = item[int(some[0]) : int(some[-1]) + 1]
-                first += len(some)
-    return made
+            new[first : first + len(some)] = old[int(some[0]) : int(some[-1]) + 1]
+            first += len(some)
 
 
 @contextmanager

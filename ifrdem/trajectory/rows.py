@@ -7,40 +7,24 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, TrajectoryError, there_are
 from ..model.state import State
 from . import layout
-from .file import OutputFile, TrajectoryError, drop_staged
-from .layout import EVENT_COLUMNS, HISTORIES, START_COLUMNS, as_column
+from .file import OutputFile, drop_staged
+from .layout import EVENT_COLUMNS, HISTORIES, START_COLUMNS, TIMESERIES
 
 
 class Rows:
     """Datasets with the same number of rows (first axis), and a marker that grows last: the commit.
 
-    Rows beyond the marker do not count. A resumed run gives rows again that are committed: they are compared
-    with the file bit for bit.
+    Rows beyond the marker do not count. A resumed run gives rows again that are committed: they are compared with the
+    file bit for bit.
 
-    Parameters
-    ----------
-    what : str
-        What one row is, e.g. "frame".
-    marker : h5py.Dataset or None
-        One number a row; None where something else counts the rows.
-    datasets : mapping
-        Name -> dataset.
-    committed : int
-        Rows that count.
-    at : int, optional
-        Number of the row that comes next; by default the one after the committed ones.
-
-    Attributes
-    ----------
-    committed, at : int
-        As above, at present.
-    datasets : dict
-        Name -> dataset; may be added to before the first row.
+    `what` is the noun for one row ("frame"); the `marker` has a number for each, and is None where something else
+    counts the rows; `datasets` by name may be added to before the first row; `committed` rows count, and `at` is the
+    number of the row that comes next, by default the one after these.
     """
 
     def __init__(
@@ -53,133 +37,102 @@ class Rows:
     ) -> None:
         self.what = what
         self.marker = marker
-        self.datasets = dict(datasets)
-        self.committed = committed
-        self.at = committed if at is None else at
+        self.datasets: dict[str, h5py.Dataset] = dict(datasets)
+        self.committed: int = committed
+        self.at: int = committed if at is None else at
 
-    def known(self, count: int) -> int:
-        """How many of the next `count` rows the file has."""
-        return min(count, self.committed - self.at)
+    def add(self, rows: Mapping[str, NDArray[Any]]) -> int:
+        """Compare the rows that the file has, append the others without committing them; returns the number of these.
 
-    def add(self, rows: Mapping[str, NDArray[Any]]) -> None:
-        """Compare the rows that the file has, and append the others without committing them.
+        `rows` are values by the name of each dataset, shape (count, ...), in the dataset's type.
 
-        Parameters
-        ----------
-        rows : mapping
-            Name of each dataset -> values, shape (count, ...), in the dataset's type.
-
-        Raises
-        ------
-        TrajectoryError
-            If a row differs from what is committed.
+        Raises TrajectoryError if a row differs from what is committed.
         """
-        known = self.known(len(next(iter(rows.values()))))
-        if known:
-            for name, values in rows.items():
+        count = len(next(iter(rows.values())))
+        known = min(count, self.committed - self.at)
+        for name, values in rows.items():
+            if known:
                 self._compare(name, values[:known])
-        new = {name: values[known:] for name, values in rows.items()}
-        if len(next(iter(new.values()))):
-            self._put(new)
+        for name, values in rows.items():
+            if known < count:
+                self._append(self.datasets[name], values[known:])
+        return count - known
 
-    def mark(self, marks: NDArray[np.int64]) -> None:
-        """Append to the marker: what was added is committed once this is flushed."""
-        assert self.marker is not None
-        self._append(self.marker, marks)
+    def commit(
+        self, output: OutputFile, rows: Mapping[str, NDArray[Any]], marks: NDArray[Any] | None = None
+    ) -> None:
+        """Add rows, and commit the new ones in two phases: they reach the disk before their marks (their numbers)."""
+        if new := self.add(rows):
+            output.flush()
+            assert self.marker is not None
+            numbers = np.arange(self.committed, self.committed + new)
+            self._append(self.marker, numbers if marks is None else marks)
+            output.flush()
+        self.confirm(len(next(iter(rows.values()))))
 
     def confirm(self, count: int) -> None:
         """Take note that the last `count` rows are committed."""
-        self.committed += count - self.known(count)
         self.at += count
+        self.committed = max(self.committed, self.at)
 
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted commit left behind the last one."""
-        for dataset in self._all():
-            if len(dataset) > self.committed:
-                dataset.resize(self.committed, axis=0)
-
-    def _all(self) -> list[h5py.Dataset]:
-        return [*([] if self.marker is None else [self.marker]), *self.datasets.values()]
-
-    def _put(self, new: Mapping[str, NDArray[Any]]) -> None:
-        for name, values in new.items():
-            self._append(self.datasets[name], values)
+        for dataset in ([] if self.marker is None else [self.marker], self.datasets.values()):
+            for each in dataset:
+                if len(each) > self.committed:
+                    each.resize(self.committed, axis=0)
 
     def _append(self, dataset: h5py.Dataset, values: NDArray[Any]) -> None:
         dataset.resize(self.committed + len(values), axis=0)
         dataset[self.committed :] = values
 
     def _compare(self, name: str, values: NDArray[Any]) -> None:
-        dataset = self.datasets[name]
-        stored = dataset[self.at : self.at + len(values)]
+        stored = self.datasets[name][self.at : self.at + len(values)]
         values = np.ascontiguousarray(values, dtype=stored.dtype)
         different = values.reshape(-1).view(np.uint8) != stored.reshape(-1).view(np.uint8)
         if not different.any():
             return
         where = np.unravel_index(int(np.argmax(different)) // stored.dtype.itemsize, stored.shape)
         row, *place = (int(index) for index in where)
-        raise TrajectoryError(
-            f"{self.what} {self.at + row}, computed again, differs from the file: "
-            f"{self._place(name, place)} is {values[where]}, the file holds {stored[where]}. "
-            "This is not the same run: the file is kept as it is"
-        )
-
-    def _place(self, name: str, place: list[int]) -> str:
-        """Names an element of a row."""
+        element = f"{name}[{', '.join(map(str, place))}]" if place else name
         if self.what == "frame" and name in layout.FIELDS:
             component = f", component {'xy'[place[1]]}," if len(place) > 1 else ""
-            return f"{name} of disk {place[0]}{component}"
-        return f"{name}[{', '.join(map(str, place))}]" if place else name
+            element = f"{name} of disk {place[0]}{component}"
+        raise TrajectoryError(
+            f"{self.what} {self.at + row}, computed again, differs from the file: {element} is {values[where]}, the "
+            f"file holds {stored[where]}. This is not the same run: the file is kept as it is"
+        )
 
 
 class SeriesWriter:
     """The group `timeseries` of a file that is being written; it appears with the first row.
 
-    Parameters
-    ----------
-    output : OutputFile
-        The file.
-    at : int
-        Rows that the run has written; there may be more in the file, which are compared then.
-
-    Raises
-    ------
-    InputError
-        If the file holds fewer rows.
+    `at` is the number of rows that the run has written; there may be more in the file, which are compared then.
     """
 
     def __init__(self, output: OutputFile, at: int = 0) -> None:
         self._output = output
-        self._rows: Rows | None = None
+        self.rows: Rows | None = None
+        self._like: dict[str, NDArray[Any]] = {}
         self._columns: dict[str, tuple[str, ...]] = {}
         self._last_time = -np.inf
-        file = output.file
-        rows = len(file[f"{layout.TIMESERIES}/step"]) if layout.TIMESERIES in file else 0
-        if at > rows:
-            raise InputError(
-                f"{output.path} holds {rows} rows of series, the checkpoint had seen {at}: it is another file's"
-            )
-        if rows == 0:
+        if layout.committed_rows(output.file) == 0:
             return
-        group = file[layout.TIMESERIES]
-        names = [name for name in group if name not in ("step", "time")]
-        datasets = {name: group[f"{name}/value"] for name in names}
-        self._rows = Rows("row of the series", group["step"], {"time": group["time"], **datasets}, rows, at)
+        group = output.file[TIMESERIES]
+        self._open([name for name in group if name not in ("step", "time")], len(group["step"]), at)
         self._columns = {
-            name: tuple(str(one) for one in group[name].attrs["columns"])
-            for name in names
-            if "columns" in group[name].attrs
+            name: tuple(str(one) for one in each.attrs["columns"])
+            for name, each in group.items()
+            if "columns" in each.attrs
         }
         self._last_time = float(group["time"][at - 1]) if at else -np.inf
 
-    def __len__(self) -> int:
-        """Number of committed rows."""
-        return 0 if self._rows is None else self._rows.committed
-
-    @property
-    def at(self) -> int:
-        """Rows that the run has written: less than the committed ones while it repeats them."""
-        return 0 if self._rows is None else self._rows.at
+    def _open(self, names: Sequence[str], committed: int = 0, at: int | None = None) -> Rows:
+        group = self._output.file[TIMESERIES]
+        datasets = {"time": group["time"], **{name: group[f"{name}/value"] for name in names}}
+        self.rows = Rows("row of the series", group["step"], datasets, committed, at)
+        self._like = like({name: datasets[name] for name in names})
+        return self.rows
 
     def write(
         self,
@@ -187,206 +140,147 @@ class SeriesWriter:
         columns: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         """Append rows and commit them together; see `TrajectoryWriter.write_series_rows`."""
-        checked_rows: list[dict[str, NDArray[Any]]] = []
+        first = None if self.rows is None else self._like
+        named = {name: tuple(names) for name, names in (columns or {}).items()}
+        found: list[dict[str, NDArray[Any]]] = []
         before = self._last_time
         for time, values in given:
-            checked_rows.append(self._checked(time, values, columns, before, checked_rows))
+            row = _row(values, first)
+            if not (is_number(time) and np.isfinite(time) and time >= before):
+                raise InputError(f"time = {time}: a finite time not before {before} is needed")
             before = float(time)
-        if not checked_rows:
+            found.append({"time": np.array(before), **row})
+            first = first or {name: value[None] for name, value in row.items()}
+        if not found:
             return
-        if self._rows is None:
-            self._rows = self._create(checked_rows[0])
-        rows, count = self._rows, len(checked_rows)
-        new = count - rows.known(count)
-        stacked = {name: np.stack([row[name] for row in checked_rows]) for name in checked_rows[0]}
-        rows.add({"time": np.array([float(time) for time, _ in given]), **stacked})
-        if new:
-            self._output.flush()
-            rows.mark(np.arange(rows.committed, rows.committed + new))
-            self._output.flush()
-        rows.confirm(count)
+        for name, names in named.items():
+            shape = found[0][name].shape if name in found[0] else "no value"
+            if shape != (len(names),):
+                raise InputError(f"columns of series {name} = {list(names)}: the series has {shape}")
+        if self.rows is not None and columns is not None and named != self._columns:
+            raise InputError(f"columns = {named}: the first row has {self._columns}")
+        if self.rows is None:
+            self._columns = named
+            file = self._output.file
+            if TIMESERIES in file:  # an interrupt ended the first attempt
+                del file[TIMESERIES]
+            samples = {name: value for name, value in found[0].items() if name != "time"}
+            layout.create_timeseries(file, samples, named)
+            self._open(list(samples))
+        assert self.rows is not None
+        self.rows.commit(self._output, {name: np.stack([row[name] for row in found]) for name in found[0]})
         self._last_time = before
 
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted write left behind the last commit."""
         file = self._output.file
-        drop_staged(file, layout.TIMESERIES)
-        if self._rows is not None and self._rows.committed:
-            self._rows.drop_uncommitted()
-        elif layout.TIMESERIES in file:
-            del file[layout.TIMESERIES]
-            self._rows = None
-
-    def _create(self, row: Mapping[str, NDArray[Any]]) -> Rows:
-        file = self._output.file
-        if layout.TIMESERIES in file:  # an interrupt ended the first attempt
-            del file[layout.TIMESERIES]
-        layout.create_timeseries(file, row, self._columns)
-        group = file[layout.TIMESERIES]
-        datasets = {name: group[f"{name}/value"] for name in row}
-        return Rows("row of the series", group["step"], {"time": group["time"], **datasets})
-
-    def _checked(
-        self,
-        time: float,
-        values: Mapping[str, ArrayLike],
-        columns: Mapping[str, Sequence[str]] | None,
-        before: float,
-        rows: Sequence[Mapping[str, NDArray[Any]]],
-    ) -> dict[str, NDArray[Any]]:
-        """A row that comes after time `before`, and after `rows` that are not in the file yet."""
-        first: dict[str, Any] | None = (
-            {name: value[None] for name, value in rows[0].items()} if rows else None
-        )
-        if self._rows is not None:
-            first = {name: dataset for name, dataset in self._rows.datasets.items() if name != "time"}
-        if not isinstance(values, Mapping):
-            raise InputError(f"series: numbers by name are needed, not {values!r}")
-        for name in ("step", "time"):
-            if name in values:
-                raise InputError(f"name of series = {name!r}: the file has it already for all of them")
-        row = checked("series", "row", values, first)
-        if not row:
-            raise InputError("series: a row without any quantity cannot be written")
-        if not (is_number(time) and np.isfinite(time) and time >= before):
-            raise InputError(f"time = {time}: a finite time not before {before} is needed")
-        named = {name: tuple(names) for name, names in (columns or {}).items()}
-        for name, names in named.items():
-            if name not in row or row[name].shape != (len(names),):
-                shape = row[name].shape if name in row else "no value"
-                raise InputError(f"columns of series {name} = {list(names)}: the series has {shape}")
-        if first is None:
-            self._columns = named
-        elif columns is not None and named != self._columns:
-            raise InputError(f"columns = {named}: the first row has {self._columns}")
-        return row
+        drop_staged(file, TIMESERIES)
+        if self.rows is not None and self.rows.committed:
+            self.rows.drop_uncommitted()
+        elif TIMESERIES in file:
+            del file[TIMESERIES]
+            self.rows = None
 
 
 class HistoryWriter:
-    """The group `histories` of a file that is being written.
+    """The group `histories` of a file that is being written, of a gas of n disks.
 
-    Parameters
-    ----------
-    output : OutputFile
-        The file.
-    n : int
-        Number of disks.
-    at : int
-        Events that the run has written; there may be more in the file, which are compared then.
-
-    Raises
-    ------
-    InputError
-        If the file holds fewer events.
+    `at` is the number of events that the run has written; there may be more in the file, which are compared then.
     """
 
     def __init__(self, output: OutputFile, n: int, at: int = 0) -> None:
         self._output = output
         self._n = n
-        self._events: Rows | None = None
+        self.events: Rows | None = None
         if HISTORIES in output.file:
             self._open(at)
-        if at > len(self):
-            raise InputError(
-                f"{output.path} holds {len(self)} events, the checkpoint had seen {at}: it is another file's"
-            )
 
     def _open(self, at: int = 0) -> None:
         group = self._output.file[HISTORIES]
-        marks = group["committed/events"]
-        commits = len(marks)
-        committed = int(marks[commits - 1])
+        marks, times = group["committed/events"], group["committed/time"]
         self._tracked: NDArray[np.int32] = group["tracked"][()]
-        self._complete_to = float(group["committed/time"][commits - 1])
-        self._commits = Rows("commit of histories", marks, {"time": group["committed/time"]}, commits)
+        self._complete_to = float(times[len(marks) - 1])
+        self._commits = Rows("commit of histories", marks, {"time": times}, len(marks))
         columns = {name: group[f"events/{name}"] for name in EVENT_COLUMNS}
         # The events have no marker of their own: the commits count them.
-        self._events = Rows("event of the histories", None, columns, committed, at)
-
-    def __len__(self) -> int:
-        """Number of committed events."""
-        return 0 if self._events is None else self._events.committed
-
-    @property
-    def at(self) -> int:
-        """Events that the run has written: less than the committed ones while it repeats them."""
-        return 0 if self._events is None else self._events.at
+        self.events = Rows("event of the histories", None, columns, int(marks[len(marks) - 1]), at)
 
     def begin(self, ids: ArrayLike, state: State) -> None:
         """Begin to track disks; see `TrajectoryWriter.begin_histories`."""
-        tracked = as_column("tracked", ids, EVENT_COLUMNS["id"])
-        if not len(tracked) or not 0 <= tracked.min() <= tracked.max() < self._n:
+        tracked = np.sort(stored("tracked", ids, np.atleast_1d(np.asarray(ids)).shape[:1], np.int32))
+        if not len(tracked) or not 0 <= tracked[0] <= tracked[-1] < self._n:
             raise InputError(f"tracked = {ids!r}: numbers of disks from 0 to {self._n - 1} are needed")
-        tracked = np.sort(tracked)
-        if (tracked[1:] == tracked[:-1]).any():
-            twice = tracked[1:][tracked[1:] == tracked[:-1]][0]
-            raise InputError(f"tracked: disk {twice} is there twice")
-        start = {
-            name: as_column(name, getattr(state, name)[tracked], column)
-            for name, column in START_COLUMNS.items()
-        }
-        if self._events is not None:
-            self._compare_start(tracked, float(state.time), start)
+        if len(twice := tracked[1:][tracked[1:] == tracked[:-1]]):
+            raise InputError(f"tracked: disk {twice[0]} is there twice")
+        start: dict[str, Any] = {"time": np.float64(state.time)}
+        for name, column in START_COLUMNS.items():
+            start[name] = stored(
+                name, getattr(state, name)[tracked], (len(tracked), *column.tail), column.dtype
+            )
+        if self.events is None:
+            layout.create_histories(self._output.file, tracked, start)
+            self._output.flush()
+            self._open()
             return
-        layout.create_histories(self._output.file, tracked, float(state.time), start)
-        self._output.flush()
-        self._open()
+        group = self._output.file[HISTORIES]
+        if not np.array_equal(group["tracked"][()], tracked):
+            raise TrajectoryError(f"it has histories of other disks than these {len(tracked)}")
+        for name, values in start.items():
+            if group[f"start/{name}"][()].tobytes() != values.tobytes():
+                raise TrajectoryError(f"it has histories that began with another {name}")
 
-    def write(self, events: Mapping[str, ArrayLike], time: float) -> None:
-        """Append events and commit them; see `TrajectoryWriter.write_histories`."""
-        if self._events is None:
+    def write(self, parts: Sequence[tuple[Mapping[str, ArrayLike], float]]) -> None:
+        """Append events and commit them together; see `TrajectoryWriter.write_history_parts`."""
+        if self.events is None:
             raise InputError("histories: begin_histories comes before write_histories")
-        columns = self._checked(events, time)
-        rows, count, time = self._events, len(columns["time"]), float(time)
-        known = rows.known(count)
-        if known < count and columns["time"][known] < self._complete_to:
-            raise TrajectoryError(
-                f"the event of disk {columns['id'][known]} at t = {columns['time'][known]} is not "
-                f"in the file, whose histories are complete up to t = {self._complete_to}"
-            )
-        rows.add(columns)
-        end = rows.at + count
-        if end < rows.committed and float(rows.datasets["time"][end]) < time:
-            raise TrajectoryError(
-                f"event {end} of its histories, at t = {rows.datasets['time'][end]}, is missing "
-                f"among those up to t = {time}"
-            )
-        if end > rows.committed or time > self._complete_to:
-            self._commits.add({"time": np.array([time])})
-            self._output.flush()
-            self._commits.mark(np.array([end]))
-            self._output.flush()
-            self._commits.confirm(1)
-            self._complete_to = time
-        rows.confirm(count)
+        rows, end, complete_to = self.events, self.events.at, self._complete_to
+        found, ends, commits = [], [], []
+        for events, given in parts:
+            columns, time = self._checked(events, given), float(given)
+            times = columns["time"]
+            known = min(len(times), max(0, rows.committed - end))
+            if known < len(times) and times[known] < complete_to:
+                raise TrajectoryError(
+                    f"the event of disk {columns['id'][known]} at t = {times[known]} is not in the file, whose "
+                    f"histories are complete up to t = {complete_to}"
+                )
+            end += len(times)
+            if end > rows.committed or time > complete_to:
+                commits.append((time, end))
+                complete_to = time
+            found.append(columns)
+            ends.append((time, end))
+        if not found:
+            return
+        rows.add({name: np.concatenate([each[name] for each in found]) for name in EVENT_COLUMNS})
+        for time, end in ends:
+            if end < rows.committed and float(rows.datasets["time"][end]) < time:
+                raise TrajectoryError(
+                    f"event {end} of its histories, at t = {rows.datasets['time'][end]}, is missing among those up to "
+                    f"t = {time}"
+                )
+        if commits:
+            at, marks = (np.array(each) for each in zip(*commits, strict=True))
+            self._commits.commit(self._output, {"time": at}, marks)
+        self._complete_to = complete_to
+        rows.confirm(end - rows.at)
 
     def drop_uncommitted(self) -> None:
         """Remove what an interrupted write left behind the last commit."""
         drop_staged(self._output.file, HISTORIES)
-        if self._events is not None:
-            self._events.drop_uncommitted()
+        if self.events is not None:
+            self.events.drop_uncommitted()
             self._commits.drop_uncommitted()
 
-    def _compare_start(self, tracked: NDArray[Any], time: float, start: Mapping[str, NDArray[Any]]) -> None:
-        group = self._output.file[HISTORIES]
-        if not np.array_equal(group["tracked"][()], tracked):
-            raise TrajectoryError(f"it has histories of other disks than these {len(tracked)}")
-        for name, values in (("time", np.float64(time)), *start.items()):
-            if group[f"start/{name}"][()].tobytes() != values.tobytes():
-                raise TrajectoryError(f"it has histories that began with another {name}")
-
     def _checked(self, events: Mapping[str, ArrayLike], time: float) -> dict[str, NDArray[Any]]:
-        missing = [name for name in EVENT_COLUMNS if name not in events]
-        if missing:
+        if missing := [name for name in EVENT_COLUMNS if name not in events]:
             raise InputError(f"histories: the events lack {', '.join(missing)}")
-        unknown = [name for name in events if name not in EVENT_COLUMNS]
-        if unknown:
-            raise InputError(
-                f"histories: there is no column {unknown[0]!r}{nearest(unknown[0], EVENT_COLUMNS)}"
-            )
+        for name in events:
+            if name not in EVENT_COLUMNS:
+                raise InputError(f"histories: there is no column {name!r}{there_are(name, EVENT_COLUMNS)}")
         length = len(np.atleast_1d(np.asarray(events["time"])))
         columns = {
-            name: as_column(f"histories: {name}", events[name], column, length)
+            name: stored(f"histories: {name}", events[name], (length, *column.tail), column.dtype)
             for name, column in EVENT_COLUMNS.items()
         }
         times, ids = columns["time"], columns["id"]
@@ -402,27 +296,33 @@ class HistoryWriter:
         return columns
 
 
+def _row(values: Mapping[str, ArrayLike], first: Mapping[str, Any] | None) -> dict[str, NDArray[Any]]:
+    """Quantities of a row of the series, as `first` has them."""
+    if not isinstance(values, Mapping):
+        raise InputError(f"series: numbers by name are needed, not {values!r}")
+    for name in ("step", "time"):
+        if name in values:
+            raise InputError(f"name of series = {name!r}: the file has it already for all of them")
+    row = checked("series", "row", values, first)
+    if not row:
+        raise InputError("series: a row without any quantity cannot be written")
+    return row
+
+
+def like(datasets: Mapping[str, h5py.Dataset]) -> dict[str, NDArray[Any]]:
+    """Empty arrays of the shapes and types of datasets: HDF5 takes 0.05 ms to tell each."""
+    return {name: np.empty((0, *each.shape[1:]), each.dtype) for name, each in datasets.items()}
+
+
 def checked(
-    what: str,
-    row: str,
-    given: Mapping[str, ArrayLike],
-    first: Mapping[str, h5py.Dataset] | Mapping[str, NDArray[Any]] | None,
+    what: str, row: str, given: Mapping[str, ArrayLike], first: Mapping[str, NDArray[Any]] | None
 ) -> dict[str, NDArray[Any]]:
-    """Numbers as they are stored: float64 or int64.
+    """Numbers as they are stored, float64 or int64, by name.
 
-    Parameters
-    ----------
-    what, row : str
-        What they are ("observable") and what they stand in ("frame"), for messages.
-    given : mapping
-        Name -> number or array.
-    first : mapping or None
-        The datasets or arrays that the first row made, shape (rows, ...); None if there is no row yet.
+    `what` they are ("observable") and what `row` they stand in ("frame") is for messages; `first` are arrays of the
+    shape (rows, ...) and type that the first row made, None if there is no row yet.
 
-    Raises
-    ------
-    InputError
-        If one is not a number or numbers, or they do not fit the first row.
+    Raises InputError if one is not a number or numbers, or they do not fit the first row.
     """
     found = {}
     for name, value in given.items():
@@ -438,17 +338,37 @@ def checked(
         several = what if what.endswith("s") else f"{what}s"
         raise InputError(f"{several} {sorted(found)}: the first {row} has {sorted(first)}")
     for name, numbers in found.items():
-        dataset = first[name]
-        if numbers.shape != dataset.shape[1:]:
-            raise InputError(f"{what} {name} has shape {numbers.shape}: {dataset.shape[1:]} is needed")
-        if numbers.dtype.kind == "f" and dataset.dtype.kind != "f":
+        before = first[name]
+        if numbers.shape != before.shape[1:]:
+            raise InputError(f"{what} {name} has shape {numbers.shape}: {before.shape[1:]} is needed")
+        if numbers.dtype.kind == "f" and before.dtype.kind != "f":
             raise InputError(f"{what} {name} = {numbers}: it was an integer in the first {row}")
-        found[name] = numbers.astype(dataset.dtype)
+        found[name] = numbers.astype(before.dtype)
+    return found
+
+
+def stored(what: str, value: ArrayLike, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """Values in the type that the file has for them; InputError if they do not fit the shape or the type."""
+    given, target = np.asarray(value), np.dtype(dtype)
+    if given.shape != shape:
+        raise InputError(f"{what} has shape {given.shape}: {shape} is needed")
+    if given.dtype.kind not in ("iu" if target.kind == "i" else "iuf") and given.size:
+        raise InputError(f"{what} has type {given.dtype}: {target} is needed")
+    if target.kind == "i" and given.size and given.dtype != target:
+        limits = np.iinfo(target)
+        if not limits.min <= given.min() <= given.max() <= limits.max:
+            raise InputError(f"{what}: numbers beyond {limits.max} cannot be stored")
+    with np.errstate(over="ignore"):
+        found = np.asarray(given, dtype=target, order="C")
+    if target.kind == "f" and not np.isfinite(found).all():
+        place = tuple(int(axis) for axis in np.argwhere(~np.isfinite(found))[0])
+        where = ", ".join(map(str, place))
+        raise InputError(f"{what}[{where}] = {given[place]}: no finite number of type {target}")
     return found
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a real number, of Python's or NumPy's; truth values are none."""
+    """True if a value is a real number, of Python's or NumPy's; truth values are none."""
     return isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
 
 

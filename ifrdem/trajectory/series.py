@@ -9,10 +9,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import nearest
+from ..errors import NameMissing, there_are
 from ..tools.sealed import Sealed
 from .damage import text_of
-from .frame import NameMissing
 
 
 class Series(Sealed, Mapping[str, NDArray[Any]]):
@@ -55,8 +54,7 @@ class Series(Sealed, Mapping[str, NDArray[Any]]):
             return value
         if column not in columns:
             raise NameMissing(
-                f"{self._kind} {whole!r} of the file has no column {column!r}: "
-                f"there are {', '.join(columns) or 'none'}{nearest(column, columns)}"
+                f"{self._kind} {whole!r} of the file has no column {column!r}{there_are(column, columns)}"
             )
         return value[:, columns.index(column)]
 
@@ -72,10 +70,7 @@ class Series(Sealed, Mapping[str, NDArray[Any]]):
     def columns(self, name: str) -> tuple[str, ...]:
         """Names of the columns of a quantity; empty if it has none."""
         if name not in self._columns:
-            raise NameMissing(
-                f"the file holds no {self._kind} {name!r}: "
-                f"there are {', '.join(self) or 'none'}{nearest(str(name), self)}"
-            )
+            raise NameMissing(f"the file holds no {self._kind} {name!r}{there_are(str(name), self)}")
         return self._columns[name]
 
     def __repr__(self) -> str:

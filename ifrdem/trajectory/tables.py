@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError
+from ..tools import checked
+from .layout import STATIC
 
 if TYPE_CHECKING:
     import pandas
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
     from .series import Series
 
 AXES = ("x", "y")
+PER_DISK = "collisions_per_disk"
 WHICH = ("series", "observables", "frame")
 
 
@@ -49,15 +54,14 @@ def frame_columns(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]
     found: dict[str, NDArray[Any]] = {}
     for name in trajectory.fields:
         found.update(columns(name, frame[name]))
-    for name in ("radius", "mass", "k", "material"):
+    for name in STATIC:
         found[name] = getattr(disks, name)
     return found
 
 
 def to_pandas(trajectory: Trajectory, which: str, index: int) -> pandas.DataFrame:
     """As `Trajectory.to_pandas`."""
-    if which not in WHICH:
-        raise InputError(f"which = {which!r}: allowed are {', '.join(WHICH)}{nearest(str(which), WHICH)}")
+    checked.one_of("which", which, WHICH)
     pandas = needed("pandas", "analysis")
     if which == "frame":
         found = frame_columns(trajectory, index)
@@ -77,7 +81,7 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
         stored = trajectory.dataset(name)
         dims = ("time", "disk", "axis")[: stored.ndim]
         data[name] = (dims, _lazy(xarray, trajectory, name))
-    for name in ("radius", "mass", "k", "material"):
+    for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
     coordinates: dict[str, Any] = {
         "time": trajectory.times, "disk": np.arange(trajectory.disks.n), "axis": list(AXES)
@@ -88,6 +92,9 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     ):
         if len(series) and time == "series_time":
             coordinates[time] = series.time
+        if "collisions" in series and trajectory.disks.n:
+            ends = "" if time == "time" else "series_"
+            coordinates[f"{ends}{PER_DISK}"] = (time, 2.0 * series["collisions"] / trajectory.disks.n)
         for name in series:
             value = series[name]
             dims = (time, *_axes(name, value, series.columns(name), coordinates))
@@ -96,13 +103,110 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     found = xarray.Dataset(data, coords=coordinates, attrs=attributes)
     for name, variable in found.variables.items():
         if unit := trajectory.units.get(
-            _QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")
+            QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")
         ):
             variable.attrs["units"] = unit
     return found
 
 
-_QUANTITIES = {
+def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
+    """Quantities of the whole gas, shape (rows, ...), at its rows of series or, without those, its frames.
+
+    Among them `time`, `collisions_per_disk` and `theta`, the ratio of the temperatures.
+
+    Raises
+    ------
+    InputError
+        If the file does not count collisions.
+    """
+    source = trajectory.series if "collisions" in trajectory.series else trajectory.observables
+    if "collisions" not in source or not len(source.time):
+        raise InputError(
+            f"{trajectory.path}: holds no collisions of the whole gas, by which it could be joined"
+        )
+    found = {name: source[name].astype(np.float64) for name in source}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if {"temperature", "rotational_temperature"} <= found.keys():
+            found["theta"] = found["rotational_temperature"] / found["temperature"]
+    return {"time": source.time, PER_DISK: 2.0 * found["collisions"] / max(trajectory.disks.n, 1), **found}
+
+
+def joined(trajectories: Sequence[Trajectory]) -> dict[str, NDArray[np.float64]]:
+    """Quantities that all trajectories have, shape (trajectories, rows, ...), at the same collisions per disk.
+
+    The rows are those of the first trajectory, as far as all go; the others are interpolated linearly between theirs.
+    """
+    each = [whole_gas(one) for one in trajectories]
+    last = min(one[PER_DISK][-1] for one in each)
+    first = max(one[PER_DISK][0] for one in each)
+    axis = each[0][PER_DISK]
+    axis = np.unique(axis[(axis >= first) & (axis <= last)])
+
+    def at(one: dict[str, NDArray[np.float64]], name: str) -> NDArray[np.float64]:
+        values = one[name].reshape(len(one[name]), -1)
+        columns = [np.interp(axis, one[PER_DISK], column) for column in values.T]
+        return np.stack(columns, axis=1).reshape(len(axis), *one[name].shape[1:])
+
+    names = [name for name in each[0] if all(name in one for one in each) and name != PER_DISK]
+    return {PER_DISK: axis, **{name: np.stack([at(one, name) for one in each]) for name in names}}
+
+
+def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarray.Dataset:
+    """Join the whole-gas quantities of trajectories at equal collisions per disk, along a new dimension `run`.
+
+    Rows of series, or frames where there are none, stand at those of the first trajectory, as far as all go; between
+    the rows of the others they are interpolated linearly. Gases that cool at different rates are comparable so.
+
+    Parameters
+    ----------
+    trajectories : iterable of Trajectory or path
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions `run` and `collisions_per_disk`; `run` has the names of the files.
+
+    Raises
+    ------
+    InputError
+        If there is none, one has no whole-gas quantities, or xarray is not installed (extra `analysis`).
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> disks, box = ifrdem.Disks(2, mass=1.0, radius=0.5), ifrdem.Box((10.0, 10.0))
+    >>> for name, T in (("a", 1.0), ("b", 3.0)):
+    ...     with ifrdem.TrajectoryWriter(f"{name}.h5", disks, box) as file:
+    ...         for i in range(3):
+    ...             state = ifrdem.State([[1.0, 5.0], [4.0, 5.0]], [[1.0, 0.0], [0.0, 0.0]], [0.0, 0.0], time=float(i))
+    ...             file.write(state, {"temperature": T / (1 + i), "collisions": i})
+    ...
+    >>> both = ifrdem.concat(["a.h5", "b.h5"])
+    >>> both.temperature.mean("run").values
+    array([2.        , 1.        , 0.66666667])
+    """
+    from .reader import Trajectory
+
+    xarray = needed("xarray", "analysis")
+    with contextlib.ExitStack() as stack:
+        opened = [
+            one if isinstance(one, Trajectory) else stack.enter_context(Trajectory(one))
+            for one in trajectories
+        ]
+        if not opened:
+            raise InputError("trajectories: one at least is needed")
+        found = joined(opened)
+        units = {name: opened[0].units.get(quantity) for name, quantity in QUANTITIES.items()}
+        names = [one.path.stem for one in opened]
+    coordinates = {"run": names, PER_DISK: found.pop(PER_DISK)}
+    data = {}
+    for name, value in found.items():
+        dims = ("run", PER_DISK, *(f"{name}_{axis}" for axis in range(1, value.ndim - 1)))
+        data[name] = (dims, value, {"units": units[name]} if units.get(name) else {})
+    return xarray.Dataset(data, coordinates)
+
+
+QUANTITIES = {
     "time": "time", "position": "length", "radius": "length", "mass": "mass",
     "momentum": "momentum",
     **dict.fromkeys(

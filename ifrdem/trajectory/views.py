@@ -35,7 +35,7 @@ NO_VALUES = "This is a netCDF dimension but not a netCDF variable."
 
 
 def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
-    """Where the views of a trajectory are: NAME.vtkhdf and NAME.nc."""
+    """Paths of the views of a trajectory: NAME.vtkhdf and NAME.nc."""
     whole = Path(trajectory)
     name = whole.name.removesuffix(".h5")
     vtkhdf, nc = (whole.with_name(name + ending) for ending in VIEWS)
@@ -45,11 +45,8 @@ def paths(trajectory: str | os.PathLike[str]) -> tuple[Path, Path]:
 def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
     """Write the views of a trajectory beside it, replacing those that are there; returns their paths.
 
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a view cannot
-        be written: where a folder, a device or the trajectory itself is. Each view appears whole or not at all.
+    Raises InputError if the trajectory cannot be read, or has nothing to show (no frames, no disks, no positions), or a
+    view cannot be written: where a folder, a device or the trajectory itself is. Each view appears whole or not at all.
     """
     check_file(Path(path))
     made = paths(path)
@@ -57,11 +54,13 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         check_apart(place, Path(path))
     check_files(made, force=True, elsewhere="views stand beside the trajectory")
     with Trajectory(path) as trajectory:
-        if len(trajectory) == 0 or trajectory.disks.n == 0 or "position" not in trajectory.fields:
-            missing = (
-                "frames" if len(trajectory) == 0 else "disks" if trajectory.disks.n == 0 else "positions"
-            )
-            raise InputError(f"{path}: a view needs {missing}, and there are none")
+        needs = {
+            "frames": len(trajectory),
+            "disks": trajectory.disks.n,
+            "positions": "position" in trajectory.fields,
+        }
+        if missing := [name for name, there in needs.items() if not there]:
+            raise InputError(f"{path}: a view needs {missing[0]}, and there are none")
         for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
             _write(place, trajectory, fill)
     return made
@@ -165,10 +164,11 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
 
     units = trajectory.units
     attach(file.create_dataset("time", data=trajectory.times), "frame", unit=units.get("time"))
-    lengths = [
-        side if one else 0.0
-        for side, one in zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
-    ]
+    if "collisions" in trajectory.observables:
+        per_disk = 2.0 * trajectory.observables["collisions"] / n
+        attach(file.create_dataset("collisions_per_disk", data=per_disk), "frame")
+    sides = zip(trajectory.box.lengths, trajectory.box.periodic, strict=True)
+    lengths = [side if periodic else 0.0 for side, periodic in sides]
     cell = file.create_dataset("cell_lengths", data=np.tile([*lengths, 0.0], (frames, 1)))
     attach(cell, "frame", "cell_spatial", unit=units.get("length"))
     angles = file.create_dataset("cell_angles", data=np.full((frames, 3), 90.0))

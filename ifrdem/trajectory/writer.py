@@ -1,10 +1,11 @@
 """Writes a run's frames, time series and histories so that every death of the run leaves a good file.
 
-The layout is described in `ifrdem.h5md`.
+The layout is described in `layout`.
 """
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,16 +16,16 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..model.box import Box, below
 from ..model.state import Disks, State, StoredState
 from ..model.walls import Wall, to_json
+from ..tools import checked
 from ..tools.sealed import Sealed
 from . import damage, layout
-from .file import OutputFile, TrajectoryError
-from .rows import HistoryWriter, Rows, SeriesWriter, check_name, checked
-
-__all__ = ["DEFAULT_FIELDS", "TrajectoryError", "TrajectoryWriter"]
+from .file import OutputFile
+from .rows import HistoryWriter, Rows, SeriesWriter, check_name, like, stored
+from .rows import checked as checked_row
 
 DEFAULT_FIELDS = ("position", "velocity", "angular_velocity", "collisions")
 
@@ -108,32 +109,22 @@ class TrajectoryWriter(Sealed):
         force: bool = False,
         walls: Sequence[Wall] = (),
     ) -> None:
-        parameters = {} if parameters is None else parameters
-        if walls:
-            parameters = {**parameters, "walls": to_json(walls)}
-        units = {} if units is None else units
+        parameters = dict(parameters or {}, **({"walls": to_json(walls)} if walls else {}))
+        units = units or {}
         fields = [fields] if isinstance(fields, str) else list(fields)
-        _check_choices("field", fields, list(layout.FIELDS))
+        for name in fields:
+            checked.one_of("field", name, layout.FIELDS)
         if len(set(fields)) != len(fields):
             raise InputError(f"fields = {fields}: each may be given once")
-        _check_choices("precision", [precision], list(layout.PRECISIONS))
-        _check_choices("compression", [compression], list(layout.COMPRESSIONS))
+        checked.one_of("precision", precision, layout.PRECISIONS)
+        checked.one_of("compression", compression, layout.COMPRESSIONS)
         if compression == "zstd":
             layout.need_zstd('compression "zstd"')
         _check_record(parameters, units)
-
-        def fill(file: h5py.File) -> None:
-            layout.create(
-                file,
-                disks=disks,
-                box=box,
-                fields=fields,
-                precision=precision,
-                compression=compression,
-                parameters=parameters,
-                units=units,
-            )
-
+        fill = functools.partial(
+            layout.create, disks=disks, box=box, fields=fields, precision=precision, compression=compression,
+            parameters=parameters, units=units,
+        )  # fmt: skip
         self._begin(OutputFile.create(path, fill, force=force), disks, box)
 
     @classmethod
@@ -151,50 +142,33 @@ class TrajectoryWriter(Sealed):
         series_rows: int = 0,
         events: int = 0,
     ) -> TrajectoryWriter:
-        """Go on with the file of a run that goes on from a checkpoint.
+        """Go on with the file of a run that goes on from a checkpoint; no other process may write it meanwhile.
 
-        What a kill left uncommitted is dropped. What was committed after the checkpoint stays: the run
-        computes it again, and gives it again; it is compared with the file bit for bit.
+        What a kill left uncommitted is dropped. What was committed after the checkpoint stays: the run computes it
+        again, and gives it again; it is compared with the file bit for bit. The run had written so many `frames`,
+        `series_rows` and `events` of histories at the checkpoint; all else is as the file was begun with.
 
-        Parameters
-        ----------
-        path : str or path
-            The file. No other process may write it meanwhile.
-        disks, box, fields, precision, compression, walls
-            As the file was begun with.
-        frames, series_rows, events : int
-            How many frames, rows of series and events of histories the run had written at the checkpoint.
-
-        Raises
-        ------
-        InputError
-            If there is no such file, it is open elsewhere, it was begun otherwise, or it holds less than the
-            checkpoint had seen. The file is as it was then.
+        Raises InputError if there is no such file, it is open elsewhere, it was begun otherwise, or it holds less than
+        the checkpoint had seen. The file is as it was then.
         """
-        for name, value in (("frames", frames), ("series_rows", series_rows), ("events", events)):
+        seen = {"frames": frames, "series_rows": series_rows, "events": events}
+        for name, value in seen.items():
             if not isinstance(value, int | np.integer) or value < 0:
                 raise InputError(f"{name} = {value!r}: a whole number, 0 or more, is needed")
-        output = OutputFile.reopen(path)
+        output, place = OutputFile.reopen(path), os.fspath(path)
         try:
-            layout.check_layout(output.file, os.fspath(path))
-            _check_resumable(
-                output.file,
-                os.fspath(path),
-                disks=disks,
-                box=box,
-                fields=[fields] if isinstance(fields, str) else fields,
-                precision=precision,
-                compression=compression,
-                walls=to_json(walls) if walls else None,
-            )
+            layout.check_layout(output.file, place)
+            fields = [fields] if isinstance(fields, str) else fields
+            text = to_json(walls) if walls else None
+            _check_resumable(output.file, place, disks, box, fields, precision, compression, text)
             writer = cls.__new__(cls)
-            writer._begin(output, disks, box, frames, series_rows, events)
+            writer._begin(output, disks, box, **seen)
             writer._drop_uncommitted()
             output.flush()
         except BaseException as error:
             output.close(lambda: None, keep=True)
             if isinstance(error, OSError | RuntimeError):
-                raise InputError(f"{os.fspath(path)} cannot be gone on with: {error}") from error
+                raise InputError(f"{place} cannot be gone on with: {error}") from error
             raise
         return writer
 
@@ -215,21 +189,30 @@ class TrajectoryWriter(Sealed):
         file = output.file
         step, time, edges = (file[f"{layout.EDGES}/{name}"] for name in ("step", "time", "value"))
         committed = len(step)
-        if frames > committed:
-            raise InputError(
-                f"{self.path} holds {committed} frames, the checkpoint had seen {frames}: it is another file's"
-            )
+        self._histories = HistoryWriter(output, disks.n, events)
+        for what, held, seen in (
+            ("frames", committed, frames),
+            ("rows of series", layout.committed_rows(file), series_rows),
+            ("events", self.events, events),
+        ):
+            if seen > held:
+                raise InputError(
+                    f"{self.path} holds {held} {what}, the checkpoint had seen {seen}: it is another file's"
+                )
         fields = {name: layout.field_dataset(file, name) for name in layout.stored_fields(file)}
-        self._fields = fields
-        self._rows = Rows("frame", step, {"time": time, "edges": edges, **fields}, committed, frames)
-        self._empty_views = layout.plain_views(file)
-        self._observables: dict[str, h5py.Dataset] = {}
-        if committed:
-            self._observables = {name: group["value"] for name, group in file["observables"].items()}
-            self._rows.datasets.update(_prefixed(self._observables))
+        self._fields = like(fields)
+        datasets = {"time": time, "edges": edges, **fields}
+        # Views of no disks do not grow by themselves.
+        views = [name for name in self._fields if disks.n == 0 and layout.FIELDS[name].components == 2]
+        datasets |= {f"view {name}": file[f"{layout.PARTICLES}/{name}/value"] for name in views}
+        self._empty = {f"view {name}": np.zeros((0, 3)) for name in views}
+        observables = (
+            {name: group["value"] for name, group in file["observables"].items()} if committed else {}
+        )
+        self._observables = like(observables)
+        self._rows = Rows("frame", step, datasets | _prefixed(observables), committed, frames)
         self._last_time = float(time[frames - 1]) if frames else -np.inf
         self._series = SeriesWriter(output, series_rows)
-        self._histories = HistoryWriter(output, disks.n, events)
 
     def __len__(self) -> int:
         """Number of committed frames."""
@@ -243,17 +226,18 @@ class TrajectoryWriter(Sealed):
     @property
     def series_rows(self) -> int:
         """Number of committed rows of the series."""
-        return len(self._series)
+        return self._series.rows.committed if self._series.rows else 0
 
     @property
     def events(self) -> int:
         """Number of committed events of the histories."""
-        return len(self._histories)
+        return self._histories.events.committed if self._histories.events else 0
 
     @property
     def seen(self) -> dict[str, int]:
-        """What a checkpoint has to keep for `resume`: frames, series_rows and events that the run has written."""
-        return {"frames": self._rows.at, "series_rows": self._series.at, "events": self._histories.at}
+        """Counts that a checkpoint keeps for `resume`: frames, series_rows and events that the run has written."""
+        rows = {"frames": self._rows, "series_rows": self._series.rows, "events": self._histories.events}
+        return {name: each.at if each else 0 for name, each in rows.items()}
 
     def __enter__(self) -> TrajectoryWriter:
         return self
@@ -266,48 +250,49 @@ class TrajectoryWriter(Sealed):
     def write(self, state: State, observables: Mapping[str, ArrayLike] | None = None) -> None:
         """Append a frame and commit it.
 
-        Parameters
-        ----------
-        state : State
-            Positions [length], velocities [length/time], spins [rad/time] and counts of the n disks, at a
-            time not before that of the last frame.
-        observables : mapping
-            Quantities of the whole gas by name: numbers or arrays, floats or integers. Names and shapes are
-            those of the first frame.
+        The `state` has positions [length], velocities [length/time], spins [rad/time] and counts of the n disks, at a
+        time not before that of the last frame; `observables` are quantities of the whole gas by name: numbers or
+        arrays, floats or integers, as in the first frame.
 
-        Raises
-        ------
-        InputError
-            If the state or the observables do not fit the file; it is unchanged then.
-        TrajectoryError
-            If the frame cannot be written, e.g. to a full disk, or a resumed run gives another frame than the
-            file holds. The file keeps the frames before it.
+        Raises InputError if they do not fit the file, which is unchanged then; TrajectoryError if the frame cannot be
+        written, e.g. to a full disk, or a resumed run gives another frame than the file holds, which keeps the frames
+        before it.
+        """
+        self.write_frames([(state, observables)])
+
+    def write_frames(self, frames: Sequence[tuple[State, Mapping[str, ArrayLike] | None]]) -> None:
+        """Append frames, the arguments of `write` for each, and commit them together: faster than each.
+
+        Raises InputError and TrajectoryError as `write`; then none of them is written.
         """
         with self._output.committing("a frame", self._kept):
-            rows = self._rows
-            first = None if rows.committed == 0 else self._observables
-            values = checked("observable", "frame", {} if observables is None else observables, first)
-            fields = self._checked_fields(state)
-            for name in values:
-                if name not in self._observables:  # it is there if an interrupt ended the first attempt
-                    self._observables[name] = layout.add_observable(self._output.file, name, values[name])
-            rows.datasets.update(_prefixed(self._observables))
-            frame = {
-                "time": np.float64(state.time),
-                "edges": np.array((*self._lengths, 1.0)),
-                **fields,
-                **_prefixed(values),
-            }
-            new = rows.known(1) == 0
-            rows.add({name: np.asarray(value)[None] for name, value in frame.items()})
-            if new:
-                for view in self._empty_views:
-                    view.resize(rows.committed + 1, axis=0)
-                self._output.flush()
-                rows.mark(np.array([rows.at]))
-                self._output.flush()
-            rows.confirm(1)
-            self._last_time = state.time
+            first = self._observables if len(self) else None
+            before, found = self._last_time, []
+            for state, observables in frames:
+                values = checked_row("observable", "frame", observables or {}, first)
+                first = {name: value[None] for name, value in values.items()} if first is None else first
+                frame: dict[str, Any] = {
+                    "time": np.float64(state.time),
+                    "edges": np.array((*self._lengths, 1.0)),
+                }
+                found.append(frame | self._checked_fields(state, before) | self._empty | _prefixed(values))
+                before = state.time
+            if not found:
+                return
+            if len(self) == 0 and first is not None:
+                file, made = self._output.file, {}
+                for name, value in first.items():  # some are there if an interrupt ended the first attempt
+                    there = f"observables/{name}/value" in file
+                    made[name] = (
+                        file[f"observables/{name}/value"]
+                        if there
+                        else layout.add_observable(file, name, value[0])
+                    )
+                self._rows.datasets.update(_prefixed(made))
+                self._observables = first
+            stacked = {name: np.stack([frame[name] for frame in found]) for name in found[0]}
+            self._rows.commit(self._output, stacked)
+            self._last_time = before
             self._output.publish()
 
     def write_series(
@@ -318,21 +303,11 @@ class TrajectoryWriter(Sealed):
     ) -> None:
         """Append a row to the time series and commit it.
 
-        Parameters
-        ----------
-        time : float
-            Its time [time], not before that of the last row.
-        values : mapping
-            Name of each series -> number or array. Names and shapes are those of the first row.
-        columns : mapping, optional
-            Names of the numbers in a series' rows, for those that have them; as in the first row.
+        Its `time` [time] is not before that of the last row. `values` are numbers or arrays by the name of each series;
+        `columns` are the names of the numbers in the rows of those that have them. Names and shapes are as in the first
+        row.
 
-        Raises
-        ------
-        InputError
-            If the row does not fit the file; it is unchanged then.
-        TrajectoryError
-            As `write`.
+        Raises InputError and TrajectoryError as `write`.
         """
         self.write_series_rows([(time, values)], columns)
 
@@ -343,30 +318,16 @@ class TrajectoryWriter(Sealed):
     ) -> None:
         """Append rows, pairs of the first two arguments of `write_series`, and commit them together: faster than each.
 
-        Raises
-        ------
-        InputError, TrajectoryError
-            As `write_series`; then none of them is written.
+        Raises InputError and TrajectoryError as `write`; then none of them is written.
         """
         with self._output.committing("rows of the series", self._kept):
             self._series.write(rows, columns)
 
     def begin_histories(self, ids: ArrayLike, state: State) -> None:
-        """Begin to track disks, from a state on. In a file that tracks already, they must be the same.
+        """Begin to track disks by their numbers, from a state on. In a file that tracks already, they must be the same.
 
-        Parameters
-        ----------
-        ids : array_like of int
-            Numbers of the disks.
-        state : State
-            Where they are.
-
-        Raises
-        ------
-        InputError
-            If there is no such disk, or one is named twice.
-        TrajectoryError
-            As `write`; and if the file has histories of other disks or from another time.
+        Raises InputError if there is no such disk, or one is named twice; TrajectoryError as `write`, and if the file
+        has histories of other disks or from another time.
         """
         with self._output.committing("histories", self._kept):
             self._histories.begin(ids, state)
@@ -374,70 +335,62 @@ class TrajectoryWriter(Sealed):
     def write_histories(self, events: Mapping[str, ArrayLike], time: float) -> None:
         """Append what happened to the tracked disks and commit it.
 
-        Parameters
-        ----------
-        events : mapping
-            Every column of `layout.EVENT_COLUMNS` -> array with a row an event, in the order of time and
-            id. Arrays of no rows say that nothing happened.
-        time : float
-            Up to here the histories are complete [time].
+        `events` has every column of `layout.EVENT_COLUMNS`, an array with a row an event, in the order of time and id;
+        arrays of no rows say that nothing happened. Up to `time` the histories are complete [time].
 
-        Raises
-        ------
-        InputError
-            If a column is missing, unknown or of another shape or type; if the order is wrong, a disk is not
-            tracked, or `begin_histories` has not been called. The file is unchanged then.
-        TrajectoryError
-            As `write`.
+        Raises InputError if a column is missing, unknown or of another shape or type; if the order is wrong, a disk is
+        not tracked, or `begin_histories` has not been called: the file is unchanged then. TrajectoryError as `write`.
+        """
+        self.write_history_parts([(events, time)])
+
+    def write_history_parts(self, parts: Sequence[tuple[Mapping[str, ArrayLike], float]]) -> None:
+        """Append events of several spans of time, the arguments of `write_histories` for each: faster than each.
+
+        Raises InputError and TrajectoryError as `write_histories`.
         """
         with self._output.committing("events of histories", self._kept):
-            self._histories.write(events, time)
+            self._histories.write(parts)
 
     def close(self) -> None:
         """Close the file; one without frames is removed. May be called twice.
 
-        Raises
-        ------
-        TrajectoryError
-            If closing fails, e.g. because the disk has gone. Committed frames are kept.
+        Raises TrajectoryError if closing fails, e.g. because the disk has gone. Committed frames are kept.
         """
         self._output.close(self._drop_uncommitted, keep=len(self) > 0)
 
     def _kept(self) -> str:
-        rows = f" and {len(self._series)} rows of the series" if len(self._series) else ""
-        events = f" and {len(self._histories)} events" if len(self._histories) else ""
+        rows = f" and {self.series_rows} rows of the series" if self.series_rows else ""
+        events = f" and {self.events} events" if self.events else ""
         return f"the {len(self)} frames{rows}{events} before it are kept"
 
     def _drop_uncommitted(self) -> None:
         """Remove what a `write` that was interrupted left behind the last commit."""
         self._rows.drop_uncommitted()
-        for view in self._empty_views:
-            if len(view) > len(self):
-                view.resize(len(self), axis=0)
         if len(self) == 0:
             for name in list(self._output.file["observables"]):
                 del self._output.file[f"observables/{name}"]
         self._series.drop_uncommitted()
         self._histories.drop_uncommitted()
 
-    def _checked_fields(self, state: State) -> dict[str, NDArray[Any]]:
+    def _checked_fields(self, state: State, before: float) -> dict[str, NDArray[Any]]:
+        """Fields of a frame that comes after time `before`, as they are stored."""
         if state.n != self._n:
             raise InputError(f"the state has {state.n} disks: {self._n} are needed")
-        if not (np.isfinite(state.time) and state.time >= self._last_time):
-            raise InputError(f"time = {state.time}: a finite time not before {self._last_time} is needed")
+        if not (np.isfinite(state.time) and state.time >= before):
+            raise InputError(f"time = {state.time}: a finite time not before {before} is needed")
         found = {}
         for name, dataset in self._fields.items():
-            value = np.ascontiguousarray(getattr(state, layout.FIELDS[name].attribute))
-            if value.shape != dataset.shape[1:]:
-                raise InputError(f"{name} has shape {value.shape}: {dataset.shape[1:]} is needed")
-            if layout.FIELDS[name].count:
-                found[name] = _as_count(name, value, dataset.dtype)
-            elif isinstance(state, StoredState) and value.dtype == dataset.dtype:
-                found[name] = value  # the engine has seen that all is finite
+            value = getattr(state, layout.FIELDS[name].attribute)
+            same = value.dtype == dataset.dtype and value.shape == dataset.shape[1:]
+            if same and isinstance(state, StoredState):
+                found[name] = np.ascontiguousarray(value)  # the engine has seen that all is finite
             else:
-                found[name] = _as_float(name, value, dataset.dtype)
-        if "position" in found:
-            _keep_inside(found["position"], state.position, self._lengths)
+                found[name] = stored(name, value, dataset.shape[1:], dataset.dtype)
+        if "position" in found and found["position"].dtype != state.position.dtype:
+            # Rounding to fewer digits may carry a disk out of the box through its upper side.
+            for axis, length in enumerate(self._lengths):
+                out = (found["position"][:, axis] >= length) & (state.position[:, axis] < length)
+                found["position"][out, axis] = below(length, found["position"].dtype)
         return found
 
 
@@ -459,50 +412,10 @@ def _check_record(parameters: Mapping[str, object], units: Mapping[str, object])
             raise InputError(f"unit of {quantity} = {unit!r}: either all units are 'reduced' or none is")
 
 
-def _as_count(name: str, value: NDArray[Any], dtype: np.dtype) -> NDArray[Any]:
-    limits = np.iinfo(dtype)
-    if value.dtype != dtype and value.size and not limits.min <= value.min() <= value.max() <= limits.max:
-        raise InputError(f"{name}: counts beyond {limits.max} cannot be stored")
-    return value.astype(dtype, copy=False)
-
-
-def _as_float(name: str, value: NDArray[Any], dtype: np.dtype) -> NDArray[Any]:
-    with np.errstate(over="ignore"):
-        rounded = value.astype(dtype, copy=False)
-    wrong = ~np.isfinite(rounded)
-    if wrong.any():
-        raise InputError(f"{name}: {value[wrong][0]} cannot be stored as {dtype}")
-    return rounded
-
-
-def _keep_inside(rounded: NDArray[Any], position: NDArray[Any], lengths: tuple[float, float]) -> None:
-    """Undo in place where rounding to fewer digits carried a disk out of the box through its upper side."""
-    if position.dtype == rounded.dtype:
-        return
-    for axis, length in enumerate(lengths):
-        out = (rounded[:, axis] >= length) & (position[:, axis] < length)
-        rounded[out, axis] = below(length, rounded.dtype)
-
-
-def _check_choices(what: str, names: Sequence[str], allowed: Sequence[str]) -> None:
-    for name in names:
-        if name not in allowed:
-            raise InputError(
-                f"{what} = {name!r}: allowed are {', '.join(allowed)}{nearest(str(name), allowed)}"
-            )
-
-
 def _check_resumable(
-    file: h5py.File,
-    path: str,
-    *,
-    disks: Disks,
-    box: Box,
-    fields: Sequence[str],
-    precision: str,
-    compression: str,
+    file: h5py.File, path: str, disks: Disks, box: Box, fields: Sequence[str], precision: str, compression: str,
     walls: str | None,
-) -> None:
+) -> None:  # fmt: skip
     """Raise InputError that says in what the file differs from what the run has; `walls` as JSON."""
     version = tuple(int(part) for part in file["h5md/modules/ifrdem"].attrs["version"])
     if version != layout.LAYOUT_VERSION:
@@ -510,9 +423,17 @@ def _check_resumable(
             f"{path} has layout {version[0]}.{version[1]}: a run can go on only with files of layout "
             f"{layout.LAYOUT_VERSION[0]}.{layout.LAYOUT_VERSION[1]}; begin a new file"
         )
-    _check_disks(file, path, disks)
-    stored_box = file[f"{layout.PARTICLES}/box"].attrs
-    expected = layout.box_attributes(box)
+    particles = file[layout.PARTICLES]
+    if (n := len(particles["radius"])) != disks.n:
+        raise InputError(f"{path} has {n} disks, the run has {disks.n}")
+    for name in layout.STATIC:
+        given, stored = getattr(disks, name), particles[name][()]
+        if (different := given != stored).any():
+            i = int(np.argmax(different))
+            raise InputError(
+                f"{path} has other disks: {name} of disk {i} is {stored[i]}, the run's is {given[i]}"
+            )
+    stored_box, expected = particles["box"].attrs, layout.box_attributes(box)
     for name in dict.fromkeys((*expected, *stored_box)):
         given, stored = expected.get(name), stored_box.get(name)
         if given is None or stored is None or not np.array_equal(given, stored):
@@ -520,36 +441,16 @@ def _check_resumable(
     held = file["parameters/walls"].asstr()[()] if "parameters/walls" in file else None
     if held != walls:
         raise InputError(f"{path} has other walls: {held or 'none'}, the run has {walls or 'none'}")
-    _check_fields(file, path, fields, precision, compression)
-
-
-def _check_disks(file: h5py.File, path: str, disks: Disks) -> None:
-    n = len(file[f"{layout.PARTICLES}/radius"])
-    if n != disks.n:
-        raise InputError(f"{path} has {n} disks, the run has {disks.n}")
-    for name in layout.STATIC:
-        given, stored = getattr(disks, name), file[f"{layout.PARTICLES}/{name}"][()]
-        different = given != stored
-        if different.any():
-            i = int(np.argmax(different))
-            raise InputError(
-                f"{path} has other disks: {name} of disk {i} is {stored[i]}, the run's is {given[i]}"
-            )
-
-
-def _check_fields(
-    file: h5py.File, path: str, fields: Sequence[str], precision: str, compression: str
-) -> None:
-    stored = layout.stored_fields(file)
-    if set(stored) != set(fields):
-        raise InputError(f"{path} holds the fields {', '.join(stored)}, the run has {', '.join(fields)}")
-    for name in stored:
+    there = layout.stored_fields(file)
+    if set(there) != set(fields):
+        raise InputError(f"{path} holds the fields {', '.join(there)}, the run has {', '.join(fields)}")
+    for name in there:
         dataset = layout.field_dataset(file, name)
-        if not layout.FIELDS[name].count and dataset.dtype != layout.PRECISIONS[precision]:
+        wanted = np.dtype(layout.PRECISIONS[precision])
+        if not layout.FIELDS[name].count and dataset.dtype != wanted:
             raise InputError(
-                f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: "
-                f"{np.dtype(layout.PRECISIONS[precision])}"
+                f"{path} holds {name} as {dataset.dtype}, the run has precision {precision!r}: {wanted}"
             )
-        held = damage.compression(dataset) or "none"
-        if held != compression:
-            raise InputError(f"{path} has compression {held!r}, the run has {compression!r}")
+        packed = damage.compression(dataset) or "none"
+        if packed != compression:
+            raise InputError(f"{path} has compression {packed!r}, the run has {compression!r}")

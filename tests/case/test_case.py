@@ -17,8 +17,8 @@ from ifrdem import theory
 from ifrdem.case import file as case_file
 from ifrdem.case import pair_rules, template
 from ifrdem.case.case import Case, MaterialSection, RunSection, SpeciesSection
-from ifrdem.case.estimate import Estimate, collision_rates
-from ifrdem.case.gas import Gas, Species
+from ifrdem.case.estimate import RunEstimate, collision_rates
+from ifrdem.case.gas import CaseGas, Species
 from ifrdem.case.section import Section
 from ifrdem.cli.main import main
 from ifrdem.errors import InputError
@@ -68,7 +68,7 @@ def mistakes(*overrides: str, text: str = SMALL, folder: Path = Path()) -> list[
     raw = tomllib.loads(text)
     for assignment in overrides:
         case_file.override(raw, assignment)
-    return [str(problem) for problem in case_file.mistakes(raw, folder)]
+    return [str(problem) for problem in case_file.judged(raw, folder)[-1]]
 
 
 def mistakes_of_key(section: type[Section], key: str, value: object) -> list[str]:
@@ -109,7 +109,7 @@ def test_template_passes_every_check(kind: str, tmp_path: Path) -> None:
     path.write_text(template.write(kind), encoding="utf-8")
     case = case_file.read(path).case
     assert case == Case.model_validate(template.TEMPLATES[kind].values)
-    assert Gas.from_case(case).disks.n == sum(each.number for each in case.species)
+    assert CaseGas.from_case(case).disks.n == sum(each.number for each in case.species)
 
 
 @pytest.mark.parametrize("kind", template.TEMPLATES)
@@ -370,7 +370,7 @@ def test_admissibility_is_judged_with_the_k_of_the_species() -> None:
 def test_law_saved_by_the_total_budget_only_is_allowed_with_a_warning() -> None:
     # k = 2: a = 3, c = 1/2, e_s = 0 + 3/2 > 1, not strict; but a (1 - e_n) = 1.5 is more than
     # (e_s^2 - 1) (1 + e_n) mu^2/c^2 = (9/4 - 1) 1.5 0.01/0.25 = 0.075.
-    gas = Gas.from_case(case_of(SMALL, "material[0].e_n=0.5", "material[0].e_t=0", "material[0].mu=0.1"))
+    gas = CaseGas.from_case(case_of(SMALL, "material[0].e_n=0.5", "material[0].e_t=0", "material[0].mu=0.1"))
     (verdict,) = gas.verdicts
     assert (verdict.admissible, verdict.strict) == (True, False)
     assert len(gas.warnings) == 1
@@ -412,7 +412,7 @@ def test_pair_of_materials_without_coefficients_is_refused() -> None:
 
 
 def test_pair_gives_the_law_in_both_orders() -> None:
-    gas = Gas.from_case(case_of(TWO + PAIR))
+    gas = CaseGas.from_case(case_of(TWO + PAIR))
     assert gas.materials == ("aluminium", "steel")
     assert gas.laws[0][1].table_row() == gas.laws[1][0].table_row() == (0.7, -0.9, 0.3, 0.0, 0.0)
     assert gas.laws[0][0].table_row() == (0.87, -0.88, 0.21, 0.0, 0.0)
@@ -447,7 +447,7 @@ def test_coin_brings_mass_size_and_law() -> None:
     number = 10
     speed_rms = 1.0
     """
-    gas = Gas.from_case(case_of(text))
+    gas = CaseGas.from_case(case_of(text))
     assert gas.disks.mass.tolist() == [1.19e-3] * 10  # Sec. III
     assert gas.disks.radius.tolist() == [10.5e-3] * 10
     assert gas.laws[0][0].table_row() == (0.87, -0.88, 0.21, 0.0, 0.0)  # Table II
@@ -458,10 +458,10 @@ def test_coin_brings_mass_size_and_law() -> None:
 
 def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
     case = Case.model_validate(template.TEMPLATES["mixture"].values)
-    assert Gas.from_case(case).laws[0][1] == coins.pair("500 pts", "100 pts")
+    assert CaseGas.from_case(case).laws[0][1] == coins.pair("500 pts", "100 pts")
     other = copy.deepcopy(dict(template.TEMPLATES["mixture"].values))
     other["material"] = [{"name": "small", "coin": "1 pta"}, other["material"][1]]
-    (found,) = [str(each) for each in case_file.mistakes(other, Path())]
+    (found,) = [str(each) for each in case_file.judged(other, Path())[-1]]
     assert "missing for the materials 'small' and 'large'" in found
 
 
@@ -470,7 +470,7 @@ def test_coins_of_two_kinds_take_the_papers_pair_and_no_other() -> None:
 
 def test_start_has_the_wanted_speeds_no_momentum_and_no_overlap() -> None:
     case = case_of(TWO + PAIR, "species[1].spin_rms=4.0")
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     state = gas.start(case)
     first, second = state.velocity[:100], state.velocity[100:]
     # rounding of sums of 100 numbers of order 1
@@ -486,7 +486,7 @@ def test_start_has_the_wanted_speeds_no_momentum_and_no_overlap() -> None:
 def test_seed_decides_the_start_and_species_draw_apart() -> None:
     text = TWO.replace("number = 50", "number = 100") + PAIR
     starts = [
-        Gas.from_case(case).start(case)
+        CaseGas.from_case(case).start(case)
         for case in (case_of(text), case_of(text), case_of(text, "run.seed=4"))
     ]
     np.testing.assert_array_equal(starts[0].velocity, starts[1].velocity)
@@ -501,7 +501,7 @@ def test_dense_gas_starts_on_a_lattice() -> None:
     dense = ("box.packing_fraction=0.7", "start.positions=hexagonal")
     assert mistakes(*dense) == []
     case = case_of(SMALL, *dense)
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     check_no_overlap(gas.box, gas.disks.radius, gas.start(case).position)
     (found,) = mistakes("box.packing_fraction=0.9", "start.positions=hexagonal")
     assert found.startswith('start.positions = "hexagonal": 100 disks')
@@ -513,7 +513,7 @@ def test_random_start_that_fails_late_names_the_key() -> None:
     second = SMALL[SMALL.index("[[species]]") :].replace("coins", "larger").replace("10.5e-3", "11.5e-3")
     case = case_of(SMALL + second, "box.packing_fraction=0.7")
     with pytest.raises(InputError, match=r'^start\.positions = "random": packing fraction = 0\.7'):
-        Gas.from_case(case).start(case)
+        CaseGas.from_case(case).start(case)
 
 
 def start_case(tmp_path: Path, rows: str, *, number: int = 2) -> list[str]:
@@ -532,7 +532,7 @@ def test_start_file_gives_positions_and_motion(tmp_path: Path) -> None:
     wanted = [*start_case(tmp_path, rows), "species[0].speed_rms="]
     assert mistakes(*wanted, folder=tmp_path) == []
     case = case_of(SMALL, *wanted)
-    gas = Gas.from_case(case, tmp_path)
+    gas = CaseGas.from_case(case, tmp_path)
     state = gas.start(case)
     assert state.position.tolist() == [[1.0, 1.0], [5.0, 7.9]]
     assert state.velocity.tolist() == [[3.0, 4.0], [0.0, 0.0]]
@@ -543,7 +543,7 @@ def test_start_file_gives_positions_and_motion(tmp_path: Path) -> None:
 
 def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_path: Path) -> None:
     case = case_of(SMALL, *start_case(tmp_path, "x,y\n1.0,1.0\n5.0,7.9\n"))
-    state = Gas.from_case(case, tmp_path).start(case)
+    state = CaseGas.from_case(case, tmp_path).start(case)
     assert math.sqrt(np.mean(np.sum(state.velocity**2, axis=1))) == pytest.approx(1.0, rel=1e-14)
 
 
@@ -633,8 +633,8 @@ def test_points_among_resting_disks_fly_the_free_path_of_a_lorentz_gas() -> None
 
 def test_estimate_of_the_main_job() -> None:
     file = case_file.read(SHIPPED)
-    gas = Gas.from_case(file.case, file.folder)
-    estimate = Estimate.of(gas, file.case)
+    gas = CaseGas.from_case(file.case, file.folder)
+    estimate = RunEstimate.of(gas, file.case)
     assert estimate.collisions == 1_250_000  # 50,000 disks x 50 / 2
     assert estimate.packing_fraction == pytest.approx(0.25, rel=1e-13)
     # n = phi / (pi R^2)
@@ -654,24 +654,24 @@ def test_estimate_counts_the_kicks_of_tracked_disks() -> None:
     sizes = []
     for step in (1.0, 2e-3):
         case = case_of(f'{text}[[force]]\nkind = "kicks"\nstep = {step}\npower = 1e-6\n')
-        sizes.append(Estimate.of(Gas.from_case(case), case).file_bytes)
+        sizes.append(RunEstimate.of(CaseGas.from_case(case), case).file_bytes)
     assert sizes[1] - sizes[0] == pytest.approx(177 * 100 * 499, rel=0.05)
 
 
 def test_expected_end_is_where_theory_has_the_wanted_collisions() -> None:
     case = case_of()
-    gas = Gas.from_case(case)
-    estimate = Estimate.of(gas, case)
+    gas = CaseGas.from_case(case)
+    estimate = RunEstimate.of(gas, case)
     T = 0.5 * 1.19e-3
     _, _, per_disk = theory.cooling(gas.laws[0][0], 1.19e-3, 10.5e-3, 2.0, 0.2, T, 0.0, [estimate.end_time])
     assert per_disk[0] == pytest.approx(5.0, rel=1e-5)  # the root is sought to 1e-6
     timed = case_of(SMALL, "run.collisions_per_disk=", f"run.t_end={estimate.end_time}")
-    assert Estimate.of(gas, timed).collisions == pytest.approx(250.0, rel=1e-5)
+    assert RunEstimate.of(gas, timed).collisions == pytest.approx(250.0, rel=1e-5)
 
 
 def test_mixture_run_to_a_time_gets_an_upper_bound_of_collisions() -> None:
     case = case_of(TWO + PAIR, "run.collisions_per_disk=", "run.t_end=0.1")
-    estimate = Estimate.of(Gas.from_case(case), case)
+    estimate = RunEstimate.of(CaseGas.from_case(case), case)
     assert estimate.collisions_at_most
     numbers, rates = np.array([100, 50]), np.array(estimate.collision_rate)
     assert estimate.collisions == pytest.approx(0.5 * 0.1 * numbers @ rates, rel=1e-12)
@@ -794,9 +794,9 @@ def test_a_check_refuses_the_magnitudes_that_a_run_refuses(tmp_path, overrides, 
     path.write_text(SMALL)
     case = case_file.read(path, overrides).case
     with pytest.raises(InputError, match=reason):
-        Gas.from_case(case)
+        CaseGas.from_case(case)
     if "precision" not in reason:  # the engine by itself says the same, and begins nothing
-        gas = Gas.from_case(case, start=False)
+        gas = CaseGas.from_case(case, start=False)
         with pytest.raises(InputError, match=reason):
             gas.simulation(case)
 
@@ -806,4 +806,4 @@ def test_a_flow_too_fast_for_theory_has_no_expected_number_of_collisions(tmp_pat
     path.write_text(SMALL)
     overrides = ["box.shear_rate=1e30", "run.t_end=1.0", "run.collisions_per_disk="]
     case = case_file.read(path, overrides).case
-    assert math.isnan(Estimate.of(Gas.from_case(case), case).collisions)
+    assert math.isnan(RunEstimate.of(CaseGas.from_case(case), case).collisions)

@@ -14,9 +14,9 @@ from matplotlib.figure import Figure
 from ifrdem import forces
 from ifrdem.case import file as case_file
 from ifrdem.case.case import Case
-from ifrdem.case.estimate import Estimate
-from ifrdem.case.forces_section import FORCES, ForceSection
-from ifrdem.case.gas import Gas, forces_of
+from ifrdem.case.estimate import RunEstimate
+from ifrdem.case.forces_section import ForceSection
+from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.plots import run
@@ -63,7 +63,7 @@ def changed(*overrides: str) -> dict[str, object]:
 
 
 def mistakes(*overrides: str) -> list[str]:
-    return [str(problem) for problem in case_file.mistakes(changed(*overrides), Path())]
+    return [str(problem) for problem in case_file.judged(changed(*overrides), Path())[-1]]
 
 
 def test_the_case_is_in_order() -> None:
@@ -141,14 +141,14 @@ def test_every_kind_of_force_reaches_its_class() -> None:
         "rescale": ({"energy": 2.0}, forces.Rescale(0.1, energy=2.0)),
         "table_friction": ({"mu": 0.2, "gravity": 2.0}, forces.TableFriction(0.1, mu=0.2, gravity=2.0)),
     }
-    assert given.keys() == FORCES.keys()
+    assert given.keys() == ForceSection.kinds.keys()
     raw = changed()
     raw["force"] = [{"kind": kind, "step": 0.1} | keys for kind, (keys, _) in given.items()]
     made = forces_of(Case.model_validate(raw))
     for one, (_, other) in zip(made, given.values(), strict=True):
         assert type(one) is type(other)
         assert (one.step, one.parameters) == (other.step, other.parameters)
-    keys = {key for each in FORCES.values() for key in each.all}
+    keys = {key for each in ForceSection.kinds.values() for key in each.all}
     assert keys | {"kind", "step"} == set(ForceSection.model_fields)
 
 
@@ -181,7 +181,7 @@ def test_check_says_what_a_driven_gas_will_do(tmp_path: Path, capsys: pytest.Cap
 )
 def test_collisions_are_estimated_where_theory_knows_the_drive(overrides: list[str], known: bool) -> None:
     case = Case.model_validate(changed(*overrides))
-    estimate = Estimate.of(Gas.from_case(case), case)
+    estimate = RunEstimate.of(CaseGas.from_case(case), case)
     assert np.isfinite(estimate.collisions) == known
     assert not estimate.collisions_at_most
 
@@ -236,13 +236,13 @@ def test_the_picture_shows_theory_and_its_steady_state(
 
 def test_the_shipped_cases_are_in_order() -> None:
     driven = case_file.read(ROOT / "cases" / "driven.toml").case
-    estimate = Estimate.of(Gas.from_case(driven), driven)
+    estimate = RunEstimate.of(CaseGas.from_case(driven), driven)
     assert estimate.steady_state == pytest.approx(
         (2.9e-4, 8.7e-5), rel=0.01
     )  # what its comments say: theta 0.30
     assert driven.force[0].step * 30.3 < 0.1  # of the collision rate in the steady state
     elastic = case_file.read(ROOT / "cases" / "elastic.toml").case
-    estimate = Estimate.of(Gas.from_case(elastic), elastic)
+    estimate = RunEstimate.of(CaseGas.from_case(elastic), elastic)
     assert estimate.collision_rate == pytest.approx(
         [2.40], rel=2e-3
     )  # of the comments, which tests of the engine confirm

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case.forces_section import FORCES
-from ifrdem.case.gas import Gas, forces_of
+from ifrdem.case.forces_section import ForceSection
+from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.plots import run, table_friction
+from ifrdem.plots import run
 from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
@@ -31,7 +31,7 @@ def test_coins_on_a_table_come_to_rest_and_are_drawn(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     drawn: dict[str, Any] = {}
-    monkeypatch.setattr(table_friction, "save", lambda figure, path: drawn.update(figure=figure))
+    monkeypatch.setattr(run, "save", lambda figure, path: drawn.setdefault("figure", figure))
     assert cli.main(["run", str(CASE), *changed(*SMALL)]) == 0
     assert "forces put in -" in capsys.readouterr().out
     with Trajectory("coins_on_table.h5") as trajectory:
@@ -55,7 +55,7 @@ def test_keys_of_table_friction_make_the_force() -> None:
     case = case_file.read(CASE, ["force[0].gravity=1.62"]).case
     (force,) = forces_of(case)
     assert force.parameters == (0.2 * 1.62,)
-    assert FORCES["table_friction"].needed == ("mu",)
+    assert ForceSection.kinds["table_friction"].needed == ("mu",)
     (earth,) = forces_of(case_file.read(CASE).case)
     assert earth.parameters == (0.2 * 9.81,)
 
@@ -87,7 +87,7 @@ def test_an_open_box_starts_from_a_file_with_any_places(tmp_path: Path) -> None:
     text = CASE.read_text().replace("speed_rms = 1.0", "k = 2.0")
     path.write_text(text)
     file = case_file.read(path, changes)
-    gas = Gas.from_case(file.case, file.folder)
+    gas = CaseGas.from_case(file.case, file.folder)
     assert gas.box.is_open
     np.testing.assert_array_equal(gas.start(file.case).position[:, 0], [-3.0, -2.9])
     (tmp_path / "start.csv").write_text("x,y\n0.0,0.0\n0.01,0.0\n")

@@ -11,8 +11,8 @@ import pytest
 from ifrdem.case import file as case_file
 from ifrdem.case import summary
 from ifrdem.case.case import UNITS
-from ifrdem.case.estimate import Estimate
-from ifrdem.case.gas import Gas
+from ifrdem.case.estimate import RunEstimate
+from ifrdem.case.gas import CaseGas
 from ifrdem.case.output_section import OutputSection
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
@@ -146,15 +146,15 @@ def test_a_region_where_no_disk_starts_is_refused(folder):
     case = case_file.read(
         folder / "gas.toml", ["output.histories_region=[0.0, 0.0, 0.01, 0.01]", "start.positions=hexagonal"]
     ).case
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     with pytest.raises(InputError, match="no disk starts there"):
         gas.tracked(case, gas.start(case))
 
 
 def check_cadences(folder: Path, *overrides: str) -> None:
     case = case_file.read(folder / "gas.toml", overrides).case
-    gas = Gas.from_case(case)
-    summary.refuse_cadences(case, gas, Estimate.of(gas, case))
+    gas = CaseGas.from_case(case)
+    summary.refuse_cadences(case, gas, RunEstimate.of(gas, case))
 
 
 BY_COLLISIONS = ("run.t_end=", "run.collisions_per_disk=20.0")
@@ -237,7 +237,7 @@ def test_check_warns_of_a_file_that_has_no_room_here(folder, capsys):
 
 def test_the_estimate_counts_frames_rows_and_tracked_disks(folder):
     case = case_file.read(folder / "gas.toml", ["output.histories_sample=50"]).case
-    found = Estimate.of(Gas.from_case(case), case)
+    found = RunEstimate.of(CaseGas.from_case(case), case)
     assert (found.frames, found.rows, found.tracked) == (101, 1001, 50)
 
 
@@ -262,8 +262,8 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
     """Whole chunks, trees and groups of HDF5 included, which are most of a small file."""
     file = case_file.read(folder / "gas.toml", overrides)
     case, output = file.case, file.case.output
-    gas = Gas.from_case(case)
-    expected = Estimate.of(gas, case)
+    gas = CaseGas.from_case(case)
+    expected = RunEstimate.of(gas, case)
     start, ledger = gas.start(case), Ledger()
     measured = measure(gas.disks, start)
     if output.ledger:

@@ -11,8 +11,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from ifrdem.case import file as case_file
-from ifrdem.case.estimate import Estimate
-from ifrdem.case.gas import Gas
+from ifrdem.case.estimate import RunEstimate
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli.main import main
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.plots import run
@@ -128,7 +128,7 @@ def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -
     with Trajectory("flow.h5") as trajectory:
         lengths, last = trajectory.box.lengths, trajectory[-1]
         case = case_file.read(Path("next.toml")).case
-        gas = Gas.from_case(case)
+        gas = CaseGas.from_case(case)
         state = gas.start(case)
         np.testing.assert_allclose(
             state.velocity[:, 0],
@@ -141,7 +141,7 @@ def test_velocities_of_an_unsheared_start_are_relative_to_the_flow(flow: Path) -
 
 def test_the_shipped_case_is_in_order() -> None:
     case = case_file.read(ROOT / "cases" / "shear.toml").case
-    estimate = Estimate.of(Gas.from_case(case), case)
+    estimate = RunEstimate.of(CaseGas.from_case(case), case)
     assert estimate.steady_state is not None
     T, T_rot = estimate.steady_state
     # By Monte Carlo of Enskog's equation T is 2.12e-4 and theta 0.325; the theory of Gaussians is 4 % off.

@@ -16,9 +16,9 @@ from ifrdem.case import file as case_file
 from ifrdem.case import gas as gas_module
 from ifrdem.case import template
 from ifrdem.case.case import Case
-from ifrdem.case.estimate import Estimate
-from ifrdem.case.gas import Gas
-from ifrdem.case.walls_section import MOTIONS, SHAPES, MotionSection, WallSection
+from ifrdem.case.estimate import RunEstimate
+from ifrdem.case.gas import CaseGas
+from ifrdem.case.walls_section import MotionSection, WallSection
 from ifrdem.cli.main import main
 from ifrdem.model.collapse import Collapse
 from ifrdem.model.free_area import Room
@@ -91,7 +91,7 @@ def changed(*overrides: str, text: str = SHAKEN) -> dict[str, object]:
 
 
 def mistakes(*overrides: str, text: str = SHAKEN) -> list[str]:
-    return [str(problem) for problem in case_file.mistakes(changed(*overrides, text=text), Path())]
+    return [str(problem) for problem in case_file.judged(changed(*overrides, text=text), Path())[-1]]
 
 
 def test_the_case_is_in_order() -> None:
@@ -197,7 +197,7 @@ def test_too_many_walls_are_counted_with_the_sides() -> None:
     del raw["pair"][1]  # type: ignore[attr-defined]  # no steel
     post = {"shape": "post", "material": "coin", "radius": 0.1}
     raw["wall"] = [post | {"center": [0.5 * i + 1.0, 20.0]} for i in range(28)]
-    (found,) = case_file.mistakes(raw, Path())
+    (found,) = case_file.judged(raw, Path())[-1]
     assert "32 walls: 31 at most are supported, the sides of the box included" in str(found)
 
 
@@ -225,8 +225,8 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
         ),
         "post": ({"center": [10.0, 12.0], "radius": 0.0}, Wall.post((10.0, 12.0), 0.0, material=2)),
     }
-    assert shapes.keys() == SHAPES.keys()
-    assert motions.keys() == MOTIONS.keys()
+    assert shapes.keys() == WallSection.kinds.keys()
+    assert motions.keys() == MotionSection.kinds.keys()
     raw = changed("run.collapse=velocity_cutoff", "run.velocity_cutoff=0.25")
     raw["wall"] = [{"shape": shape, "material": "steel"} | keys for shape, (keys, _) in shapes.items()]
     raw["wall"] += [  # type: ignore[operator]
@@ -234,7 +234,7 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
         | {"motion": {"kind": kind} | keys}
         for kind, (keys, _) in motions.items()
     ]
-    gas = Gas.from_case(Case.model_validate(raw))
+    gas = CaseGas.from_case(Case.model_validate(raw))
     assert gas.materials == ("glass", "coin", "steel")  # the engine makes the sides of the first
     expected = [wall for _, wall in shapes.values()]
     expected += [Wall.post((5.0, 5.0), 1.0, material=1, motion=motion) for _, motion in motions.values()]
@@ -245,17 +245,17 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
     assert (law.e_n, law.e_t, law.mu) == (0.95, -0.7, 0.1)
     assert gas.laws[2][1] is law or gas.laws[2][1] == law
     assert gas.laws[0][2] is None  # glass and steel never meet
-    keys = {key for each in SHAPES.values() for key in each}
+    keys = {key for each in WallSection.kinds.values() for key in each.all}
     assert keys | {"shape", "material", "motion", "surface_speed", "temperature"} == set(
         WallSection.model_fields
     )
-    keys = {key for needed, also in MOTIONS.values() for key in needed + also}
+    keys = {key for each in MotionSection.kinds.values() for key in each.all}
     assert keys | {"kind", "direction"} == set(MotionSection.model_fields)
 
 
 def test_a_thermal_wall_needs_no_material(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     hot = ["wall[0].material=", "wall[0].temperature=2.5", 'pair[1].materials=["coin", "glass"]', "pair[0]="]
-    gas = Gas.from_case(Case.model_validate(changed(*hot)))
+    gas = CaseGas.from_case(Case.model_validate(changed(*hot)))
     floor = Wall.line((0.0, 0.5), (0.0, 1.0), temperature=2.5, motion=gas.walls[0].motion)
     assert gas.walls[0] == floor
     assert gas.materials == ("glass", "coin")
@@ -274,7 +274,7 @@ def test_remedies_for_collapse_reach_the_engine(
     monkeypatch.setattr(gas_module, "Simulation", lambda *args, **options: given.update(options))
     overrides = [f"run.collapse={kind}", f"run.{key}=0.25"]
     case = Case.model_validate(changed(*overrides))
-    Gas.from_case(case).simulation(case)
+    CaseGas.from_case(case).simulation(case)
     assert {name: given[name] for name in ("collapse", key, "gravity", "seed")} == {
         "collapse": kind,
         key: 0.25,
@@ -355,7 +355,7 @@ def test_a_run_between_walls_stores_them_and_its_ledger(
     with h5py.File("shaken.h5") as file:
         assert list(file["particles/all/box"].attrs["boundary"]) == ["none", "none", "none"]
         np.testing.assert_array_equal(file["particles/all/box"].attrs["lengths"], [20.0, 24.0])
-    gas = Gas.from_case(Case.model_validate(changed()))
+    gas = CaseGas.from_case(Case.model_validate(changed()))
     with Trajectory("shaken.h5") as trajectory:
         assert trajectory.box == gas.box
         assert trajectory.walls == gas.walls
@@ -392,7 +392,7 @@ def test_elastic_walls_are_hit_as_often_as_kinetic_theory_says(
     Path("elastic.toml").write_text(ELASTIC)
     assert main(["run", "elastic.toml", "--no-picture"]) == 0
     case = Case.model_validate(changed(text=ELASTIC))
-    estimate = Estimate.of(Gas.from_case(case), case)
+    estimate = RunEstimate.of(CaseGas.from_case(case), case)
     with Trajectory("elastic.h5") as trajectory:
         hits = trajectory.observables["wall_hits"]
         energy = trajectory.observables["energy"]
@@ -435,7 +435,7 @@ def test_positions_of_a_file_must_keep_off_walls(tmp_path: Path, monkeypatch: py
 def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
     """A state at a time at which the floor is low may have disks where it is at t = 0."""
     case = Case.model_validate(changed())
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     state = gas.start(case)
     state.position[0] = (
         1.0,
@@ -450,7 +450,7 @@ def test_walls_are_where_they_are_at_the_start_time_of_a_state() -> None:
 @pytest.mark.parametrize("way", ["growth", "hexagonal"])
 def test_dense_starts_of_a_case_keep_off_walls(way: str) -> None:
     case = Case.model_validate(changed("species[0].number=300", f"start.positions={way}"))
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     assert np.all(gas.room.gap(gas.start(case).position, gas.disks.radius) >= 0.0)
 
 
@@ -474,13 +474,13 @@ def test_the_vibrated_layer_floats(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 def test_the_template_of_walls_is_a_shaken_floor() -> None:
     case = Case.model_validate(template.TEMPLATES["walls"].values)
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     assert [wall.motion.kind for wall in gas.walls] == ["sine"]
     assert "# shape = " not in template.write("walls").split("[[wall]]")[1].split("[start]")[0]
 
 
 def test_measures_without_gravity_have_no_potential_energy() -> None:
-    gas = Gas.from_case(Case.model_validate(changed("box.gravity=[0.0, 0.0]")))
+    gas = CaseGas.from_case(Case.model_validate(changed("box.gravity=[0.0, 0.0]")))
     state = gas.start(Case.model_validate(changed()))
     assert measure(gas.disks, state).potential_energy == 0.0
     tilted = measure(gas.disks, state, gravity=(0.5, -2.0)).potential_energy

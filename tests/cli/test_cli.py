@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import ifrdem
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli.main import main
-from ifrdem.errors import EngineError
+from ifrdem.errors import EngineError, TrajectoryError
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
 from ifrdem.run import progress
@@ -25,7 +25,6 @@ from ifrdem.run.recorder import Recorder
 from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.trajectory.reader import Trajectory
-from ifrdem.trajectory.writer import TrajectoryError
 
 pytestmark = pytest.mark.unoptimised
 
@@ -132,7 +131,7 @@ def test_module_can_be_run_and_a_wrong_case_ends_with_status_2(folder: Path) -> 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["rum", "tiny.toml"], r"unknown command 'rum' \(did you mean 'run'\?\); there are: run, resume"),
+        (["rum", "tiny.toml"], r"unknown command 'rum' \(did you mean 'run'\?\); there are run, resume"),
         ([], "a command is needed: run, resume"),
         (["run"], r"CASE: a value is needed \(see `ifrdem run --help`\)"),
         (["run", "tiny.toml", "--arch"], r"--arch: a value is needed \(see `ifrdem run --help`\)"),
@@ -273,7 +272,7 @@ def test_existing_outputs_are_refused_before_any_work(
     def work(*_: object) -> None:
         raise AssertionError("work began")
 
-    monkeypatch.setattr(Gas, "start", work)
+    monkeypatch.setattr(CaseGas, "start", work)
     for name in existing:
         (folder / name).write_text("precious", encoding="utf-8")
     message = refused(["run", "tiny.toml"], folder, capsys)

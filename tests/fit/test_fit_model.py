@@ -16,25 +16,25 @@ from ifrdem.validation.paper.equations import Impact
 BOTH = pytest.mark.parametrize("sticking", ["percussion_center", "contact_point"])
 STICKS = {
     "percussion_center": (
-        equations.tan_delta_1_percussion_center,
-        equations.tan_delta_2_percussion_center,
-        equations.e_t_apparent_percussion_center,
-        equations.Rw_2_percussion_center_rolling,
-        equations.tan_psi_transit_percussion_center,
+        equations.PERCUSSION_CENTER.tan_delta_1,
+        equations.PERCUSSION_CENTER.tan_delta_2,
+        equations.PERCUSSION_CENTER.e_t_apparent,
+        equations.PERCUSSION_CENTER.Rw_2_rolling,
+        equations.PERCUSSION_CENTER.tan_psi_transit,
     ),
     "contact_point": (
-        equations.tan_delta_1_contact_point,
-        equations.tan_delta_2_contact_point,
-        equations.e_t_apparent_contact_point,
-        equations.Rw_2_contact_point_rolling,
-        equations.tan_psi_transit_contact_point,
+        equations.CONTACT_POINT.tan_delta_1,
+        equations.CONTACT_POINT.tan_delta_2,
+        equations.CONTACT_POINT.e_t_apparent,
+        equations.CONTACT_POINT.Rw_2_rolling,
+        equations.CONTACT_POINT.tan_psi_transit,
     ),
 }
 SLIDES = (
-    equations.tan_delta_1_sliding,
-    equations.tan_delta_2_sliding,
-    equations.e_t_apparent_sliding,
-    equations.Rw_2_sliding_rolling,
+    equations.SLIDING.tan_delta_1,
+    equations.SLIDING.tan_delta_2,
+    equations.SLIDING.e_t_apparent,
+    equations.SLIDING.Rw_2_rolling,
 )
 LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 COEFFICIENTS = np.array([*LAW.values(), 0.0])

@@ -12,7 +12,7 @@ from support.gases import touching
 
 from ifrdem.case import file as case_file
 from ifrdem.case.case import Case
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.initial import packing, radii
@@ -74,13 +74,13 @@ def parsed(*overrides: str, text: str = CASE) -> dict:
 
 
 def mistakes(folder: Path, *overrides: str) -> list[str]:
-    return [str(problem) for problem in case_file.mistakes(parsed(*overrides), folder)]
+    return [str(problem) for problem in case_file.judged(parsed(*overrides), folder)[-1]]
 
 
-def start(folder: Path, *overrides: str) -> tuple[Gas, State]:
+def start(folder: Path, *overrides: str) -> tuple[CaseGas, State]:
     assert mistakes(folder, *overrides) == []
     case = Case.model_validate(parsed(*overrides))
-    gas = Gas.from_case(case, folder)
+    gas = CaseGas.from_case(case, folder)
     return gas, gas.start(case)
 
 
@@ -153,7 +153,7 @@ def test_what_cannot_start_is_named_with_what_is_there(
 
 def test_disks_of_other_radii_that_overlap_are_explained(tmp_path: Path) -> None:
     trajectory(tmp_path)
-    sides = Gas.from_case(Case.model_validate(parsed()), tmp_path).box.lengths
+    sides = CaseGas.from_case(Case.model_validate(parsed()), tmp_path).box.lengths
     (found,) = mistakes(
         tmp_path, "run.seed=6", "box.packing_fraction=", f"box.lengths=[{sides[0]!r}, {sides[1]!r}]"
     )
@@ -163,7 +163,9 @@ def test_disks_of_other_radii_that_overlap_are_explained(tmp_path: Path) -> None
 def test_a_field_that_the_file_lacks_is_named(tmp_path: Path) -> None:
     trajectory(tmp_path, fields=["position", "velocity"])
     (found,) = mistakes(tmp_path, *MOVING)
-    assert "holds no field 'angular_velocity': there are position, velocity" in found
+    assert (
+        "holds no field 'angular_velocity' (did you mean 'velocity'?); there are position, velocity" in found
+    )
     assert mistakes(tmp_path) == []
 
 

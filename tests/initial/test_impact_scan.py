@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ifrdem.case import file as case_file
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.initial import impact_scan
@@ -104,8 +104,8 @@ def test_check_says_that_the_box_is_open(capsys: pytest.CaptureFixture[str]) -> 
 
 def test_the_seed_decides_the_directions_only() -> None:
     file = case_file.read(CASE)
-    gas = Gas.from_case(file.case)
-    other = Gas.from_case(case_file.read(CASE, ["run.seed=2"]).case)
+    gas = CaseGas.from_case(file.case)
+    other = CaseGas.from_case(case_file.read(CASE, ["run.seed=2"]).case)
     assert gas.given is not None
     assert other.given is not None
     assert np.any(gas.given.position != other.given.position)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from support.gases import touching
 
 from ifrdem.case.case import Case
-from ifrdem.case.estimate import Estimate, collision_rates
-from ifrdem.case.gas import Gas
+from ifrdem.case.estimate import RunEstimate, collision_rates
+from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
 from ifrdem.initial import packing, radii
 from ifrdem.initial.placement import check_no_overlap
@@ -138,7 +138,7 @@ positions = "growth"
 def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
     raw = tomllib.loads(CASE)
     case = Case.model_validate(raw)
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     check_no_overlap(gas.box, gas.disks.radius, gas.start(case).position, tolerance=0.0)
     assert math.pi * np.sum(gas.disks.radius**2) / gas.box.area == pytest.approx(0.84, rel=1e-13)
     raw["box"]["packing_fraction"] = 0.9
@@ -146,7 +146,7 @@ def test_a_case_starts_by_growth_and_refuses_by_key() -> None:
     with pytest.raises(
         InputError, match=r'^start\.positions = "growth": packing fraction = 0\.9000: growth ended at'
     ):
-        Gas.from_case(case).start(case)
+        CaseGas.from_case(case).start(case)
 
 
 def test_a_long_stage_says_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
@@ -172,12 +172,12 @@ def test_a_gas_begins_to_collide_at_the_rate_of_a_mixture_at_equilibrium() -> No
     raw["species"][0]["radii"] = {"distribution": "lognormal", "mean": 0.01, "deviation": 0.003}
     raw["material"] = [{"name": "smooth", "e_n": 1.0, "e_t": -1.0, "mu": 0.0}]
     case = Case.model_validate(raw)
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     simulation = gas.simulation(case)
     simulation.run(collisions_per_disk=0.5)
     rate = 0.5 / simulation.time
     # 750 collisions: an error of 4 %; the start's own correlations add some.
-    assert rate == pytest.approx(Estimate.of(gas, case).collision_rate[0], rel=0.12)
+    assert rate == pytest.approx(RunEstimate.of(gas, case).collision_rate[0], rel=0.12)
     group = gas.species[0].classes()
     rates = collision_rates(group, gas.box.area)
     order = np.argsort(gas.disks.radius)

@@ -13,8 +13,8 @@ import pytest
 from ifrdem.case import file as case_file
 from ifrdem.case import summary
 from ifrdem.case.case import Case, RadiiSection
-from ifrdem.case.estimate import Estimate
-from ifrdem.case.gas import Gas
+from ifrdem.case.estimate import RunEstimate
+from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
 from ifrdem.initial import radii
 
@@ -42,7 +42,7 @@ LOGNORMAL = 'radii = { distribution = "lognormal", mean = 0.01, deviation = 0.00
 
 def mistakes(radii_text: str, text: str = CASE) -> list[str]:
     raw = tomllib.loads(text + radii_text)
-    return [str(problem) for problem in case_file.mistakes(raw, Path())]
+    return [str(problem) for problem in case_file.judged(raw, Path())[-1]]
 
 
 # --- the samples ------------------------------------------------------------------------------------------
@@ -139,12 +139,12 @@ def test_every_key_has_a_description_and_an_example(key: str) -> None:
 
 def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
     case = Case.model_validate(tomllib.loads(CASE + LOGNORMAL))
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     assert gas.disks.n == len(np.unique(gas.disks.radius)) == 1000
     covered = math.pi * math.fsum(gas.disks.radius**2) / (gas.box.lengths[0] * gas.box.lengths[1])
     assert covered == pytest.approx(0.3, rel=1e-14)  # sums of 1000 numbers
     np.testing.assert_allclose(gas.disks.mass, 3.5 * math.pi * gas.disks.radius**2, rtol=1e-15)
-    np.testing.assert_array_equal(gas.disks.radius, Gas.from_case(case).disks.radius)
+    np.testing.assert_array_equal(gas.disks.radius, CaseGas.from_case(case).disks.radius)
     state = gas.start(case)
     # Maxwellian with one temperature for all: m v^2 does not depend on the mass. 333 disks each: 5 % errors.
     energy = gas.disks.mass * np.sum(state.velocity**2, axis=1)
@@ -155,10 +155,10 @@ def test_packing_fraction_is_exact_and_masses_follow_the_radii() -> None:
 def test_species_with_one_distribution_draw_apart_and_another_seed_others() -> None:
     two = CASE + LOGNORMAL + CASE[CASE.index("[[species]]") :].replace("coins", "more") + LOGNORMAL
     raw = tomllib.loads(two)
-    radius = Gas.from_case(Case.model_validate(raw)).disks.radius
+    radius = CaseGas.from_case(Case.model_validate(raw)).disks.radius
     assert not np.array_equal(radius[:1000], radius[1000:])
     raw["run"]["seed"] = 4
-    assert not np.intersect1d(radius, Gas.from_case(Case.model_validate(raw)).disks.radius).size
+    assert not np.intersect1d(radius, CaseGas.from_case(Case.model_validate(raw)).disks.radius).size
 
 
 def test_a_coefficient_pair_is_judged_for_the_extreme_masses_of_both_species() -> None:
@@ -211,8 +211,8 @@ def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
             CASE + 'radii = { distribution = "bidisperse", low = 0.01, high = 0.05, large_fraction = 0.1 }'
         )
     )
-    gas = Gas.from_case(case)
-    text = summary.report(case, gas, Estimate.of(gas, case))
+    gas = CaseGas.from_case(case)
+    text = summary.report(case, gas, RunEstimate.of(gas, case))
     assert "radii                  0.01 to 0.05 (mean 0.014) m, largest/smallest 5" in text
     assert "2.1 times as long as among equal disks" in text  # measured at 5
     assert "packing fraction       0.3\n" in text
@@ -226,8 +226,8 @@ def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
             CASE + 'radii = { distribution = "bidisperse", low = 0.01, high = 0.02, large_fraction = 0.5 }'
         )
     )
-    gas = Gas.from_case(one)
-    rate = Estimate.of(gas, one).collision_rate[0]
+    gas = CaseGas.from_case(one)
+    rate = RunEstimate.of(gas, one).collision_rate[0]
     # At one temperature: speeds as R^-1, and 1/m averages to (1 + 1/4)/2 of the small disks'.
     speed = [math.sqrt(1.0 / 0.625), math.sqrt(0.25 / 0.625)]
     half = CASE.replace("number = 1000", "number = 500")
@@ -238,5 +238,5 @@ def test_collision_rate_of_two_sizes_is_that_of_two_species() -> None:
         .replace("speed_rms = 1.0", f"radius = 0.02\nspeed_rms = {speed[1]}")
     )
     two = Case.model_validate(tomllib.loads(text))
-    rates = Estimate.of(Gas.from_case(two), two).collision_rate
+    rates = RunEstimate.of(CaseGas.from_case(two), two).collision_rate
     assert rate == pytest.approx(np.mean(rates), rel=1e-12)

@@ -19,7 +19,8 @@ from ifrdem.plots import disks as plot_disks
 from ifrdem.plots import movie
 from ifrdem.plots import movie as raster
 from ifrdem.trajectory import layout
-from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 EMPTY, MARK = 900, 901
 

@@ -21,7 +21,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.plots import disks as plot_disks
 from ifrdem.plots import run, style
-from ifrdem.trajectory.reader import TrajectoryWriter
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 SI = {"length": "m", "mass": "kg", "time": "s", "energy": "J"}
 SMOOTH = {"e_n": 0.8, "e_t": -1.0, "mu": 0.0, "sticking": "percussion_center", "rho": 0.0}

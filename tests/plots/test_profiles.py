@@ -17,7 +17,8 @@ from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
 from ifrdem.plots import profiles, run, theory_curves
-from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 pytestmark = pytest.mark.unoptimised
 

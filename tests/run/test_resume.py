@@ -19,11 +19,11 @@ import pytest
 
 from ifrdem.case.case import Case
 from ifrdem.cli import main as cli
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, Stopped
 from ifrdem.model.observables import Measure
 from ifrdem.run import job as run
 from ifrdem.run.recorder import Recorder
-from ifrdem.run.signals import Stopped, Stops
+from ifrdem.run.signals import Stops
 from ifrdem.simulation import checkpoint
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.tools.versions import package_versions
@@ -162,7 +162,7 @@ def test_frames_after_the_checkpoint_are_kept_and_compared(whole, tmp_path, monk
     case = whole.parent / "gas.toml"
     stopping += [60]
     save_once(monkeypatch)
-    monkeypatch.setattr("ifrdem.run.recorder.ROWS_WAIT", 0.0)  # every row is committed at once
+    monkeypatch.setattr("ifrdem.run.recorder.WAIT", 0.0)  # every row is committed at once
     assert cli.main(["run", str(case), "-o", f"{tmp_path}/"]) == 130
     with h5py.File(tmp_path / "gas.h5") as file:
         frames = len(file["particles/all/box/edges/step"])

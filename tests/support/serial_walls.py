@@ -53,7 +53,7 @@ def nearest(wall: Wall, x: Array, t: Array) -> tuple[Array, Array]:
     d = x - np.array(wall.place) - displaced(wall, t)[0][:, None] * np.array(wall.motion.direction)
     if wall.shape == "line":
         normal = np.array(wall.towards) / np.linalg.norm(wall.towards)
-        return np.tile(normal, (len(t), 1)), d @ normal
+        return np.broadcast_to(normal, d.shape), d @ normal
     if wall.shape == "segment":
         long = float(np.linalg.norm(wall.towards))
         way = np.array(wall.towards) / long
@@ -126,7 +126,11 @@ class Gas:
         times = now + np.concatenate([FIRST_STEPS, np.arange(STEP, WINDOW, STEP)[1:], [WINDOW]])
         path = self.place(i, times)
         self.wall_time[i], self.wall[i] = times[-1], -1  # nothing: look again then
+        way = float(np.linalg.norm(self.velocity(i, now)) + 0.5 * np.linalg.norm(self.g) * WINDOW) * WINDOW
         for number, wall in enumerate(self.walls):
+            to_go = nearest(wall, path[:1], times[:1])[1][0] - self.disks.radius[i]
+            if to_go > way + max(2.0 * wall.motion.amplitude, abs(wall.motion.speed) * WINDOW):
+                continue  # further away than both go in the window
 
             def gap(t: float, wall: Wall = wall) -> float:
                 one = np.array([t])

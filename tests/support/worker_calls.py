@@ -26,16 +26,16 @@ def shout(name: str) -> tuple[str, int, int]:
     return name.upper(), os.getpid(), device.start().threads if "threads" in name else 0
 
 
-def case(name: str, *, quick: bool, seed: int) -> runner.Outcome:
+def case(name: str, *, quick: bool, seed: int) -> runner.Verdict:
     """In place of `runner.run_case`: `energy` takes longest, `angles` kills its process."""
     if name == "angles":
         os.kill(os.getpid(), signal.SIGKILL)
     time.sleep(0.5 if name == "energy" else 0.0)
     row = Row("length [m]", 1.0, 1.0, 0.1, "a guess", "a book")
-    return runner.Outcome(name, f"{name}?", "a book", Result([row]))
+    return runner.Verdict(name, f"{name}?", "a book", Result([row]))
 
 
-def endless(name: str, *, quick: bool, seed: int) -> runner.Outcome:
+def endless(name: str, *, quick: bool, seed: int) -> runner.Verdict:
     """In place of `runner.run_case`: leaves a file named after its process, and goes on until it is killed."""
     (Path(os.environ["WORKERS"]) / str(os.getpid())).touch()
     while True:

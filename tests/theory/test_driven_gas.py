@@ -11,6 +11,7 @@ from ifrdem import theory
 from ifrdem.errors import InputError
 from ifrdem.model.coin_table import coins
 from ifrdem.model.ifr import IFRLaw
+from ifrdem.theory.collisions import collision_rate
 from ifrdem.theory.driven_gas import Drive, driven, steady_state
 
 COIN = coins["1 pta"].law
@@ -50,6 +51,20 @@ def test_coins_driven_by_kicks_have_a_ratio_of_temperatures_that_power_and_densi
         T, T_rot, law=COIN, mass=1.0, radius=0.5, k=2.0, number_density=0.2 / (math.pi * 0.25)
     )
     np.testing.assert_allclose(rates, (-1.0, 0.0), atol=1e-9)
+
+
+def test_a_driven_gas_stays_steady_for_any_time() -> None:
+    """Without beginning to drift: from then on its collisions are the rate of the steady state times time."""
+    steady = steady_state(COIN, *GAS, Drive(power=0.5))
+    assert steady is not None
+    times = [1e6, 1e12, 1e30, 1e50]
+    T, T_rot, collisions = driven(COIN, *GAS, Drive(power=0.5), 0.0, 0.0, times)
+    np.testing.assert_allclose(T, steady[0], rtol=1e-8)
+    np.testing.assert_allclose(T_rot, steady[1], rtol=1e-8)
+    mass, radius, _, phi = GAS
+    np.testing.assert_allclose(
+        collisions, collision_rate(phi, steady[0], mass, radius) * np.array(times), rtol=1e-5
+    )
 
 
 def test_without_forces_the_driven_gas_is_the_cooling_one() -> None:

@@ -12,8 +12,8 @@ from scipy.interpolate import pade
 from support.serial_reference import simulate
 
 from ifrdem.case import file as case_file
-from ifrdem.case.estimate import Estimate
-from ifrdem.case.gas import Gas
+from ifrdem.case.estimate import RunEstimate
+from ifrdem.case.gas import CaseGas
 from ifrdem.errors import InputError
 from ifrdem.initial.placement import hexagonal_positions, maxwellian, random_positions
 from ifrdem.kernels.law import collide_pair
@@ -373,7 +373,7 @@ def test_the_end_of_endless_cooling_is_not_looked_for() -> None:
     """After 1e9 collisions per disk T is exp(-1e8) of what it was: no number holds the time of that."""
     overrides = ["run.collisions_per_disk=1e9"]
     file = case_file.read(Path(__file__).parents[2] / "cases" / "cooling.toml", overrides)
-    estimate = Estimate.of(Gas.from_case(file.case, file.folder), file.case)
+    estimate = RunEstimate.of(CaseGas.from_case(file.case, file.folder), file.case)
     assert math.isnan(estimate.end_time)
     assert estimate.collisions == 0.5e9 * 50_000
 

@@ -14,9 +14,10 @@ from support.trajectory_parts import TRACKED, row
 from test_reader import BOX, some_disks, some_state
 from test_writer_resume import N, begun, content, go_on
 
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.trajectory.background import WAITING, QueuedWriter
-from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 
 class Gate(TrajectoryWriter):

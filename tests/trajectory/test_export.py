@@ -20,7 +20,8 @@ from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.trajectory.export import export
-from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning")
 N, FRAMES = 30, 6

@@ -11,11 +11,11 @@ import pytest
 from support.layout_files import BOX, FIELDS, MECHANISMS, add_series, some_disks, some_state, write
 from test_reader import child
 
-from ifrdem.errors import InputError
+from ifrdem.errors import DamageError, InputError
 from ifrdem.model.box import Box
 from ifrdem.run.info import describe
-from ifrdem.trajectory.damage import DamageError
-from ifrdem.trajectory.reader import Trajectory, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 
 def test_fields_are_there_by_name_as_items_and_attributes(tmp_path):
@@ -69,7 +69,7 @@ def test_series_come_back_with_columns_and_without_uncommitted_rows(tmp_path):
     write(tmp_path / "old.h5")  # a file of layout 1.0
     with Trajectory(tmp_path / "old.h5") as trajectory:
         assert len(trajectory.series) == len(trajectory.series.time) == len(trajectory.tracked) == 0
-        with pytest.raises(InputError, match="no series 'energy': there are none"):
+        with pytest.raises(InputError, match="no series 'energy'; there are none"):
             trajectory.series["energy"]
 
 
@@ -296,7 +296,7 @@ def test_describe_speaks_of_series_ledger_and_what_is_beside(tmp_path):
     given = add_series(path)
     (tmp_path / "run.checkpoint.h5").write_bytes(b"x" * 2000)
     (tmp_path / "run.status.json").write_text(
-        '{"format": 1, "state": "interrupted", "message": "by SIGTERM"}'
+        '{"format": 1, "state": "interrupted", "message": "by SIGTERM", "pid": 1, "updated": "2026-11-22T12:00:00Z"}'
     )
     text = describe(path)
     worst = np.max(np.abs(given["ledger_residual"]))

@@ -8,6 +8,7 @@ import json
 import math
 import os
 import random
+import re
 import signal
 import warnings
 from collections.abc import Callable, Iterator
@@ -19,10 +20,11 @@ import pytest
 from support.layout_files import BOX, add_histories, add_series, some_disks, some_state
 
 from ifrdem.cli import main as cli
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.run import status
 from ifrdem.simulation import checkpoint
-from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 N, FRAMES = 12, 3
 PARTICLES = "particles/all"
@@ -140,6 +142,20 @@ def test_a_flipped_bit_is_told_or_does_not_matter(tmp_path, capsys, files, compr
         content[chance.choice(used)] ^= 1 << chance.randrange(8)
     path = tmp_path / "run.h5"
     path.write_bytes(content)
+    ends_well(path, capsys)
+
+
+@pytest.mark.parametrize("head", [bytes(16), b"\x01" + bytes(7) + b"\xf0" + 7 * b"\xff"])
+@pytest.mark.parametrize("heap", [0, 1])
+def test_a_heap_without_end_is_told(tmp_path, capsys, files, heap, head):
+    """HDF5 walks for ever through a global heap, of texts and views, whose first object has the length -16 or 0."""
+    content = bytearray(files["none"])
+    at = [found.start() for found in re.finditer(b"GCOL", content)][heap] + 16
+    content[at : at + 16] = head
+    path = tmp_path / "run.h5"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"run\.h5 is damaged: .*global heap at byte \d+ has no end"):
+        Trajectory(path)
     ends_well(path, capsys)
 
 

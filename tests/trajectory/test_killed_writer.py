@@ -22,10 +22,12 @@ from support.trajectory_parts import batch as new_batch
 from test_reader import BOX, some_disks
 from test_reader import some_state as new_state
 
+from ifrdem.errors import TrajectoryError
 from ifrdem.trajectory.background import QueuedWriter
 from ifrdem.trajectory.file import OrderedFile
 from ifrdem.trajectory.layout import EVENT_COLUMNS
-from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 

@@ -15,7 +15,7 @@ from test_reader import BOX, some_disks, some_state
 from ifrdem.errors import InputError
 from ifrdem.trajectory import layout
 from ifrdem.trajectory.file import OrderedFile, OutputFile
-from ifrdem.trajectory.reader import TrajectoryWriter
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 N = 40
 CUT_FROM, FRAMES = (

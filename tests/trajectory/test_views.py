@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.layout_files import BOX, FIELDS, add_series, some_state, write
 
+import ifrdem
 from ifrdem.errors import InputError
 from ifrdem.model.box import Box
 from ifrdem.trajectory.reader import Trajectory
@@ -183,6 +184,35 @@ def test_a_view_without_its_trajectory_shows_no_numbers(tmp_path):
         assert (file["collisions"][()] == np.iinfo(np.int32).min).all()
     with h5py.File(vtkhdf) as file:
         assert np.isnan(file["VTKHDF/Points"][:, :2]).all()
+
+
+def test_collisions_per_disk_stand_beside_the_time_for_xarray(tmp_path):
+    import xarray
+
+    disks = ifrdem.Disks(4, mass=1.0, radius=0.5)
+    for name, counts in (("a", (0, 2, 6)), ("b", (0, 4, 8))):
+        with ifrdem.TrajectoryWriter(tmp_path / f"{name}.h5", disks, Box((30.0, 20.0))) as file:
+            for i, count in enumerate(counts):
+                state = ifrdem.State(np.full((4, 2), 1.0), np.zeros((4, 2)), np.zeros(4), time=float(i))
+                file.write(state, {"collisions": count, "temperature": 1.0 / (1 + i)})
+                file.write_series(float(i), {"collisions": count, "temperature": 1.0 / (1 + i)})
+    with Trajectory(tmp_path / "a.h5") as trajectory:
+        data = trajectory.to_xarray()
+        assert data.collisions_per_disk.dims == ("time",)
+        assert data.collisions_per_disk.values.tolist() == [
+            0.0,
+            1.0,
+            3.0,
+        ]  # two disks to a collision, four in all
+        assert data.series_collisions_per_disk.values.tolist() == [0.0, 1.0, 3.0]
+    _, nc = write_views(tmp_path / "a.h5")
+    with xarray.open_dataset(nc, engine="h5netcdf", decode_times=False) as data:
+        assert data.collisions_per_disk.values.tolist() == [0.0, 1.0, 3.0]
+    both = ifrdem.concat([tmp_path / "a.h5", tmp_path / "b.h5"])
+    assert both.collisions_per_disk.values.tolist() == [0.0, 1.0, 3.0]
+    assert both.run.values.tolist() == ["a", "b"]
+    # b has 2 and 4 collisions per disk at times 1 and 2: 1 and 3 of them halfway between its rows.
+    assert both.time.values.tolist() == [[0.0, 1.0, 2.0], [0.0, 0.5, 1.5]]
 
 
 @pytest.mark.parametrize("box", [Box((30.0, 20.0), (True, False)), Box.open()], ids=["walls", "open"])

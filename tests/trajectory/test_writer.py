@@ -12,12 +12,13 @@ import pytest
 from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, partnered, row
 from test_reader import BOX, FIELDS, some_disks, some_state
 
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.run.info import describe
 from ifrdem.trajectory.layout import EVENT_COLUMNS
-from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 N = 40
 
@@ -331,3 +332,31 @@ def test_rows_that_are_none_are_refused_and_the_file_goes_on(tmp_path, time, val
         writer.write(State(np.ones((2, 2)), np.zeros((2, 2)), np.zeros(2)))
     with Trajectory(tmp_path / "a.h5") as trajectory:
         assert trajectory.series.time.tolist() == [0.0, 1.0]
+
+
+# --- batches
+
+
+def test_what_is_written_together_is_what_is_written_one_by_one(tmp_path):
+    write_all(tmp_path / "one.h5", frames=4, batches=3)
+    with TrajectoryWriter(tmp_path / "all.h5", some_disks(N), BOX) as writer:
+        writer.begin_histories(TRACKED, some_state(N, 0))
+        writer.write_series_rows([(0.03 * number, row(number)) for number in range(5)], SERIES_COLUMNS)
+        writer.write_history_parts([batch(number) for number in range(3)])
+        writer.write_frames([(some_state(N, frame), {"energy": 0.5 * frame}) for frame in range(3)])
+        with pytest.raises(InputError, match="observables"):
+            writer.write_frames([(some_state(N, 3), {"energy": 1.5}), (some_state(N, 4), {})])
+        assert len(writer) == 3  # none of the two
+        writer.write_frames([(some_state(N, 3), {"energy": 1.5})])
+    found: list[dict[str, bytes]] = []
+    for name in ("one.h5", "all.h5"):
+        found.append({})
+        with h5py.File(tmp_path / name) as file:
+            file.visititems(
+                lambda key, item: (
+                    found[-1].update({key: np.asarray(item[()]).tobytes()})
+                    if isinstance(item, h5py.Dataset) and item.shape
+                    else None
+                )
+            )
+    assert found[0] == found[1]

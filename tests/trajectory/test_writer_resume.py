@@ -14,11 +14,12 @@ import pytest
 from support.trajectory_parts import SERIES_COLUMNS, TRACKED, batch, row
 from test_reader import BOX, FIELDS, some_disks, some_state
 
-from ifrdem.errors import InputError
+from ifrdem.errors import InputError, TrajectoryError
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
-from ifrdem.trajectory.reader import Trajectory, TrajectoryError, TrajectoryWriter
+from ifrdem.trajectory.reader import Trajectory
+from ifrdem.trajectory.writer import TrajectoryWriter
 
 N = 40
 

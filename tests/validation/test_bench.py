@@ -19,7 +19,7 @@ from support import manual
 
 import ifrdem
 from ifrdem.case import summary
-from ifrdem.case.gas import Gas
+from ifrdem.case.gas import CaseGas
 from ifrdem.cli import main as cli
 from ifrdem.errors import EngineError, InputError
 from ifrdem.simulation import device
@@ -144,7 +144,7 @@ def test_figures_follow_from_the_runs() -> None:
 
 def test_a_timed_run_counts_what_the_simulation_did() -> None:
     case = bench.elastic_gas(150, 0.3, threads=1)
-    simulation = Gas.from_case(case).simulation(case)
+    simulation = CaseGas.from_case(case).simulation(case)
     simulation.run(t_end=0.5)
     collisions, epochs = simulation.collisions, simulation.statistics.epochs
     run = bench.timed(simulation, 0.0)
@@ -158,12 +158,12 @@ def test_a_timed_run_counts_what_the_simulation_did() -> None:
 def test_a_benchmark_adds_up_to_the_collisions_of_its_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Simulation] = []
 
-    def remember(self: Gas, *given: Any, **options: Any) -> Simulation:
+    def remember(self: CaseGas, *given: Any, **options: Any) -> Simulation:
         made.append(original(self, *given, **options))
         return made[-1]
 
-    original = Gas.simulation
-    monkeypatch.setattr(Gas, "simulation", remember)
+    original = CaseGas.simulation
+    monkeypatch.setattr(CaseGas, "simulation", remember)
     own = bench.measure(bench.elastic_gas(150, 0.3, threads=1), runs=2, seconds=0.01)
     (simulation,) = made
     assert own.collisions_before + sum(run.collisions for run in own.runs) == simulation.collisions
@@ -173,7 +173,7 @@ def test_a_benchmark_adds_up_to_the_collisions_of_its_simulation(monkeypatch: py
 def test_the_elastic_gas_starts_at_its_temperature_and_mixes_for_ten_mean_free_times() -> None:
     """At phi = 0.3 a disk has 10 collisions less those that the lattice makes it wait for."""
     case = bench.elastic_gas(400, 0.3, threads=1)
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     simulation = gas.simulation(case)
     velocity = simulation.state.velocity
     # T = <m v^2> / 2 = 1 with m = 1; 400 disks sample it within 1 / sqrt(400) of it.
@@ -245,7 +245,7 @@ def test_a_gas_beyond_the_memory_is_refused_before_anything_runs(
     monkeypatch: pytest.MonkeyPatch, case_file: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(device, "memory_available", lambda: 10_000_000)
-    monkeypatch.setattr(Gas, "from_case", lambda *_: pytest.fail("it was made"))
+    monkeypatch.setattr(CaseGas, "from_case", lambda *_: pytest.fail("it was made"))
     for arguments in (
         ["--n", "1e5"],
         ["--case", case_file, "--set", "species[0].number=100000"],
@@ -417,7 +417,7 @@ def test_a_script_refuses_what_cannot_be(
 def test_mean_free_time_is_that_of_the_collisions_seen() -> None:
     """Of some 5000 collisions the statistical error is 1.4 %; theory is good to 0.5 %."""
     case = bench.elastic_gas(1000, 0.3, threads=1)
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     simulation = gas.simulation(case)
     simulation.run(t_end=bench.mixing_time(gas))
     before, start = simulation.collisions, simulation.time

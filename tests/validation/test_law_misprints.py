@@ -33,20 +33,20 @@ STEEP, FLAT = (
 )  # slides, sticks: Eq. 25 puts the transition at 29.68 degrees
 
 EQUATIONS = [
-    ("eq 10", PERCUSSION, STEEP, 0.0, "v_1t", equations.v_1t_sliding, equations.v_1t_sliding_printed),
-    ("eq 14", CONTACT, FLAT, 0.0, "v_2t", equations.v_2t_contact_point, equations.v_2t_contact_point_printed),
-    ("eq 33", PERCUSSION, STEEP, 0.0, "P_t", equations.P_t_sliding, equations.P_t_sliding_printed),
+    ("eq 10", PERCUSSION, STEEP, 0.0, "v_1t", equations.SLIDING.v_1t, equations.Printed.eq_10),
+    ("eq 14", CONTACT, FLAT, 0.0, "v_2t", equations.CONTACT_POINT.v_2t, equations.Printed.eq_14),
+    ("eq 33", PERCUSSION, STEEP, 0.0, "P_t", equations.SLIDING.P_t, equations.Printed.eq_33),
     (
         *("eq 35", PERCUSSION, STEEP, 1.0, "Rw_2"),
-        *(equations.Rw_2_sliding_nonrolling, equations.Rw_2_sliding_nonrolling_printed),
+        *(equations.SLIDING.Rw_2_nonrolling, equations.Printed.eq_35),
     ),
     (
         *("eq 38", CONTACT, FLAT, 1.0, "Rw_2"),
-        *(equations.Rw_2_contact_point_nonrolling, equations.Rw_2_contact_point_nonrolling_printed),
+        *(equations.CONTACT_POINT.Rw_2_nonrolling, equations.Printed.eq_38),
     ),
     (
         *("eq 41", PERCUSSION, FLAT, 1.0, "Rw_2"),
-        *(equations.Rw_2_percussion_center_nonrolling, equations.Rw_2_percussion_center_nonrolling_printed),
+        *(equations.PERCUSSION_CENTER.Rw_2_nonrolling, equations.Printed.eq_41),
     ),
 ]
 RIGHT_AT_EQUAL_MASSES = {"eq 10", "eq 14", "eq 35", "eq 38"}
@@ -76,7 +76,7 @@ def test_moment_of_inertia_needs_the_radius_squared():
     np.testing.assert_allclose(
         equations.inertia(m_2, CASE.R_2, 2.0) * omega_2, CASE.R_2 * got.P_t, rtol=1e-12
     )
-    printed = equations.inertia_printed(m_2, CASE.R_2, 2.0) * omega_2
+    printed = equations.Printed.inertia(m_2, CASE.R_2, 2.0) * omega_2
     np.testing.assert_allclose(printed / (CASE.R_2 * got.P_t), 1.0 / CASE.R_2, rtol=1e-12)  # 81.6 for metres
 
 
@@ -89,20 +89,20 @@ def test_sticking_contact_points_have_equal_velocities_with_plus_signs():
     np.testing.assert_allclose(equations.contact_slip(*state), 0.0, atol=1e-15)  # of velocities of order 0.1
     # 2 R_1 omega_1 is left over: Eq. 12 gives R_1 omega_1 = -2 P_f/m_1 = -2 sin(psi) / (3 (1 + M))
     np.testing.assert_allclose(
-        equations.contact_slip_printed(*state), 4.0 * np.sin(FLAT) / (3.0 * (1.0 + c.M)), rtol=1e-12
+        equations.Printed.contact_slip(*state), 4.0 * np.sin(FLAT) / (3.0 * (1.0 + c.M)), rtol=1e-12
     )
 
 
 def test_eq_24_has_no_division_by_one_plus_e_t():
     """Sliding (Eq. 19) and contact-point sticking (Eq. 21) are equal at the corrected angle only."""
-    right = np.arctan(equations.tan_psi_transit_contact_point(CASE))
-    printed = np.arctan(equations.tan_psi_transit_contact_point_printed(CASE))
+    right = np.arctan(equations.CONTACT_POINT.tan_psi_transit(CASE))
+    printed = np.arctan(equations.Printed.eq_24(CASE))
     np.testing.assert_allclose(
         np.degrees([right, printed]), [40.53, 83.33], atol=0.005
     )  # 3 0.15 1.9; ... / 0.1
     for psi, equal in ((right, True), (printed, False)):
         c = replace(CASE, psi=psi)
-        sliding, sticking = equations.tan_delta_2_sliding(c), equations.tan_delta_2_contact_point(c)
+        sliding, sticking = equations.SLIDING.tan_delta_2(c), equations.CONTACT_POINT.tan_delta_2(c)
         assert np.isclose(sliding, sticking, rtol=1e-12) == equal
     between = strike(replace(CASE, psi=np.linspace(right + 1e-9, printed, 100)), CONTACT)
     assert np.all(between.regime == Regime.SLIDING)
@@ -124,8 +124,8 @@ def test_eq_26_for_the_spheres_of_fig_3_has_seven_halves():
     assert got.regime == Regime.SLIDING
     slope = (got.e_t_apparent(c) - c.e_t) / (c.mu * (1.0 + c.e_n) / np.tan(c.psi))
     np.testing.assert_allclose(slope, 3.5, rtol=1e-12)
-    np.testing.assert_allclose(got.e_t_apparent(c), equations.e_t_apparent_sliding(c), rtol=1e-12)
-    assert got.e_t_apparent(c) - equations.e_t_apparent_sliding_printed(c) > 0.05
+    np.testing.assert_allclose(got.e_t_apparent(c), equations.SLIDING.e_t_apparent(c), rtol=1e-12)
+    assert got.e_t_apparent(c) - equations.Printed.eq_26(c) > 0.05
 
 
 def test_mass_ratios_of_500_and_100_pts_are_not_the_printed_ones():
@@ -141,7 +141,7 @@ def test_table_2_angle_of_bronze_aluminium_is_29_7_when_rounded():
     assert len(bronze) == 3
     for row in bronze:
         c = Impact(0.0, row.e_n, row.e_t, row.mu)
-        assert np.degrees(np.arctan(equations.tan_psi_transit_percussion_center(c))) == pytest.approx(
+        assert np.degrees(np.arctan(equations.PERCUSSION_CENTER.tan_psi_transit(c))) == pytest.approx(
             29.683, abs=5e-4
         )
 
@@ -162,6 +162,6 @@ def test_fig_11_dotted_line_has_no_rolling_friction():
     """The caption gives both lines rho/R_2 = 0.02, so one line; the dotted one ignores it, rho = 0."""
     c = Impact(np.radians(45.0), 0.90, -0.90, 0.15, rho=0.02)
     with_rolling, without = strike(c, PERCUSSION), strike(replace(c, rho=0.0), PERCUSSION)
-    np.testing.assert_allclose(with_rolling.Rw_2, equations.Rw_2_sliding_rolling(c), rtol=1e-12)
+    np.testing.assert_allclose(with_rolling.Rw_2, equations.SLIDING.Rw_2_rolling(c), rtol=1e-12)
     # Eq. 34 less Eq. 34 at rho = 0: (rho/R_2) (1 + e_n) cos(psi), at M = 1
     np.testing.assert_allclose(without.Rw_2 - with_rolling.Rw_2, 0.02 * 1.9 * np.cos(c.psi), rtol=1e-12)

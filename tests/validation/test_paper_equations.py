@@ -100,8 +100,8 @@ def homogeneous(c: Impact) -> Impact:
 
 def friction_limit(c: Impact, sticking: str) -> np.ndarray:
     return {
-        "contact_point": equations.P_f_contact_point,
-        "percussion_center": equations.P_f_percussion_center,
+        "contact_point": equations.CONTACT_POINT.P_f,
+        "percussion_center": equations.PERCUSSION_CENTER.P_f,
     }[sticking](c)
 
 
@@ -125,10 +125,10 @@ def test_tangential_impulse_is_restitution_plus_the_smaller_friction(coefficient
     """Eqs. 8, 9, 12, 15: which of the frictions acts is what the regime says."""
     c = random_impacts(coefficients, seed=2)
     got = strike(c, sticking)
-    sliding = equations.P_f_sliding(c) < friction_limit(c, sticking)
+    sliding = equations.SLIDING.P_f(c) < friction_limit(c, sticking)
     assert 200 < np.sum(sliding) < 1800  # the sample has both regimes
     np.testing.assert_array_equal(got.regime, np.where(sliding, Regime.SLIDING, Regime.STICKING))
-    friction = np.where(sliding, equations.P_f_sliding(c), friction_limit(c, sticking))
+    friction = np.where(sliding, equations.SLIDING.P_f(c), friction_limit(c, sticking))
     np.testing.assert_allclose(got.P_t, equations.P_et(c) + friction, **ROUND_OFF)
 
 
@@ -136,14 +136,14 @@ def test_tangential_impulse_is_restitution_plus_the_smaller_friction(coefficient
 @pytest.mark.parametrize(
     ("sticking", "regime", "v_1t", "v_2t"),
     [
-        ("percussion_center", Regime.SLIDING, equations.v_1t_sliding, equations.v_2t_sliding),
-        ("contact_point", Regime.SLIDING, equations.v_1t_sliding, equations.v_2t_sliding),
-        ("contact_point", Regime.STICKING, equations.v_1t_contact_point, equations.v_2t_contact_point),
+        ("percussion_center", Regime.SLIDING, equations.SLIDING.v_1t, equations.SLIDING.v_2t),
+        ("contact_point", Regime.SLIDING, equations.SLIDING.v_1t, equations.SLIDING.v_2t),
+        ("contact_point", Regime.STICKING, equations.CONTACT_POINT.v_1t, equations.CONTACT_POINT.v_2t),
         (
             "percussion_center",
             Regime.STICKING,
-            equations.v_1t_percussion_center,
-            equations.v_2t_percussion_center,
+            equations.PERCUSSION_CENTER.v_1t,
+            equations.PERCUSSION_CENTER.v_2t,
         ),
     ],
     ids=["eqs 10, 11", "eqs 10, 11 contact point", "eqs 13, 14", "eqs 16, 17"],
@@ -177,18 +177,18 @@ def test_impulses_move_and_turn_both_disks_by_eqs_1_to_3(coefficients, sticking)
 @pytest.mark.parametrize(
     ("sticking", "regime", "tan_1", "tan_2"),
     [
-        ("percussion_center", Regime.SLIDING, equations.tan_delta_1_sliding, equations.tan_delta_2_sliding),
+        ("percussion_center", Regime.SLIDING, equations.SLIDING.tan_delta_1, equations.SLIDING.tan_delta_2),
         (
             "contact_point",
             Regime.STICKING,
-            equations.tan_delta_1_contact_point,
-            equations.tan_delta_2_contact_point,
+            equations.CONTACT_POINT.tan_delta_1,
+            equations.CONTACT_POINT.tan_delta_2,
         ),
         (
             "percussion_center",
             Regime.STICKING,
-            equations.tan_delta_1_percussion_center,
-            equations.tan_delta_2_percussion_center,
+            equations.PERCUSSION_CENTER.tan_delta_1,
+            equations.PERCUSSION_CENTER.tan_delta_2,
         ),
     ],
     ids=["eqs 18, 19", "eqs 20, 21", "eqs 22, 23"],
@@ -209,8 +209,8 @@ def test_scattering_angles_follow_eqs_18_to_23(coefficients, sticking, regime, t
 @pytest.mark.parametrize(
     ("sticking", "transit"),
     [
-        ("contact_point", equations.tan_psi_transit_contact_point),
-        ("percussion_center", equations.tan_psi_transit_percussion_center),
+        ("contact_point", equations.CONTACT_POINT.tan_psi_transit),
+        ("percussion_center", equations.PERCUSSION_CENTER.tan_psi_transit),
     ],
     ids=["eq 24", "eq 25"],
 )
@@ -258,9 +258,9 @@ def test_table_2_transition_angles(row):
 @pytest.mark.parametrize(
     ("sticking", "regime", "e_t_apparent"),
     [
-        ("percussion_center", Regime.SLIDING, equations.e_t_apparent_sliding),
-        ("contact_point", Regime.STICKING, equations.e_t_apparent_contact_point),
-        ("percussion_center", Regime.STICKING, equations.e_t_apparent_percussion_center),
+        ("percussion_center", Regime.SLIDING, equations.SLIDING.e_t_apparent),
+        ("contact_point", Regime.STICKING, equations.CONTACT_POINT.e_t_apparent),
+        ("percussion_center", Regime.STICKING, equations.PERCUSSION_CENTER.e_t_apparent),
     ],
     ids=["eq 26", "eq 27", "eq 28"],
 )
@@ -287,19 +287,19 @@ def test_collision_is_an_inertial_balance_by_eq_30():
 # -- Equations 31 to 41 and Table I: rolling friction ------------------------------------------------------
 
 ROLLING = [
-    ("percussion_center", Regime.SLIDING_ROLLING, 0.02, equations.Rw_2_sliding_rolling),
-    ("percussion_center", Regime.SLIDING_NONROLLING, 0.60, equations.Rw_2_sliding_nonrolling),
-    ("contact_point", Regime.STICKING_ROLLING, 0.02, equations.Rw_2_contact_point_rolling),
-    ("contact_point", Regime.STICKING_NONROLLING, 0.60, equations.Rw_2_contact_point_nonrolling),
-    ("percussion_center", Regime.STICKING_ROLLING, 0.02, equations.Rw_2_percussion_center_rolling),
-    ("percussion_center", Regime.STICKING_NONROLLING, 0.60, equations.Rw_2_percussion_center_nonrolling),
+    ("percussion_center", Regime.SLIDING_ROLLING, 0.02, equations.SLIDING.Rw_2_rolling),
+    ("percussion_center", Regime.SLIDING_NONROLLING, 0.60, equations.SLIDING.Rw_2_nonrolling),
+    ("contact_point", Regime.STICKING_ROLLING, 0.02, equations.CONTACT_POINT.Rw_2_rolling),
+    ("contact_point", Regime.STICKING_NONROLLING, 0.60, equations.CONTACT_POINT.Rw_2_nonrolling),
+    ("percussion_center", Regime.STICKING_ROLLING, 0.02, equations.PERCUSSION_CENTER.Rw_2_rolling),
+    ("percussion_center", Regime.STICKING_NONROLLING, 0.60, equations.PERCUSSION_CENTER.Rw_2_nonrolling),
 ]
 ROLLING_IDS = ["eq 34", "eq 35", "eq 37", "eq 38", "eq 40", "eq 41"]
 TANGENTIAL = {
-    Regime.SLIDING: {"percussion_center": equations.P_t_sliding, "contact_point": equations.P_t_sliding},
+    Regime.SLIDING: {"percussion_center": equations.SLIDING.P_t, "contact_point": equations.SLIDING.P_t},
     Regime.STICKING: {
-        "percussion_center": equations.P_t_percussion_center,
-        "contact_point": equations.P_t_contact_point,
+        "percussion_center": equations.PERCUSSION_CENTER.P_t,
+        "contact_point": equations.CONTACT_POINT.P_t,
     },
 }
 
@@ -329,7 +329,7 @@ def test_the_smaller_torque_of_eqs_31_and_32_acts(sticking, rho):
     c = rolling_impacts(rho)
     got = strike(c, sticking)
     rolling = equations.T_rolling(c) < equations.T_nonrolling(c)
-    sliding = equations.P_f_sliding(c) < friction_limit(c, sticking)
+    sliding = equations.SLIDING.P_f(c) < friction_limit(c, sticking)
     expected = np.select(
         [sliding & rolling, rolling, sliding],
         [Regime.SLIDING_ROLLING, Regime.STICKING_ROLLING, Regime.SLIDING_NONROLLING],
@@ -343,18 +343,18 @@ def test_tangential_impulse_with_rolling_friction_follows_eqs_33_36_39(sticking)
     """Rolling friction does not change it."""
     c = rolling_impacts(0.02)
     got = strike(c, sticking)
-    sliding = equations.P_f_sliding(c) < friction_limit(c, sticking)
+    sliding = equations.SLIDING.P_f(c) < friction_limit(c, sticking)
     for regime, here in ((Regime.SLIDING, sliding), (Regime.STICKING, ~sliding)):
         np.testing.assert_allclose(got.P_t[here], TANGENTIAL[regime][sticking](c)[here], **ROUND_OFF)
 
 
 TABLE_1 = [
-    ("percussion_center", Regime.SLIDING_ROLLING, 0.02, equations.e_t_apparent_sliding),
-    ("contact_point", Regime.STICKING_ROLLING, 0.02, equations.e_t_apparent_contact_point),
-    ("percussion_center", Regime.STICKING_ROLLING, 0.02, equations.e_t_apparent_percussion_center),
-    ("percussion_center", Regime.SLIDING_NONROLLING, 0.60, equations.e_t_apparent_sliding),
-    ("contact_point", Regime.STICKING_NONROLLING, 0.60, equations.e_t_apparent_contact_point),
-    ("percussion_center", Regime.STICKING_NONROLLING, 0.60, equations.e_t_apparent_percussion_center),
+    ("percussion_center", Regime.SLIDING_ROLLING, 0.02, equations.SLIDING.e_t_apparent),
+    ("contact_point", Regime.STICKING_ROLLING, 0.02, equations.CONTACT_POINT.e_t_apparent),
+    ("percussion_center", Regime.STICKING_ROLLING, 0.02, equations.PERCUSSION_CENTER.e_t_apparent),
+    ("percussion_center", Regime.SLIDING_NONROLLING, 0.60, equations.SLIDING.e_t_apparent),
+    ("contact_point", Regime.STICKING_NONROLLING, 0.60, equations.CONTACT_POINT.e_t_apparent),
+    ("percussion_center", Regime.STICKING_NONROLLING, 0.60, equations.PERCUSSION_CENTER.e_t_apparent),
 ]
 
 
@@ -362,7 +362,7 @@ TABLE_1 = [
 def test_apparent_restitution_with_rolling_friction_follows_table_1(sticking, regime, rho, without):
     rolls = regime in (Regime.SLIDING_ROLLING, Regime.STICKING_ROLLING)
     right = equations.e_t_apparent_rolling if rolls else equations.e_t_apparent_nonrolling
-    printed = equations.e_t_apparent_rolling_printed if rolls else equations.e_t_apparent_nonrolling_printed
+    printed = equations.Printed.rolling if rolls else equations.Printed.nonrolling
     c = rolling_impacts(rho)
     got = strike(c, sticking)
     here = (got.regime == regime) & (got.Rw_2 > 0.0) & (got.Rw_1 < 0.0)  # no spin stopped
@@ -385,8 +385,6 @@ def test_table_1_nonrolling_is_two_thirds_for_equal_radii_or_masses(case):
     np.testing.assert_allclose(got.e_t_apparent(c), -0.88 + 1.5 - 2.0 / 3.0, rtol=1e-12)  # e_t + 5/6
     c = replace(c, psi=0.5, rho=0.01)
     got = strike(c, "percussion_center")
-    without = equations.e_t_apparent_percussion_center(c)
-    np.testing.assert_allclose(
-        got.e_t_apparent(c), equations.e_t_apparent_rolling_printed(c, without), rtol=1e-12
-    )
+    without = equations.PERCUSSION_CENTER.e_t_apparent(c)
+    np.testing.assert_allclose(got.e_t_apparent(c), equations.Printed.rolling(c, without), rtol=1e-12)
     np.testing.assert_allclose(got.e_t_apparent(c), equations.e_t_apparent_rolling(c, without), rtol=1e-12)

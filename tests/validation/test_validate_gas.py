@@ -79,7 +79,7 @@ def test_a_row_whose_tolerance_is_too_wide_to_say_anything_fails(capsys) -> None
     blunt = compared(0.0, widest=0.99 * tolerance / 10.0)
     assert blunt.blunt
     assert not blunt.passed
-    table = terminal.table(runner.Outcome("gas_state", "?", "a book", Result([blunt])))
+    table = terminal.table(runner.Verdict("gas_state", "?", "a book", Result([blunt])))
     assert "it says nothing" in table
 
 
@@ -193,7 +193,7 @@ def test_waves_of_a_kicked_gas_are_those_that_its_equation_leaves_at_rest() -> N
 
 def test_the_report_says_how_a_row_was_sampled() -> None:
     row = compared(0.0)
-    outcome = runner.Outcome("gas_state", "?", "a book", Result([row]))
+    outcome = runner.Verdict("gas_state", "?", "a book", Result([row]))
     (found,) = runner.rows_as_json([outcome])
     assert (found["disks"], found["replicas"], found["seeds"]) == (7, 12, [0, 11])
     assert found["statistical_error"] == pytest.approx(row.sampling.error if row.sampling else math.nan)

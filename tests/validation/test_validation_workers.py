@@ -148,7 +148,7 @@ def test_the_time_left_goes_by_the_pace_of_cases_that_ended(monkeypatch) -> None
     monkeypatch.setattr(registry, "SECONDS", {"energy": (100.0, 1.0), "angles": (60.0, 1.0),
                                               "rolling": (40.0, 1.0), "stopping": (30.0, 1.0)})  # fmt: skip
     now, said = [0.0], []
-    course = terminal.Course(
+    course = terminal.Pace(
         ["energy", "angles", "rolling", "stopping"],
         quick=False,
         jobs=2,
@@ -162,7 +162,7 @@ def test_the_time_left_goes_by_the_pace_of_cases_that_ended(monkeypatch) -> None
     assert said[-1] == "  in work: energy (1:00), angles (1:00)"
     now[0] = 120.0
     course.ended(
-        runner.Outcome("angles", "?", "a book", Result([Row("x", 1.0, 1.0, 0.1, "", "")]), seconds=120.0)
+        runner.Verdict("angles", "?", "a book", Result([Row("x", 1.0, 1.0, 0.1, "", "")]), seconds=120.0)
     )
     course.begun("rolling")
     now[0] = 130.0

@@ -16,19 +16,18 @@ from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import sides
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result, Table
 from . import bullet_world, pymunk_world, stepped
 from .bullet_world import BulletWorld, Surface
 from .pymunk_world import PymunkWorld
-from .stepped import Course, World
+from .stepped import Snapshots, World
 
 QUESTION = (
     "Does a gas of a hundred disks between walls cool, spin up and collide in other codes as in our engine?"
 )
 REFERENCE = "our engine, walled box, e_t = -1, contact point, from the same starts"
-
-Array = NDArray[np.float64]
 
 N, PHI, E_N, MU = 100, 0.3, 0.8, 0.2
 SURFACE = Surface(E_N, MU)
@@ -56,33 +55,30 @@ class Measured:
 
 @dataclass
 class Code:
-    """A code with its step; `courses` of the seeds so far."""
+    """A code with its step, and its gases of the seeds so far."""
 
     name: str
     world: World | None
     time_step: float
     law: IFRLaw = LAW
-    courses: list[Course] = field(default_factory=list)
+    gases: list[Snapshots] = field(default_factory=list)
 
     def measured(self) -> Measured:
         """All seeds together."""
         at_start = 0.5 * float(np.sum(DISKS.mass)) * 2.0  # T = 1: m v^2 / 2 is 1 on average
-        energies = [course.energy(DISKS) for course in self.courses]
-        total = np.array([(moving + turning) / at_start for moving, turning in energies])
-        share = np.array([turning / (moving + turning) for moving, turning in energies])
+        moving, turning = np.array([gas.energy(DISKS) for gas in self.gases]).swapaxes(0, 1)
         return Measured(
-            total,
-            share,
-            np.array([course.collisions for course in self.courses], dtype=float) * 2.0 / N,
-            np.array([course.wall_hits for course in self.courses], dtype=float) / N,
-            np.array([[state.position for state in course.states] for course in self.courses]),
-            np.array([[state.collisions > 0 for state in course.states] for course in self.courses]),
-            sum(course.seconds for course in self.courses),
+            (moving + turning) / at_start,
+            turning / (moving + turning),
+            np.array([gas.collisions for gas in self.gases], dtype=float) * 2.0 / N,
+            np.array([gas.wall_hits for gas in self.gases], dtype=float) / N,
+            np.array([[state.position for state in gas.states] for gas in self.gases]),
+            np.array([[state.collisions > 0 for state in gas.states] for gas in self.gases]),
+            sum(gas.seconds for gas in self.gases),
         )
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     bullet_world.require()
     result = Result()
     seeds = range(1, 5 if quick else 21)
@@ -100,25 +96,21 @@ def run(quick: bool) -> Result:
     for seed in seeds:
         begin = start(seed)
         for code in (ours, ifr):
-            code.courses.append(exact(code.law, begin, times))
+            code.gases.append(exact(code.law, begin, times))
         for code in others + (coarse if seed <= 4 else []):
             assert code.world is not None
             steps = np.rint(times / code.time_step).astype(int).tolist()
-            code.courses.append(
-                stepped.gas(
-                    code.world, DISKS, SURFACE, sides(BOX), begin, time_step=code.time_step, steps=steps
-                )
+            gas = stepped.gas(
+                code.world, DISKS, SURFACE, sides(BOX), begin, time_step=code.time_step, steps=steps
             )
+            code.gases.append(gas)
     found = {code.name: code.measured() for code in (ours, ifr, *others, *coarse)}
     for code in others:
         _compare(result, code, found["ifrdem"], found[code.name], times)
     _before_chaos(result, [*others, *coarse], found, times)
-    result.tables.append(_power(found, times, [code.name for code in others]))
-    result.tables.append(_speed(found, [*others, *coarse]))
-    result.pictures.append(_figure(found, times, [code.name for code in others[:2]]))
-    result.pictures.append(
-        _chaos_figure(found, times, {code.name: code.time_step for code in (*others, *coarse)})
-    )
+    names, steps = [code.name for code in others], {code.name: code.time_step for code in (*others, *coarse)}
+    result.tables += [_power(found, times, names), _speed(found, [*others, *coarse])]
+    result.pictures += [_figure(found, times, names[:2]), _chaos_figure(found, times, steps)]
     return result
 
 
@@ -130,20 +122,19 @@ def start(seed: int) -> State:
     return State(position, velocity, np.zeros(N))
 
 
-def exact(law: IFRLaw, begin: State, times: Sequence[float] | Array) -> Course:
+def exact(law: IFRLaw, begin: State, times: Sequence[float] | Array) -> Snapshots:
     """Our engine's run; timed without stops on the way."""
     gas = Simulation(DISKS, BOX, law, begin, threads=1)
-    states, collisions, wall_hits = [], [], []
+    states, counts = [], []
     for t in times:
         gas.run(t_end=float(t))
         states.append(gas.state)
-        collisions.append(gas.collisions)
-        wall_hits.append(gas.wall_hits)
+        counts.append((gas.collisions, gas.wall_hits))
     timed = Simulation(DISKS, BOX, law, begin, threads=1)
     began = time.process_time()
     timed.run(t_end=float(times[-1]))
-    seconds = time.process_time() - began
-    return Course(states, np.array(collisions), np.array(wall_hits), seconds)
+    collisions, wall_hits = np.array(counts).T
+    return Snapshots(states, collisions, wall_hits, time.process_time() - began)
 
 
 def mean_and_error(values: Array) -> tuple[Array, Array]:
@@ -170,11 +161,13 @@ def _compare(result: Result, code: Code, ours: Measured, theirs: Measured, times
             mine, other = getattr(ours, attribute)[:, at], getattr(theirs, attribute)[:, at]
             _, error = mean_and_error((other - mine)[:, None])
             margin = BIAS * max(code.time_step / FINE, 1.0) * float(mine.mean()) + few
-            result.near(
-                f"{text} at t = {times[at]:g}, {code.name}", other.mean(), mine.mean(),
+            tolerance, quantity = (
                 ERRORS * float(error[0]) + margin,
-                reason, "our engine from the same starts",
-            )  # fmt: skip
+                f"{text} at t = {times[at]:g}, {code.name}",
+            )
+            result.near(
+                quantity, other.mean(), mine.mean(), tolerance, reason, "our engine from the same starts"
+            )
 
 
 def _apart(ours: Measured, theirs: Measured) -> Array:
@@ -229,23 +222,16 @@ def _speed(found: dict[str, Measured], codes: list[Code]) -> Table:
     )
 
 
-COLOURS = {
-    "PyBullet": style.BLUE,
-    "pymunk": style.VERMILION,
-    "PyBullet, step 5e-3": style.SKY,
-    "pymunk, step 1e-4": style.ORANGE,
-}
-MARKERS = {"PyBullet": "o", "pymunk": "x", "PyBullet, step 5e-3": "s", "pymunk, step 1e-4": "+"}
+TIME = r"$t$ ($R\,\sqrt{m/T_0}$)"
+CODES = ("PyBullet", "pymunk", "PyBullet, step 5e-3", "pymunk, step 1e-4")
+COLOURS = dict(zip(CODES, (style.BLUE, style.VERMILION, style.SKY, style.ORANGE), strict=True))
+MARKERS = dict(zip(CODES, "oxs+", strict=True))
 
 
 def _figure(found: dict[str, Measured], times: Array, others: list[str]) -> Picture:
     figure, axes = style.panels(3, width=2.9)
-    for ax, (attribute, text), name in zip(
-        axes,
-        (("energy", "$E / E_0$"), ("spin_share", "$E_{rot} / E$"), ("collisions", "collisions per disk")),
-        "abc",
-        strict=True,
-    ):
+    shown = (("energy", "$E / E_0$"), ("spin_share", "$E_{rot} / E$"), ("collisions", "collisions per disk"))
+    for ax, (attribute, text) in zip(axes, shown, strict=True):
         for code, line in (("ifrdem", "-"), ("ifrdem, e_t = -0.88", "--")):
             mean, error = mean_and_error(getattr(found[code], attribute))
             ax.plot(times, mean, line, color=style.BLACK if line == "-" else style.GREY,
@@ -256,34 +242,29 @@ def _figure(found: dict[str, Measured], times: Array, others: list[str]) -> Pict
             some = slice(i, None, 2)  # markers of two codes beside each other
             ax.errorbar(times[some], mean[some], error[some], fmt=MARKERS[code], color=COLOURS[code], mfc="none", ms=4,
                         lw=0.8, capsize=2, label=code)  # fmt: skip
-        ax.set(xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)", ylabel=text, xlim=(0, None), ylim=(0, None))
-        style.letter(ax, f"({name})")
+        ax.set(xlabel=TIME, ylabel=text, xlim=(0, None), ylim=(0, None))
+    style.letters(*axes)
     axes[0].set_ylim(0.0, 1.12)
     axes[0].legend(loc="lower left")
-    return Picture(
-        "bullet-box",
+    caption = (
         f"{N} disks between four walls, packing fraction {PHI}, e_n = {E_N}, mu = {MU}: (a) energy, (b) the "
         f"part of it that is spin, (c) collisions per disk; means over {len(found['ifrdem'].energy)} starts "
         "with their standard errors (bars; grey band: ours). Dashed: our engine with IFR at e_t = -0.88, "
-        "which neither code has.",
-        figure,
+        "which neither code has."
     )
+    return Picture("bullet-box", caption, figure)
 
 
 def _chaos_figure(found: dict[str, Measured], times: Array, steps: dict[str, float]) -> Picture:
     figure, (ax,) = style.panels(width=4.2)
     for code in steps:
-        ax.semilogy(times, _apart(found["ifrdem"], found[code]), MARKERS[code] + "-", color=COLOURS[code],
-                    mfc="none", lw=0.7,
-                    label=f"{code.split(',')[0]}, step {steps[code]:g}")  # fmt: skip
-    ax.set(
-        xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)", ylabel="median distance $/\\,R$", xlim=(0, None), ylim=(1e-6, None)
-    )
+        apart, label = _apart(found["ifrdem"], found[code]), f"{code.split(',')[0]}, step {steps[code]:g}"
+        ax.semilogy(times, apart, MARKERS[code] + "-", color=COLOURS[code], mfc="none", lw=0.7, label=label)
+    ax.set(xlabel=TIME, ylabel=r"median distance $/\,R$", xlim=(0, None), ylim=(1e-6, None))
     ax.legend(loc="lower right")
-    return Picture(
-        "bullet-chaos",
+    caption = (
         "Median distance between a disk in another code and in our engine, of those that have collided. The "
         "shorter the step, the closer; every collision multiplies the distance, until single places cannot "
-        "be compared any more and only means can.",
-        figure,
+        "be compared any more and only means can."
     )
+    return Picture("bullet-chaos", caption, figure)

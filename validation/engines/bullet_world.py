@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -33,17 +32,11 @@ SETTINGS = {
     "deterministicOverlappingPairs": 1,
     "warmStartingFactor": 0.0,
 }
-"""What `setPhysicsEngineParameter` gets. With PyBullet's defaults restitution comes out near zero."""
+"""Parameters of `setPhysicsEngineParameter`. With PyBullet's defaults restitution comes out near zero."""
 
 
 def require() -> Any:
-    """PyBullet's module.
-
-    Raises
-    ------
-    Skip
-        If it is not installed, with what to do.
-    """
+    """PyBullet's module; Skip, with what to do, if it is not installed."""
     reason = bullet.absence()
     if reason is not None:
         raise Skip(f"PyBullet is {reason}")
@@ -59,50 +52,36 @@ class Surface:
 
 
 class BulletWorld:
-    """Disks and straight walls in a PyBullet client of their own; use it in a `with` statement.
+    """Disks and straight walls (lines), all of one surface, in a PyBullet client of their own; in a `with` statement.
 
-    Parameters
-    ----------
-    disks : Disks
-    surface : Surface
-        Of all disks and walls.
-    walls : sequence of Wall
-        Lines.
-    time_step : float
-        [time].
-
-    Attributes
-    ----------
-    collisions, wall_hits : int
-        Contacts in which Bullet's solver pushed, so far: of two disks, and of a disk and a wall.
+    `collisions` and `wall_hits` count contacts in which Bullet's solver pushed: of two disks, and of a disk and a wall.
     """
 
     name = "PyBullet"
     moves_first = False  # whether a step moves bodies before they collide
 
     def __init__(
-        self,
-        disks: Disks,
-        surface: Surface,
-        *,
-        walls: Sequence[Wall] = (),
-        time_step: float,
+        self, disks: Disks, surface: Surface, *, walls: Sequence[Wall] = (), time_step: float
     ) -> None:
         p = require()
-        self.p, self.n = p, disks.n
-        self.collisions = self.wall_hits = 0
+        self.p: Any = p
+        self.n: int = disks.n
+        self.collisions: int = 0
+        self.wall_hits: int = 0
         self._pressed: set[tuple[int, int]] = set()
-        self.client = p.connect(p.DIRECT)
+        self.client: int = p.connect(p.DIRECT)
         p.setGravity(0.0, 0.0, 0.0, physicsClientId=self.client)
         p.setPhysicsEngineParameter(fixedTimeStep=time_step, **SETTINGS, physicsClientId=self.client)
         # Bullet multiplies the coefficients of two bodies.
         own = {"friction": math.sqrt(surface.mu), "restitution": math.sqrt(surface.e_n)}
         height = float(disks.radius.min())
-        self.disks = [
+        self.disks: list[bullet.Disk] = [
             bullet.add_disk(self.client, disks.mass[i], disks.radius[i], k=disks.k[i], height=height, **own)
             for i in range(disks.n)
         ]
-        self.walls = [bullet.add_wall(self.client, wall.place, wall.towards, **own) for wall in walls]
+        self.walls: list[bullet.Wall] = [
+            bullet.add_wall(self.client, wall.place, wall.towards, **own) for wall in walls
+        ]
         self._wall_ids = {wall.body for wall in self.walls}
         # A step with nothing near: Bullet takes over inverse moments of inertia at the end of a step.
         apart = 4.0 * float(disks.radius.max())
@@ -116,12 +95,12 @@ class BulletWorld:
     def __enter__(self) -> BulletWorld:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.p.disconnect(self.client)
 
-    def place(self, position: NDArray, velocity: NDArray, spin: NDArray) -> None:
+    def place(
+        self, position: NDArray[np.float64], velocity: NDArray[np.float64], spin: NDArray[np.float64]
+    ) -> None:
         """Put all disks at positions (n, 2), with velocities (n, 2) and spins (n,)."""
         for disk, x, v, w in zip(self.disks, position, velocity, spin, strict=True):
             bullet.place(self.client, disk.body, x, v, w)
@@ -142,7 +121,7 @@ class BulletWorld:
             self.collisions += len(new) - hits
 
     def state(self) -> State:
-        """Where the disks are."""
+        """State of the disks."""
         position, velocity, spin = np.empty((self.n, 2)), np.empty((self.n, 2)), np.empty(self.n)
         for i, disk in enumerate(self.disks):
             position[i] = self.p.getBasePositionAndOrientation(disk.body, physicsClientId=self.client)[0][:2]

@@ -1,4 +1,4 @@
-"""What a comparison with PyBullet's defaults would have said: the restitution that comes out of them."""
+"""Restitution that comes out of PyBullet's defaults."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ...model.state import Disks
 from ..report import style
-from ..report.registry import Picture, Result, Table
+from ..report.registry import Picture, Result
 from . import bullet_world
 from .bullet_world import BulletWorld, Surface
 
@@ -22,7 +22,6 @@ SPEED = 1.0
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     p = bullet_world.require()
     result = Result()
     asked = np.linspace(0.1, 1.0, 4 if quick else 10)
@@ -30,11 +29,11 @@ def run(quick: bool) -> Result:
     sizes = {"R = 1": 1.0, "R = 0.0105 (1 pta in m)": 0.0105}
     defaults = {text: np.array([_by_defaults(p, R, e) for e in asked]) for text, R in sizes.items()}
     ours = np.array([_by_settings(e) for e in asked])
-    result.all_near(
-        "effective e_n by the settings of validation/engines/bullet_world.py, R = 1", ours, np.repeat(asked[:, None],
-        PHASES, 1),
-        1e-6, "contact normals within 6e-7 (GJK)", "the restitution that was asked for",
-    )  # fmt: skip
+    text, reason = (
+        "effective e_n by the settings of validation/engines/bullet_world.py, R = 1",
+        "contact normals within 6e-7 (GJK)",
+    )
+    result.all_near(text, ours, asked[:, None], 1e-6, reason, "the restitution that was asked for")
     at = int(np.argmin(np.abs(asked - 0.8)))
     for text, found in defaults.items():
         result.near(
@@ -42,31 +41,26 @@ def run(quick: bool) -> Result:
             "it lies between 0 and 0.5, by the phase of the step; defaults that give 0.8 would make this page "
             "superfluous, and the row fail", "seen with PyBullet 3.2.7",
         )  # fmt: skip
-    result.tables.append(
-        Table(
-            "Effective e_n of a head-on impact at 1 m/s, PyBullet's defaults, step 1/240 s: median, least "
-            "and largest",
-            ("asked for", *(f"{text}: {word}" for text in sizes for word in ("median", "least", "largest"))),
-            [
-                (
-                    float(e),
-                    *(float(f(found[i])) for found in defaults.values() for f in (np.median, np.min, np.max)),
-                )
-                for i, e in enumerate(asked)
-            ],
-            f"Over {PHASES} phases of the step at which the disks meet. For R = 1 the fault is mostly that "
-            "contacts are made 0.02 (contactBreakingThreshold) before the disks touch: the solver then "
-            "brakes the approach to what closes that gap in one step. With 1e-4 alone 0.80 to 0.87 comes out "
-            "for 0.8. For a coin in metres that is not enough. The square root of e_n was set on each body, "
-            "because Bullet multiplies them.",
-        )
+    summaries = np.stack(
+        [f(found, axis=1) for found in defaults.values() for f in (np.median, np.min, np.max)], 1
+    )
+    result.table(
+        "Effective e_n of a head-on impact at 1 m/s, PyBullet's defaults, step 1/240 s: median, least "
+        "and largest",
+        ("asked for", *(f"{text}: {word}" for text in sizes for word in ("median", "least", "largest"))),
+        [(float(e), *summary) for e, summary in zip(asked.tolist(), summaries.tolist(), strict=True)],
+        f"Over {PHASES} phases of the step at which the disks meet. For R = 1 the fault is mostly that "
+        "contacts are made 0.02 (contactBreakingThreshold) before the disks touch: the solver then "
+        "brakes the approach to what closes that gap in one step. With 1e-4 alone 0.80 to 0.87 comes out "
+        "for 0.8. For a coin in metres that is not enough. The square root of e_n was set on each body, "
+        "because Bullet multiplies them.",
     )
     result.pictures.append(_figure(asked, defaults, ours))
     return result
 
 
 def _head_on(step: float, R: float, phase: float) -> float:
-    """Where the second cylinder stands, so that the first one meets it in the middle of a later step."""
+    """Place of the second cylinder, so that the first one meets it in the middle of a later step."""
     return 2.0 * R + (30.0 + phase) * SPEED * step
 
 
@@ -118,10 +112,9 @@ def _figure(asked: np.ndarray, defaults: dict[str, np.ndarray], ours: np.ndarray
     ax.axhline(0.0, color=style.BLACK, lw=0.5)
     ax.set(xlabel=r"$e_n$ asked for", ylabel=r"$e_n$ that comes out", xlim=(0, 1.05))
     ax.legend(loc="upper left")
-    return Picture(
-        "bullet-defaults",
+    caption = (
         "Restitution of a head-on impact at 1 m/s. With PyBullet's defaults it has little to do with what "
         "was asked for, and differs from impact to impact: bars span the phases of the time step. With the "
-        "settings of validation/engines/bullet_world.py it is what was asked for.",
-        figure,
+        "settings of validation/engines/bullet_world.py it is what was asked for."
     )
+    return Picture("bullet-defaults", caption, figure)

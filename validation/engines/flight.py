@@ -5,25 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...tools.checked import Array
 from ..paper import pairs, predicted
 from ..paper.equations import Impact
-from ..paper.pairs import ROUND_OFF
 from ..report import style
-from ..report.registry import Picture, Result, Table
+from ..report.registry import Picture, Result
 from . import bullet_world, stepped
 from .pair import AGREEMENT, EXACT, NORMAL
 from .stepped import deviation
-
-Array = NDArray[np.float64]
 
 QUESTION = "How far off is an impact that a time step finds late, and how does that go with the step?"
 REFERENCE = "first order in v dt / R, because the overlap when it is found is; ours by the closed forms"
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     bullet_world.require()
     result = Result()
     n = 40 if quick else 200
@@ -32,9 +28,7 @@ def run(quick: bool) -> Result:
     c = Impact(psi, 0.87, -1.0, 0.21, M=1.3)
     right = predicted.after(c, "contact_point")
     ours = deviation(pairs.fly(c, "contact_point"), right)
-    result.all_near(
-        "velocities and R omega [v_o] of our engine", ours, 0.0 * ours, 1e-10, ROUND_OFF, "Eqs. 6 to 14"
-    )
+    result.exact("velocities and R omega [v_o] of our engine", ours, 0.0, "Eqs. 6 to 14")
     errors = {}
     for world in stepped.worlds():
         off = np.array([deviation(stepped.fly(world, c, one, seed=i), right) for i, one in enumerate(step)])
@@ -52,14 +46,12 @@ def run(quick: bool) -> Result:
             NORMAL if world.name == "PyBullet" else EXACT, "closed forms at a line of centres that has turned",
         )  # fmt: skip
     names = list(errors)
-    result.tables.append(
-        Table(
-            "rms error of velocities and R omega after one impact, in units of v_o",
-            ("v dt / R", *names),
-            [(float(one), *(float(errors[name][i]) for name in names)) for i, one in enumerate(step)],
-            f"Our engine: {np.sqrt(np.mean(ours**2)):.1e}, whatever the length of its epochs. "
-            + stepped.not_measured(),
-        )
+    result.table(
+        "rms error of velocities and R omega after one impact, in units of v_o",
+        ("v dt / R", *names),
+        [(float(one), *(float(errors[name][i]) for name in names)) for i, one in enumerate(step)],
+        f"Our engine: {np.sqrt(np.mean(ours**2)):.1e}, whatever the length of its epochs. "
+        + stepped.not_measured(),
     )
     result.pictures.append(_figure(step, errors, ours))
     return result
@@ -77,14 +69,10 @@ def late(c: Impact, step: float, seed: int) -> Array:
     a = np.arctan2(s * np.sin(c.psi), c.R_1 + c.R_2 - s * np.cos(c.psi))
     right = predicted.after(c, "contact_point")
     turned = predicted.after(replace(c, psi=c.psi + a), "contact_point")
-    cos, sin = np.cos(a), np.sin(a)
-    back = replace(
-        turned,
-        v_1n=cos * turned.v_1n + sin * turned.v_1t,
-        v_1t=cos * turned.v_1t - sin * turned.v_1n,
-        v_2n=cos * turned.v_2n + sin * turned.v_2t,
-        v_2t=cos * turned.v_2t - sin * turned.v_2n,
+    v_1, v_2 = (
+        np.exp(-1j * a) * (n + 1j * t) for n, t in ((turned.v_1n, turned.v_1t), (turned.v_2n, turned.v_2t))
     )
+    back = replace(turned, v_1n=v_1.real, v_1t=v_1.imag, v_2n=v_2.real, v_2t=v_2.imag)
     return deviation(back, right)
 
 
@@ -93,22 +81,15 @@ def _figure(step: Array, errors: dict[str, Array], ours: Array) -> Picture:
     looks = zip(errors.items(), (style.BLUE, style.VERMILION), ("o", "x"), strict=False)
     for (name, error), colour, marker in looks:
         ax.loglog(step, error, marker, mfc="none", color=colour, label=name)
-    first = next(iter(errors.values()))
-    ax.loglog(
-        step,
-        first[len(step) // 2] * step / step[len(step) // 2],
-        color=style.GREY,
-        lw=0.8,
-        label="first order",
-    )
+    first, middle = next(iter(errors.values())), len(step) // 2
+    ax.loglog(step, first[middle] * step / step[middle], color=style.GREY, lw=0.8, label="first order")
     ax.axhline(np.sqrt(np.mean(ours**2)), color=style.GREEN, label="ifrdem (has no step)")
     ax.set(xlabel=r"$v\,\Delta t / R$", ylabel=r"rms error $/\,v_o$", ylim=(1e-17, 1.0))
     ax.legend(loc="center right")
-    return Picture(
-        "bullet-flight",
+    caption = (
         "Error of one impact that free flight leads to, contact at a random phase of the time step, against "
         "the length of the step. A step finds the overlap late, when the line of centres has turned; the "
         "error is of first order and the same in both codes. Events are computed, not found: ours is "
-        "rounding.",
-        figure,
+        "rounding."
     )
+    return Picture("bullet-flight", caption, figure)

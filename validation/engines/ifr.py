@@ -2,61 +2,59 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ... import bullet
 from ...model.coin_table import coins
 from ...model.ifr import IFRLaw
 from ...model.state import Disks, State
 from ...model.walls import sides
+from ...tools.checked import Array
 from ..paper import pairs, predicted
 from ..paper.equations import Impact
 from ..report import style
 from ..report.registry import Picture, Result
 from . import box, bullet_world
 from .bullet_world import BulletWorld, Surface
-from .stepped import deviation
+from .stepped import Snapshots, deviation
 
 QUESTION = "Do PyBullet's bodies collide by the IFR law when `ifrdem.bullet.step` moves them?"
 REFERENCE = "Eqs. 6 to 17 for a pair; our engine for a hundred disks between walls"
-
-Array = NDArray[np.float64]
 
 LAW = coins["1 pta"].law
 NO_RESPONSE = Surface(1.0, 0.0)  # what Bullet would do by itself, which the adapter switches off
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     bullet_world.require()
     result = Result()
     _pairs(result, 12 if quick else 60)
     times = np.arange(0.25, 1.51 if quick else 4.01, 0.25)
     steps = (0.05,) if quick else (0.05, 0.01)
     begin = box.start(1)
-    ours = box.exact(LAW, begin, times)
+    ours, source = box.exact(LAW, begin, times), "our engine"
     apart: dict[str, Array] = {}
     for step in steps:
         theirs = in_bullet(begin, LAW, step, times)
-        away = [
-            np.hypot(*(a.position - b.position).T) for a, b in zip(theirs.states, ours.states, strict=True)
-        ]
+        both = zip(theirs.states, ours.states, strict=True)
+        away = [np.hypot(*(a.position - b.position).T) for a, b in both]
         apart[f"IFR in PyBullet, step {step:g}"] = np.median(away, axis=1)
         at = int(np.argmin(np.abs(times - 1.0)))
+        reason = "f64 round-off, multiplied some ten times by each of one to four collisions a disk"
         result.all_near(
-            f"places of 100 disks [R] at t = 1, step {step:g}", away[at], 0.0 * away[at], 1e-10,
-            "f64 round-off, multiplied some ten times by each of one to four collisions a disk", "our engine",
-        )  # fmt: skip
-        result.near(
-            f"collisions by t = {times[-1]:g}, walls included, step {step:g}", theirs.hits[-1],
-            ours.collisions[-1] + ours.wall_hits[-1], 0.0 if quick else 2.0,
-            "none, while rounding has not separated the two codes" if quick else "rounding may have separated "
-            "single disks",
-            "our engine",
-        )  # fmt: skip
+            f"places of 100 disks [R] at t = 1, step {step:g}", away[at], 0.0, 1e-10, reason, source
+        )
+        text, events = (
+            f"collisions by t = {times[-1]:g}, walls included, step {step:g}",
+            ours.collisions + ours.wall_hits,
+        )
+        if quick:
+            tolerance, reason = 0.0, "none, while rounding has not separated the two codes"
+        else:
+            tolerance, reason = 2.0, "rounding may have separated single disks"
+        result.near(text, theirs.collisions[-1], events[-1], tolerance, reason, source)
     result.pictures.append(_figure(times, apart))
     return result
 
@@ -77,9 +75,11 @@ def _pairs(result: Result, n: int) -> None:
             bodies = bullet.Bodies.read(world.client, world.disks)
             for i in range(n):
                 angle = rng.uniform(0.0, 2.0 * np.pi)
-                normal[i] = np.cos(angle), np.sin(angle)
-                tangent = np.array([-normal[i, 1], normal[i, 0]])
-                v = np.array([np.cos(psi[i]) * normal[i] + np.sin(psi[i]) * tangent, [0.0, 0.0]])
+                (normal[i],), (along,) = (
+                    pairs.directions(np.array([angle])),
+                    pairs.directions(np.array([angle + psi[i]])),
+                )
+                v = np.array([along, [0.0, 0.0]])
                 x = np.array([-2.4 * normal[i], [0.0, 0.0]]) - v * (2.0 + rng.uniform()) * 0.05
                 world.place(x, v, np.array([c.w_o[i], -w_2o[i]]))
                 for _ in range(5):
@@ -87,23 +87,13 @@ def _pairs(result: Result, n: int) -> None:
                 state = world.state()
                 velocity[i], spin[i] = state.velocity, state.spin
         off = deviation(pairs.After.seen(c, w_2o, normal, velocity, spin), right)
-        result.all_near(
-            f"velocities and R omega [v_o] of a pair in PyBullet, steps of 0.05 R / v_o, {sticking}", off,
-            0.0 * off, 1e-12,
-            "f64 round-off, psi to 85 degrees", "Eqs. 6 to 17, spin of disk 2 by momentum balance",
-        )  # fmt: skip
+        text = f"velocities and R omega [v_o] of a pair in PyBullet, steps of 0.05 R / v_o, {sticking}"
+        source = "Eqs. 6 to 17, spin of disk 2 by momentum balance"
+        result.all_near(text, off, 0.0, 1e-12, "f64 round-off, psi to 85 degrees", source)
 
 
-@dataclass(frozen=True)
-class Course:
-    """A gas in PyBullet: states, and collisions since the start, walls included, at a number of times."""
-
-    states: list[State]
-    hits: list[int]
-
-
-def in_bullet(begin: State, law: IFRLaw, step: float, times: Array) -> Course:
-    """The box of `box` with the IFR law in PyBullet."""
+def in_bullet(begin: State, law: IFRLaw, step: float, times: Array) -> Snapshots:
+    """The box of `box` with the IFR law in PyBullet; collisions are those with walls too."""
     states, hits, count = [], [], 0
     with BulletWorld(box.DISKS, NO_RESPONSE, walls=sides(box.BOX), time_step=step) as world:
         world.place(begin.position, begin.velocity, begin.spin)
@@ -115,7 +105,7 @@ def in_bullet(begin: State, law: IFRLaw, step: float, times: Array) -> Course:
             done = int(number)
             states.append(world.state())
             hits.append(count)
-    return Course(states, hits)
+    return Snapshots(states, np.array(hits), np.zeros(len(hits), dtype=np.int64), seconds=math.nan)
 
 
 def _figure(times: Array, apart: dict[str, Array]) -> Picture:
@@ -125,18 +115,12 @@ def _figure(times: Array, apart: dict[str, Array]) -> Picture:
         ax.semilogy(
             times, np.maximum(away, 1e-17), marker + "-", color=colour, mfc="none", lw=0.7, label=text
         )
-    ax.set(
-        xlabel=r"$t$ ($R\,\sqrt{m/T_0}$)",
-        ylabel="median distance $/\\,R$",
-        xlim=(0, None),
-        ylim=(1e-16, 1e-10),
-    )
+    ax.set(xlabel=box.TIME, ylabel=r"median distance $/\,R$", xlim=(0, None), ylim=(1e-16, 1e-10))
     ax.legend(loc="lower right")
-    return Picture(
-        "bullet-ifr",
+    caption = (
         "A hundred aluminium coins between walls, moved by PyBullet and collided by `ifrdem.bullet.step`: "
         "median distance from their places in our engine. Contacts are computed within a step, so that the "
         "length of the step does not matter; rounding grows from collision to collision as between any two "
-        "codes.",
-        figure,
+        "codes."
     )
+    return Picture("bullet-ifr", caption, figure)

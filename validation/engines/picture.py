@@ -18,11 +18,7 @@ TIMES = (-1.6, 0.0, 1.6, 3.2)  # of frames, from the contact [R / v_o]
 PSI = math.radians(40.0)
 STEP = 1e-3
 SIDES = 96
-BLUE, ORANGE, DARK = (
-    (0.0, 0.447, 0.698, 1.0),
-    (0.902, 0.624, 0.0, 1.0),
-    (0.1, 0.1, 0.1, 1.0),
-)
+BLUE, ORANGE, DARK = (0.0, 0.447, 0.698, 1.0), (0.902, 0.624, 0.0, 1.0), (0.1, 0.1, 0.1, 1.0)
 HEIGHT = 0.45
 
 
@@ -39,13 +35,12 @@ def draw() -> Picture:
         when = "contact" if t == 0.0 else rf"$t = {t:+.1f}\,R/v_o$"
         ax.set_title(f"({name}) {when}", fontsize=9)
     coin = coins["1 pta"]
-    return Picture(
-        "bullet-cylinders",
+    caption = (
         "Two cylinders in PyBullet, drawn by its own renderer: the blue one comes from the left and hits the "
         f"one at rest, psi = 40 degrees (e_n = {coin.law.e_n}, mu = {coin.law.mu}, R = 1). Bars on their tops "
-        "show the spins that friction gives to both.",
-        figure,
+        "show the spins that friction gives to both."
     )
+    return Picture("bullet-cylinders", caption, figure)
 
 
 def _frames() -> list[NDArray[np.uint8]]:
@@ -59,10 +54,7 @@ def _frames() -> list[NDArray[np.uint8]]:
         p, client = world.p, world.client
         world.place(position, velocity, np.zeros(2))
         # What is seen lies on the cylinders: Bullet draws these with ten sides.
-        seen = [
-            (_coin(p, client, colour), _block(p, client, (0.85, 0.08, 0.02), DARK))
-            for colour in (BLUE, ORANGE)
-        ]
+        seen = [(_coin(p, client, colour), _bar(p, client)) for colour in (BLUE, ORANGE)]
         frames = []
         for since in np.diff([TIMES[0], *TIMES]):
             world.step(round(float(since) / STEP))
@@ -98,14 +90,12 @@ def _coin(p: Any, client: int, colour: tuple[float, ...]) -> int:
     return int(p.createMultiBody(0.0, -1, look, [0.0, 0.0, 0.0], physicsClientId=client))
 
 
-def _block(
-    p: Any, client: int, half: tuple[float, float, float], colour: tuple[float, ...], z: float = 0.0
-) -> int:
-    """A block to see, without mass or collisions."""
+def _bar(p: Any, client: int) -> int:
+    """A bar to see, without mass or collisions."""
     look = p.createVisualShape(
-        p.GEOM_BOX, halfExtents=list(half), rgbaColor=list(colour), physicsClientId=client
+        p.GEOM_BOX, halfExtents=[0.85, 0.08, 0.02], rgbaColor=list(DARK), physicsClientId=client
     )
-    return int(p.createMultiBody(0.0, -1, look, [0.0, 0.0, z], physicsClientId=client))
+    return int(p.createMultiBody(0.0, -1, look, [0.0, 0.0, 0.0], physicsClientId=client))
 
 
 def _frame(p: Any, client: int) -> NDArray[np.uint8]:

@@ -11,7 +11,8 @@ import importlib
 import importlib.util
 import math
 from collections.abc import Sequence
-from types import TracebackType
+from functools import partial
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -41,59 +42,52 @@ class PymunkWorld:
     def __init__(
         self, disks: Disks, surface: Surface, *, walls: Sequence[Wall] = (), time_step: float
     ) -> None:
-        self.pymunk = importlib.import_module("pymunk")
-        self.time_step, self.n = time_step, disks.n
-        self.collisions = self.wall_hits = 0
+        self.pymunk: ModuleType = importlib.import_module("pymunk")
+        self.time_step: float = time_step
+        self.n: int = disks.n
+        self.collisions: int = 0
+        self.wall_hits: int = 0
         diameter = 2.0 * float(disks.radius.max())
-        self.space = self.pymunk.Space()
+        self.space: Any = self.pymunk.Space()
         self.space.gravity = (0.0, 0.0)
         self.space.iterations = 50
         self.space.collision_slop = diameter
         # Impulses of an earlier contact of the same pair, kept for three steps by default, would count again.
         self.space.collision_persistence = 1
-        self.bodies = []
+        self.bodies: list[Any] = []
         for mass, radius, inertia in zip(disks.mass, disks.radius, disks.inertia, strict=True):
             body = self.pymunk.Body(float(mass), float(inertia))
             self._add(body, self.pymunk.Circle(body, float(radius)), surface, DISK)
             self.bodies.append(body)
         for wall in walls:
-            point, along = (
-                np.array(wall.place),
-                LONG * diameter * np.array([-wall.towards[1], wall.towards[0]]),
-            )
-            ends = tuple((point - along).tolist()), tuple((point + along).tolist())
+            along = LONG * diameter * np.array([-wall.towards[1], wall.towards[0]])
+            ends = (tuple((wall.place + sign * along).tolist()) for sign in (-1.0, 1.0))
             segment = self.pymunk.Segment(self.space.static_body, *ends, 0.0)
             self._add(None, segment, surface, WALL)
-        self.space.on_collision(DISK, DISK, begin=self._met)
-        self.space.on_collision(DISK, WALL, begin=self._hit_wall)
+        self.space.on_collision(DISK, DISK, begin=partial(self._count, "collisions"))
+        self.space.on_collision(DISK, WALL, begin=partial(self._count, "wall_hits"))
 
     def _add(self, body: Any, shape: Any, surface: Surface, kind: int) -> None:
         shape.elasticity, shape.friction = math.sqrt(surface.e_n), math.sqrt(surface.mu)
         shape.collision_type = kind
         self.space.add(*((shape,) if body is None else (body, shape)))
 
-    def _met(self, arbiter: Any, space: Any, data: Any) -> None:
-        self.collisions += 1
-
-    def _hit_wall(self, arbiter: Any, space: Any, data: Any) -> None:
-        self.wall_hits += 1
+    def _count(self, name: str, arbiter: Any, space: Any, data: Any) -> None:
+        setattr(self, name, getattr(self, name) + 1)
 
     def __enter__(self) -> PymunkWorld:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         del self.space, self.bodies
 
-    def place(self, position: NDArray, velocity: NDArray, spin: NDArray) -> None:
+    def place(
+        self, position: NDArray[np.float64], velocity: NDArray[np.float64], spin: NDArray[np.float64]
+    ) -> None:
         """Put all disks at positions (n, 2), with velocities (n, 2) and spins (n,)."""
         for body, x, v, w in zip(self.bodies, position, velocity, spin, strict=True):
-            body.position, body.velocity, body.angular_velocity = (
-                tuple(x.tolist()),
-                tuple(v.tolist()),
-                float(w),
-            )
+            body.position, body.velocity = tuple(x.tolist()), tuple(v.tolist())
+            body.angular_velocity = float(w)
 
     def step(self, steps: int = 1) -> None:
         """Let pymunk advance by time steps."""
@@ -101,7 +95,7 @@ class PymunkWorld:
             self.space.step(self.time_step)
 
     def state(self) -> State:
-        """Where the disks are."""
+        """State of the disks."""
         return State(
             np.array([tuple(body.position) for body in self.bodies]),
             np.array([tuple(body.velocity) for body in self.bodies]),

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...model.state import Disks, State
 from ...model.walls import Wall
+from ...tools.checked import Array
 from ..paper import pairs
 from ..paper.equations import Impact
 from ..paper.pairs import After
@@ -18,7 +19,6 @@ from . import pymunk_world
 from .bullet_world import BulletWorld, Surface
 from .pymunk_world import PymunkWorld
 
-Array = NDArray[np.float64]
 World = type[BulletWorld] | type[PymunkWorld]
 
 OVERLAP = 1e-6  # of a nominal contact, as a part of R_1 + R_2: Bullet's solver acts on what overlaps
@@ -31,7 +31,7 @@ def worlds() -> list[World]:
 
 
 def not_measured() -> str:
-    """What a table says of a world that cannot be used here; empty if all can."""
+    """Note of a table on a world that cannot be used here; empty if all can."""
     reason = pymunk_world.absence()
     return "" if reason is None else f"pymunk: not measured, {reason}."
 
@@ -49,13 +49,7 @@ def touch(
 
 
 def fly(world: World, impact: Impact, step: float, *, w_2o: ArrayLike = 0.0, seed: int = 1) -> After:
-    """Every pair of `impact` flown into each other, contact at a random phase of a time step.
-
-    Parameters
-    ----------
-    step : float
-        Time step in R_1 / v_o.
-    """
+    """Every pair of `impact` flown into each other, contact at a random phase of a time step, in R_1 / v_o."""
     return _collide(world, impact, w_2o, seed, step)
 
 
@@ -67,24 +61,19 @@ def _collide(
     direction, phase = geometry(n, seed)
     if along_y:
         direction = np.full(n, 0.5 * np.pi)
-    normal = np.stack([np.cos(direction), np.sin(direction)], axis=1)
-    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-    v_1 = (c.v_o * np.cos(c.psi))[:, None] * normal + (c.v_o * np.sin(c.psi))[:, None] * tangent
+    normal = pairs.directions(direction)
+    v_1 = pairs.approach(c, normal)
     velocity = np.stack([v_1, np.zeros_like(v_1)], axis=1)
     spin = np.stack([c.w_o, -w_2o], axis=1)
     sigma = c.R_1 + c.R_2
     # Pairs that differ by their velocities alone share a world.
-    kinds, which = np.unique(
-        np.stack([c.m_1, c.M, c.R_1, c.R_2, c.k_1, c.k_2, c.e_n, c.mu, c.v_o], axis=1),
-        axis=0,
-        return_inverse=True,
-    )
-    which = which.reshape(-1)
+    columns = np.stack([c.m_1, c.M, c.R_1, c.R_2, c.k_1, c.k_2, c.e_n, c.mu, c.v_o], axis=1)
+    kinds, which = np.unique(columns, axis=0, return_inverse=True)
     for kind, (m_1, M, R_1, R_2, k_1, k_2, e_n, mu, v_o) in enumerate(kinds):
         disks = Disks(2, mass=np.array([m_1, m_1 / M]), radius=np.array([R_1, R_2]), k=np.array([k_1, k_2]))
         dt = (INSTANT if step is None else step) * R_1 / v_o
         with world(disks, Surface(e_n, mu), time_step=dt) as one:
-            for i in np.flatnonzero(which == kind):
+            for i in np.flatnonzero(which.reshape(-1) == kind):
                 at = np.stack([-sigma[i] * normal[i], np.zeros(2)])
                 if step is None:
                     at[0] *= 1.0 - OVERLAP
@@ -120,22 +109,13 @@ def deviation(got: After, right: After) -> Array:
 
 
 @dataclass(frozen=True)
-class Course:
-    """A gas at a number of times.
-
-    Attributes
-    ----------
-    states : list of State
-    collisions, wall_hits : arrays (times,)
-        Counted from the start.
-    seconds : float
-        Processor time of the steps or events alone.
-    """
+class Snapshots:
+    """A gas at a number of times."""
 
     states: list[State]
-    collisions: NDArray[np.int64]
+    collisions: NDArray[np.int64]  # counted from the start, shape (times,)
     wall_hits: NDArray[np.int64]
-    seconds: float
+    seconds: float  # processor time of the steps or events alone
 
     def energy(self, disks: Disks) -> tuple[Array, Array]:
         """Translational and rotational energy [energy], shape (times,)."""
@@ -145,15 +125,9 @@ class Course:
 
 
 def gas(
-    world: World,
-    disks: Disks,
-    surface: Surface,
-    walls: Sequence[Wall],
-    start: State,
-    *,
-    time_step: float,
+    world: World, disks: Disks, surface: Surface, walls: Sequence[Wall], start: State, *, time_step: float,
     steps: Sequence[int],
-) -> Course:
+) -> Snapshots:  # fmt: skip
     """Run a gas from `start` and look at it after so many steps each."""
     states, counts, seconds = [], [], 0.0
     with world(disks, surface, walls=walls, time_step=time_step) as one:
@@ -167,4 +141,4 @@ def gas(
             states.append(one.state())
             counts.append((one.collisions, one.wall_hits))
     collisions, wall_hits = np.array(counts, dtype=np.int64).T
-    return Course(states, collisions, wall_hits, seconds)
+    return Snapshots(states, collisions, wall_hits, seconds)

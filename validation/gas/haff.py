@@ -145,7 +145,7 @@ def _haff_time(result: Result, runs: list[list[Measure]], z: float, a_2: float, 
 
 
 def _cumulants(result: Result, quick: bool, seed: int, axes: Any) -> None:
-    n = 20_000
+    n = 10_000 if quick else 20_000
     fine = np.linspace(0.5, 1.0, 100)
     axes.plot(
         fine, [theory.cooling_sonine(e) for e in fine], color=style.BLACK, label="van Noije and Ernst, $S_2$"

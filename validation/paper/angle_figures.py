@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from ..report import style
 from ..report.registry import Picture, Result
 from . import classic, pairs, predicted
 from .equations import FIGURE_5A, TABLE_II, Impact
-from .pairs import ROUND_OFF, After
+from .pairs import After
 
 CLOSURE = "percussion_center"
 ALUMINIUM, POLYESTER, BRONZE = ((row.e_n, row.e_t, row.mu) for row in (TABLE_II[1], TABLE_II[7], TABLE_II[5]))
@@ -25,24 +26,34 @@ BY_MASS = (
 
 def draw(result: Result) -> None:
     """Add figures 5, 6, 7, 8 and 9, and how far their points are from their lines."""
-    for figure in (_figure_5, _figure_6, _figure_7, _figure_8, _figure_9):
-        result.pictures.append(figure(result))
+    by_mass = [(f"M = {text}", BRONZE, M, colour, marker) for M, text, colour, marker in BY_MASS]
+    result.pictures += [
+        _figure_5(result),
+        _angle_of_disk_1(
+            result, 6, "delta_1", by_mass, {"ylim": (0, 185), "yticks": range(0, 181, 30)},
+            "Angle of disk 1 after the impact of bronze-aluminium coins. Lines: Eqs. 18 and 22; markers: "
+            "simulated. For M = 0.769 < e_n = 0.9 disk 1 recoils: delta_1 starts at 180 degrees.",
+        ),
+        _figure_7(result),
+        _angle_of_disk_1(
+            result, 8, "alpha_1",
+            [("aluminium", ALUMINIUM, 1.0, style.BLUE, "s"), ("polyester resin", POLYESTER, 1.0, style.VERMILION, "o")],
+            {"ylim": (0, None)},
+            "Deflection of disk 1 from its incoming direction, aluminium coins and polyester disks. Lines: "
+            "Eqs. 18 and 22; markers: simulated.",
+        ),
+        _angle_of_disk_1(
+            result, 9, "alpha_1", by_mass, {"ylim": (0, 185), "yticks": range(0, 181, 30)},
+            "Deflection of disk 1 for bronze-aluminium coins of three mass ratios (the print has 1.28 and "
+            "0.78; the masses of Sec. III give 1.300 and 0.769). Lines: Eqs. 18 and 22; markers: simulated.",
+        ),
+    ]  # fmt: skip
 
 
 def _check(result: Result, figure: str, quantity: str, got: After, ordinate: Callable[[After], Any]) -> None:
     """A row: the points of a figure against its line."""
-    right = predicted.after(got.impact, CLOSURE)
-    text = f"points of {figure}, {quantity}"
-    result.all_near(text, ordinate(got), ordinate(right), 1e-10, ROUND_OFF, "Eqs. 18, 19, 22, 23")
-
-
-def _curve_and_points(
-    c: dict[str, Any], coefficients: tuple[float, float, float], most: float = 89.0
-) -> tuple[Any, Any]:
-    """The prediction, closely spaced, and simulated pairs."""
-    line = predicted.after(Impact(np.radians(np.linspace(0.05, most, 600)), *coefficients, **c), CLOSURE)
-    got = pairs.fly(Impact(np.radians(np.linspace(2.5, min(most, 87.5), 35)), *coefficients, **c), CLOSURE)
-    return line, got
+    right = ordinate(predicted.after(got.impact, CLOSURE))
+    result.exact(f"points of {figure}, {quantity}", ordinate(got), right, "Eqs. 18, 19, 22, 23")
 
 
 def _figure_5(result: Result) -> Picture:
@@ -64,43 +75,33 @@ def _figure_5(result: Result) -> Picture:
                 lw=1.0, label="Hertz-Mindlin contact")  # fmt: skip
         ax.set(xlabel=r"$\tan\psi$", ylabel=r"$\tan\delta_2$", xlim=(0, 5.5), ylim=(0, None))
         ax.legend(loc="lower right", title=coin, title_fontsize=8)
-        style.letter(ax, f"({name})")
-    return Picture(
-        "figure-05",
+    style.letters(*axes)
+    caption = (
         "Figure 5. Angle of disk 2 after the impact of two equal coins. The classic laws (dotted: tangential "
         "restitution of the slip is constant until Coulomb's law limits it; dashed: Hertz-Mindlin springs with "
         "Coulomb's law, integrated in time) end on the horizontal line tan(delta_2) = mu; IFR goes on with "
         "slope (1 + e_t) / (3 (1 + e_n)). Panel a is captioned copper-aluminium in print; its coefficients are "
-        "those of the bronze-aluminium 5 pts coin.",
-        figure,
+        "those of the bronze-aluminium 5 pts coin."
     )
+    return Picture("figure-05", caption, figure)
 
 
 def _angle_of_disk_1(
-    result: Result, number: int, name: str, label: str, angle: Callable[[After], Any], about: str
-) -> Picture:
-    """An angle of disk 1 against psi for bronze-aluminium coins of three mass ratios."""
+    result: Result, number: int, name: str, coins: Sequence[tuple[str, tuple[float, float, float], float, str, str]],
+    limits: dict[str, Any], about: str,
+) -> Picture:  # fmt: skip
+    """An angle of disk 1 against psi: name, coefficients, M, colour and marker of each kind of pairs."""
     figure, (ax,) = style.panels()
-    for M, text, colour, marker in BY_MASS:
-        line, got = _curve_and_points({"M": M}, BRONZE)
-        _check(result, f"Fig. {number}", f"{name} [rad], M = {text}", got, angle)
-        ax.plot(np.degrees(line.impact.psi), np.degrees(angle(line)), color=colour)
-        style.points(ax, np.degrees(got.impact.psi), np.degrees(angle(got)), colour, f"M = {text}", marker)
-    ax.set(xlabel=r"$\psi$ (deg)", ylabel=label, xlim=(0, 90), ylim=(0, 185), yticks=range(0, 181, 30))
-    ax.legend(loc="upper right")
+    fine, coarse = (np.radians(np.linspace(*ends)) for ends in ((0.05, 89.0, 600), (2.5, 87.5, 35)))
+    for text, coefficients, M, colour, marker in coins:
+        line = predicted.after(Impact(fine, *coefficients, M=M), CLOSURE)
+        got = pairs.fly(Impact(coarse, *coefficients, M=M), CLOSURE)
+        _check(result, f"Fig. {number}", f"{name} [rad], {text}", got, attrgetter(name))
+        ax.plot(np.degrees(fine), np.degrees(getattr(line, name)), color=colour)
+        style.points(ax, np.degrees(coarse), np.degrees(getattr(got, name)), colour, text, marker)
+    ax.set(xlabel=r"$\psi$ (deg)", ylabel=rf"$\{name}$ (deg)", xlim=(0, 90), **limits)
+    ax.legend(loc="upper right", title="M = 1" if number == 8 else None, title_fontsize=8)
     return Picture(f"figure-{number:02d}", f"Figure {number}. {about}", figure)
-
-
-def _figure_6(result: Result) -> Picture:
-    return _angle_of_disk_1(
-        result,
-        6,
-        "delta_1",
-        r"$\delta_1$ (deg)",
-        lambda pair: pair.delta_1,
-        "Angle of disk 1 after the impact of bronze-aluminium coins. Lines: Eqs. 18 and 22; markers: "
-        "simulated. For M = 0.769 < e_n = 0.9 disk 1 recoils: delta_1 starts at 180 degrees.",
-    )
 
 
 def _figure_7(result: Result) -> Picture:
@@ -115,40 +116,7 @@ def _figure_7(result: Result) -> Picture:
     ax.axhline(0.0, color=style.GREY, lw=0.5)
     ax.set(xlabel=r"$\tan\psi$", ylabel=r"$\tan\delta_1$", xlim=(0, 0.58))
     ax.legend(loc="upper left")
-    return Picture(
-        "figure-07",
-        "Figure 7. Disk 1 in the sticking regime (bronze-aluminium coins). Lines: Eq. 22; markers: simulated.",
-        figure,
+    caption = (
+        "Figure 7. Disk 1 in the sticking regime (bronze-aluminium coins). Lines: Eq. 22; markers: simulated."
     )
-
-
-def _figure_8(result: Result) -> Picture:
-    figure, (ax,) = style.panels()
-    for coefficients, text, colour, marker in (
-        (ALUMINIUM, "aluminium", style.BLUE, "s"),
-        (POLYESTER, "polyester resin", style.VERMILION, "o"),
-    ):
-        line, got = _curve_and_points({}, coefficients)
-        _check(result, "Fig. 8", f"alpha_1 [rad], {text}", got, lambda pair: pair.alpha_1)
-        ax.plot(np.degrees(line.impact.psi), np.degrees(line.alpha_1), color=colour)
-        style.points(ax, np.degrees(got.impact.psi), np.degrees(got.alpha_1), colour, text, marker)
-    ax.set(xlabel=r"$\psi$ (deg)", ylabel=r"$\alpha_1$ (deg)", xlim=(0, 90), ylim=(0, None))
-    ax.legend(loc="upper right", title="M = 1", title_fontsize=8)
-    return Picture(
-        "figure-08",
-        "Figure 8. Deflection of disk 1 from its incoming direction, aluminium coins and polyester disks. Lines: "
-        "Eqs. 18 and 22; markers: simulated.",
-        figure,
-    )
-
-
-def _figure_9(result: Result) -> Picture:
-    return _angle_of_disk_1(
-        result,
-        9,
-        "alpha_1",
-        r"$\alpha_1$ (deg)",
-        lambda pair: pair.alpha_1,
-        "Deflection of disk 1 for bronze-aluminium coins of three mass ratios (the print has 1.28 and "
-        "0.78; the masses of Sec. III give 1.300 and 0.769). Lines: Eqs. 18 and 22; markers: simulated.",
-    )
+    return Picture("figure-07", caption, figure)

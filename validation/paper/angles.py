@@ -6,22 +6,18 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..report.registry import Result, Table
+from ...model.coin_table import coins
+from ...tools.checked import Array
+from ..report.registry import Result
 from . import angle_figures, equations, pairs, predicted
-from .equations import TABLE_II, Impact
-from .pairs import ROUND_OFF, After
+from .equations import CLOSURES, TABLE_II, Impact
+from .pairs import After
 
 QUESTION = "Do both disks leave at the angles of Eqs. 18 to 25, for any mass ratio, radii, k and spins?"
 REFERENCE = "Eqs. 18 to 25 and Table II; Eqs. 6, 7, 10, 11, 13, 14, 16, 17 where those are too narrow"
 
-Array = NDArray[np.float64]
-
-EXACT = 1e-10
 STEEPEST = np.radians(85.0)
-CLOSURES = ("percussion_center", "contact_point")
-NAMES = {"percussion_center": "percussion centre", "contact_point": "contact point"}
 
 
 @dataclass(frozen=True)
@@ -37,15 +33,13 @@ class Lines:
     def fit(cls, got: After, transit: float) -> Lines:
         """Least squares on either side of the transition, tan(psi) = `transit`."""
         x = np.tan(got.impact.psi)
-        low, high = x < 0.999 * transit, x > 1.001 * transit
-        y_1, y_2 = got.v_1t / got.v_1n, got.v_2t / got.v_2n
-
-        def line(where: NDArray[np.bool_], y: Array, v_n: Array) -> Array:
-            # Rounding of the velocities enters tan(delta) = v_t / v_n as 1 / v_n^2 where v_n is small.
-            return np.polyfit(x[where], y[where], 1, w=v_n[where] ** 2)
-
-        v_1n, v_2n = got.v_1n, got.v_2n
-        return cls(line(high, y_1, v_1n), line(high, y_2, v_2n), line(low, y_1, v_1n), line(low, y_2, v_2n))
+        # Rounding of the velocities enters tan(delta) = v_t / v_n as 1 / v_n^2 where v_n is small.
+        lines = [
+            np.polyfit(x[where], (v_t / v_n)[where], 1, w=v_n[where] ** 2)
+            for where in (x > 1.001 * transit, x < 0.999 * transit)
+            for v_n, v_t in ((got.v_1n, got.v_1t), (got.v_2n, got.v_2t))
+        ]
+        return cls(*lines)
 
     @property
     def transit(self) -> float:
@@ -65,14 +59,11 @@ class Lines:
 
 def coin_impact(row: equations.Table2Row, psi: Any) -> Impact:
     """An impact of the coins of a row of Table II, in SI units."""
-    from ...model.coin_table import coins
-
     a, b = (coins[name] for name in row.coins)
     return Impact(psi, row.e_n, row.e_t, row.mu, M=a.mass / b.mass, m_1=a.mass, R_1=a.radius, R_2=b.radius)
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     n = 60 if quick else 400
     _table_ii(result, n)
@@ -87,89 +78,57 @@ def _table_ii(result: Result, n: int) -> None:
     psi = np.linspace(0.01, STEEPEST, n)
     impacts = [coin_impact(row, psi) for row in TABLE_II]
     cells: list[tuple[str | float, ...]] = []
-    for sticking in CLOSURES:
+    for sticking, closure in CLOSURES.items():
         got = pairs.fly(joined(impacts), sticking)
-        lines = []
-        for i, c in enumerate(impacts):
-            one = got[i * n : (i + 1) * n]
-            lines.append(Lines.fit(one, float(_transit(c, sticking))))
-        _compare_lines(result, sticking, impacts, lines)
-        if sticking == "percussion_center":
-            for row, c, line in zip(TABLE_II, impacts, lines, strict=True):
-                angle = np.degrees(np.arctan(line.transit))
-                right = np.degrees(np.arctan(equations.tan_psi_transit_percussion_center(c)))
-                result.near(
-                    f"{row.disks}: transition angle [deg]", angle, right, 1e-9, ROUND_OFF, "Eq. 25, Table II"
-                )
-                e_n, e_t, mu = line.coefficients
-                cells.append(
-                    (
-                        row.disks,
-                        round(float(c.M), 3),
-                        row.e_n,
-                        e_n,
-                        row.e_t,
-                        e_t,
-                        row.mu,
-                        mu,
-                        row.psi_transit,
-                        angle,
-                    )
-                )
-            got_coefficients = np.array([line.coefficients for line in lines])
-            wanted = np.array([(row.e_n, row.e_t, row.mu) for row in TABLE_II])
-            result.all_near(
-                "e_n, e_t, mu recovered from the lines of all coins", got_coefficients, wanted, EXACT,
-                ROUND_OFF, "Table II; Eqs. 19 and 23 solved for them",
-            )  # fmt: skip
-    result.tables.append(
-        Table(
-            "Table II: coefficients that went in, and those recovered from the simulated angles",
-            ("disks", "M", "e_n", "recovered", "e_t", "recovered", "mu", "recovered", "psi_transit, printed",
-             "simulated (deg)"),
-            cells,
-            "M from the masses of Sec. III. The printed 29.6 degrees is 29.68; see the misprints.",
-        )
+        transits = [float(closure.tan_psi_transit(c)) for c in impacts]
+        lines = [Lines.fit(got[i * n : (i + 1) * n], transit) for i, transit in enumerate(transits)]
+        _compare_lines(result, closure, impacts, lines, transits)
+        if sticking == "contact_point":
+            continue
+        for row, c, line, transit in zip(TABLE_II, impacts, lines, transits, strict=True):
+            angle, right = np.degrees(np.arctan([line.transit, transit]))
+            text = f"{row.disks}: transition angle [deg]"
+            result.near(text, angle, right, 1e-9, pairs.ROUND_OFF, "Eq. 25, Table II")
+            pairs_of = zip((row.e_n, row.e_t, row.mu), line.coefficients, strict=True)
+            given = [value for pair in pairs_of for value in pair]
+            cells.append((row.disks, round(float(c.M), 3), *given, row.psi_transit, float(angle)))
+        result.exact(
+            "e_n, e_t, mu recovered from the lines of all coins", [line.coefficients for line in lines],
+            [(row.e_n, row.e_t, row.mu) for row in TABLE_II], "Table II; Eqs. 19 and 23 solved for them",
+        )  # fmt: skip
+    result.table(
+        "Table II: coefficients that went in, and those recovered from the simulated angles",
+        ("disks", "M", "e_n", "recovered", "e_t", "recovered", "mu", "recovered", "psi_transit, printed",
+         "simulated (deg)"),
+        cells,
+        "M from the masses of Sec. III. The printed 29.6 degrees is 29.68; see the misprints.",
     )  # fmt: skip
 
 
-def _transit(c: Impact, sticking: str) -> Array:
-    if sticking == "contact_point":
-        return equations.tan_psi_transit_contact_point(c)
-    return equations.tan_psi_transit_percussion_center(c)
-
-
-def _compare_lines(result: Result, sticking: str, impacts: list[Impact], lines: list[Lines]) -> None:
+def _compare_lines(
+    result: Result,
+    closure: equations.Equations,
+    impacts: list[Impact],
+    lines: list[Lines],
+    transits: list[float],
+) -> None:
     """Slopes are a law's difference over one unit of tan(psi), intercepts its value at psi = 0."""
-    name = NAMES[sticking]
-    stick_1, stick_2, numbers = {
-        "percussion_center": (
-            equations.tan_delta_1_percussion_center,
-            equations.tan_delta_2_percussion_center,
-            "22, 23",
-        ),
-        "contact_point": (equations.tan_delta_1_contact_point, equations.tan_delta_2_contact_point, "20, 21"),
-    }[sticking]
-    laws = {
-        "sliding_1": ("tan(delta_1), sliding", equations.tan_delta_1_sliding, "Eq. 18"),
-        "sliding_2": ("tan(delta_2), sliding", equations.tan_delta_2_sliding, "Eq. 19"),
-        "sticking_1": ("tan(delta_1), sticking", stick_1, f"Eqs. {numbers}"),
-        "sticking_2": ("tan(delta_2), sticking", stick_2, f"Eqs. {numbers}"),
-    }
-    for field, (text, law, source) in laws.items():
-        at_0 = np.array([float(law(replace(c, psi=0.0))) for c in impacts])
-        at_1 = np.array([float(law(replace(c, psi=np.arctan(1.0)))) for c in impacts])
-        fitted = np.array([getattr(line, field) for line in lines])
-        result.all_near(
-            f"slope of {text}, {name}, all coins", fitted[:, 0], at_1 - at_0, EXACT, ROUND_OFF, source
+    stick = f"Eqs. {closure.number['tan_delta']}"
+    for field, text, law, source in (
+        ("sliding_1", "tan(delta_1), sliding", equations.SLIDING.tan_delta_1, "Eq. 18"),
+        ("sliding_2", "tan(delta_2), sliding", equations.SLIDING.tan_delta_2, "Eq. 19"),
+        ("sticking_1", "tan(delta_1), sticking", closure.tan_delta_1, stick),
+        ("sticking_2", "tan(delta_2), sticking", closure.tan_delta_2, stick),
+    ):
+        at_0, at_1 = (
+            np.array([float(law(replace(c, psi=psi))) for c in impacts]) for psi in (0.0, np.arctan(1.0))
         )
-        result.all_near(
-            f"intercept of {text}, {name}, all coins", fitted[:, 1], at_0, EXACT, ROUND_OFF, source
-        )
-    transit = np.array([float(_transit(c, sticking)) for c in impacts])
-    result.all_near(
-        f"tan(psi) at the transition, {name}, all coins", [line.transit for line in lines], transit, EXACT,
-        ROUND_OFF, "Eq. 24, corrected" if sticking == "contact_point" else "Eq. 25",
+        slope, intercept = np.array([getattr(line, field) for line in lines]).T
+        result.exact(f"slope of {text}, {closure.text}, all coins", slope, at_1 - at_0, source)
+        result.exact(f"intercept of {text}, {closure.text}, all coins", intercept, at_0, source)
+    result.exact(
+        f"tan(psi) at the transition, {closure.text}, all coins", [line.transit for line in lines], transits,
+        f"Eq. {closure.number['tan_psi_transit']}",
     )  # fmt: skip
 
 
@@ -193,66 +152,39 @@ def _beyond(result: Result, n: int) -> None:
         ("spinning disk 2", replace(base, **masses), spin_2),
         ("both spinning, everything unequal", replace(base, **radii, **shapes, **masses, w_o=spin), spin_2),
     ]
-    for sticking in CLOSURES:
+    for sticking, closure in CLOSURES.items():
         for text, c, w_2o in groups:
             got, right = pairs.fly(c, sticking, w_2o=w_2o), predicted.after(c, sticking, w_2o)
-            text = f"{text}, {NAMES[sticking]}"
             source = "Eqs. 6, 7, 10, 11 and " + ("13, 14" if sticking == "contact_point" else "16, 17")
-            if "disk 2" in text or "both" in text:
+            if w_2o is spin_2:
                 source += "; spin of disk 2 by momentum balance (validation/paper/predicted.py)"
-            result.all_near(f"delta_1 [rad], {text}", got.delta_1, right.delta_1, EXACT, ROUND_OFF, source)
+            result.exact(f"delta_1 [rad], {text}, {closure.text}", got.delta_1, right.delta_1, source)
             if np.all(got.impact.M > 0.0):  # an immovable disk 2 has no direction
-                result.all_near(
-                    f"delta_2 [rad], {text}", got.delta_2, right.delta_2, EXACT, ROUND_OFF, source
-                )
+                result.exact(f"delta_2 [rad], {text}, {closure.text}", got.delta_2, right.delta_2, source)
 
 
 def _massive_plane(result: Result, n: int) -> None:
     """Eqs. 18, 20 and 22 at M = 0, fitted: the rebound from an infinitely massive body."""
     psi = np.linspace(0.01, STEEPEST, n)
     c = Impact(psi, 0.87, -0.88, 0.21, M=0.0)
-    for sticking, stick, number in (
-        ("percussion_center", equations.tan_delta_1_percussion_center, 22),
-        ("contact_point", equations.tan_delta_1_contact_point, 20),
-    ):
+    one = replace(c, psi=np.arctan(1.0))
+    sliding = equations.SLIDING.tan_delta_1(one) - equations.SLIDING.tan_delta_1(replace(c, psi=0.0))
+    for sticking, closure in CLOSURES.items():
         got = pairs.fly(c, sticking)
         x, y = np.tan(psi), got.v_1t / got.v_1n
-        transit = float(_transit(c, sticking))
-        low, high = (
-            np.polyfit(x[x < transit], y[x < transit], 1),
-            np.polyfit(x[x > transit], y[x > transit], 1),
-        )
-        one = replace(c, psi=np.arctan(1.0))
-        text = f"M = 0, {NAMES[sticking]}"
-        result.near(
-            f"slope of tan(delta_1), sticking, {text}",
-            low[0],
-            stick(one),
-            EXACT,
-            ROUND_OFF,
-            f"Eq. {number} at M = 0",
-        )
-        sliding = equations.tan_delta_1_sliding(one) - equations.tan_delta_1_sliding(replace(c, psi=0.0))
-        result.near(
-            f"slope of tan(delta_1), sliding, {text}", high[0], sliding, EXACT, ROUND_OFF, "Eq. 18 at M = 0"
-        )
-        meet = (low[1] - high[1]) / (high[0] - low[0])
-        result.near(
-            f"tan(psi) at the transition, {text}",
-            meet,
-            transit,
-            EXACT,
-            ROUND_OFF,
-            "Eqs. 24 (corrected), 25 at M = 0",
-        )
+        transit = float(closure.tan_psi_transit(c))
+        low, high = (np.polyfit(x[where], y[where], 1) for where in (x < transit, x > transit))
+        number, meet = closure.number["tan_delta_1"], (low[1] - high[1]) / (high[0] - low[0])
+        for text, measured, expected, source in (
+            ("slope of tan(delta_1), sticking", low[0], closure.tan_delta_1(one), f"Eq. {number} at M = 0"),
+            ("slope of tan(delta_1), sliding", high[0], sliding, "Eq. 18 at M = 0"),
+            ("tan(psi) at the transition", meet, transit, "Eqs. 24 (corrected), 25 at M = 0"),
+        ):
+            result.exact(f"{text}, M = 0, {closure.text}", measured, expected, source)
 
 
 def joined(impacts: list[Impact]) -> Impact:
     """One impact whose arrays hold those of all, one after another."""
     n = len(impacts[0].psi)
-    return Impact(
-        **{
-            name: np.concatenate([np.broadcast_to(getattr(c, name), n) for c in impacts])
-            for name in vars(impacts[0])
-        }
-    )
+    columns = {name: [np.broadcast_to(getattr(c, name), n) for c in impacts] for name in vars(impacts[0])}
+    return Impact(**{name: np.concatenate(column) for name, column in columns.items()})

@@ -15,13 +15,12 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from ...tools.checked import Array
 
 
 class Spring(NamedTuple):
-    """What a contact with springs gave: tan(delta_2) = P_t / P_n, and e_n = -(normal velocity after) / before."""
+    """Outcome of a contact with springs: tan(delta_2) = P_t / P_n, and e_n = -(normal velocity after) / before."""
 
     tan_delta_2: Array
     e_n: Array

@@ -1,22 +1,24 @@
-"""Which coefficients can add energy: a map by simulation, against the inequalities of `ifrdem.model.ifr`."""
+"""Coefficients that can add energy: a map by simulation, against the inequalities of `ifrdem.model.ifr`."""
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InputError
+from ...model.ifr import EnergyWarning, IFRLaw
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result
-from . import angles, pairs
-from .equations import Impact
+from . import pairs
+from .equations import CLOSURES, Impact
 
 QUESTION = "Does a collision add energy exactly where the inequalities of the law say so?"
 REFERENCE = "inequalities of IFRLaw (its docstring derives them)"
-
-Array = NDArray[np.float64]
 
 E_N = 0.87
 GAIN = 1e-12  # relative gain of energy that rounding cannot make
@@ -26,35 +28,24 @@ MIXED = (1.3, 1.0, 2.5)  # M, k_1, k_2 of a pair of a hoop and a body denser ins
 
 @dataclass(frozen=True)
 class Map:
-    """A grid of laws: e_t and mu of each, the largest gain that was seen, and what the inequalities say.
-
-    Attributes
-    ----------
-    e_t, mu : array (n,)
-    gain : array (n,)
-        Largest relative gain of energy over all angles.
-    admissible, strict : array (n,) of bool
-    clearly_refused : array (n,) of bool
-        Refused with mu smaller by MARGIN as well.
-    """
+    """A grid of laws, arrays (n,): e_t and mu, the largest gain that was seen, and what the inequalities say."""
 
     e_t: Array
     mu: Array
-    gain: Array
+    gain: Array  # largest relative gain of energy over all angles
     admissible: NDArray[np.bool_]
     strict: NDArray[np.bool_]
-    clearly_refused: NDArray[np.bool_]
+    clearly_refused: NDArray[np.bool_]  # refused with mu smaller by MARGIN as well
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     side, slopes = (15, 40) if quick else (61, 90)
     maps = {}
-    for sticking in angles.CLOSURES:
+    for sticking, closure in CLOSURES.items():
         for text, M, k_1, k_2 in (("two disks", 1.0, 2.0, 2.0), ("M = 1.3, k = 1 and 2.5", *MIXED)):
             found = survey(sticking, side, slopes, M=M, k_1=k_1, k_2=k_2)
-            _compare(result, f"{text}, {angles.NAMES[sticking]}", found)
+            _compare(result, f"{text}, {closure.text}", found)
             if k_1 == k_2:
                 maps[sticking] = found
     result.pictures.append(_figure(maps))
@@ -80,10 +71,7 @@ def survey(sticking: str, side: int, slopes: int, *, M: float, k_1: float, k_2: 
 
 
 def _verdict(e_t: float, mu: float, sticking: str, M: float, k_1: float, k_2: float) -> tuple[bool, bool]:
-    """Whether the law is admissible, and strictly so, for a pair of disks."""
-    from ...errors import InputError
-    from ...model.ifr import EnergyWarning, IFRLaw
-
+    """The verdict on the law for a pair of disks: admissible, and strictly so."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnergyWarning)
         try:
@@ -97,19 +85,22 @@ def _verdict(e_t: float, mu: float, sticking: str, M: float, k_1: float, k_2: fl
 
 def _compare(result: Result, text: str, found: Map) -> None:
     gains = found.gain > GAIN
-    n = len(gains)
-    reason = "a count"
-    source = "necessary and sufficient set, ifrdem/model/ifr.py"
-    result.near(f"admissible laws that gained energy, of {int(found.admissible.sum())}, {text}",
-                np.sum(gains & found.admissible), 0.0, 0.0, reason, source)  # fmt: skip
-    result.near(f"laws refused by 3 % of mu or more that gained none, of {int(found.clearly_refused.sum())}, {text}",
-                np.sum(~gains & found.clearly_refused), 0.0, 0.0, reason, source)  # fmt: skip
-    if not (found.admissible.sum() > 0.05 * n and found.clearly_refused.sum() > 0.05 * n):
-        raise RuntimeError(f"{text}: the grid does not have both kinds of laws")
+    for words, laws, wrong in (
+        ("admissible laws that gained energy", found.admissible, gains),
+        ("laws refused by 3 % of mu or more that gained none", found.clearly_refused, ~gains),
+    ):
+        quantity, source = (
+            f"{words}, of {laws.sum()}, {text}",
+            "necessary and sufficient set, ifrdem/model/ifr.py",
+        )
+        result.near(quantity, np.sum(wrong & laws), 0.0, 0.0, "a count", source)
+        if not laws.sum() > 0.05 * len(gains):
+            raise RuntimeError(f"{text}: the grid does not have both kinds of laws")
 
 
 def _figure(maps: dict[str, Map]) -> Picture:
     from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
 
     figure, axes = style.panels(2, height=3.2)
     names = ("gains energy", "admissible by the whole budget", "strictly admissible")
@@ -119,41 +110,26 @@ def _figure(maps: dict[str, Map]) -> Picture:
         side = round(np.sqrt(len(gains)))
         kind = np.where(gains, 0, np.where(found.strict, 2, 1)).reshape(side, side)
         e_t, mu = found.e_t.reshape(side, side), found.mu.reshape(side, side)
-        ax.pcolormesh(
-            e_t,
-            mu,
-            kind,
-            cmap=ListedColormap(colours),
-            vmin=-0.5,
-            vmax=2.5,
-            shading="nearest",
-            rasterized=True,
-        )
+        ax.pcolormesh(e_t, mu, kind, cmap=ListedColormap(colours), vmin=-0.5, vmax=2.5, shading="nearest",
+                      rasterized=True)  # fmt: skip
         edge = np.linspace(-1.0, 0.95, 150)
         ax.plot(edge, [_largest_mu(one, sticking) for one in edge], color=style.BLACK, lw=1.2)
         ax.set(xlabel=r"$e_t$", ylabel=r"$\mu$", yscale="log", xlim=(-1.0, 0.95), ylim=(0.02, 1.0))
-        ax.set_title(f"({name}) {angles.NAMES[sticking]}", fontsize=9)
-    from matplotlib.patches import Patch
-
+        ax.set_title(f"({name}) {CLOSURES[sticking].text}", fontsize=9)
     handles = [Patch(color=colour, label=text) for colour, text in zip(colours, names, strict=True)]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8)
-    return Picture(
-        "energy-map",
+    caption = (
         "Two equal homogeneous disks, e_n = 0.87. Orange: some simulated collision gained energy; blue: none did "
-        "(dark: not even its tangential impulses alone could). Line: the inequalities of the law.",
-        figure,
+        "(dark: not even its tangential impulses alone could). Line: the inequalities of the law."
     )
+    return Picture("energy-map", caption, figure)
 
 
 def _largest_mu(e_t: float, sticking: str) -> float:
     """Largest admissible mu for two equal disks, by bisection of the inequalities; NaN where all below 1 are."""
-    if _verdict(e_t, 1.0, sticking, 1.0, 2.0, 2.0)[0]:
-        return float("nan")
-    low, high = 1e-6, 1.0
-    for _ in range(25):
-        middle = np.sqrt(low * high)
-        if _verdict(e_t, float(middle), sticking, 1.0, 2.0, 2.0)[0]:
-            low = middle
-        else:
-            high = middle
-    return float(low)
+    from scipy.optimize import bisect
+
+    def sign(log_mu: float) -> float:
+        return 1.0 if _verdict(e_t, math.exp(log_mu), sticking, 1.0, 2.0, 2.0)[0] else -1.0
+
+    return math.exp(bisect(sign, math.log(1e-6), 0.0, xtol=1e-6)) if sign(0.0) < 0.0 else math.nan

@@ -24,17 +24,11 @@ from ...model import ifr as law_module
 from ...model.box import Box
 from ...model.state import Disks, State
 from ...simulation.engine import Engine
+from ...tools.checked import Array
 from ...trajectory.reader import Trajectory
 from ...trajectory.writer import TrajectoryWriter
+from ..report.registry import ROUND_OFF as ROUND_OFF
 from .equations import Impact
-
-Array = NDArray[np.float64]
-
-ROUND_OFF = (
-    "f64 round-off: contact points 1e-16 of a box some hundred diameters wide, angles up to 85 degrees enlarge "
-    "it by 1e2"
-)
-"""Why collisions agree with closed forms to 1e-10 and not to the last bit."""
 
 PATCH = 8.0  # side of a pair's patch, in largest contact distances
 APPROACH = 0.5  # flight before the contact of the fastest disk, in smallest contact distances
@@ -42,43 +36,24 @@ APPROACH = 0.5  # flight before the contact of the fastest disk, in smallest con
 
 @dataclass(frozen=True)
 class After:
-    """Pairs after their collision, in the paper's components and signs. Every array has shape (n,).
+    """Pairs after their collision, in the paper's components and signs. Every array has shape (n,)."""
 
-    Attributes
-    ----------
-    impact : Impact
-        What was flown; its fields are arrays (n,).
-    w_2o : array
-        Spin of disk 2 before, clockwise [rad/time].
-    v_1n, v_1t, v_2n, v_2t : array
-        Velocities after [length/time].
-    Rw_1, Rw_2 : array
-        R_1 omega_1, counter-clockwise, and R_2 omega_2, clockwise, after [length/time].
-    """
-
-    impact: Impact
-    w_2o: Array
-    v_1n: Array
+    impact: Impact  # what was flown; its fields are arrays (n,)
+    w_2o: Array  # spin of disk 2 before, clockwise [rad/time]
+    v_1n: Array  # velocities after [length/time]
     v_1t: Array
     v_2n: Array
     v_2t: Array
-    Rw_1: Array
-    Rw_2: Array
+    Rw_1: Array  # R_1 omega_1 after, counter-clockwise [length/time]
+    Rw_2: Array  # R_2 omega_2 after, clockwise [length/time]
 
     @classmethod
     def seen(cls, impact: Impact, w_2o: Array, normal: Array, velocity: Array, spin: Array) -> After:
         """From velocities (n, 2, 2) and counter-clockwise spins (n, 2) after: pair, disk, component."""
-        tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-        return cls(
-            impact=impact,
-            w_2o=w_2o,
-            v_1n=np.sum(velocity[:, 0] * normal, axis=1),
-            v_1t=np.sum(velocity[:, 0] * tangent, axis=1),
-            v_2n=np.sum(velocity[:, 1] * normal, axis=1),
-            v_2t=np.sum(velocity[:, 1] * tangent, axis=1),
-            Rw_1=impact.R_1 * spin[:, 0],
-            Rw_2=-impact.R_2 * spin[:, 1],
-        )
+        along = (normal, perpendicular(normal))
+        v = [np.sum(velocity[:, disk] * unit, axis=1) for disk in (0, 1) for unit in along]
+        Rw = impact.R_1 * spin[:, 0], -impact.R_2 * spin[:, 1]
+        return cls(impact, w_2o, v[0], v[1], v[2], v[3], *Rw)
 
     def __getitem__(self, chosen: Any) -> After:
         """The pairs that an index, a slice or a mask chooses."""
@@ -155,27 +130,11 @@ def fly(
     checked: bool = True,
     seed: int = 1,
 ) -> After:
-    """Collide every pair of `impact` once, in the engine.
+    """Collide every pair of `impact` once, in the engine; EngineError if one did not collide exactly once.
 
-    Parameters
-    ----------
-    impact : Impact
-        Numbers, or arrays that broadcast to (n,). M = 0 makes disk 2 immovable. psi may be negative.
-    sticking : str or array of str
-        "percussion_center" or "contact_point".
-    w_2o : float or array (n,)
-        Spin of disk 2 before, clockwise [rad/time].
-    checked : bool
-        Refuse coefficients that can add energy, as a simulation does; without it they are flown as they are.
-    seed : int
-        Of the directions of the lines of centres, which are random.
-
-    Raises
-    ------
-    InputError
-        If `sticking` is unknown, or the coefficients are refused.
-    EngineError
-        If a pair did not collide exactly once.
+    Fields of the impact broadcast to (n,), as `sticking` ("percussion_center", "contact_point") and the spin `w_2o` of
+    disk 2 before, clockwise [rad/time]; M = 0 makes disk 2 immovable, psi may be negative. Coefficients that can add
+    energy are refused (InputError) unless `checked` is False. `seed`: of the directions of the lines of centres.
     """
     c, sticking, w_2o = broadcast(impact, sticking, w_2o)
     n = len(c.psi)
@@ -186,10 +145,8 @@ def fly(
     across = max(int(np.ceil(np.sqrt(n))), 4)
     place = np.stack(np.divmod(np.arange(n), across), axis=1)
     box = Box((across * side, across * side))
-    direction = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, n)
-    normal = np.stack([np.cos(direction), np.sin(direction)], axis=1)
-    tangent = np.stack([-normal[:, 1], normal[:, 0]], axis=1)
-    v_1 = (c.v_o * np.cos(c.psi))[:, None] * normal + (c.v_o * np.sin(c.psi))[:, None] * tangent
+    normal = directions(np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, n))
+    v_1 = approach(c, normal)
     contact_time = APPROACH * float(sigma.min()) / float(np.max(c.v_o))
     x_2 = (place + 0.5) * side
     x_1 = x_2 - sigma[:, None] * normal - contact_time * v_1
@@ -197,21 +154,30 @@ def fly(
         m_2 = c.m_1 / c.M
 
     # Disk 1 of pair p has id 2 p, disk 2 has 2 p + 1.
-    disks = Disks(
-        2 * n,
-        mass=_interleave(c.m_1, m_2),
-        radius=_interleave(c.R_1, c.R_2),
-        k=_interleave(c.k_1, c.k_2),
-        material=_interleave(row, column),
-    )
-    start = State(
-        position=box.wrap(_interleave(x_1, x_2)),
-        velocity=_interleave(v_1, np.zeros_like(v_1)),
-        spin=_interleave(c.w_o, -w_2o),
-    )
+    columns = (_interleave(*each) for each in ((c.m_1, m_2), (c.R_1, c.R_2), (c.k_1, c.k_2), (row, column)))
+    disks = Disks(2 * n, *columns)
+    velocity = _interleave(v_1, np.zeros_like(v_1))
+    start = State(box.wrap(_interleave(x_1, x_2)), velocity, _interleave(c.w_o, -w_2o))
     check_no_overlap(box, disks.radius, start.position)
     end = _run(disks, box, start, table, 2.0 * contact_time)
     return After.seen(c, w_2o, normal, end.velocity.reshape(n, 2, 2), end.spin.reshape(n, 2))
+
+
+def directions(angle: Array) -> Array:
+    """Unit vectors (n, 2) at angles (n,) [rad]."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def perpendicular(normal: Array) -> Array:
+    """Unit vectors t = (-n_y, n_x), shape (n, 2)."""
+    return np.stack([-normal[:, 1], normal[:, 0]], axis=1)
+
+
+def approach(c: Impact, normal: Array) -> Array:
+    """Velocities of disk 1 before the impact [length/time], shape (n, 2)."""
+    return (c.v_o * np.cos(c.psi))[:, None] * normal + (c.v_o * np.sin(c.psi))[:, None] * perpendicular(
+        normal
+    )
 
 
 def _run(disks: Disks, box: Box, start: State, table: Array, t_end: float) -> State:

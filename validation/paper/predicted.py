@@ -1,6 +1,6 @@
 """Pairs after their collision by the paper's closed forms: what `pairs.fly` is held against.
 
-The equations stand in `paper.py`; here the regime is chosen (the smaller friction impulse acts), and what the
+The equations stand in `equations.py`; here the regime is chosen (the smaller friction impulse acts), and what the
 paper leaves out is derived.
 """
 
@@ -12,16 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import equations
-from .equations import Impact
+from .equations import CLOSURES, Impact
 from .pairs import After
-
-Array = NDArray[np.float64]
 
 
 def slides(c: Impact, sticking: str) -> NDArray[np.bool_]:
-    """Whether an impact slides: Eq. 9's impulse is smaller than that of Eq. 12 or Eq. 15."""
-    limit = equations.P_f_contact_point if sticking == "contact_point" else equations.P_f_percussion_center
-    return np.asarray(equations.P_f_sliding(c) < limit(c))
+    """True for an impact that slides: Eq. 9's impulse is smaller than that of Eq. 12 or Eq. 15."""
+    return np.asarray(equations.SLIDING.P_f(c) < CLOSURES[sticking].P_f(c))
 
 
 def after(c: Impact, sticking: str, w_2o: ArrayLike = 0.0) -> After:
@@ -38,21 +35,15 @@ def after(c: Impact, sticking: str, w_2o: ArrayLike = 0.0) -> After:
     one = replace(c, w_o=c.w_o - c.R_2 * w_2o / c.R_1)
     sign = np.where(one.V_ot < 0.0, -1.0, 1.0)
     one = replace(one, psi=sign * one.psi, w_o=sign * one.w_o)
-    slide = slides(one, sticking)
-    if sticking == "contact_point":
-        v_1t, v_2t = equations.v_1t_contact_point(one), equations.v_2t_contact_point(one)
-        friction = equations.P_f_contact_point(one)
-    else:
-        v_1t, v_2t = equations.v_1t_percussion_center(one), equations.v_2t_percussion_center(one)
-        friction = equations.P_f_percussion_center(one)
-    P_t = sign * (equations.P_et(one) + np.where(slide, equations.P_f_sliding(one), friction))
+    slide, stick = slides(one, sticking), CLOSURES[sticking]
+    P_t = sign * (equations.P_et(one) + np.where(slide, equations.SLIDING.P_f(one), stick.P_f(one)))
     return After(
         impact=c,
         w_2o=w_2o,
         v_1n=equations.v_1n(one),
-        v_1t=sign * np.where(slide, equations.v_1t_sliding(one), v_1t),
+        v_1t=sign * np.where(slide, equations.SLIDING.v_1t(one), stick.v_1t(one)),
         v_2n=equations.v_2n(one),
-        v_2t=sign * np.where(slide, equations.v_2t_sliding(one), v_2t),
+        v_2t=sign * np.where(slide, equations.SLIDING.v_2t(one), stick.v_2t(one)),
         Rw_1=c.R_1 * c.w_o - c.k_1 * P_t / c.m_1,  # Eq. 3 with I = m R^2 / k
         Rw_2=c.R_2 * w_2o + c.k_2 * P_t * c.M / c.m_1,
     )

@@ -27,10 +27,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...tools import csv as csv_rows
+from ...tools.checked import Array
 from ..report import style
-from ..report.registry import Picture, Result, Table
-from . import angles, equations, pairs, predicted
-from .equations import TABLE_II, Impact
+from ..report.registry import EXACT, Picture, Result
+from . import equations, pairs, predicted
+from .equations import CLOSURES, TABLE_II, Impact
 from .pairs import After
 
 QUESTION = (
@@ -38,16 +39,10 @@ QUESTION = (
 )
 REFERENCE = "Eqs. 26 to 28, Table I (corrected); 1 + k = 7/2 for a sphere; doi:10.1016/S0032-5910(01)00283-2"
 
-Array = NDArray[np.float64]
-
-EXACT = 1e-10
 REASON = "f64 round-off, divided by the slip before, 0.05 or more"
 # Fig. 3: coefficients e_n, e_t, mu that the paper gives oxide spheres on a glass anvil (Kharaz et al.), and granules on
 # a steel plate (Antonyuk et al.).
-SPHERES = (
-    ("oxide spheres on glass", (0.98, -0.96, 0.09)),
-    ("granules on steel", (0.77, -0.86, 0.16)),
-)
+SPHERES = (("oxide spheres on glass", (0.98, -0.96, 0.09)), ("granules on steel", (0.77, -0.86, 0.16)))
 FACTORS = {"7/2": 2.5, "3": 2.0}
 """k, by the factor 1 + k: that of a sphere, and that of a disk, which the paper takes."""
 SPEED, RADIUS = 3.875, 2.5e-3  # of the spheres [m/s, m]: 3.85 to 3.9 m/s, and 5 mm across
@@ -61,11 +56,11 @@ QUANTITIES = {
 """Name, unit and scale of what was measured."""
 KHARAZ = "Kharaz et al. (2001), doi:10.1016/S0032-5910(01)00283-2, digitised by others (kharaz2001.csv)"
 USED = ("Kratos", "Lethe")
+PERCUSSION = "percussion_center"
 POLYESTER = (TABLE_II[7].e_n, TABLE_II[7].e_t, TABLE_II[7].mu)
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     n = 200 if quick else 3000
     _equations_26_to_28(result, n)
@@ -83,30 +78,18 @@ def _equations_26_to_28(result: Result, n: int) -> None:
     psi = rng.uniform(0.05, 1.48, n)
     base = Impact(psi, 0.87, -0.88, 0.21, M=10.0 ** rng.uniform(-1.0, 1.0, n))
     shapes = replace(base, k_1=rng.uniform(1.0, 2.5, n), k_2=rng.uniform(1.0, 2.5, n))
-    for text, c in (("homogeneous disks", base), ("k from 1 to 2.5", shapes)):
-        for sticking, stick, number in (
-            ("percussion_center", equations.e_t_apparent_percussion_center, 28),
-            ("contact_point", equations.e_t_apparent_contact_point, 27),
-        ):
+    for text, c, more in (
+        ("homogeneous disks", base, ""),
+        ("k from 1 to 2.5", shapes, ", with m_n/m_t for 3"),
+    ):
+        for sticking, stick in CLOSURES.items():
             got, slide = pairs.fly(c, sticking).e_t_apparent, predicted.slides(c, sticking)
-            name = f"{text}, {angles.NAMES[sticking]}"
-            more = "" if c is base else ", with m_n/m_t for 3"
-            result.all_near(
-                f"e_t*, sliding, {name}",
-                got[slide],
-                equations.e_t_apparent_sliding(c)[slide],
-                EXACT,
-                REASON,
-                "Eq. 26" + more,
-            )
-            result.all_near(
-                f"e_t*, sticking, {name}",
-                got[~slide],
-                stick(c)[~slide],
-                EXACT,
-                REASON,
-                f"Eq. {number}" + more,
-            )
+            for regime, where, by in (("sliding", slide, equations.SLIDING), ("sticking", ~slide, stick)):
+                quantity, source = (
+                    f"e_t*, {regime}, {text}, {stick.text}",
+                    f"Eq. {by.number['e_t_apparent']}{more}",
+                )
+                result.all_near(quantity, got[where], by.e_t_apparent(c)[where], EXACT, REASON, source)
 
 
 def _table_i(result: Result, n: int) -> None:
@@ -116,47 +99,36 @@ def _table_i(result: Result, n: int) -> None:
         rng.uniform(0.05, 1.48, n), 0.87, -0.88, 0.21, M=10.0 ** rng.uniform(-0.5, 0.5, n),
         R_1=rng.uniform(0.8, 1.2, n), R_2=rng.uniform(0.8, 1.2, n),
     )  # fmt: skip
-    forms = {
-        "sliding": ("percussion_center", equations.e_t_apparent_sliding, "e_t + 3 mu (1 + e_n) cot(psi)"),
-        "sticking, contact point": ("contact_point", equations.e_t_apparent_contact_point, "1 + e_t"),
-        "sticking, percussion centre": (
-            "percussion_center",
-            equations.e_t_apparent_percussion_center,
-            "3/2 + e_t",
-        ),
-    }
+    lever = "(1/R_1 + M/R_2)/(1 + M)"
+    torques = (
+        ("rolling", 0.02, equations.e_t_apparent_rolling, f"2 rho (1 + e_n) cot(psi) {lever}",
+         equations.Printed.rolling, "2 rho (1 + e_n) cot(psi) / r"),
+        ("nonrolling", 0.6, equations.e_t_apparent_nonrolling, f"2/3 r {lever}",
+         equations.Printed.nonrolling, "2"),
+    )  # fmt: skip
     cells: list[tuple[str | float, ...]] = []
-    for name, (sticking, without, words) in forms.items():
-        for rho, rolls in ((0.02, True), (0.6, False)):
+    for name, sticking, without, words in (
+        ("sliding", PERCUSSION, equations.SLIDING.e_t_apparent, "e_t + 3 mu (1 + e_n) cot(psi)"),
+        ("sticking, contact point", "contact_point", equations.CONTACT_POINT.e_t_apparent, "1 + e_t"),
+        ("sticking, percussion centre", PERCUSSION, equations.PERCUSSION_CENTER.e_t_apparent, "3/2 + e_t"),
+    ):
+        for kind, rho, right, less, misprint, wrong in torques:
             one = replace(c, rho=rho)
             got = pairs.fly(one, sticking)
-            turning = (got.Rw_2 > 1e-9) & (got.Rw_1 < -1e-9)  # Table I holds while friction stops no spin
-            where = turning & ((equations.T_rolling(one) < equations.T_nonrolling(one)) == rolls)
+            where = (got.Rw_2 > 1e-9) & (got.Rw_1 < -1e-9)  # Table I holds while friction stops no spin
+            where &= (equations.T_rolling(one) < equations.T_nonrolling(one)) == (kind == "rolling")
             where &= predicted.slides(one, sticking) == (name == "sliding")
-            right = equations.e_t_apparent_rolling if rolls else equations.e_t_apparent_nonrolling
-            print_ = (
-                equations.e_t_apparent_rolling_printed if rolls else equations.e_t_apparent_nonrolling_printed
-            )
-            expected, printed = right(one, without(one))[where], print_(one, without(one))[where]
-            kind = "rolling" if rolls else "nonrolling"
-            text = f"{name} plus {kind}"
-            result.all_near(
-                f"e_t*, {text}", got.e_t_apparent[where], expected, EXACT, REASON, "Table I, corrected"
-            )
-            lever = "(1/R_1 + M/R_2)/(1 + M)"
-            less = f"2 rho (1 + e_n) cot(psi) {lever}" if rolls else f"2/3 r {lever}"
-            wrong = "2 rho (1 + e_n) cot(psi) / r" if rolls else "2"
-            deviations = [np.abs(got.e_t_apparent[where] - values) for values in (expected, printed)]
-            off = [float(np.max(values)) if values.size else float("nan") for values in deviations]
+            measured, text = got.e_t_apparent[where], f"{name} plus {kind}"
+            expected, printed = (law(one, without(one))[where] for law in (right, misprint))
+            result.all_near(f"e_t*, {text}", measured, expected, EXACT, REASON, "Table I, corrected")
+            off = [float(np.max(np.abs(measured - each), initial=0.0)) for each in (expected, printed)]
             cells.append((text, f"{words} - {less}", off[0], f"{words} - {wrong}", off[1]))
-    result.tables.append(
-        Table(
-            "Table I: apparent tangential restitution, corrected and as printed",
-            ("regime", "e_t*, corrected", "largest deviation", "as printed", "largest deviation"),
-            cells,
-            "Two homogeneous disks of random masses and radii (0.8 to 1.2). r (1/R_1 + M/R_2)/(1 + M) is 1 for "
-            "R_1 = R_2 or M = 1.",
-        )
+    result.table(
+        "Table I: apparent tangential restitution, corrected and as printed",
+        ("regime", "e_t*, corrected", "largest deviation", "as printed", "largest deviation"),
+        cells,
+        "Two homogeneous disks of random masses and radii (0.8 to 1.2). r (1/R_1 + M/R_2)/(1 + M) is 1 for "
+        "R_1 = R_2 or M = 1.",
     )
 
 
@@ -167,39 +139,35 @@ def _spheres(result: Result) -> None:
         for body, k, factor in (("spheres", 2.5, 3.5), ("disks", 2.0, 3.0)):
             c = Impact(psi, e_n, e_t, mu, M=0.0, k_1=k, k_2=k)
             slope, _ = np.polyfit(mu * (1.0 + e_n) / np.tan(psi), pairs.fly(c).e_t_apparent, 1)
-            result.near(
-                f"slope of e_t* over mu (1 + e_n) cot(psi), {body}, {text}", slope, factor, EXACT, REASON,
-                "Eq. 26 with m_n/m_t = 1 + k",
-            )  # fmt: skip
+            quantity = f"slope of e_t* over mu (1 + e_n) cot(psi), {body}, {text}"
+            result.near(quantity, slope, factor, EXACT, REASON, "Eq. 26 with m_n/m_t = 1 + k")
 
 
-class Points(NamedTuple):
+class Readings(NamedTuple):
     """Measured spheres: angles of incidence [rad], and values in the units of `QUANTITIES`; both of shape (n,)."""
 
     psi: Array
     value: Array
 
-    def within(self, mask: NDArray[np.bool_]) -> Points:
+    def within(self, mask: NDArray[np.bool_]) -> Readings:
         """Those that a mask chooses."""
-        return Points(self.psi[mask], self.value[mask])
+        return Readings(self.psi[mask], self.value[mask])
 
 
-def measured() -> dict[tuple[str, str], Points]:
+def measured() -> dict[tuple[str, str], Readings]:
     """The digitised points of Kharaz et al., by quantity and digitisation."""
     (_, *lines), _ = csv_rows.read(Path(__file__).with_name("kharaz2001.csv"), most=100_000)
     found: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for quantity, psi, value, who in lines:
         found.setdefault((quantity, who), []).append((float(psi), float(value)))
-    return {
-        key: Points(np.radians([p for p, _ in all_]), np.array([v for _, v in all_]))
-        for key, all_ in found.items()
-    }
+    columns = {key: np.array(pairs_).T for key, pairs_ in found.items()}
+    return {key: Readings(np.radians(psi), value) for key, (psi, value) in columns.items()}
 
 
-def _together(points: dict[tuple[str, str], Points], quantity: str) -> Points:
+def _together(points: dict[tuple[str, str], Readings], quantity: str) -> Readings:
     """Both digitisations, of spheres that slide to the end: tan psi > (7/2) mu (1 + e_n) with the paper's mu."""
     both = [points[quantity, who] for who in USED if (quantity, who) in points]
-    whole = Points(*(np.concatenate(each) for each in zip(*both, strict=True)))
+    whole = Readings(*(np.concatenate(each) for each in zip(*both, strict=True)))
     e_n, _, mu = SPHERES[0][1]
     return whole.within(np.tan(whole.psi) > 3.5 * mu * (1.0 + e_n))
 
@@ -211,7 +179,7 @@ def _impact(psi: Array, k: float, coefficients: Sequence[float] = SPHERES[0][1])
 
 
 def _observables(got: After) -> dict[str, Array]:
-    """What Kharaz et al. measured, of simulated or predicted impacts."""
+    """Observables of Kharaz et al., of simulated or predicted impacts."""
     away, c = -got.v_1n, got.impact
     return {
         "e_com": got.v_1t / (c.v_o * np.sin(c.psi)),
@@ -221,7 +189,7 @@ def _observables(got: After) -> dict[str, Array]:
     }
 
 
-def _inertia(quantity: str, centre: Points, other: Points, **off: float) -> float:
+def _inertia(quantity: str, centre: Readings, other: Readings, **off: float) -> float:
     """1 + k by impulse and angular momentum alone, from e_com and spins or slips of the same impacts.
 
     Readings are taken to be off by as much as told, by the names of `READ`.
@@ -235,7 +203,7 @@ def _inertia(quantity: str, centre: Points, other: Points, **off: float) -> floa
     return float(np.sum(v * (np.sin(psi) - slip)) / lost)
 
 
-def _without_law(result: Result, points: dict[tuple[str, str], Points]) -> None:
+def _without_law(result: Result, points: dict[tuple[str, str], Readings]) -> None:
     """k of the spheres, of impacts from 15 to 65 degrees.
 
     Below, a degree of psi is more than 7 % of v; beyond, v - v' is lost in what e_com was read off to.
@@ -245,7 +213,7 @@ def _without_law(result: Result, points: dict[tuple[str, str], Points]) -> None:
         apart = np.abs(np.degrees(centre.psi[:, None] - other.psi))
         same = (apart.min(axis=1) < 1.5) & (np.abs(np.degrees(centre.psi) - 40.0) < 25.0)
         centre = centre.within(same)
-        other = Points(*(each[apart.argmin(axis=1)[same]] for each in other))
+        other = Readings(*(each[apart.argmin(axis=1)[same]] for each in other))
         found = _inertia(quantity, centre, other)
         names = [name for name in READ if name in ("e_com", "psi", "speed", "e_n", quantity)]
         tolerance = sum(
@@ -259,7 +227,7 @@ def _without_law(result: Result, points: dict[tuple[str, str], Points]) -> None:
         )  # fmt: skip
 
 
-def _residuals(result: Result, points: dict[tuple[str, str], Points]) -> None:
+def _residuals(result: Result, points: dict[tuple[str, str], Readings]) -> None:
     """Residuals of measured spheres from simulated ones with 7/2 and with 3, and fits of mu and e_t with each."""
     from scipy.optimize import least_squares
 
@@ -280,8 +248,8 @@ def _residuals(result: Result, points: dict[tuple[str, str], Points]) -> None:
             def misfit(p: Array, k: float = k, psi: Array = psi, value: Array = value, quantity: str = quantity,
                        scale: float = scale) -> Array:  # fmt: skip
                 c = _impact(psi, k, (SPHERES[0][1][0], p[1], p[0]))
-                sliding = replace(predicted.after(c, "percussion_center"), v_1t=equations.v_1t_sliding(c),
-                                  Rw_1=-k * (equations.P_et(c) + equations.P_f_sliding(c)))  # fmt: skip
+                sliding = replace(predicted.after(c, "percussion_center"), v_1t=equations.SLIDING.v_1t(c),
+                                  Rw_1=-k * (equations.P_et(c) + equations.SLIDING.P_f(c)))  # fmt: skip
                 return np.asarray((_observables(sliding)[quantity] - value) / scale)
 
             fit = least_squares(misfit, [0.09, -0.96])
@@ -291,70 +259,55 @@ def _residuals(result: Result, points: dict[tuple[str, str], Points]) -> None:
         apart = float(np.sqrt(np.mean((curves[0] - curves[1]) ** 2)))
         better = "7/2" if spread[0] < spread[1] else "3"
         cells.append((*line, *spread, apart, better, fits[0], fits[2], fits[1], fits[3]))
-    result.tables.append(
-        Table(
-            "Spheres of Kharaz et al. that slide: residuals with the paper's coefficients, and fits of mu and e_t",
-            ("quantity", "points", "rms, 7/2", "rms, 3", "7/2 and 3 apart (rms)", "smaller rms", "mu fitted, 7/2",
-             "mu fitted, 3", "e_t fitted, 7/2", "e_t fitted, 3"),
-            cells,
-            "e_n = 0.98 throughout. A factor that is right must give one mu for all four quantities. e_com and the "
-            "angle of the centre do not tell the factors: there they are less apart than the residuals of either.",
-        )
+    result.table(
+        "Spheres of Kharaz et al. that slide: residuals with the paper's coefficients, and fits of mu and e_t",
+        ("quantity", "points", "rms, 7/2", "rms, 3", "7/2 and 3 apart (rms)", "smaller rms", "mu fitted, 7/2",
+         "mu fitted, 3", "e_t fitted, 7/2", "e_t fitted, 3"),
+        cells,
+        "e_n = 0.98 throughout. A factor that is right must give one mu for all four quantities. e_com and the "
+        "angle of the centre do not tell the factors: there they are less apart than the residuals of either.",
     )  # fmt: skip
 
 
-def _figure_3(result: Result, points: dict[tuple[str, str], Points]) -> Picture:
+def _figure_3(result: Result, points: dict[tuple[str, str], Readings]) -> Picture:
     figure, (ax, spins) = style.panels(2, width=4.0, height=3.3)
-    for (text, coefficients), colour, marker in zip(
-        SPHERES, (style.BLUE, style.VERMILION), "os", strict=True
-    ):
+    for (text, coefficients), colour, marker in zip(SPHERES, style.COLOURS, "os", strict=False):
         e_n, _, mu = coefficients
         for (note, k), dash in zip(FACTORS.items(), ("-", "--"), strict=True):
             # The sliding regime: cot(psi) up to 1 / (2 mu (1 + e_n)).
             cot = np.linspace(0.02, 0.5 / (mu * (1.0 + e_n)), 15)
             c = Impact(np.arctan(1.0 / cot), *coefficients, M=0.0, k_1=k, k_2=k)
-            ax.plot(cot, equations.e_t_apparent_sliding(c), dash, color=colour, label=f"{text}, {note}")
-            got = pairs.fly(c).e_t_apparent
-            result.all_near(
-                f"points of Fig. 3, {text}, factor {note}",
-                got,
-                equations.e_t_apparent_sliding(c),
-                EXACT,
-                REASON,
-                "Eq. 26",
-            )
+            got, right = pairs.fly(c).e_t_apparent, equations.SLIDING.e_t_apparent(c)
+            ax.plot(cot, right, dash, color=colour, label=f"{text}, {note}")
+            result.all_near(f"points of Fig. 3, {text}, factor {note}", got, right, EXACT, REASON, "Eq. 26")
             style.points(ax, cot, got, colour, None, marker if k == 2.5 else "x")
     slip = points["patch", "Kratos"]
     slip = slip.within(np.tan(slip.psi) > 1.0 / 3.0)
     e_t = -SPHERES[0][1][0] * np.tan(np.radians(slip.value)) / np.tan(slip.psi)
-    ax.plot(
-        1.0 / np.tan(slip.psi), e_t, "D", color=style.BLACK, ms=4.0, label="Kharaz et al. (2001)", zorder=4
-    )
+    measured_look: Any = {"color": style.BLACK, "ms": 4.0, "ls": "none"}
+    ax.plot(1.0 / np.tan(slip.psi), e_t, "D", label="Kharaz et al. (2001)", zorder=4, **measured_look)
     ax.set(xlabel=r"$\cot\psi$", ylabel=r"$e_t^*$", xlim=(0, 3), ylim=(-1.3, 1.0))
     ax.legend(loc="lower right", fontsize=7)
-    style.letter(ax, "(a)")
     psi = np.radians(np.linspace(3.0, 89.0, 400))
     for (note, k), dash in zip(FACTORS.items(), ("-", "--"), strict=True):
         line = _observables(predicted.after(_impact(psi, k), "percussion_center"))["omega"]
         spins.plot(np.degrees(psi), line, dash, color=style.BLUE, label=f"factor {note}")
-    for who, marker in zip(USED, "D^", strict=True):
-        one = points["omega", who]
-        spins.plot(np.degrees(one.psi), one.value, marker, color=style.BLACK, ms=4.0, mfc="none" if marker == "^" else
-                   style.BLACK, ls="none", label=f"Kharaz et al., by {who}")  # fmt: skip
+    for who, marker, face in zip(USED, "D^", (style.BLACK, "none"), strict=True):
+        one, label = points["omega", who], f"Kharaz et al., by {who}"
+        spins.plot(np.degrees(one.psi), one.value, marker, mfc=face, label=label, **measured_look)
     spins.set(
-        xlabel=r"angle of incidence $\psi$ (deg)", ylabel=r"spin after (rad/s)", xlim=(0, 90), ylim=(0, 850)
+        xlabel=r"angle of incidence $\psi$ (deg)", ylabel="spin after (rad/s)", xlim=(0, 90), ylim=(0, 850)
     )
     spins.legend(loc="upper right", fontsize=7)
-    style.letter(spins, "(b)")
-    return Picture(
-        "figure-03",
+    style.letters(ax, spins)
+    caption = (
         "Figure 3. (a) Sliding spheres on a massive plane, coefficients of the paper. Solid lines and open markers: "
         "spheres (k = 5/2, factor 7/2); dashed and crosses: the factor 3 of disks that the paper uses. Diamonds: "
         "contact point of the spheres of Kharaz et al., doi:10.1016/S0032-5910(01)00283-2; there are no data of the "
         "granules here. (b) Spin of those spheres, measured and by the law with both factors; below 20 degrees "
-        "they stick.",
-        figure,
+        "they stick."
     )
+    return Picture("figure-03", caption, figure)
 
 
 def _figure_12(result: Result) -> Picture:
@@ -369,9 +322,8 @@ def _figure_12(result: Result) -> Picture:
     ax.axhline(0.0, color=style.GREY, lw=0.5)
     ax.set(xlabel=r"$\cot\psi$", ylabel=r"$e_t^*$", xlim=(0, 5), ylim=(-1.0, 0.8))
     ax.legend(loc="lower right", title="polyester resin, M = 1", title_fontsize=8)
-    return Picture(
-        "figure-12",
+    caption = (
         "Figure 12. Apparent tangential restitution of polyester disks: linear in cot(psi) while they slide (left), "
-        "constant while they stick. Line: Eqs. 26 and 28; markers: simulated.",
-        figure,
+        "constant while they stick. Line: Eqs. 26 and 28; markers: simulated."
     )
+    return Picture("figure-12", caption, figure)

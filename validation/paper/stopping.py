@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...model.box import Box
+from ...model.coin_table import coins
 from ...model.state import Disks, State
 from ...simulation.simulation import Simulation
+from ...tools.checked import Array
 from ..report import style
 from ..report.registry import Picture, Result, Table
 from . import angles, equations, pairs, predicted, table_reference
@@ -22,31 +23,35 @@ REFERENCE = (
     "F and T by quadrature, flights by SciPy's DOP853 (validation/paper/table_reference.py); Eqs. 29 and 30"
 )
 
-Array = NDArray[np.float64]
-
-EXACT = 1e-10
 TOLERANCE = 1e-12  # of a step of the table kernels
 POLE = "f64 round-off; K is cut off at 36 where eps = 1, and cancels"
 FLIGHT = "steps of 1e-12, and those of the reference; terms like x ln|x| where eps passes 1"
+BY_DOP853 = "Eqs. 6 to 17 and DOP853"
+SHOWN = (15, 30, 45, 60, 75)  # angles of tables [deg]
 STEEPEST = 85.0  # [deg]; the error of Eq. 29 grows beyond, see `_grazing`
 GRAVITY = 9.81 * 0.2  # mu_s g [m/s^2]; no ratio depends on it
 
 
 @dataclass(frozen=True)
 class Slides:
-    """Flights to rest, arrays (n,): distance [length], time, and v / (R |w|) at the end."""
+    """Slides to rest, arrays (n,): distance [length], time, and v / (R |w|) at the end."""
 
     x: Array
     t: Array
     eps: Array
 
 
-def to_rest(v: Array, u: Array, k: float = 2.0) -> Slides:
-    """Fly disks of speed v and rim speed u to rest by the table kernels."""
-    from ...kernels import table_friction
+def _kernels() -> Any:
+    from ...kernels import table_friction  # imports Taichi, which is slow
     from ...simulation import device
 
     device.start()
+    return table_friction
+
+
+def to_rest(v: Array, u: Array, k: float = 2.0) -> Slides:
+    """Slide disks of speed v and rim speed u to rest by the table kernels."""
+    table_friction = _kernels()
     v, u = np.array(v, dtype=float), np.array(u, dtype=float)
     x, t, eps = np.zeros((3, len(v)))
     shape = np.ones(len(v))
@@ -57,7 +62,6 @@ def to_rest(v: Array, u: Array, k: float = 2.0) -> Slides:
 
 
 def run(quick: bool) -> Result:
-    """See the module's QUESTION."""
     result = Result()
     _friction(result)
     psi = np.radians(np.linspace(2.0, STEEPEST, 84 if quick else 333))
@@ -77,79 +81,61 @@ def run(quick: bool) -> Result:
 
 def _friction(result: Result) -> None:
     """F and T of the kernel against integrals over the disk."""
-    from ...kernels import table_friction
-    from ...simulation import device
-
-    device.start()
+    table_friction = _kernels()
     eps = np.array([0.01, 0.1, 0.3, 0.653, 0.9, 0.99, 1.01, 1.2, 2.0, 5.0, 50.0])
     F, T = np.zeros((2, len(eps)))
     table_friction.friction_of(eps, np.ones_like(eps), F, T)
     right = np.array([table_reference.friction_by_quadrature(one) for one in eps])
     reason = "quadrature to 1e-12 of integrands with a square root at the rim"
     source = "integral over the disk, in polar coordinates about the centre of rotation"
-    result.all_near("F(eps), eps = 0.01 to 50", F, right[:, 0], 1e-9, reason, source)
-    result.all_near("T(eps), eps = 0.01 to 50", T, right[:, 1], 1e-9, reason, source)
+    for name, values, expected in zip("FT", (F, T), right.T, strict=True):
+        result.all_near(f"{name}(eps), eps = 0.01 to 50", values, expected, 1e-9, reason, source)
     # eps = 0, 1 and infinity by hand. A disk that spins only: T = int r dA / pi = 2/3. A disk that does not spin:
     # F = 1. At eps = 1, E = 1 and (eps^2 - 1) K = 0: F = 8/(3 pi), T = 8/(9 pi).
     v, u = np.array([0.0, 1.0, 1.0]), np.array([1.0, 1.0, 0.0])
     F, T = np.zeros((2, 3))
     table_friction.friction_of(v, u, F, T)
-    result.all_near("F at eps = 0, 1, infinity", F, [0.0, 8.0 / (3.0 * np.pi), 1.0], 1e-13, POLE, "by hand")
-    result.all_near(
-        "T at eps = 0, 1, infinity",
-        T,
-        [2.0 / 3.0, 8.0 / (9.0 * np.pi), 0.0],
-        1e-13,
-        POLE,
-        "by hand",
-    )
+    by_hand = ([0.0, 8.0 / (3.0 * np.pi), 1.0], [2.0 / 3.0, 8.0 / (9.0 * np.pi), 0.0])
+    for name, values, expected in zip("FT", (F, T), by_hand, strict=True):
+        result.all_near(f"{name} at eps = 0, 1, infinity", values, expected, 1e-13, POLE, "by hand")
 
 
 def _flights(result: Result, got: After, slides: tuple[Slides, Slides], every: int) -> None:
     """Distances and the common end of aluminium coins after collisions at all angles."""
     for number, v, u, slide in ((1, got.v_1, got.Rw_1, slides[0]), (2, got.v_2, got.Rw_2, slides[1])):
-        chosen = slice(0, None, every)
-        right = table_reference.stopping_distance(v[chosen], u[chosen]) / GRAVITY
-        result.all_near(
-            f"d_{number} relative to the reference, aluminium coins", slide.x[chosen] / right,
-            np.ones(len(right)), 1e-9, FLIGHT, "Sec. II F, exact: DOP853 in v and R w",
-        )  # fmt: skip
+        ratio = slide.x[::every] * GRAVITY / table_reference.stopping_distance(v[::every], u[::every])
+        text, source = (
+            f"d_{number} relative to the reference, aluminium coins",
+            "Sec. II F, exact: DOP853 in v and R w",
+        )
+        result.all_near(text, ratio, 1.0, 1e-9, FLIGHT, source)
     eps = np.concatenate([slide.eps for slide in slides])
     common = table_reference.common_ratio()
     reason = "what is left of the start where q has fallen to 1e-12 of it"
-    result.all_near("v / (R |w|) when both stop", eps, np.full(len(eps), common), 2e-3, reason, "F = 2 T eps")
-    result.near(
-        "v / (R |w|) when both stop, median",
-        np.median(eps),
-        0.653,
-        5e-4,
-        "three digits are given",
-        "Farkas et al. (2003)",
-    )
+    result.all_near("v / (R |w|) when both stop", eps, common, 2e-3, reason, "F = 2 T eps")
+    text, reason = "v / (R |w|) when both stop, median", "three digits are given"
+    result.near(text, np.median(eps), 0.653, 5e-4, reason, "Farkas et al. (2003)")
 
 
 def _equation_29(result: Result, psi: Array, errors: list[Array]) -> None:
-    """How far sqrt(d_2/d_1) is from v_2/v_1, coin by coin."""
+    """Deviation of sqrt(d_2/d_1) from v_2/v_1, coin by coin."""
     cells: list[tuple[str | float, ...]] = []
     for row, error in zip(TABLE_II, errors, strict=True):
         i = int(np.argmax(np.abs(error)))
-        expected = _expected_error(row, psi[i])
         degrees = float(np.degrees(psi[i]))
-        result.near(
-            f"{row.disks}: largest error of Eq. 29 (at {degrees:.1f} deg)", error[i], expected, 1e-9, FLIGHT,
-            "Eqs. 6 to 17 and DOP853",
-        )  # fmt: skip
-        at = [
-            float(np.interp(np.radians(angle), psi, 100.0 * error))
-            for angle in (15.0, 30.0, 45.0, 60.0, 75.0)
-        ]
-        cells.append((row.disks, *at, 100.0 * float(error[i]), degrees))
-    header = ("disks", *(f"{angle} deg" for angle in (15, 30, 45, 60, 75)), "largest", "at (deg)")
+        text = f"{row.disks}: largest error of Eq. 29 (at {degrees:.1f} deg)"
+        result.near(text, error[i], _expected_error(row, psi[i]), 1e-9, FLIGHT, BY_DOP853)
+        cells.append((row.disks, *_at_angles(psi, 100.0 * error), 100.0 * float(error[i]), degrees))
+    header = ("disks", *(f"{angle} deg" for angle in SHOWN), "largest", "at (deg)")
     note = (
         "Eq. 29 follows from one uniform deceleration for both disks. Spin makes sliding friction weaker, so the "
         "disk that spins more flies farther than Eq. 29 says."
     )
     result.tables.append(Table("Error of Eq. 29, sqrt(d_2/d_1) / (v_2/v_1) - 1, in %", header, cells, note))
+
+
+def _at_angles(psi: Array, values: Array) -> list[float]:
+    return [float(np.interp(np.radians(angle), psi, values)) for angle in SHOWN]
 
 
 def _grazing(result: Result) -> None:
@@ -158,18 +144,21 @@ def _grazing(result: Result) -> None:
     got = pairs.fly(angles.coin_impact(TABLE_II[1], psi))
     d_1, d_2 = to_rest(got.v_1, got.Rw_1).x, to_rest(got.v_2, got.Rw_2).x
     error = np.sqrt(d_2 / d_1) * got.v_1 / got.v_2 - 1.0
-    result.near(
-        "error of Eq. 29, aluminium coins at 89.5 deg", error[0], _expected_error(TABLE_II[1], psi[0]), 1e-9, FLIGHT,
-        "Eqs. 6 to 17 and DOP853",
-    )  # fmt: skip
+    text, expected = "error of Eq. 29, aluminium coins at 89.5 deg", _expected_error(TABLE_II[1], psi[0])
+    result.near(text, error[0], expected, 1e-9, FLIGHT, BY_DOP853)
 
 
 def _expected_error(row: equations.Table2Row, psi: float) -> float:
     """Error of Eq. 29 by the closed forms and the reference flights."""
-    right = predicted.after(angles.coin_impact(row, np.array([psi])), "percussion_center")
-    d_1 = table_reference.stopping_distance(right.v_1, right.Rw_1)
-    d_2 = table_reference.stopping_distance(right.v_2, right.Rw_2)
+    right, d_1, d_2 = _reference(row, np.array([psi]))
     return float((np.sqrt(d_2 / d_1) * right.v_1 / right.v_2)[0] - 1.0)
+
+
+def _reference(row: equations.Table2Row, psi: Array) -> tuple[After, Array, Array]:
+    """Pairs of coins by the closed forms, and their stopping distances, shape (n,), by the reference."""
+    right = predicted.after(angles.coin_impact(row, psi), "percussion_center")
+    d_1 = table_reference.stopping_distance(right.v_1, right.Rw_1) / GRAVITY
+    return right, d_1, table_reference.stopping_distance(right.v_2, right.Rw_2) / GRAVITY
 
 
 def _balance(result: Result, psi: Array, flown: list[After], slides: list[tuple[Slides, Slides]]) -> None:
@@ -181,28 +170,16 @@ def _balance(result: Result, psi: Array, flown: list[After], slides: list[tuple[
         M = float(got.impact.M[0])
         by_speed = equations.balance(got.v_1, got.alpha_1, got.v_2, got.alpha_2)
         by_distance = equations.balance(np.sqrt(first.x), got.alpha_1, np.sqrt(second.x), got.alpha_2)
-        result.all_near(
-            f"{row.disks}: m_1/m_2 from speeds and angles", by_speed, np.full(len(psi), M), 1e-9, ROUND_OFF,
-            "Eq. 30, corrected: momentum across the incoming direction",
-        )  # fmt: skip
-        worst = float(np.max(np.abs(by_distance / M - 1.0)))
-        at = [
-            float(np.interp(np.radians(angle), psi, by_distance)) for angle in (15.0, 30.0, 45.0, 60.0, 75.0)
-        ]
-        cells.append((row.disks, M, float(np.mean(by_speed)), *at, 100.0 * worst))
-    header = (
-        "disks",
-        "m_1/m_2",
-        "by speeds",
-        *(f"by distances, {angle} deg" for angle in (15, 30, 45, 60, 75)),
-        "worst (%)",
-    )
+        source = "Eq. 30, corrected: momentum across the incoming direction"
+        result.all_near(f"{row.disks}: m_1/m_2 from speeds and angles", by_speed, M, 1e-9, ROUND_OFF, source)
+        worst = 100.0 * float(np.max(np.abs(by_distance / M - 1.0)))
+        cells.append((row.disks, M, float(np.mean(by_speed)), *_at_angles(psi, by_distance), worst))
+    columns = (f"by distances, {angle} deg" for angle in SHOWN)
     note = (
         "The inertial balance is exact with speeds. With stopping distances it inherits the error of Eq. 29."
     )
-    result.tables.append(
-        Table("The collision as a balance (Eq. 30, which gives m_1/m_2)", header, cells, note)
-    )
+    title = "The collision as a balance (Eq. 30, which gives m_1/m_2)"
+    result.table(title, ("disks", "m_1/m_2", "by speeds", *columns, "worst (%)"), cells, note)
 
 
 class Table10(NamedTuple):
@@ -223,8 +200,7 @@ def on_the_table(psi: Array) -> Table10:
     They start 10 pm apart and meet long before the first step of the force, so that none collides in the middle
     of one: distances to rest are off by mu g step^2 / 8 at most.
     """
-    from ...model.coin_table import coins
-    from ...model.forces import TableFriction
+    from ...model.forces import TableFriction  # imports Taichi, which is slow
 
     coin, v_o, n, near = coins["1 pta"], 1.0, len(psi), 1e-11
     longest = v_o / GRAVITY  # a coin that spins slides on, but not for twice as long
@@ -235,20 +211,15 @@ def on_the_table(psi: Array) -> Table10:
     across = int(np.ceil(np.sqrt(n)))
     box = Box((across * side, across * side))
     x_2 = (np.stack(np.divmod(np.arange(n), across), axis=1) + 0.5) * side
-    position, velocity = np.zeros((n, 2, 2)), np.zeros((n, 2, 2))
-    position[:, 1] = x_2
-    position[:, 0] = x_2 - [coin.diameter + near, 0.0]
-    velocity[:, 0] = v_o * np.stack([np.cos(psi), np.sin(psi)], axis=1)
+    position = np.stack([x_2 - [coin.diameter + near, 0.0], x_2], axis=1)
+    velocity = np.stack([v_o * pairs.directions(psi), np.zeros((n, 2))], axis=1)
     disks = Disks(2 * n, mass=np.full(2 * n, coin.mass), radius=np.full(2 * n, coin.radius))
     start = State(position.reshape(-1, 2), velocity.reshape(-1, 2), np.zeros(2 * n))
-    table = TableFriction(step, mu=GRAVITY / 9.81)
-    gas = Simulation(disks, box, coin.law, start, forces=[table])
+    gas = Simulation(disks, box, coin.law, start, forces=[TableFriction(step, mu=GRAVITY / 9.81)])
     gas.run(t_end=0.25 * step)
     struck = gas.state
     if np.any(struck.collisions != 1):
-        raise RuntimeError(
-            f"{np.count_nonzero(struck.collisions != 1)} of {2 * n} coins did not collide exactly once"
-        )
+        raise RuntimeError(f"{np.sum(struck.collisions != 1)} of {2 * n} coins did not collide exactly once")
     gas.run(t_end=2.0 * longest)
     end = gas.state
     if np.any(end.velocity != 0.0) or np.any(end.spin != 0.0) or gas.collisions != n:
@@ -265,59 +236,45 @@ def _figure_10(result: Result) -> Picture:
     line = predicted.after(angles.coin_impact(row, fine), "percussion_center")
     ax.plot(np.degrees(fine), line.v_2 / line.v_1, color=style.BLUE, label=r"$v_2/v_1$ (Eq. 29)")
     # Each point is a flight by SciPy: few of them, and the corner where sliding begins.
-    corner = np.arctan(equations.tan_psi_transit_percussion_center(angles.coin_impact(row, 0.0)))
+    corner = np.arctan(equations.PERCUSSION_CENTER.tan_psi_transit(angles.coin_impact(row, 0.0)))
     degrees = np.concatenate([np.linspace(1.0, 76.0, 22), np.linspace(78.0, STEEPEST, 8)])
-    nodes = np.sort(np.append(np.radians(degrees), corner))
-    coarse = predicted.after(angles.coin_impact(row, nodes), "percussion_center")
-    d_1 = table_reference.stopping_distance(coarse.v_1, coarse.Rw_1)
-    d_2 = table_reference.stopping_distance(coarse.v_2, coarse.Rw_2)
+    coarse, d_1, d_2 = _reference(row, np.sort(np.append(np.radians(degrees), corner)))
     at, exact, by_speed = np.degrees(coarse.impact.psi), np.sqrt(d_2 / d_1), coarse.v_2 / coarse.v_1
     ax.plot(at, exact, "--", color=style.VERMILION, label="exact sliding and spinning")
     low.plot(at, exact / by_speed, "--", color=style.VERMILION, label="exact sliding and spinning")
     low.axhline(1.0, color=style.BLUE, label="Eq. 29")
     psi = np.radians(np.linspace(2.0, STEEPEST, 16))
     got = on_the_table(psi)
-    law = predicted.after(angles.coin_impact(row, psi), "percussion_center")
+    law, d_1, d_2 = _reference(row, psi)
     result.all_near(
         "points of Fig. 10, v_2/v_1, Simulation", got.v_2 / got.v_1, law.v_2 / law.v_1, 1e-7,
         "coins 10 pm apart at the start: psi is off by 1e-11 / 0.021 tan(psi), and v_2 by tan(psi) times that",
         "Eqs. 6 to 17",
     )  # fmt: skip
-    reference = [
-        table_reference.stopping_distance(v, Rw) / GRAVITY
-        for v, Rw in ((law.v_1, law.Rw_1), (law.v_2, law.Rw_2))
-    ]
     # mu g step^2 / 8 with step = v_o / (mu g STEPS).
     off = 1.0 / (8.0 * GRAVITY * STEPS**2) + 1e-10
-    for number, mine, right in ((1, got.d_1, reference[0]), (2, got.d_2, reference[1])):
+    for number, mine, right in ((1, got.d_1, d_1), (2, got.d_2, d_2)):
         result.all_near(
             f"d_{number} [m] of Fig. 10, Simulation with TableFriction", mine, right, off,
             "mu g step^2 / 8 (the force acts at the middle of its steps), and what v_2 is off by",
-            "Eqs. 6 to 17 and DOP853",
+            BY_DOP853,
         )  # fmt: skip
     ratio = np.sqrt(got.d_2 / got.d_1)
     style.points(ax, np.degrees(psi), got.v_2 / got.v_1, style.BLUE, r"simulated $v_2/v_1$")
     style.points(ax, np.degrees(psi), ratio, style.VERMILION, r"simulated $(d_2/d_1)^{1/2}$", "s")
-    ax.set(
-        xlabel=r"$\psi$ (deg)",
-        ylabel=r"$(d_2/d_1)^{1/2}$, $v_2/v_1$",
-        xlim=(0, 90),
-        ylim=(0.02, 40.0),
-        yscale="log",
-    )
+    ax.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2}$, $v_2/v_1$")
+    ax.set(xlim=(0, 90), ylim=(0.02, 40.0), yscale="log")
     ax.legend(loc="lower left")
-    style.letter(ax, "(a)")
     style.points(low, np.degrees(psi), ratio / (got.v_2 / got.v_1), style.VERMILION, "simulated", "s")
     low.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2} / (v_2/v_1)$", xlim=(0, 90), ylim=(0.92, 1.1))
     low.legend(loc="upper center")
-    style.letter(low, "(b)")
-    return Picture(
-        "figure-10",
+    style.letters(ax, low)
+    caption = (
         "Figure 10. Stopping distances of two aluminium coins after their collision, by a simulation with table "
         "friction. Eq. 29 takes (d_2/d_1)^(1/2) for v_2/v_1; with the exact friction of a disk that slides and spins "
-        "the two differ (b).",
-        figure,
+        "the two differ (b)."
     )
+    return Picture("figure-10", caption, figure)
 
 
 def _figure_errors(psi: Array, errors: list[Array]) -> Picture:
@@ -331,16 +288,12 @@ def _figure_errors(psi: Array, errors: list[Array]) -> Picture:
     ax.axhline(0.0, color=style.GREY, lw=0.5)
     ax.set(xlabel=r"$\psi$ (deg)", ylabel=r"$(d_2/d_1)^{1/2} / (v_2/v_1) - 1$ (%)", xlim=(0, 90))
     ax.legend(loc="best", ncols=2, fontsize=7)
-    return Picture(
-        "error-of-eq-29",
-        "The error of Eq. 29 for the coins of Table II, by simulated collisions and flights.",
-        figure,
-    )
+    caption = "The error of Eq. 29 for the coins of Table II, by simulated collisions and flights."
+    return Picture("error-of-eq-29", caption, figure)
 
 
 def _figure_table() -> Picture:
-    from ...kernels import table_friction
-
+    table_friction = _kernels()
     figure, (left, right) = style.panels(2)
     eps = np.geomspace(0.02, 50.0, 25)
     F, T = np.zeros((2, len(eps)))
@@ -350,60 +303,28 @@ def _figure_table() -> Picture:
     for i, (values, name, colour) in enumerate(((F, "F", style.BLUE), (T, "T", style.VERMILION))):
         left.plot(fine, by_quadrature[:, i], color=colour, label=f"{name}, quadrature")
         style.points(left, eps, values, colour, f"{name}, kernel")
-    left.set(
-        xscale="log",
-        xlabel=r"$\varepsilon = v / (R\,|\omega|)$",
-        ylabel="force, torque (reduced)",
-        ylim=(0, 1.05),
-    )
+    left.set(xscale="log", ylim=(0, 1.05))
+    left.set(xlabel=r"$\varepsilon = v / (R\,|\omega|)$", ylabel="force, torque (reduced)")
     left.legend(loc="center right", fontsize=7)
-    style.letter(left, "(a)")
     common = table_reference.common_ratio()
     for start, colour in zip((0.05, 0.3, 1.0, 3.0, 20.0), style.COLOURS, strict=False):
-        angle = np.arctan(start)
-        v, u = np.array([np.sin(angle)]), np.array([np.cos(angle)])
-        whole = to_rest(v, u).t[0] * GRAVITY
-        times = whole * (1.0 - np.geomspace(1.0, 1e-3, 40)[1:])
-        n = len(times)
-        v_t, u_t = np.repeat(v, n), np.repeat(u, n)
-        x, t, eps_t = np.zeros((3, n))
-        for i, time in enumerate(times):  # each its own duration
-            one = slice(i, i + 1)
-            table_friction.slide_coins(
-                float(time),
-                TOLERANCE,
-                np.ones(1),
-                np.full(1, 2.0),
-                v_t[one],
-                u_t[one],
-                x[one],
-                t[one],
-                eps_t[one],
-            )
-        right.plot(
-            1.0 - times / whole,
-            eps_t,
-            "o-",
-            ms=2.5,
-            lw=0.8,
-            color=colour,
-            label=rf"$\varepsilon_0 = {start:g}$",
-        )
+        angle = np.arctan([start])
+        whole = to_rest(np.sin(angle), np.cos(angle)).t[0] * GRAVITY
+        left_over, eps_t = np.geomspace(1.0, 1e-3, 40)[1:], []
+        for time in whole * (1.0 - left_over):  # each its own duration
+            v, u, x, t, end = np.sin(angle), np.cos(angle), *np.zeros((3, 1))
+            table_friction.slide_coins(float(time), TOLERANCE, np.ones(1), np.full(1, 2.0), v, u, x, t, end)
+            eps_t.append(float(end[0]))
+        label = rf"$\varepsilon_0 = {start:g}$"
+        right.plot(left_over, eps_t, "o-", ms=2.5, lw=0.8, color=colour, label=label)
     right.axhline(common, color=style.BLACK, ls=":", lw=1.0)
     right.annotate(f"{common:.3f}", (0.9, common), (0, -10), textcoords="offset points")
-    right.set(
-        xscale="log",
-        yscale="log",
-        xlabel=r"time left, $1 - t/t_\mathrm{stop}$",
-        ylabel=r"$\varepsilon$",
-        xlim=(1.0, 1e-3),
-    )
-    right.set_ylim(0.03, 60.0)
+    right.set(xscale="log", yscale="log", xlim=(1.0, 1e-3), ylim=(0.03, 60.0))
+    right.set(xlabel=r"time left, $1 - t/t_\mathrm{stop}$", ylabel=r"$\varepsilon$")
     right.legend(loc="upper right", fontsize=7)
-    style.letter(right, "(b)")
-    return Picture(
-        "table-friction",
+    style.letters(left, right)
+    caption = (
         "A disk on the table. (a) Force and torque of friction. (b) Whatever the start, speed and spin stop "
-        "together, at eps = 0.653 (k = 2).",
-        figure,
+        "together, at eps = 0.653 (k = 2)."
     )
+    return Picture("table-friction", caption, figure)

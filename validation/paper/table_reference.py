@@ -6,9 +6,9 @@ Speeds and lengths are reduced: mu_s g = 1.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from ...tools.checked import Array
 
 
 def friction_by_quadrature(eps: float) -> tuple[float, float]:
@@ -36,9 +36,8 @@ def friction_by_quadrature(eps: float) -> tuple[float, float]:
 
     end = np.pi if eps < 1.0 else float(np.arcsin(1.0 / eps))
     options = {"epsabs": 1e-12, "epsrel": 1e-12, "limit": 200}
-    return 2.0 * quad(force, 0.0, end, **options)[0] / np.pi, 2.0 * quad(moment, 0.0, end, **options)[
-        0
-    ] / np.pi
+    F, T = (2.0 * quad(f, 0.0, end, **options)[0] / np.pi for f in (force, moment))
+    return F, T
 
 
 def friction(eps: float) -> tuple[float, float]:
@@ -85,12 +84,7 @@ def fly(v: float, u: float, k: float, duration: float = np.inf) -> tuple[float, 
 
 def stopping_distance(v: ArrayLike, u: ArrayLike, k: float = 2.0) -> Array:
     """Distances to rest, by `fly`; arrays of speeds v and rim speeds, whose sign does not matter, shape (n,)."""
-    return np.array(
-        [
-            fly(one_v, max(abs(one_u), 1e-12), k)[2]
-            for one_v, one_u in np.broadcast(np.asarray(v), np.asarray(u))
-        ]
-    )
+    return np.array([fly(one_v, max(abs(one_u), 1e-12), k)[2] for one_v, one_u in np.broadcast(v, u)])
 
 
 def common_ratio(k: float = 2.0) -> float:

@@ -19,13 +19,13 @@ from .registry import BULLET, GAS, Picture, Table
 from .terminal import number
 
 if TYPE_CHECKING:
-    from .runner import Outcome
+    from .runner import Verdict
 
 GREEK = {name: f"&{name};" for name in ("psi", "delta", "alpha", "omega", "mu", "rho")} | {"eps": "&epsilon;"}
 SYMBOLS = "|".join((*GREEK, *"evmRkdPTV"))  # what may have a subscript
 
 
-def write(place: Path, outcomes: Sequence[Outcome], record: Mapping[str, str]) -> None:
+def write(place: Path, outcomes: Sequence[Verdict], record: Mapping[str, str]) -> None:
     """Write report.html and the figures into a folder.
 
     Raises
@@ -42,7 +42,7 @@ def write(place: Path, outcomes: Sequence[Outcome], record: Mapping[str, str]) -
         raise InputError(f"{error.filename or place}: cannot be written: {error.strerror}") from error
 
 
-def page(outcomes: Sequence[Outcome], record: Mapping[str, str]) -> str:
+def page(outcomes: Sequence[Verdict], record: Mapping[str, str]) -> str:
     """The text of report.html, from the template of this name."""
     environment = Environment(
         loader=PackageLoader(__package__, "."), autoescape=True, undefined=StrictUndefined

@@ -1,4 +1,4 @@
-"""What `ifrdem validate` does: runs the cases, prints a table as it goes, writes results, figures and report."""
+"""Run of `ifrdem validate`: the cases, a table of each as it goes; results, figures and report."""
 
 from __future__ import annotations
 
@@ -22,36 +22,24 @@ from ...simulation import device
 from ...tools.versions import __version__
 from . import registry, workers
 from .registry import Result, Row, Skip
-from .terminal import Course, Say, closing
+from .terminal import Pace, Say, closing
 
 if TYPE_CHECKING:
     from .page import Drawing
 
 
 @dataclass
-class Outcome:
-    """How a case ended.
-
-    Attributes
-    ----------
-    name, question, reference : str
-        See `registry`.
-    result : Result
-        What it found; empty if it was skipped or raised. Its pictures are in `drawings`.
-    drawings : list of page.Drawing
-        Its pictures, rendered where it ran.
-    skipped, error, details : str
-        Why it was skipped, or what it raised, with the traceback; empty otherwise.
-    seconds : float
-        How long it took [s].
-    """
+class Verdict:
+    """The end of a case."""
 
     name: str
     question: str
     reference: str
-    result: Result = field(default_factory=Result)
-    drawings: list[Drawing] = field(default_factory=list)
-    skipped: str = ""
+    result: Result = field(
+        default_factory=Result
+    )  # empty if it was skipped or raised; its pictures are in `drawings`
+    drawings: list[Drawing] = field(default_factory=list)  # rendered where it ran
+    skipped: str = ""  # why it was skipped, or what it raised, with the traceback; empty otherwise
     error: str = ""
     details: str = ""
     seconds: float = 0.0
@@ -63,7 +51,7 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """Whether the case ran, compared something, and every row passed."""
+        """True if the case ran, compared something, and every row passed."""
         return bool(self.result.rows) and not (self.error or self.skipped or self.failures)
 
     @property
@@ -104,20 +92,10 @@ def validate(
     jobs : int, optional
         Cases at a time, each in a process of its own; results do not depend on it. By default as many as there are
         cores, but no more than cases of the group `gas`; other cases take seconds, and run in this process.
-    say : callable
-        Takes the lines to show.
 
-    Returns
-    -------
-    int
-        0 if every row passed, 1 otherwise. A case that cannot run here counts as failed if it was asked for
-        by name or group; in a run without names it is reported and left out.
-
-    Raises
-    ------
-    InputError
-        If a name is wrong, a seed is given where nothing is random or is not one, there are less than 1 `jobs`, the
-        folder cannot be written, or it holds a report and `force` is not given.
+    Returns 0 if every row passed, 1 otherwise: a case that cannot run here counts as failed if it was asked for by name
+    or group, and is left out in a run without names. InputError if a name, the seed or `jobs` is wrong, the folder
+    cannot be written, or it holds a report and `force` is not given.
     """
     names = list(names)
     registry.check_names(names)
@@ -187,7 +165,7 @@ def _write(path: Path, text: str) -> None:
 
 
 def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
-    """How many cases run at a time."""
+    """Number of cases that run at a time."""
     if jobs is None:
         jobs = min(device.cores(), sum(name in registry.GAS for name in chosen))
     elif jobs < 1:
@@ -195,39 +173,39 @@ def _jobs(jobs: int | None, chosen: Sequence[str]) -> int:
     return max(1, min(jobs, len(chosen)))
 
 
-def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, say: Say) -> list[Outcome]:
+def _run_all(chosen: Sequence[str], quick: bool, seed: int, jobs: int, say: Say) -> list[Verdict]:
     """All cases, in this process one after another, or in workers, the longest first."""
     order = list(chosen)
     if jobs > 1:
         order.sort(key=lambda name: -registry.seconds(name, quick))
-    found: dict[str, Outcome] = {}
-    course = Course(order, quick=quick, jobs=jobs, say=say)
+    found: dict[str, Verdict] = {}
+    pace = Pace(order, quick=quick, jobs=jobs, say=say)
 
-    def ended(name: str, outcome: Outcome | workers.Died) -> None:
+    def ended(name: str, outcome: Verdict | workers.Died) -> None:
         if isinstance(outcome, workers.Died):
             case, died = registry.load(name), f"no result: {outcome.reason}"
-            outcome = Outcome(name, case.QUESTION, case.REFERENCE, error=died, seconds=course.seconds(name))
+            outcome = Verdict(name, case.QUESTION, case.REFERENCE, error=died, seconds=pace.seconds(name))
         found[name] = outcome
-        course.ended(outcome)
+        pace.ended(outcome)
 
     work = partial(run_case, quick=quick, seed=seed)
     if jobs > 1:
-        workers.run(work, order, jobs, begun=course.begun, ended=ended, waiting=lambda _: course.waiting())
+        workers.run(work, order, jobs, begun=pace.begun, ended=ended, waiting=lambda _: pace.waiting())
     else:
         for name in order:
-            course.begun(name)
+            pace.begun(name)
             ended(name, work(name))
     return [found[name] for name in chosen]
 
 
-def run_case(name: str, *, quick: bool, seed: int) -> Outcome:
+def run_case(name: str, *, quick: bool, seed: int) -> Verdict:
     """Run one case and render its pictures, here and now; whatever it raises is told of in the outcome."""
     import matplotlib as mpl
 
     from . import page, style
 
     case = registry.load(name)
-    outcome = Outcome(name, case.QUESTION, case.REFERENCE)
+    outcome = Verdict(name, case.QUESTION, case.REFERENCE)
     began = time.perf_counter()
     try:
         with mpl.rc_context(style.RC):
@@ -247,53 +225,42 @@ def run_case(name: str, *, quick: bool, seed: int) -> Outcome:
     return outcome
 
 
-def exit_status(outcomes: Sequence[Outcome], *, named: bool) -> int:
+def exit_status(outcomes: Sequence[Verdict], *, named: bool) -> int:
     """0 if all passed; a skipped case is forgiven only if it was not asked for by name and others ran."""
     ran = [each for each in outcomes if not each.skipped]
     forgiven = not named or len(ran) == len(outcomes)
     return 0 if ran and forgiven and all(each.passed for each in ran) else 1
 
 
-def rows_as_json(outcomes: Sequence[Outcome]) -> list[dict[str, object]]:
+def rows_as_json(outcomes: Sequence[Verdict]) -> list[dict[str, object]]:
     """A list of rows; numbers that are not finite become null, and a row with one has not passed."""
     rows: list[dict[str, object]] = []
     for each in outcomes:
         for row in each.result.rows:
+            numbers = {
+                name: _finite(getattr(row, name)) for name in ("measured", "expected", "tolerance", "printed")
+            }
+            if row.least:
+                numbers["tolerance"] = None
             rows.append(
                 {
-                    "case": each.name,
-                    "quantity": row.quantity,
-                    "measured": _finite(row.measured),
-                    "expected": _finite(row.expected),
-                    "tolerance": None if row.least else _finite(row.tolerance),
-                    "reason": row.reason,
-                    "source": row.source,
-                    "printed": _finite(row.printed),
-                    "passed": row.passed,
-                    "status": "passed" if row.passed else "failed",
-                    **_sampling(row),
+                    "case": each.name, "quantity": row.quantity, **numbers, "reason": row.reason, "source": row.source,
+                    "passed": row.passed, "status": "passed" if row.passed else "failed", **_sampling(row),
                 }
-            )
+            )  # fmt: skip
         if each.error or each.skipped:
             rows.append(
                 {
-                    "case": each.name,
-                    "quantity": "the case as a whole",
-                    "measured": None,
-                    "expected": None,
-                    "tolerance": None,
-                    "reason": each.error or each.skipped,
-                    "source": each.reference,
-                    "printed": None,
-                    "passed": False,
-                    "status": each.status,
+                    "case": each.name, "quantity": "the case as a whole", "measured": None, "expected": None,
+                    "tolerance": None, "printed": None, "reason": each.error or each.skipped,
+                    "source": each.reference, "passed": False, "status": each.status,
                 }
-            )
+            )  # fmt: skip
     return rows
 
 
 def _sampling(row: Row) -> dict[str, object]:
-    """How a random row was sampled; nothing of one that is not."""
+    """Sampling of a random row; nothing of one that is not."""
     if row.sampling is None:
         return {}
     s = row.sampling
@@ -309,8 +276,8 @@ def _finite(value: float | None) -> float | None:
 
 
 def environment(*, quick: bool, seconds: float) -> dict[str, str]:
-    """What the report says of where it comes from."""
-    from ...run.job import revision
+    """Versions, machine and date, for the report."""
+    from ...tools.versions import revision
 
     packages = ("numpy", "scipy", "taichi", "h5py", "matplotlib")
     outside = {name: _version(name) for name in ("pybullet", "pymunk")}

@@ -1,4 +1,4 @@
-"""How the figures of the report look."""
+"""Style of the report's figures."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ def points(axes: Axes, x: Any, y: Any, colour: str, label: str | None = None, ma
     axes.plot(x, y, marker, mfc="none", mec=colour, mew=0.9, color=colour, label=label, ls="none", zorder=3)
 
 
-def letter(axes: Axes, text: str) -> None:
-    """Name a panel in its upper left corner."""
-    axes.annotate(text, (0.0, 1.0), (4, -4), xycoords="axes fraction", textcoords="offset points", va="top",
-                  weight="bold")  # fmt: skip
+def letters(*panels: Axes) -> None:
+    """Name panels (a), (b), ... in their upper left corners."""
+    for axes, name in zip(panels, "abcdef", strict=False):
+        axes.annotate(f"({name})", (0.0, 1.0), (4, -4), xycoords="axes fraction", textcoords="offset points", va="top",
+                      weight="bold")  # fmt: skip

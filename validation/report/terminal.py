@@ -1,4 +1,4 @@
-"""What `ifrdem validate` says on its way: which case begins, its table, what runs, and how it ended."""
+"""Lines of `ifrdem validate` on its way: which case begins, its table, what runs, and the end."""
 
 from __future__ import annotations
 
@@ -11,26 +11,17 @@ from ...run.progress import clock_face
 from . import registry
 
 if TYPE_CHECKING:
-    from .runner import Outcome
+    from .runner import Verdict
 
 Say = Callable[[str], None]
 ENOUGH = 0.1
 """Part of the whole work that must be done before its pace says when the rest will be."""
 
 
-class Course:
-    """How far the cases are.
+class Pace:
+    """Progress of the cases, `jobs` at a time, in the order in which they begin, and the time that is left.
 
-    Parameters
-    ----------
-    names : sequence of str
-        The cases, in the order in which they begin.
-    jobs : int
-        How many run at a time.
-    say : callable
-        Takes the lines to show.
-    clock : callable
-        Seconds of real time; another one in tests.
+    `say` takes the lines to show; `clock` gives seconds of real time, another one in tests.
     """
 
     def __init__(
@@ -55,7 +46,7 @@ class Course:
         number = len(self._expected) - len(self._todo)
         self._say(f"[{number}/{len(self._expected)}] {name}: {registry.load(name).QUESTION}")
 
-    def ended(self, outcome: Outcome) -> None:
+    def ended(self, outcome: Verdict) -> None:
         """Show the table of a case."""
         self._took[outcome.name] = self.seconds(outcome.name)
         del self._running[outcome.name]
@@ -93,17 +84,15 @@ def number(value: float | None) -> str:
     return f"{value:.6g}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:.2e}"
 
 
-def table(outcome: Outcome) -> str:
+def table(outcome: Verdict) -> str:
     """The rows of a case, as the terminal shows them."""
     lines = []
     for row in outcome.result.rows:
         mark = "ok  " if row.passed else "FAIL"
         printed = "" if row.printed is None else f"  (printed {number(row.printed)})"
-        right = (
-            f"at least {number(row.expected)}"
-            if row.least
-            else f"{number(row.expected)} +- {number(row.tolerance)}"
-        )
+        right = f"{number(row.expected)} +- {number(row.tolerance)}"
+        if row.least:
+            right = f"at least {number(row.expected)}"
         lines.append(
             f"  {mark} {row.quantity}: {number(row.measured)}, expected {right}{printed}  [{row.source}]"
         )
@@ -122,8 +111,8 @@ def table(outcome: Outcome) -> str:
     return "\n".join(lines)
 
 
-def closing(outcomes: Sequence[Outcome], place: Path, seconds: float, status: int) -> str:
-    """How it ended."""
+def closing(outcomes: Sequence[Verdict], place: Path, seconds: float, status: int) -> str:
+    """Closing lines: rows, failures, place of the report."""
     rows = sum(len(each.result.rows) for each in outcomes)
     failed = sum(len(each.failures) for each in outcomes)
     lines = [f"{rows} rows in {seconds:.1f} s: {rows - failed} passed, {failed} failed"]

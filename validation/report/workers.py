@@ -29,27 +29,15 @@ class Died:
 
 
 def run(
-    work: Callable[[str], Any],
-    names: Sequence[str],
-    jobs: int,
-    *,
-    begun: Callable[[str], None],
-    ended: Callable[[str, Any], None],
-    waiting: Callable[[Sequence[str]], None],
-    every: float = 60.0,
-) -> None:
+    work: Callable[[str], Any], names: Sequence[str], jobs: int, *, begun: Callable[[str], None],
+    ended: Callable[[str, Any], None], waiting: Callable[[Sequence[str]], None], every: float = 60.0,
+) -> None:  # fmt: skip
     """Call `work(name)` of all names, in their order, `jobs` at a time.
 
-    Parameters
-    ----------
-    work : callable
-        As for `pickle`: of the top level of a module. Each process has its part of the cores, as threads of kernels.
-    begun, ended : callable
-        Called here with the name when its call begins; with name and result, or `Died`, when it ends.
-    waiting : callable
-        Called with the names in work after `every` seconds [s] without an end.
-
-    At its end, by Ctrl-C included, no process stays.
+    `work` is of the top level of a module, as for `pickle`; each process has its part of the cores, as threads of
+    kernels. `begun` is called here with the name when its call begins, `ended` with name and result, or `Died`, when it
+    ends, and `waiting` with the names in work after `every` seconds without an end. At its end, by Ctrl-C included, no
+    process stays.
     """
     todo, threads = list(names), max(1, device.cores() // jobs)
     busy: dict[Any, tuple[str, SpawnProcess]] = {}
@@ -132,7 +120,7 @@ def _end_with_parent() -> None:
 
 
 def how_it_ended(status: int | None) -> str:
-    """What became of a process that broke its line off; its exit status is None if it had to be killed for it."""
+    """End of a process that broke its line off; its exit status is None if it had to be killed for it."""
     if status is None:
         return "closed its line and had to be killed"
     if status < 0:

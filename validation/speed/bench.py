@@ -27,7 +27,7 @@ from ... import theory
 from ...case import file as case_file
 from ...case import shipped, summary
 from ...case.case import UNITS, Case
-from ...case.gas import Gas
+from ...case.gas import CaseGas
 from ...errors import InputError
 from ...run.progress import Progress
 from ...simulation import device
@@ -302,7 +302,7 @@ def measure(
     run = case.run
     device.check(run.arch, run.threads, run.precision)
     summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
-    gas = Gas.from_case(case, folder)
+    gas = CaseGas.from_case(case, folder)
     simulation = gas.simulation(case)
     if after is None:
         # To a time: while the lattice's disks have not met yet, a run by collisions would give up.
@@ -452,13 +452,13 @@ def elastic_gas(
     )
 
 
-def mean_free_time(gas: Gas) -> float:
+def mean_free_time(gas: CaseGas) -> float:
     """Time between two collisions of a disk at equilibrium [time], by theory (25 % too long in the solid)."""
     phi = gas.box.packing_fraction(gas.disks.radius)
     return 1.0 / theory.collision_rate(phi, TEMPERATURE, MASS, RADIUS)
 
 
-def mixing_time(gas: Gas) -> float:
+def mixing_time(gas: CaseGas) -> float:
     """Time [time] after which the lattice and its too few collisions are forgotten, with room to spare.
 
     Seen with 10,000 disks: the collision rate is within 1 % of its last value from 3 mean free times on at phi = 0.1

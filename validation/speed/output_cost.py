@@ -20,7 +20,7 @@ from typing import Any, cast
 
 from scipy.stats import quantile_test
 
-from ...case.gas import Gas
+from ...case.gas import CaseGas
 from ...case.output_section import ROWS_PER_FRAME
 from ...run.recorder import Ledger, Recorder
 from ...simulation.schedule import Cadence
@@ -41,7 +41,7 @@ def output_cost(
     """Print, as JSON, seconds of each piece for one collision per disk, and shares with their 95 % confidence."""
     case = bench.elastic_gas(n, phi, arch=arch, threads=threads, seed=seed)
     case = case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     simulation = gas.simulation(case, gas.start(case))
     seconds: dict[str, list[float]] = {way: [] for way in WAYS}
     with tempfile.TemporaryDirectory() as folder:
@@ -70,7 +70,7 @@ def output_cost(
                         progress=after_epoch,
                         **(output if way == ALL else {}),
                     )
-                recorder.write_rows()
+                recorder.write()
                 (began, first), (ended, collisions) = marks
                 return (ended - began) / (collisions - first) * n / 2.0
 

@@ -63,11 +63,11 @@ def start_a_gas(began: float, arguments: list[str]) -> None:
     """In a process of its own: run an elastic gas for a mean free time, by which every usual kernel has run."""
     import taichi  # noqa: F401
 
-    from ...case.gas import Gas
+    from ...case.gas import CaseGas
 
     imports = time.monotonic() - began
     case = bench.elastic_gas(**json.loads(arguments[0]))
-    gas = Gas.from_case(case)
+    gas = CaseGas.from_case(case)
     epochs: list[float] = []
     gas.simulation(case).run(
         t_end=bench.mean_free_time(gas), progress=lambda *_: epochs.append(time.monotonic() - began)

@@ -1,0 +1,250 @@
+"""Figures of a study: a quantity over another, bands of its standard error, and kinetic theory beside it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, nearest
+from ..trajectory.reader import Trajectory
+from ..trajectory.tables import PER_DISK, QUANTITIES, joined
+from .results import Results
+from .task import Variable
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SHORT = {"T": "temperature", "T_rot": "rotational_temperature", "tau": PER_DISK, "t": "time"}
+"""Symbols for names, on the command line and on axes."""
+SYMBOLS = {
+    "temperature": "$T$",
+    "rotational_temperature": r"$T_\mathrm{rot}$",
+    "theta": r"$\theta = T_\mathrm{rot} / T$",
+    PER_DISK: r"collisions per disk $\tau$",
+    "time": "time $t$",
+}
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")  # Okabe and Ito's
+MOST_PANELS = 12
+BAND = 2.0
+"""Standard errors that a band reaches to both sides: 95 % of a normal distribution."""
+SEVERAL_DECADES = 10.0
+"""Ratio of the largest to the smallest value from which on an axis is logarithmic."""
+FILE = "file"
+
+
+def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
+    """Whole-gas quantities of trajectories at equal collisions per disk, as results with the dimension `file`.
+
+    Raises
+    ------
+    InputError
+        As `ifrdem.concat`.
+    """
+    found = joined(trajectories)
+    units = trajectories[0].units
+    names = np.array([one.path.stem for one in trajectories])
+    variables = {FILE: Variable((FILE,), names), PER_DISK: Variable((PER_DISK,), found.pop(PER_DISK))}
+    for name, values in found.items():
+        if values.ndim == 2:
+            unit = units.get(QUANTITIES.get(name, ""), "")
+            variables[f"{name}_mean"] = Variable((FILE, PER_DISK), values, unit)
+    return Results(variables, {"axes": json.dumps({FILE: [FILE]}), "title": ", ".join(names), "keys": "{}"})
+
+
+def draw(results: Results, what: str, over: str | None = None, by: str | None = None) -> Figure:
+    """Draw a quantity: its mean over seeds, a band of two standard errors, and kinetic theory, dashed.
+
+    Parameters
+    ----------
+    results : Results
+    what : str
+        The quantity, by its name or as T, T_rot.
+    over : str, optional
+        What it is drawn over: the rows (tau, t), another of its dimensions, or a swept key, where the last row counts;
+        the rows without it.
+    by : str, optional
+        The swept key of which each value is a curve, the first one without it. Every combination of the others is a
+        panel.
+
+    Raises
+    ------
+    InputError
+        If there is no such quantity or key, or there are too many panels.
+    """
+    from matplotlib.figure import Figure
+
+    swept = list(results.axes)
+    name = SHORT.get(what, what)
+    known = [each.removesuffix("_mean") for each in results.variables if each.endswith("_mean")]
+    if f"{name}_mean" not in results.variables:
+        raise InputError(
+            f"no quantity is called '{what}'{nearest(what, [*known, *SHORT])}; there are: {', '.join(known)}"
+        )
+    mean = results.variables[f"{name}_mean"]
+    rows = mean.dims[len(swept) :]
+    x, curve = _x(results, over, mean.dims), None
+    if swept and (left := [dim for dim in swept if dim != x]):
+        curve = _dim(results, "--by", by, left) if by is not None else left[0]
+    elif by is not None:
+        raise InputError(f"--by {by}: nothing is left to part curves by")
+    panels = [dim for dim in swept if dim not in (x, curve)]
+    wanted = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
+    if len(wanted) > MOST_PANELS:
+        raise InputError(
+            f"{len(wanted)} panels, one for each {', '.join(panels)}: {MOST_PANELS} at most are drawn"
+        )
+    columns = min(3, len(wanted))
+    lines = math.ceil(len(wanted) / columns)
+    figure = Figure(figsize=(2.2 + 4.4 * columns, 0.9 + 3.9 * lines), dpi=200, layout="constrained")
+    grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+    for axes, place in itertools.zip_longest(grid.ravel(), wanted):
+        if place is None:
+            axes.set_visible(False)
+            continue
+        fixed = dict(zip(panels, place, strict=True))
+        _panel(axes, results, name, x, curve, fixed)
+        if fixed:
+            axes.set_title(
+                ", ".join(f"{dim} = {_value(results, dim, i)}" for dim, i in fixed.items()), fontsize="medium"
+            )
+    _scales(grid.ravel()[0], x in rows or x == "time")
+    first = grid.ravel()[0]
+    _legend(first, results, f"{name}_theory" in results.variables, f"{name}_error" in results.variables)
+    for axes in grid[-1]:
+        axes.set_xlabel(_label(results, x))
+    for line in grid:
+        line[0].set_ylabel(_label(results, name))
+    figure.suptitle(results.attributes.get("title", ""), fontsize="medium")
+    return figure
+
+
+def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
+    """Coordinate of the axis: a dimension of the quantity, or the time where rows are at collisions per disk."""
+    rows = [dim for dim in dims if dim not in results.axes]
+    if over is None:
+        return rows[0] if rows else dims[-1]
+    name = SHORT.get(over, over)
+    if name in dims or (name in ("time", PER_DISK) and f"{name}_mean" in results.variables and rows):
+        return name
+    return _dim(results, "--over", over, [*dims, *(["time"] if rows else [])])
+
+
+def _dim(results: Results, option: str, given: str, allowed: Sequence[str]) -> str:
+    """A dimension, by its own name or by a key of the case that varies along it."""
+    keys: Mapping[str, str] = json.loads(results.attributes["keys"])
+    names = {name: dim for dim, names in results.axes.items() for name in names}
+    names |= {keys[name]: dim for name, dim in list(names.items()) if name in keys} | {
+        dim: dim for dim in allowed
+    }
+    if names.get(given) not in allowed:
+        known = [name for name, dim in names.items() if dim in allowed]
+        raise InputError(f"{option} {given}: allowed here are {', '.join(known)}{nearest(given, known)}")
+    return names[given]
+
+
+def _panel(
+    axes: Axes,
+    results: Results,
+    name: str,
+    x: str,
+    curve: str | None,
+    fixed: Mapping[str, int],
+) -> None:
+    """The curves of one panel; of rows that are not drawn over, the last one counts."""
+    count = len(results.values(curve)) if curve is not None else 1
+    for i in range(count):
+        place = {**fixed, **({curve: i} if curve is not None else {})}
+        colour = COLOURS[i % len(COLOURS)] if count <= len(COLOURS) else _shade(i, count)
+        value = _value(results, curve, i)
+        label = value if curve in (None, FILE) else f"{curve} = {value}"
+
+        def along(which: str, place: Mapping[str, int] = place) -> NDArray[Any] | None:
+            one = results.variables.get(which)
+            if one is None:
+                return None
+            rows = [dim for dim in one.dims if dim not in results.axes]
+            taken = tuple(
+                slice(None) if dim == x or (x not in one.dims and x not in results.axes and dim == rows[0])
+                else place.get(dim, -1)
+                for dim in one.dims
+            )  # fmt: skip
+            return one.values[taken]
+
+        y, error, theory = along(f"{name}_mean"), along(f"{name}_error"), along(f"{name}_theory")
+        where = (
+            results.values(x)
+            if x in results.variables and results.variables[x].dims == (x,)
+            else along(f"{x}_mean")
+        )
+        assert y is not None
+        assert where is not None
+        if where.dtype.kind not in "iuf":
+            where = np.arange(len(where))
+            axes.set_xticks(where, [str(each) for each in results.values(x)])
+        rows = x not in results.axes
+        axes.plot(where, y, "-" if rows else "o", color=colour, lw=1.4, ms=4, label=label)
+        if error is not None and np.isfinite(error).any():
+            if rows:
+                axes.fill_between(where, y - BAND * error, y + BAND * error, color=colour, alpha=0.25, lw=0)
+            else:
+                axes.errorbar(where, y, BAND * error, fmt="none", color=colour, capsize=2)
+        if theory is not None and np.isfinite(theory).any():
+            axes.plot(where, theory, "--", color=colour, lw=1.1)
+    axes.grid(True, which="major", lw=0.4, alpha=0.5)
+
+
+def _scales(axes: Axes, rows: bool) -> None:
+    """Logarithmic where values span decades; all panels share their axes."""
+    y = (
+        np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines])
+        if axes.lines
+        else np.array([])
+    )
+    y = y[np.isfinite(y)]
+    if len(y) and y.min() > 0.0 and y.max() > SEVERAL_DECADES * y.min():
+        axes.set_yscale("log")
+    elif len(y) and y.min() >= 0.0:
+        axes.set_ylim(bottom=0.0)
+    x = np.asarray(axes.lines[0].get_xdata(), float) if axes.lines else np.array([])
+    later = x[x > 0.0]
+    even = len(x) > 2 and np.allclose(np.diff(x), np.diff(x).mean(), rtol=1e-3)
+    if len(later) > 2 and not even and later.max() > SEVERAL_DECADES * later.min() and x.min() >= 0.0:
+        axes.set_xscale("log")
+        axes.set_xlim(left=float(later.min()))
+
+
+def _legend(axes: Axes, results: Results, theory: bool, error: bool) -> None:
+    if error:
+        axes.fill_between(
+            [], [], [], color="black", alpha=0.25, lw=0, label=f"$\\pm {BAND:g}$ standard errors"
+        )
+    if theory:
+        axes.plot([], [], "--", color="black", lw=1.1, label="kinetic theory (homogeneous)")
+    axes.legend(frameon=False, fontsize="small")
+
+
+def _shade(i: int, count: int) -> Any:
+    from matplotlib import colormaps
+
+    return colormaps["viridis"](0.95 * i / max(count - 1, 1))
+
+
+def _value(results: Results, dim: str | None, i: int) -> str | None:
+    if dim is None:
+        return None
+    value = results.values(dim)[i]
+    return f"{value:.4g}" if isinstance(value, np.floating) else str(value)
+
+
+def _label(results: Results, name: str) -> str:
+    key = json.loads(results.attributes["keys"]).get(name)
+    one = results.variables.get(name) or results.variables.get(f"{name}_mean")
+    unit = f" ({one.unit})" if one is not None and one.unit else ""
+    return SYMBOLS.get(name, key or name.replace("_", " ")) + unit

@@ -1,0 +1,486 @@
+"""The plan of a study: its base case, the keys that it sweeps, its seeds, and what is kept of every run."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from ..case import file as case_file
+from ..case import shipped
+from ..case.case import Case
+from ..case.estimate import LEDGER, OBSERVABLES
+from ..errors import InputError, listed, nearest
+from ..tools.versions import __version__
+from .task import OVER_TIME, PER_FRAME, Task
+
+ROWS = 50
+"""Rows of series where neither the study nor its case says how many."""
+MOST_RUNS = 100_000
+MOST_FRAMES = 2000
+"""Frames of a run that the times of analyses may need."""
+FIXED = {
+    "run.seed": "--seeds, or [ensemble] seeds, varies it",
+    "run.name": "runs of a study are named by themselves",
+    "run.threads": "the results do not depend on it; --workers says how many runs go side by side",
+    "run.units": "one study has one system of units",
+    "run.t_end": "every run has the same end: a longer run holds the shorter ones",
+    "run.collisions_per_disk": "every run has the same end: a longer run holds the shorter ones",
+}
+"""Keys that cannot be swept, and why; neither can those of [output]."""
+RESERVED = {
+    "time",
+    "step",
+    *OBSERVABLES,
+    *LEDGER,
+    "theta",
+    "seed",
+    "collisions_per_disk",
+    "run",
+    "runs",
+    "failure",
+    "at",
+}
+"""Names that a swept key cannot have in the results."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+class Range(_Part):
+    """Values at even steps, or at a constant ratio."""
+
+    start: float | int = Field(alias="from")
+    to: float | int
+    number: int = Field(ge=2, le=MOST_RUNS)
+    spacing: Literal["linear", "log"] = "linear"
+
+    @model_validator(mode="after")
+    def _log_of_positive(self) -> Range:
+        if self.spacing == "log" and not (self.start > 0 and self.to > 0):
+            raise PydanticCustomError("range", "a log range goes between two numbers above 0")
+        return self
+
+    def values(self) -> list[float | int]:
+        """The numbers, to 12 digits: 0.8, not 0.7999999999999999; whole ones where both ends are."""
+        space = np.geomspace if self.spacing == "log" else np.linspace
+        found = [float(f"{each:.12g}") for each in space(self.start, self.to, self.number)]
+        whole = (
+            isinstance(self.start, int)
+            and isinstance(self.to, int)
+            and all(one.is_integer() for one in found)
+        )
+        return [int(one) for one in found] if whole else list(found)
+
+
+class EnsembleSection(_Part):
+    """Seeds: a number, from run.seed of the case on, or a list."""
+
+    seeds: Any = 1
+
+
+class OutputSection(_Part):
+    """Output that is kept of every run."""
+
+    series: int | None = Field(default=None, ge=1, le=100_000)
+    series_spacing: Literal["even", "log"] | None = None
+    analyses: list[Literal[*PER_FRAME, *OVER_TIME]] = Field(default=[])  # type: ignore[valid-type]
+    analyses_at: list[float] = Field(default=[])
+    trajectories: bool = False
+
+
+class ClusterSection(_Part):
+    """Place of the runs: processes here, a scheduler of Dask, or jobs of a batch system (dask-jobqueue)."""
+
+    workers: int | None = Field(default=None, ge=0, le=10_000)
+    scheduler: str | None = None
+    kind: Literal["slurm", "pbs", "sge", "lsf"] | None = None
+    jobs: int = Field(default=1, ge=1, le=10_000)
+    options: dict[str, Any] = Field(default={})
+
+    @model_validator(mode="after")
+    def _one_place(self) -> ClusterSection:
+        given = [name for name in ("workers", "scheduler", "kind") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise PydanticCustomError(
+                "place", f"at most one is needed of workers, scheduler, kind; given: {given}"
+            )
+        return self
+
+
+class StudyFile(_Part):
+    """Everything that a study file says."""
+
+    case: str
+    set: list[str] = Field(default=[])
+    sweep: dict[str, Any] = Field(default={})
+    zip: list[dict[str, Any]] = Field(default=[])
+    ensemble: EnsembleSection = EnsembleSection()
+    output: OutputSection = OutputSection()
+    cluster: ClusterSection = ClusterSection()
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Keys that vary together: their names in the results, and at each position the value of every key."""
+
+    names: tuple[str, ...]
+    keys: tuple[str, ...]
+    values: tuple[tuple[Any, ...], ...]
+
+    def label(self, i: int) -> str:
+        """ "e_n = 0.8" of position i."""
+        return ", ".join(
+            f"{name} = {_text(each)}" for name, each in zip(self.names, self.values[i], strict=True)
+        )
+
+    def assignments(self, i: int) -> list[str]:
+        """The same as the overrides of a case are spelled."""
+        return [f"{key}={json.dumps(each)}" for key, each in zip(self.keys, self.values[i], strict=True)]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A study that is in order.
+
+    Attributes
+    ----------
+    name : str
+        Of its results.
+    path : Path
+        The base case, which files that it names stand beside.
+    text : str
+        Its text.
+    overrides : tuple of str
+        What every run changes of it.
+    axes : tuple of Axis
+    seeds : tuple of int
+    output : OutputSection
+    cluster : ClusterSection
+    """
+
+    name: str
+    path: Path
+    text: str
+    overrides: tuple[str, ...]
+    axes: tuple[Axis, ...]
+    seeds: tuple[int, ...]
+    output: OutputSection
+    cluster: ClusterSection
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Positions along each axis, and seeds."""
+        return (*(len(axis.values) for axis in self.axes), len(self.seeds))
+
+    @property
+    def points(self) -> Iterator[tuple[int, ...]]:
+        """Positions of each point on the axes."""
+        return itertools.product(*(range(size) for size in self.shape[:-1]))
+
+    def label(self, point: tuple[int, ...]) -> str:
+        """ "e_n = 0.8, mu = 0.1"."""
+        return ", ".join(axis.label(i) for axis, i in zip(self.axes, point, strict=True)) or "the base case"
+
+    def _changes(self, point: tuple[int, ...], seed: int) -> list[str]:
+        swept = [one for axis, i in zip(self.axes, point, strict=True) for one in axis.assignments(i)]
+        return [*self.overrides, *swept, f"run.seed={seed}"]
+
+    def judged(self) -> tuple[dict[tuple[int, ...], Case], list[str]]:
+        """Cases of the points that are in order, and a line for each thing that `check` refuses of the others."""
+        good: dict[tuple[int, ...], Case] = {}
+        wrong: dict[str, list[str]] = {}
+        for point in self.points:
+            try:
+                file = case_file.of_text(self.text, self.path, self._changes(point, self.seeds[0]))
+                file.gas.ready(file.case)
+                good[point] = file.case  # without its arrays, of which there may be many
+            except InputError as error:
+                for line in str(error).replace(" [set on the command line]", "").splitlines():
+                    wrong.setdefault(line.removeprefix(f"{self.path}: ").removeprefix("--set "), []).append(
+                        self.label(point)
+                    )
+        of_all = 0 if good else math.prod(self.shape[:-1])
+        more = {
+            line: f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
+            for line, labels in wrong.items()
+        }
+        return good, [
+            line if len(labels) == of_all else f"{labels[0]}{more[line]}: {line}"
+            for line, labels in wrong.items()
+        ]
+
+    def tasks(self, good: dict[tuple[int, ...], Case], folder: Path) -> Iterator[Task]:
+        """The runs of the points that are in order, whose results stand in a folder."""
+        for point, case in good.items():
+            kept = self.output.model_dump(exclude={"series", "series_spacing"})  # which the case has
+            record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
+            outside = {
+                name: _digest(self.path.parent / name)
+                for name in (case.start.file, case.start.trajectory)
+                if name
+            }
+            for i, seed in enumerate(self.seeds):
+                record["run"]["seed"] = seed
+                said = [record, outside, kept, __version__]
+                key = hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()[:16]
+                yield Task(
+                    key=key, index=(*point, i), text=self.text, path=str(self.path.resolve()),
+                    overrides=tuple(self._changes(point, seed)), folder=str(folder.resolve()),
+                    analyses=tuple(self.output.analyses), at=tuple(self.output.analyses_at),
+                    trajectory=self.output.trajectories,
+                    weight=sum(each.number for each in case.species) * (case.run.collisions_per_disk or 1.0),
+                )  # fmt: skip
+
+
+def read(
+    path: str | Path, *, vary: Sequence[str] = (), set: Sequence[str] = (), seeds: str | int | None = None
+) -> Plan:
+    """The plan of a study file; or of a case file and keys to vary.
+
+    Parameters
+    ----------
+    path : path
+        A study file (it names its case by the key `case`), a case file, or the name of a shipped case.
+    vary : sequence of str
+        "KEY=VALUES" (`axis_of`): further axes.
+    set : sequence of str
+        Overrides of the case, as `ifrdem run --set` takes them.
+    seeds : str or int, optional
+        A number of seeds, or a list "1,2,5".
+
+    Raises
+    ------
+    InputError
+        With a line for each thing that is wrong with the study itself.
+    """
+    path = shipped.find(str(path))
+    text, raw = case_file.load(path)
+    of_study = "case" in raw or not {"run", "box", "species"} & raw.keys()
+    name = path.stem if of_study else f"{path.stem}-study"  # NAME.nc is a view of the trajectory of a run
+    study = _checked(raw if of_study else {"case": str(path)}, path)
+    if of_study:
+        path = path.parent / study.case if Path(study.case).suffix else shipped.find(study.case)
+        text, raw = case_file.load(path)
+    groups = [{key: values} for key, values in study.sweep.items()] + [dict(group) for group in study.zip]
+    groups += [axis_of(each) for each in vary]
+    axes = _axes([{key: _values(key, each) for key, each in group.items()} for group in groups])
+    changes = [*study.set, *set]
+    for assignment in changes:
+        case_file.override(raw, assignment)
+    chosen = _seeds(study.ensemble.seeds if seeds is None else seeds, int(_number(raw, "seed")))
+    overrides = (*changes, *_output_overrides(raw, study.output))
+    plan = Plan(name, path, text, overrides, axes, chosen, study.output, study.cluster)
+    runs = math.prod(plan.shape)
+    if runs > MOST_RUNS:
+        raise InputError(f"{runs} runs: a study can have {MOST_RUNS} at most")
+    return plan
+
+
+def axis_of(text: str) -> dict[str, Any]:
+    """Keys that vary together, from "KEY=1,2,3", "KEY=0.1:0.9:5" or "KEY=0.1:10:5:log", several parted by ";".
+
+    Examples
+    --------
+    >>> axis_of("material[0].e_n=0.7,0.8,0.9")
+    {'material[0].e_n': [0.7, 0.8, 0.9]}
+    >>> axis_of("material[0].mu=0.1:10:3:log")
+    {'material[0].mu': {'from': 0.1, 'to': 10, 'number': 3, 'spacing': 'log'}}
+    """
+    found: dict[str, Any] = {}
+    for part in text.split(";"):
+        key, equals, values = (each.strip() for each in part.partition("="))
+        if not (key and equals and values):
+            raise InputError(
+                f"--vary {text}: KEY=VALUES is needed, such as material[0].e_n=0.7,0.8,0.9 or material[0].mu=0.1:0.5:5"
+            )
+        if key in found:
+            raise InputError(f"--vary {text}: {key} is there twice")
+        number = r"[-+\d.eE_]+"
+        if match := re.fullmatch(rf"({number}):({number}):(\d+)(?::(linear|log))?", values):
+            start, to = (
+                tomllib.loads(f"v = {each}")["v"] if _is_toml(each) else each for each in match.group(1, 2)
+            )
+            found[key] = {"from": start, "to": to, "number": int(match[3]), "spacing": match[4] or "linear"}
+        else:
+            found[key] = (
+                tomllib.loads(f"v = [{values}]")["v"]
+                if _is_toml(f"[{values}]")
+                else [each.strip() for each in values.split(",")]
+            )
+    return found
+
+
+def _is_toml(value: str) -> bool:
+    try:
+        return "\n" not in value and bool(tomllib.loads(f"v = {value}"))
+    except ValueError:
+        return False
+
+
+def _values(key: str, given: Any) -> list[Any]:
+    """The values of a key, from a list or a range."""
+    if isinstance(given, dict):
+        try:
+            values: list[Any] = Range.model_validate(given).values()
+        except ValidationError as error:
+            raise InputError("\n".join(f"{key}: {line}" for line in _lines(error, Range))) from None
+    elif isinstance(given, list):
+        values = given
+    else:
+        raise InputError(
+            f"{key}: a list of values is needed, or a range {{ from = 0.1, to = 0.9, number = 5 }}"
+        )
+    texts = [json.dumps(each) for each in values]
+    if not values:
+        raise InputError(f"{key}: no value to vary it by")
+    if twice := [each for i, each in enumerate(texts) if each in texts[:i]]:
+        raise InputError(f"{key}: {twice[0]} is there twice")
+    return values
+
+
+def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
+    keys = [key for group in groups for key in group]
+    tokens = {key: [each.replace("[", "").replace("]", "") for each in key.split(".")] for key in keys}
+    for i, key in enumerate(keys):
+        case_file.parse_assignment(f"{key}=0")  # which refuses what is no key
+        if key in keys[:i]:
+            raise InputError(f"{key}: two axes of this name; it can vary along one")
+        if why := FIXED.get(key) or (
+            "the study's own [output] says what is kept" if key.startswith("output") else None
+        ):
+            raise InputError(f"{key}: cannot be swept: {why}")
+    names: dict[str, str] = {}
+    for key in keys:
+        for length in range(1, len(tokens[key]) + 1):
+            name = "_".join(tokens[key][-length:])
+            same = [other for other in keys if "_".join(tokens[other][-length:]) == name]
+            if (len(same) == 1 and name not in RESERVED) or length == len(tokens[key]):
+                names[key] = name
+                break
+    axes = []
+    for group in groups:
+        lengths = {key: len(values) for key, values in group.items()}
+        if len({*lengths.values()}) > 1:
+            counts = ", ".join(f"{key} has {count}" for key, count in lengths.items())
+            raise InputError(f"keys that vary together need as many values each: {counts}")
+        if group:
+            axes.append(
+                Axis(
+                    tuple(names[key] for key in group), tuple(group), tuple(zip(*group.values(), strict=True))
+                )
+            )
+    return tuple(axes)
+
+
+def _seeds(given: Any, first: int) -> tuple[int, ...]:
+    need = f"seeds = {given}: a number of seeds, 1 or more, or a list such as 1,2,5 is needed"
+    if isinstance(given, str):
+        parts = [each.strip() for each in given.split(",")]
+        if not all(each.isdecimal() for each in parts):
+            raise InputError(need)
+        given = int(parts[0]) if len(parts) == 1 else [int(each) for each in parts]
+    if isinstance(given, int) and not isinstance(given, bool):
+        if not 1 <= given <= MOST_RUNS:
+            raise InputError(need)
+        return tuple(range(first, first + given))
+    if not isinstance(given, list) or not all(isinstance(each, int) for each in given):
+        raise InputError(need)
+    if not given or len({*given}) < len(given) or not all(0 <= each < 2**63 for each in given):
+        raise InputError(f"seeds = {given}: whole numbers of 0 or more are needed, each once")
+    return tuple(given)
+
+
+def _number(case: dict[str, Any], key: str) -> float:
+    """A number of [run] in a case that nobody has checked yet; 0 where there is none."""
+    section = case.get("run")
+    value = section.get(key) if isinstance(section, dict) else None
+    return value if isinstance(value, int | float) else 0
+
+
+def _output_overrides(case: dict[str, Any], output: OutputSection) -> Iterator[str]:
+    """Changes of the case's [output] by a study: rows of series at the same places in every run, no pictures."""
+    given = case.get("output")
+    given = given if isinstance(given, dict) else {}
+    replaced = ["series_interval", "series_collisions"]
+    if output.analyses_at:
+        replaced += ["frames", "frames_interval", "frames_collisions", "frames_spacing"]
+    yield from (f"output.{key}=" for key in replaced if key in given)
+    yield f"output.series={output.series or given.get('series') or ROWS}"
+    if output.series_spacing:
+        yield f'output.series_spacing="{output.series_spacing}"'
+    yield "output.picture=false"
+    if not output.trajectories:
+        yield "output.views=false"
+    at = output.analyses_at
+    if at and not output.analyses:
+        raise InputError("analyses_at: only with analyses")
+    t_end, per_disk = (_number(case, key) for key in ("t_end", "collisions_per_disk"))
+    if at and (end := t_end or per_disk):  # else `check` tells what is wrong
+        if not 0.0 <= min(at) <= max(at) <= end:
+            raise InputError(f"analyses_at = {at}: the run goes from 0 to {end:g}")
+        parts = [Fraction(str(each)) for each in at if each > 0.0]
+        share = math.lcm(*(each.denominator for each in parts))
+        step = Fraction(math.gcd(*(int(each * share) for each in parts)), share) or Fraction(
+            str(t_end or per_disk)
+        )
+        if max(at) / step > MOST_FRAMES:
+            raise InputError(
+                f"analyses_at = {at}: frames at every {float(step):g} would be needed, more than {MOST_FRAMES}; "
+                "multiples of one number need fewer"
+            )
+        yield f"output.frames_{'interval' if t_end else 'collisions'}={float(step)}"
+
+
+def _checked(raw: dict[str, Any], path: Path) -> StudyFile:
+    try:
+        return StudyFile.model_validate(raw)
+    except ValidationError as error:
+        raise InputError(listed([f"{path}: {line}" for line in _lines(error)])) from None
+
+
+def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterator[str]:
+    """A line for each mistake."""
+    sections: dict[str, type[BaseModel]] = {
+        "ensemble": EnsembleSection,
+        "output": OutputSection,
+        "cluster": ClusterSection,
+    }
+    for each in error.errors(include_url=False):
+        place = ".".join(str(step) for step in each["loc"] if step not in ("int", "float"))
+        text = str(each["msg"]).replace("Input should", "must").replace("be a valid", "be a")
+        text = text.replace("integer", "whole number")
+        if each["type"] == "extra_forbidden":
+            *above, last = map(str, each["loc"])
+            fields = sections.get(".".join(above), model).model_fields
+            known = [one.alias or name for name, one in fields.items()]
+            text = f"unknown key{nearest(last, known)}; known here: {', '.join(known)}"
+        elif each["type"] == "missing":
+            text = "missing" + (": the case file, or the name of a shipped case" if place == "case" else "")
+        elif each["type"] == "literal_error" and isinstance(each["input"], str):
+            text += nearest(each["input"], re.findall(r"'([^']+)'", each["ctx"]["expected"]))
+        yield f"{place}: {text}" if place else text
+
+
+def _digest(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value)

@@ -1,0 +1,307 @@
+"""The results of a study: one data set over its swept keys, seeds and rows, as NetCDF-4 and for xarray."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from ..case.case import Case
+from ..case.gas import CaseGas
+from ..errors import InputError, TheoryError
+from ..model.ifr import EnergyWarning
+from ..model.observables import MECHANISMS, REGIMES
+from ..theory.choose import prediction
+from ..theory.mixtures import Mixture
+from ..theory.sheared_gas import TheoryWarning
+from ..tools import files
+from ..tools.versions import __version__
+from ..trajectory.tables import needed
+from ..trajectory.views import NO_VALUES
+from .plan import Plan
+from .task import AT, Task, Variable, along, grown, load
+
+if TYPE_CHECKING:
+    import xarray
+
+SEED = "seed"
+PLAIN = {"dissipated_by_mechanism": ("mechanism", MECHANISMS), "collisions_by_regime": ("regime", REGIMES)}
+THEORY = ("temperature", "rotational_temperature", "theta")
+"""Predictions of kinetic theory for a gas."""
+BEYOND = 10.0
+"""Times the end of the runs, to which theory is followed: it may need longer for as many collisions."""
+MOST_KINDS = 16
+"""Of disks, for kinetic theory: every pair of kinds is summed at every step, which takes seconds from there on."""
+
+
+@dataclass
+class Results:
+    """Variables by name, of which those that are called like a dimension are its coordinates; and texts about them.
+
+    A quantity `temperature` has the dimensions of the study, seeds and rows; beside it stand its mean over seeds,
+    `temperature_mean`, the standard error of that, `temperature_error`, and, where a theory holds,
+    `temperature_theory`.
+    """
+
+    variables: dict[str, Variable] = field(default_factory=dict)
+    attributes: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def axes(self) -> dict[str, list[str]]:
+        """The names of the keys that vary along each swept dimension, which is called like the first of them."""
+        found: dict[str, list[str]] = json.loads(self.attributes["axes"])
+        return found
+
+    def values(self, name: str) -> NDArray[Any]:
+        """The values of a variable."""
+        return self.variables[name].values
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write a NetCDF-4 file, which is one of HDF5; it appears whole or not at all.
+
+        Raises
+        ------
+        InputError
+            If it cannot be written.
+        """
+        sizes = {
+            dim: size
+            for one in self.variables.values()
+            for dim, size in zip(one.dims, one.values.shape, strict=True)
+        }
+
+        def fill(aside: Path) -> None:
+            with h5py.File(aside, "w", track_order=True) as file:
+                scales: dict[str, h5py.Dataset] = {}
+                for dim, size in sizes.items():  # netCDF-4's own notation for an axis with or without values
+                    if dim in self.variables:
+                        scales[dim] = _dataset(file, dim, self.variables[dim])
+                        scales[dim].make_scale(dim)
+                    else:
+                        scales[dim] = file.create_dataset(dim, shape=(size,), dtype=">f4")
+                        scales[dim].make_scale(f"{NO_VALUES}{size:10d}")
+                for name, one in self.variables.items():
+                    if name not in sizes:
+                        dataset = _dataset(file, name, one)
+                        for axis, dim in zip(dataset.dims, one.dims, strict=True):
+                            axis.attach_scale(scales[dim])
+                for name, text in self.attributes.items():
+                    file.attrs[name] = text
+
+        files.write_aside(Path(path), fill)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Results:
+        """The results in a file that `write` made.
+
+        Raises
+        ------
+        InputError
+            If it is no such file.
+        """
+        try:
+            with h5py.File(path, "r") as file:
+                if "axes" not in file.attrs:
+                    raise InputError(f"{path}: holds no results of a study (`ifrdem study` writes them)")
+                found = cls({}, {name: str(text) for name, text in file.attrs.items()})
+                for name, stored in file.items():
+                    if not stored.attrs.get("NAME", b"").startswith(NO_VALUES.encode()):
+                        dims = (
+                            (name,)
+                            if stored.is_scale
+                            else tuple(axis[0].name.lstrip("/") for axis in stored.dims)
+                        )
+                        values = stored.asstr()[()] if h5py.check_string_dtype(stored.dtype) else stored[()]
+                        found.variables[name] = Variable(dims, values, str(stored.attrs.get("units", "")))
+            return found
+        except (OSError, RuntimeError, KeyError, ValueError, AttributeError) as error:
+            if isinstance(error, InputError):
+                raise
+            reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+            raise InputError(f"{path}: cannot be read as results of a study: {reason}") from None
+
+    def to_xarray(self) -> xarray.Dataset:
+        """The same as a data set of xarray (extra `analysis`), units in `attrs["units"]`."""
+        xarray = needed("xarray", "analysis")
+        swept = {name for names in self.axes.values() for name in names}
+        made = {
+            name: xarray.Variable(one.dims, one.values, {"units": one.unit} if one.unit else {})
+            for name, one in self.variables.items()
+        }
+        coordinates = {name: one for name, one in made.items() if (name,) == one.dims or name in swept}
+        return xarray.Dataset(
+            {name: one for name, one in made.items() if name not in coordinates}, coordinates, self.attributes
+        )
+
+
+def _dataset(file: h5py.File, name: str, one: Variable) -> h5py.Dataset:
+    if one.values.dtype.kind in "UO":
+        found = file.create_dataset(name, data=one.values.astype(object), dtype=h5py.string_dtype())
+    else:
+        big = {"compression": "gzip", "shuffle": True} if one.values.nbytes > 100_000 else {}
+        found = file.create_dataset(name, data=one.values, **big)
+    if one.unit:
+        found.attrs["units"] = one.unit
+    return found
+
+
+def collect(
+    plan: Plan, good: Mapping[tuple[int, ...], Case], tasks: Iterable[Task], failed: Mapping[str, str]
+) -> Results:
+    """The results of all runs that are done; nan stands for the others, beside the messages of those that failed."""
+    case = next(iter(good.values()))
+    row_axis, places = along(case)
+    variables: dict[str, Variable] = {}
+    swept = tuple(axis.names[0] for axis in plan.axes)
+    for axis in plan.axes:
+        for name, values in zip(axis.names, zip(*axis.values, strict=True), strict=True):
+            variables[name] = Variable((axis.names[0],), _coordinate(values))
+    variables[SEED] = Variable((SEED,), np.array(plan.seeds))
+    for name in PLAIN:
+        variables[PLAIN[name][0]] = Variable((PLAIN[name][0],), np.array(PLAIN[name][1]))
+    variables["axis"] = Variable(("axis",), np.array(["x", "y"]))
+    if plan.output.analyses_at:
+        variables[AT] = Variable((AT,), np.array(plan.output.analyses_at))
+    texts = {name: np.full(plan.shape, "", dtype=object) for name in ("run", "failure")}
+    found: dict[str, Variable] = {}
+    for task in tasks:
+        texts["run"][task.index] = task.key
+        texts["failure"][task.index] = failed.get(task.key, "")
+        if not task.result.exists():
+            continue
+        for name, one in load(task.result)[0].items():
+            whole = found.get(name) or Variable(
+                (*swept, SEED, *one.dims), np.full((*plan.shape, *one.values.shape), np.nan), one.unit
+            )
+            room = grown(whole.values, (*plan.shape, *one.values.shape))
+            corner: Any = (*task.index, *(slice(size) for size in one.values.shape))
+            room[corner] = one.values
+            found[name] = Variable(whole.dims, room, one.unit)
+    unit = case.unit("time").strip() if row_axis == "time" else ""
+    variables[row_axis] = Variable((row_axis,), places, unit)
+    variables |= {name: Variable((*swept, SEED), each) for name, each in texts.items()}
+    variables |= _means(found, len(swept))
+    if "temperature" in found:
+        variables["runs"] = Variable(swept, np.isfinite(found["temperature"].values[..., 0]).sum(axis=-1))
+        variables |= _theory(plan, good, row_axis, variables)
+    used = {dim for one in variables.values() for dim in one.dims if len(one.dims) > 1} | {SEED, row_axis}
+    attributes = {
+        "title": f"{plan.name}: {math.prod(plan.shape[:-1])} points, {len(plan.seeds)} seeds",
+        "axes": json.dumps({axis.names[0]: axis.names for axis in plan.axes}),
+        "keys": json.dumps(
+            {name: key for axis in plan.axes for name, key in zip(axis.names, axis.keys, strict=True)}
+        ),
+        "case": plan.text,
+        "overrides": "\n".join(plan.overrides),
+        "ifrdem": __version__,
+        "written": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    return Results(
+        {
+            name: one
+            for name, one in variables.items()
+            if len(one.dims) != 1 or one.dims[0] in used or one.dims[0] in swept
+        },
+        attributes,
+    )
+
+
+def _coordinate(values: tuple[Any, ...]) -> NDArray[Any]:
+    number = all(isinstance(each, int | float) and not isinstance(each, bool) for each in values)
+    return (
+        np.array(values)
+        if number
+        else np.array([each if isinstance(each, str) else json.dumps(each) for each in values])
+    )
+
+
+def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
+    """Each variable, its mean over seeds and the standard error of that, without runs that are missing."""
+    made = {}
+    for name, (dims, values, unit) in found.items():
+        there = np.isfinite(values)
+        count = there.sum(axis=over)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            mean = np.where(there, values, 0.0).sum(axis=over) / count
+            spread = np.where(there, values - np.expand_dims(mean, over), 0.0)
+            error = np.sqrt((spread**2).sum(axis=over) / (count - 1) / count)
+        less = dims[:over] + dims[over + 1 :]
+        made[name] = Variable(dims, values, unit)
+        made[f"{name}_mean"] = Variable(less, mean, unit)
+        made[f"{name}_error"] = Variable(less, np.where(count > 1, error, np.nan), unit)
+    return made
+
+
+def _theory(
+    plan: Plan, good: Mapping[tuple[int, ...], Case], row_axis: str, variables: Mapping[str, Variable]
+) -> dict[str, Variable]:
+    """Temperatures of each point by kinetic theory, at the places of the rows; nan where it does not hold."""
+    T = variables["temperature_mean"]
+    made = {name: np.full(T.values.shape, np.nan) for name in THEORY}
+    for point, case in good.items():
+        times = variables["time"].values if row_axis == "time" else variables["time_mean"].values[point]
+        if not np.isfinite(T.values[point]).any():
+            continue
+        curves = predicted(case, plan.path.parent, float(np.nanmax(times)))
+        if curves is None:
+            continue
+        when, tau, T_theory, T_rot = curves
+        base = when if row_axis == "time" else tau
+        places = variables[row_axis].values
+        inside = places <= base[-1]
+        made["temperature"][point][inside] = np.interp(places[inside], base, T_theory)
+        made["rotational_temperature"][point][inside] = np.interp(places[inside], base, T_rot)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        made["theta"] = made["rotational_temperature"] / made["temperature"]
+    if not np.isfinite(made["temperature"]).any():
+        return {}
+    return {f"{name}_theory": Variable(T.dims, values, variables[name].unit) for name, values in made.items()}
+
+
+def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64], ...] | None:
+    """Times, collisions per disk, T and T_rot by kinetic theory, to beyond a time [time]; None where it holds not."""
+    gas = CaseGas.from_case(case, folder)
+    if not case.homogeneous or gas.box.is_open or end <= 0.0:
+        return None
+    laws = [[gas.law() if one is None else one for one in row] for row in gas.laws]
+    numbers = [each.number for each in gas.species]
+    speed, spin = (
+        np.repeat([getattr(each, name) for each in gas.species], numbers)
+        for name in ("speed_rms", "spin_rms")
+    )
+    disks, phi = gas.disks, gas.box.packing_fraction(gas.disks.radius)
+    if len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T) > MOST_KINDS:
+        return None
+    later = (
+        np.linspace(0.0, 1.0, 1500)[1:] if case.force or gas.box.shear_rate else np.geomspace(1e-5, 1.0, 1500)
+    )
+    steps = BEYOND * end * np.r_[0.0, later]
+    try:
+        with warnings.catch_warnings():
+            for told in (EnergyWarning, TheoryWarning):
+                warnings.simplefilter("ignore", told)
+            mixture, which = Mixture.of(disks, laws, phi)
+            T0, T_rot0 = (
+                np.array([each[which == kind].mean() for kind in range(mixture.species)])
+                for each in (0.5 * disks.mass * speed**2, disks.inertia * spin**2)
+            )
+            found = prediction(
+                disks, laws, phi, T0, T_rot0, steps, shear_rate=gas.box.shear_rate,
+                forces=[each.model_dump(exclude_none=True) for each in case.force],
+            )  # fmt: skip
+    except (
+        InputError,
+        TheoryError,
+    ):  # of rolling friction, forces that are not linear, ...: there is no theory
+        return None
+    return steps, found.collisions_per_disk, found.T, found.T_rot

@@ -1,0 +1,383 @@
+"""A study: its plan, its runs, and their results."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from ..case import summary
+from ..case.estimate import RunEstimate
+from ..case.gas import CaseGas
+from ..errors import InputError, listed
+from ..run.progress import clock_face, quiet
+from ..run.signals import Stopped, Stops
+from ..run.status import Status
+from ..simulation import device
+from ..tools.files import check_files
+from . import workers
+from .plan import ClusterSection, Plan, read
+from .results import Results, collect
+from .task import Task, load
+
+if TYPE_CHECKING:
+    import xarray
+
+RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
+"""Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
+MOST_OF_DISK = 0.9
+ENDING = ".nc"
+
+
+class Study:
+    """One case run for many values of its keys and many seeds.
+
+    Runs that are done are kept, in a folder beside the results: `run` goes on where it was stopped, and computes only
+    what a changed study adds.
+
+    Parameters
+    ----------
+    path : str or path
+        A study file (`ifrdem new study` writes one), a case file, or the name of a shipped case.
+    vary : sequence of str
+        Keys to vary: "material[0].e_n=0.7,0.8,0.9", "material[0].mu=0.1:0.5:5" (linear),
+        "material[0].mu=0.01:1:5:log"; with ";" between keys that vary together.
+    set : sequence of str
+        Overrides of the case: "species[0].number=2000".
+    seeds : int or str, optional
+        A number of seeds, or a list "1,2,5".
+    output : str or path, optional
+        The file of results, NAME.nc; runs are kept in NAME.runs beside it. By default the name of the study file,
+        or CASE-study.
+
+    Attributes
+    ----------
+    plan : Plan
+        What there is to do.
+    output, folder : Path
+        The results; where runs are kept.
+
+    Raises
+    ------
+    InputError
+        With a line for each thing that is wrong.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> study = ifrdem.Study("cooling", vary=["material[0].e_n=0.7,0.8,0.9"], set=["species[0].number=500"], seeds=4)
+    >>> study.plan.shape, study.runs
+    ((3, 4), 12)
+
+    In a file, everything that starts processes stands behind ``if __name__ == "__main__":``, as Python wants it of
+    programs that spawn:
+
+    >>> study.run()  # doctest: +SKIP
+    >>> study.dataset().temperature_mean  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        vary: Sequence[str] = (),
+        set: Sequence[str] = (),
+        seeds: int | str | None = None,
+        output: str | os.PathLike[str] | None = None,
+    ) -> None:
+        self.plan: Plan = read(Path(path), vary=vary, set=set, seeds=seeds)
+        given = os.fspath(output) if output is not None else self.plan.name + ENDING
+        if os.path.isdir(given) or given.endswith(("/", os.sep)):
+            given = os.path.join(given, self.plan.name + ENDING)
+        self.output = Path(given if given.endswith(ENDING) else given + ENDING)
+        self.folder = self.output.with_name(self.output.name.removesuffix(ENDING) + ".runs")
+
+    @cached_property
+    def _judged(self) -> tuple[dict[tuple[int, ...], Any], list[str]]:
+        return self.plan.judged()
+
+    @cached_property
+    def tasks(self) -> list[Task]:
+        """The runs of the points that `check` does not refuse."""
+        return list(self.plan.tasks(self._judged[0], self.folder))
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return math.prod(self.plan.shape)
+
+    def check(
+        self, *, keep_going: bool = False, workers: int | None = None, scheduler: str | None = None
+    ) -> list[str]:
+        """Refuse what can be refused before anything starts; returns lines on points that are left out.
+
+        Raises
+        ------
+        InputError
+            If a point is refused (unless `keep_going`), there is no room, or the results cannot be written.
+        """
+        good, wrong = self._judged
+        if wrong and not (keep_going and good):
+            more = "" if not good else "\n--keep-going runs the other points"
+            raise InputError(listed([f"{self.plan.path}: {line}" for line in wrong]) + more)
+        check_files([self.output], force=True)
+        if self.output.exists():
+            Results.read(self.output)  # which refuses files that are none of ours
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError(f"{self.folder}: is no folder; runs are kept there: another -o")
+        place = self._place(workers, scheduler)
+        if place.scheduler is None and place.kind is None:
+            for case in {each.run.arch: each for each in good.values()}.values():
+                device.check(case.run.arch, case.run.threads, case.run.precision)
+            processes, _ = self._processes(place)
+            largest = max(sum(each.number for each in case.species) for case in good.values())
+            case = next(iter(good.values()))
+            summary.refuse_beyond_memory(largest * max(processes, 1), case.run.arch, case.start.positions)
+        needed, free = self.bytes, shutil.disk_usage(self.output.parent).free
+        if needed > MOST_OF_DISK * free:
+            raise InputError(
+                f"{self.output}: the study needs some {summary.size(needed)}, and {summary.size(free)} are free in "
+                f"{self.output.parent.resolve()}: fewer rows, seeds or points, or another place (-o)"
+            )
+        return wrong
+
+    @property
+    def bytes(self) -> int:
+        """Room on the disk that the study needs, about."""
+        rows, columns = 0, 40
+        trajectories = 0
+        for case in self._judged[0].values():
+            rows += (case.output.series_cadence.number or 0) + 1
+            if self.plan.output.trajectories:
+                gas = CaseGas.from_case(case, self.plan.path.parent)
+                trajectories += RunEstimate.of(gas, case).file_bytes
+        return len(self.plan.seeds) * (rows * columns * 8 * 2 + trajectories)
+
+    @property
+    def seconds(self) -> float:
+        """Time that the missing runs take on one core, about: by those that are done, else by a usual speed."""
+        done = [task for task in self.tasks if task.result.exists()][:20]
+        missing = [task for task in self.tasks if not task.result.exists()]
+        if done:
+            return (
+                sum(load(task.result)[1] for task in done)
+                / sum(task.weight for task in done)
+                * sum(task.weight for task in missing)
+            )
+        rows = self._judged[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
+        return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + RUN_SECONDS for task in missing)
+
+    def summary(self, workers: int | None = None, scheduler: str | None = None) -> list[str]:
+        """Lines on what there is to do."""
+        plan, done = self.plan, sum(task.result.exists() for task in self.tasks)
+        processes, _ = self._processes(self._place(workers, scheduler))
+        lines = [
+            f"{plan.name}: {math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds = {self.runs} runs of "
+            f"{plan.path}"
+        ]
+        for axis in plan.axes:
+            for name, key, values in zip(axis.names, axis.keys, zip(*axis.values, strict=True), strict=True):
+                shown = [str(each) for each in values]
+                shown = shown if len(shown) <= 8 else [*shown[:4], "...", *shown[-2:]]
+                lines.append(f"  {name:<22} {', '.join(shown)} ({key})")
+        expected = clock_face(self.seconds / max(processes, 1)) if len(self.tasks) > done else "none"
+        return [
+            *lines,
+            f"  done already           {done} of {len(self.tasks)}, in {self.folder}",
+            f"  disk space             some {summary.size(self.bytes)}",
+            f"  expected time          some {expected} on {max(processes, 1)} process{'es' if processes > 1 else ''}",
+        ]
+
+    def run(
+        self,
+        *,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        keep_going: bool = False,
+        part: tuple[int, int] | None = None,
+        say: Callable[[str], None] = lambda _: None,
+        warn: Callable[[str], None] = lambda _: None,
+    ) -> dict[str, str]:
+        """Do the runs that are missing, and write the results.
+
+        Parameters
+        ----------
+        workers : int, optional
+            Processes of this machine; by default one for each core. 0 runs one after another in this process.
+        scheduler : str, optional
+            Address of a scheduler of Dask, "tcp://host:8786".
+        keep_going : bool
+            Leave out points that `check` refuses.
+        part : tuple of two int, optional
+            (k, m): only every m-th run, from the k-th on (counted from 1), and no results: for array jobs.
+        say, warn : callable
+            Take the lines to show.
+
+        Returns
+        -------
+        dict
+            Messages of the runs that failed, by what they are. They are tried again next time.
+
+        Raises
+        ------
+        InputError
+            If something can be refused before anything starts.
+        Stopped
+            If it was stopped by a signal; what is done is kept, and the results of it are written.
+        """
+        for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
+            warn(f"left out: {line}")
+        tasks = self.tasks if part is None else self.tasks[part[0] - 1 :: part[1]]
+        missing = [task for task in tasks if not task.result.exists()]
+        failed: dict[str, str] = {}
+        self.folder.mkdir(exist_ok=True)
+        stops = Stops(
+            warn=lambda text: warn(
+                text.replace("the run stops after this epoch, with a checkpoint", "the study stops")
+            )
+        )
+        status = Status(
+            self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}",
+            name=self.plan.name,
+        )
+        progress = Progress(len(tasks), [task.weight for task in missing], status)
+        work = self._work(missing, self._place(workers, scheduler), say)
+        try:
+            with stops:
+                for ended in work if missing else ():
+                    if ended is not None and (message := ended[1]) is not None:
+                        failed[ended[0].key] = message
+                        warn(f"failed: {self._name(ended[0])}: {message}")
+                    progress(ended[0].weight if ended else None, len(failed))
+                    stops.check()
+        except Stopped as stop:
+            left = sum(not task.result.exists() for task in tasks)
+            status.finish("interrupted", str(stop))
+            raise Stopped(
+                f"{stop}: {len(tasks) - left} of {len(tasks)} runs are done; the same command goes on",
+                stop.status,
+            ) from None
+        except InputError:  # nothing has started
+            status.path.unlink()
+            with contextlib.suppress(OSError):  # of a folder that holds runs already
+                self.folder.rmdir()
+            raise
+        except BaseException as error:
+            status.finish("failed", str(error))
+            raise
+        finally:
+            if hasattr(work, "close"):
+                work.close()  # ends the processes
+            progress.close()
+            if part is None and any(task.result.exists() for task in tasks):
+                collect(self.plan, self._judged[0], self.tasks, failed).write(self.output)
+        status.finish("done", f"{len(failed)} runs failed" if failed else "")
+        return {self._name(task): failed[task.key] for task in tasks if task.key in failed}
+
+    def results(self) -> Results:
+        """The results of all runs that are done by now.
+
+        Raises
+        ------
+        InputError
+            If none is.
+        """
+        if not any(task.result.exists() for task in self.tasks):
+            raise InputError(f"{self.folder}: no run is done yet: Study.run() or `ifrdem study` does them")
+        return collect(self.plan, self._judged[0], self.tasks, {})
+
+    def dataset(self) -> xarray.Dataset:
+        """The same as a data set of xarray (extra `analysis`), with means and standard errors over seeds.
+
+        Raises
+        ------
+        InputError
+            If no run is done, or xarray is not installed.
+        """
+        return self.results().to_xarray()
+
+    def _name(self, task: Task) -> str:
+        return f"{self.plan.label(task.index[:-1])}, seed {self.plan.seeds[task.index[-1]]}"
+
+    def _place(self, workers: int | None, scheduler: str | None) -> ClusterSection:
+        """Place of the runs, by the file and by what is asked for here."""
+        if workers is not None and scheduler is not None:
+            raise InputError("--workers: not beside --scheduler, which has its own")
+        if workers is None and scheduler is None:
+            return self.plan.cluster
+        return ClusterSection(workers=workers, scheduler=scheduler)
+
+    def _processes(self, place: ClusterSection) -> tuple[int, int]:
+        """Processes here, and threads of each: one, unless there are more cores than runs."""
+        good = self._judged[0]
+        if any(case.run.arch != "cpu" for case in good.values()):
+            return (place.workers if place.workers is not None else 1), 1
+        cores = device.cores()
+        if place.kind is not None or place.scheduler is not None:
+            return place.jobs, 1
+        count = min(cores, self.runs) if place.workers is None else place.workers
+        return count, max(1, cores // max(count, 1)) if count <= self.runs < cores or count == 0 else 1
+
+    def _work(self, missing: list[Task], place: ClusterSection, say: Callable[[str], None]) -> workers.Done:
+        processes, threads = self._processes(place)
+        if place.workers == 0:
+            return workers.here(missing, threads)
+        processes = max(1, min(processes, len(missing)))
+        if place.scheduler is None and place.kind is None and not workers.has_dask():
+            return workers.pool(missing, processes, threads)
+        return workers.dask(missing, place, processes, threads, say)
+
+
+class Progress:
+    """Runs that are done and the time that is left: a bar on a terminal, a line every `interval` seconds elsewhere."""
+
+    def __init__(
+        self, runs: int, weights: list[float], status: Status, *, stream: TextIO | None = None, interval: float = 5.0,
+        clock: Callable[[], float] = time.perf_counter,
+    ) -> None:  # fmt: skip
+        self._runs, self._all, self._status, self._clock = runs, sum(weights) or 1.0, status, clock
+        self._stream, self._interval = sys.stderr if stream is None else stream, interval
+        self._done, self._weight = runs - len(weights), 0.0
+        self._first: tuple[float, float] | None = None
+        self._printed, self._bar = clock(), self._stream.isatty()
+
+    def __call__(self, weight: float | None, failed: int) -> None:
+        """Take note of a run that has ended, with this part of the work; of None, that time has passed."""
+        now = self._clock()
+        if weight is not None:
+            self._done += 1
+            self._weight += weight
+            if self._first is None:  # what passed before it compiled the kernels
+                self._first = now, weight
+        began, first = self._first or (now, 0.0)
+        done = self._weight - first
+        left = (now - began) * (self._all - self._weight) / done if done > 0.0 else math.inf
+        fraction = self._done / self._runs if self._runs else 1.0
+        self._status.update(
+            fraction=fraction, eta_seconds=left, runs=self._runs, runs_done=self._done, runs_failed=failed
+        )
+        due = now - self._printed >= (0.2 if self._bar else self._interval)
+        if not quiet() and (due or self._done == self._runs):
+            ill = f", {failed} failed" if failed else ""
+            text = (
+                f"{100.0 * fraction:5.1f} %  {self._done} of {self._runs} runs{ill}, ETA {clock_face(left)}"
+            )
+            print(
+                f"\r{text:<60}" if self._bar else text,
+                end="" if self._bar else "\n",
+                file=self._stream,
+                flush=True,
+            )
+            self._printed = now
+
+    def close(self) -> None:
+        """Let go of the terminal."""
+        if self._bar and not quiet():
+            print(file=self._stream, flush=True)

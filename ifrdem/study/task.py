@@ -1,0 +1,303 @@
+"""One run of a study, in whatever process: it leaves its result in a file of its own, named by what decides it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import re
+import time
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..case import file as case_file
+from ..case.case import Case
+from ..case.file import CaseFile
+from ..case.gas import CaseGas
+from ..errors import EngineError, InputError
+from ..run.recorder import COLUMNS, Ledger
+from ..simulation.schedule import Schedule, Span
+from ..tools.files import write_aside
+from ..trajectory.file import TrajectoryError
+
+PER_FRAME = ("velocity", "g", "S", "fields", "clusters", "psi6")
+"""Analyses of single frames, at chosen places of a run."""
+OVER_TIME = ("msd", "vacf", "pressure", "cooling", "impact")
+"""Analyses of a whole run."""
+AT = "at"
+"""Dimension of the places at which frames are analysed."""
+LOG = logging.getLogger("ifrdem")
+
+
+class Variable(NamedTuple):
+    """A quantity: the names of its dimensions, its values, its unit ("" for none)."""
+
+    dims: tuple[str, ...]
+    values: NDArray[Any]
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A run, as it goes to a worker.
+
+    Attributes
+    ----------
+    key : str
+        Hash of all that decides its result: the name of its file.
+    index : tuple of int
+        Its place on the axes of the study, and among the seeds.
+    text, path, overrides
+        Its case.
+    folder : str
+        Where results stand.
+    analyses : tuple of str
+        Names as in `ifrdem analyse`.
+    at : tuple of float
+        Where frames are analysed, in what ends the run.
+    trajectory : bool
+        Keep the trajectory.
+    weight : float
+        Its part of the work: disks times collisions per disk.
+    """
+
+    key: str
+    index: tuple[int, ...]
+    text: str
+    path: str
+    overrides: tuple[str, ...]
+    folder: str
+    analyses: tuple[str, ...]
+    at: tuple[float, ...]
+    trajectory: bool
+    weight: float
+
+    @property
+    def result(self) -> Path:
+        """The file of its result."""
+        return Path(self.folder) / f"{self.key}.npz"
+
+    def file(self, threads: int = 1) -> CaseFile:
+        """Its case, run on so many threads."""
+        changes = (*self.overrides, f"run.name={json.dumps(self.key)}", f"run.threads={threads}")
+        return case_file.of_text(self.text, Path(self.path), changes)
+
+    def perform(self, threads: int = 1) -> str | None:
+        """Run it, unless its result is there; the message of a run that failed, None of one that is done."""
+        level = LOG.level
+        LOG.setLevel(logging.WARNING)  # no lines of progress
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # the study has told what there is to be told, once
+                if not self.result.exists():
+                    began = time.perf_counter()
+                    found = (
+                        self._long(threads)
+                        if self.analyses or self.trajectory
+                        else _series_alone(self.file(threads))
+                    )
+                    save(self.result, found, seconds=time.perf_counter() - began)
+        except (EngineError, InputError, TrajectoryError) as error:
+            return str(error)
+        finally:
+            LOG.setLevel(level)
+        return None
+
+    def warm(self, threads: int = 1) -> None:
+        """Compile its kernels, by a run of one collision that nobody sees."""
+        with (
+            contextlib.suppress(EngineError, InputError),
+            warnings.catch_warnings(),
+        ):  # told by the run itself
+            warnings.simplefilter("ignore")
+            file = self.file(threads)
+            _advance(file.gas.ready(file.case), file.case, [], short=True)
+
+    def _long(self, threads: int) -> dict[str, Variable]:
+        """The run with its trajectory, from its checkpoint if a worker was killed in it, and the analyses."""
+        from ..run import job, resume
+        from ..run.outputs import Outputs
+        from ..trajectory.reader import Trajectory
+
+        def silent(_text: str) -> None:
+            """Runs of a study print nothing."""
+
+        file = self.file(threads)
+        outputs = Outputs.plan(file.case, f"{self.folder}/{self.key}", picture=False)
+        try:
+            if not outputs.checkpoint.exists():
+                raise InputError("a run that begins")
+            resume.resume(
+                outputs.trajectory, ignore_case_changes=True, threads=threads, say=silent, warn=silent
+            )
+        except InputError:  # of no checkpoint, or of one that does not fit: the run begins anew
+            job.run(file, outputs, force=True, say=silent, warn=silent)
+        with Trajectory(outputs.trajectory) as trajectory:
+            series = trajectory.series
+            found = _on_rows(
+                file.case,
+                trajectory.disks.n,
+                {"time": series.time, **{name: series[name] for name in series}},
+            )
+            for name in self.analyses:
+                found |= _analysed(
+                    trajectory, name, self.at, "time" if file.case.run.t_end else "collisions_per_disk"
+                )
+        if not self.trajectory:
+            for ending in (".h5", ".status.json"):
+                outputs.trajectory.with_name(f"{self.key}{ending}").unlink(missing_ok=True)
+        return found
+
+
+def _series_alone(file: CaseFile) -> dict[str, Variable]:
+    """The series of a run that writes no trajectory."""
+    gas, rows = file.gas.ready(file.case), []
+    ledger = Ledger()
+
+    def row(measure: Any) -> None:
+        rows.append({"time": measure.time, **ledger.row(measure)})
+
+    _advance(gas, file.case, [row])
+    return _on_rows(file.case, gas.disks.n, {name: np.array([one[name] for one in rows]) for name in rows[0]})
+
+
+def _advance(gas: CaseGas, case: Case, samplers: list[Any], *, short: bool = False) -> None:
+    simulation, t_end, per_disk = gas.simulation(case), case.run.t_end, case.run.collisions_per_disk
+    simulation.run(
+        t_end=1e-3 * t_end if short and t_end is not None else t_end,
+        collisions_per_disk=2.0 / gas.disks.n if short and per_disk is not None else per_disk,
+        series=1 if short else case.output.series_cadence,
+        samplers=samplers or [lambda measure: None],
+    )
+
+
+def along(case: Case) -> tuple[str, NDArray[np.float64]]:
+    """The axis that rows of series stand on, what ends the run, and the places of the rows."""
+    cadence = case.output.series_cadence
+    assert cadence.number is not None
+    if case.run.t_end is not None:
+        end, name = case.run.t_end, "time"
+    else:
+        end, name = case.run.collisions_per_disk or 0.0, "collisions_per_disk"
+    schedule = Schedule(cadence, Span.to(2, 0.0, 0, t_end=end))
+    return name, np.array([0.0, *(schedule.due(k + 1).time for k in range(cadence.number))])
+
+
+def _on_rows(case: Case, n: int, found: dict[str, NDArray[Any]]) -> dict[str, Variable]:
+    """Series at the places where the study has them: where two fall on one collision, one row is both."""
+    name, places = along(case)
+    span = Span.to(n, 0.0, 0, t_end=case.run.t_end, collisions_per_disk=case.run.collisions_per_disk)
+    schedule = Schedule(case.output.series_cadence, span)
+    due = [schedule.due(k + 1) for k in range(len(places) - 1)]
+    wanted = np.array([0.0, *(each.time if name == "time" else float(each.collisions or 0) for each in due)])
+    rows = np.searchsorted(found["time"] if name == "time" else found["collisions"], wanted)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found["theta"] = found["rotational_temperature"] / found["temperature"]
+    found["collisions_per_disk"] = 2.0 * found["collisions"] / n
+    del found[name]
+    units = _units(case)
+    result = {}
+    for each, values in found.items():
+        padded = np.concatenate([values.astype(float), np.full((1, *values.shape[1:]), np.nan)])
+        part = each.removeprefix("dissipated_by_").removeprefix("collisions_by_")
+        inner = () if values.ndim == 1 else (part,) if each in COLUMNS else ("axis",)
+        result[each] = Variable((name, *inner), padded[np.minimum(rows, len(values))], units.get(each, ""))
+    return result
+
+
+def _units(case: Case) -> dict[str, str]:
+    from ..case.case import UNITS
+    from ..trajectory.tables import QUANTITIES
+
+    return {name: UNITS[case.run.units][quantity] for name, quantity in QUANTITIES.items()}
+
+
+def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> dict[str, Variable]:
+    """Numbers and tables of an analysis: of frames, one for each place; of a whole run, one."""
+    from ..analysis.catalogue import ANALYSES
+
+    try:
+        if name in OVER_TIME or not at:
+            return _outcome(name, [ANALYSES[name].of(trajectory, None)], ())
+        reached = (
+            trajectory.times
+            if axis == "time"
+            else 2.0 * trajectory.observables["collisions"] / trajectory.disks.n
+        )
+        frames = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
+        return _outcome(name, [ANALYSES[name].of(trajectory, [int(frame)]) for frame in frames], (AT,))
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str, Variable]:
+    found: dict[str, Variable] = {}
+    for i, outcome in enumerate(outcomes):
+        parts: list[tuple[tuple[str, ...], str, NDArray[np.float64], str]] = [
+            ((), _named(name, row.name), np.array(float(row.value)), row.unit) for row in outcome.rows
+        ]
+        for table, columns in outcome.tables.items():
+            row = _named(name, table, "row")
+            parts += [
+                ((row,), _named(name, table, one), np.asarray(values, float), "")
+                for one, values in columns.items()
+            ]
+        for inner, key, values, unit in parts:
+            if key not in found:
+                found[key] = Variable((*dims, *inner), np.full((len(outcomes), *values.shape), np.nan), unit)
+            place = grown(found[key].values, (len(outcomes), *values.shape))
+            corner: Any = (i, *(slice(size) for size in values.shape))
+            place[corner] = values
+            found[key] = Variable((*dims, *inner), place, unit)
+    return found if dims else {key: Variable(one.dims, one.values[0], one.unit) for key, one in found.items()}
+
+
+def grown(values: NDArray[Any], shape: tuple[int, ...]) -> NDArray[Any]:
+    """The array, with nan behind its ends so that it has room for this shape."""
+    more = [(0, max(0, new - old)) for old, new in zip(values.shape, shape, strict=True)]
+    return np.pad(values, more, constant_values=np.nan) if any(each for _, each in more) else values
+
+
+def _named(*parts: str) -> str:
+    """A name that NetCDF and Python take."""
+    name = re.sub(r"\W+", "_", "_".join(part for part in parts if part)).strip("_")
+    return re.sub("_error$", "_uncertainty", name)  # errors are those of means over seeds
+
+
+def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
+    """Write a result; it appears whole or not at all."""
+    head = {"seconds": seconds, "variables": {name: [one.dims, one.unit] for name, one in found.items()}}
+    arrays = {name: one.values for name, one in found.items()}
+
+    def write(aside: Path) -> None:
+        with aside.open("wb") as file:
+            np.savez(file, head=np.array(json.dumps(head)), **arrays)  # type: ignore[arg-type]
+
+    write_aside(path, write)
+
+
+def load(path: Path) -> tuple[dict[str, Variable], float]:
+    """A result, and the seconds that the run took.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            head = json.loads(str(stored["head"]))
+            found = {
+                name: Variable(tuple(dims), stored[name], unit)
+                for name, (dims, unit) in head["variables"].items()
+            }
+        return found, float(head["seconds"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{path}: is no result of a study: {error}; delete it, and it is computed again"
+        ) from None

@@ -1,0 +1,229 @@
+"""Processes that run the tasks of a study: here, or on a cluster by Dask.
+
+Each generator yields a task with the message of its failure (None if it is done), or None every second or so in which
+nothing ends, so that whoever asks can look at signals and clocks. Closing it ends the processes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import inspect
+import multiprocessing
+import os
+import queue
+import shutil
+import signal
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+from ..errors import InputError, nearest
+from .plan import ClusterSection
+from .task import Task
+
+Done = Iterator[tuple[Task, str | None] | None]
+TRIES = 3
+"""Workers that a run may take down with it before it counts as failed."""
+ANSWER = 10.0
+"""Seconds in which a scheduler has to answer."""
+COMMANDS = {"slurm": "sbatch", "pbs": "qsub", "sge": "qsub", "lsf": "bsub"}
+
+
+def here(tasks: Sequence[Task], threads: int) -> Done:
+    """One run after another in this process."""
+    for task in tasks:
+        yield task, task.perform(threads)
+
+
+def pool(tasks: Sequence[Task], workers: int, threads: int) -> Done:
+    """Runs in processes of this machine; one that is killed is replaced, and its run done again."""
+    slots = [_Slot() for _ in range(workers)]
+    ended: queue.SimpleQueue[tuple[_Slot, Task | None, Future[str | None]]] = queue.SimpleQueue()
+    waiting, lost = deque(tasks), Counter[str]()
+
+    def submit(slot: _Slot, task: Task | None) -> None:
+        work = slot.executor.submit(tasks[0].warm if task is None else task.perform, threads)
+        work.add_done_callback(lambda future: ended.put((slot, task, future)))
+
+    try:
+        submit(slots[0], None)  # compiles the kernels, which the others find
+        idle = 0
+        while idle < workers:
+            try:
+                slot, task, future = ended.get(timeout=1.0)
+            except queue.Empty:
+                yield None
+                continue
+            error = future.exception()
+            if isinstance(error, BrokenProcessPool):
+                slot.replace()
+                if task is not None:
+                    lost[task.key] += 1
+                    if lost[task.key] < TRIES:
+                        waiting.append(task)
+                        task = None
+            if task is not None:
+                broken = f"its process died {TRIES} times (out of memory?)"
+                known = broken if isinstance(error, BrokenProcessPool) else repr(error)
+                yield task, known if error is not None else future.result()
+            free = slots if idle == 0 and task is None and len(waiting) == len(tasks) else [slot]
+            for each in free:
+                if waiting:
+                    submit(each, waiting.popleft())
+                else:
+                    idle += 1
+    finally:
+        for slot in slots:
+            slot.end()
+
+
+class _Slot:
+    """A place for one process."""
+
+    def __init__(self) -> None:
+        self.executor: ProcessPoolExecutor
+        self.replace()
+
+    def replace(self) -> None:
+        """Start a process; one that is there has died."""
+        context = multiprocessing.get_context("spawn")  # a fork of a process in which Taichi runs hangs
+        self.executor = ProcessPoolExecutor(1, context, initializer=_begin)
+        self._pid = self.executor.submit(os.getpid)
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        self.executor.shutdown(wait=False, cancel_futures=True)
+        if self._pid.done() and not self._pid.cancelled() and self._pid.exception() is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._pid.result(), signal.SIGKILL)
+
+
+def _begin() -> None:
+    """Ignore Ctrl-C, and end when the process does that has started this one."""
+    _ignore_interrupts()
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def has_dask() -> bool:
+    """True if the extra `study` is installed."""
+    return importlib.util.find_spec("distributed") is not None
+
+
+def dask(
+    tasks: Sequence[Task], cluster: ClusterSection, workers: int, threads: int, say: Callable[[str], None]
+) -> Done:
+    """Runs on a cluster of Dask: one of this machine, one that a scheduler has, or jobs of a batch system.
+
+    Raises
+    ------
+    InputError
+        If the cluster does not answer, or cannot be asked.
+    """
+    if not has_dask():
+        raise InputError('Dask is not installed, which this cluster needs: pip install "ifrdem[cluster]"')
+    import distributed
+
+    with contextlib.ExitStack() as stack:
+        if cluster.scheduler is not None:
+            place: Any = cluster.scheduler
+        elif cluster.kind is not None:
+            place = stack.enter_context(_jobs(cluster, threads))
+            place.scale(jobs=cluster.jobs)
+        else:
+            place = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    memory_limit=0,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=50,
+                )
+            )
+        try:
+            client = stack.enter_context(distributed.Client(place, timeout=ANSWER, set_as_default=False))
+        except (OSError, ValueError) as error:  # of an address that is none, too
+            reason = str(error).splitlines()[0] if str(error) else "no answer"
+            raise InputError(
+                f"scheduler {cluster.scheduler}: does not answer within {ANSWER:g} s: {reason}"
+            ) from None
+
+        class Deaf(distributed.WorkerPlugin):
+            """Workers ignore Ctrl-C."""
+
+            def setup(self, worker: Any) -> None:
+                _ignore_interrupts()
+
+        client.register_plugin(Deaf())
+        say(f"dashboard: {client.dashboard_link}")
+        ended: queue.SimpleQueue[tuple[Task | None, Any]] = queue.SimpleQueue()
+
+        def submit(task: Task | None) -> None:
+            work = tasks[0].warm if task is None else task.perform
+            future = client.submit(work, threads, pure=False)
+            held[future.key] = future
+            future.add_done_callback(lambda future: ended.put((task, future)))
+
+        held: dict[str, Any] = {}  # Dask forgets what nobody holds
+        submit(None)  # compiles the kernels, which the others find
+        while held:
+            try:
+                task, future = ended.get(timeout=1.0)
+            except queue.Empty:
+                yield None
+                continue
+            fault = future.exception()
+            if task is None:
+                if isinstance(fault, ImportError):
+                    raise InputError(f"a worker of the cluster cannot run ifrdem: {fault}")
+                for each in tasks:
+                    submit(each)
+            else:
+                died = f"its worker died {TRIES} times (out of memory?)"
+                told = died if isinstance(fault, distributed.KilledWorker) else repr(fault)
+                yield task, told if fault is not None else future.result()
+            del held[future.key]
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C, which reaches all processes of a terminal, to the one that asks for the runs."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _jobs(cluster: ClusterSection, threads: int) -> Any:
+    """A cluster whose workers are jobs of a batch system."""
+    try:
+        import dask_jobqueue
+    except ImportError:
+        raise InputError(
+            f'cluster.kind = "{cluster.kind}": dask-jobqueue is not installed: pip install "ifrdem[cluster]"'
+        ) from None
+    kind = str(cluster.kind)
+    if shutil.which(COMMANDS[kind]) is None:
+        raise InputError(
+            f'cluster.kind = "{kind}": there is no command {COMMANDS[kind]} here: is this a login node?'
+        )
+    make = getattr(dask_jobqueue, f"{kind.upper()}Cluster")
+    classes = [*inspect.getmro(make)[:-1], *inspect.getmro(make.job_cls)[:-1]]
+    known = {name for one in classes for name in inspect.signature(one).parameters} - {"args", "kwargs"}
+    for name in cluster.options:
+        if name not in known:
+            raise InputError(
+                f"cluster.options.{name}: dask-jobqueue has no such option{nearest(name, known)}; it has "
+                f"{', '.join(sorted(known))}"
+            )
+    given = {"cores": 1, "processes": None, "memory": "4 GB"} | cluster.options
+    given["processes"] = given["processes"] or max(1, int(given["cores"]) // threads)
+    return make(**given)

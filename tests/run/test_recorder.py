@@ -1,0 +1,56 @@
+"""Output of a run that waits to be written together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ifrdem
+from ifrdem.run.recorder import BYTES_AT_ONCE, WAIT, Recorder
+
+
+class Calls:
+    """Stands for a writer: the number of frames and rows of each call."""
+
+    def __init__(self) -> None:
+        self.frames: list[int] = []
+        self.rows: list[int] = []
+
+    def write_frames(self, frames) -> None:
+        self.frames.append(len(frames))
+
+    def write_series_rows(self, rows, columns) -> None:
+        self.rows.append(len(rows))
+
+
+def gas(n: int) -> tuple[ifrdem.State, object]:
+    disks = ifrdem.Disks(n, mass=1.0, radius=0.5)
+    state = ifrdem.State(np.zeros((n, 2)), np.ones((n, 2)), np.zeros(n))
+    return state, ifrdem.observables.measure(disks, state)
+
+
+@pytest.mark.parametrize(("n", "calls"), [(10, [1, 8, 1]), (BYTES_AT_ONCE // 64 + 1, [1] * 10)])
+def test_small_frames_are_committed_together_and_large_ones_at_once(n, calls):
+    now, told = [0.0], Calls()
+    recorder = Recorder(told, ifrdem.Ledger(), clock=lambda: now[0])
+    with recorder:
+        for i in range(10):
+            if i == 8:
+                now[0] += WAIT  # the ninth frame finds that the others have waited long enough
+            recorder.frame(*gas(n))
+    assert told.frames == calls
+
+
+def test_frames_so_far_are_written_when_a_run_fails():
+    told = Calls()
+
+    def collapse() -> None:
+        with Recorder(told, ifrdem.Ledger(), clock=lambda: 0.0) as recorder:
+            for _ in range(3):
+                recorder.frame(*gas(2))
+                recorder.row(gas(2)[1])
+            raise ifrdem.EngineError("collapse")
+
+    with pytest.raises(ifrdem.EngineError):
+        collapse()
+    assert sum(told.frames) == sum(told.rows) == 3

@@ -1,0 +1,367 @@
+"""Studies of small gases: results, resuming, failures, and processes that are killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+
+import ifrdem
+from ifrdem.cli import main as cli
+from ifrdem.study.results import Results
+from ifrdem.study.task import load
+
+pytestmark = pytest.mark.unoptimised
+
+CASE = """
+[run]
+name = "gas"
+seed = 3
+collisions_per_disk = 4.0
+units = "reduced"
+
+[box]
+packing_fraction = 0.2
+
+[[material]]
+name = "coin"
+e_n = 0.9
+e_t = -0.8
+mu = 0.2
+
+[[species]]
+name = "coins"
+number = 60
+material = "coin"
+mass = 1.0
+diameter = 1.0
+speed_rms = 1.4
+
+[output]
+series = 5
+"""
+VARY = "material[0].e_n=0.7,0.9"
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    path = tmp_path / "gas.toml"
+    path.write_text(CASE)
+    return path
+
+
+def same(one: Results, other: Results) -> bool:
+    """Equal to the last bit, but for when they were written."""
+    return one.variables.keys() == other.variables.keys() and all(
+        each.dims == other.variables[name].dims
+        and each.values.tobytes() == other.variables[name].values.tobytes()
+        for name, each in one.variables.items()
+        if each.values.dtype.kind in "iuf"
+    )
+
+
+def test_results_are_those_of_single_runs_with_means_and_standard_errors(case, tmp_path):
+    study = ifrdem.Study(case, vary=[VARY], set=["output.series=8"], seeds=3, output=tmp_path / "out")
+    assert study.run(workers=0) == {}
+    found = xarray.open_dataset(tmp_path / "out.nc", engine="h5netcdf")
+    assert dict(found.sizes) | {"e_n": 2, "seed": 3, "collisions_per_disk": 9} == dict(found.sizes)
+    assert found.seed.values.tolist() == [3, 4, 5]  # from run.seed on
+    assert found.collisions_per_disk.values.tolist() == [0.5 * i for i in range(9)]
+    # The same gas by `ifrdem run`, which writes a file: equal to the last bit.
+    changes = [
+        "material[0].e_n=0.7",
+        "run.seed=4",
+        "output.series=8",
+        "output.picture=false",
+        "output.views=false",
+    ]
+    sets = [word for each in changes for word in ("--set", each)]
+    assert cli.main(["run", str(case), "-o", f"{tmp_path}/one", *sets]) == 0
+    with ifrdem.Trajectory(tmp_path / "one.h5") as one:
+        mine = found.sel(e_n=0.7, seed=4)
+        assert np.array_equal(mine.temperature, one.series["temperature"])
+        assert np.array_equal(mine.time, one.series.time)
+        assert np.array_equal(mine.dissipated_by_mechanism, one.series["dissipated_by_mechanism"])
+    T = found.temperature.values
+    assert found.temperature_mean.values == pytest.approx(T.mean(axis=1), rel=1e-14)
+    assert found.temperature_error.values == pytest.approx(
+        T.std(axis=1, ddof=1) / np.sqrt(3.0), rel=1e-12, abs=1e-17
+    )
+    assert found.runs.values.tolist() == [3, 3]
+    # T after 4 collisions each of disks without spin; theory is exact at the start and within noise of 60 disks later.
+    assert found.temperature_theory.values[:, 0] == pytest.approx(T[:, 0, 0], rel=1e-12)
+    assert found.temperature_theory.values == pytest.approx(found.temperature_mean.values, rel=0.15)
+    assert xarray.open_dataset(tmp_path / "out.nc", engine="netcdf4").identical(found)
+    assert study.dataset().temperature.identical(found.temperature)
+
+
+def test_a_second_call_runs_only_what_is_new(case, tmp_path, monkeypatch):
+    first = ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "a")
+    first.run(workers=0)
+    done = {path.name: path.stat().st_mtime_ns for path in first.folder.glob("*.npz")}
+    assert len(done) == 4
+    more = ifrdem.Study(case, vary=["material[0].e_n=0.7,0.8,0.9"], seeds=3, output=tmp_path / "a")
+    more.run(workers=0)
+    later = {path.name: path.stat().st_mtime_ns for path in more.folder.glob("*.npz")}
+    assert len(later) == 9
+    assert later.items() >= done.items()
+    other = ifrdem.Study(case, vary=[VARY], seeds=2, set=["box.packing_fraction=0.3"], output=tmp_path / "a")
+    assert not any(task.result.exists() for task in other.tasks)
+
+
+def test_keys_vary_together_or_in_every_combination(case, tmp_path):
+    (tmp_path / "study.toml").write_text("""
+case = "gas.toml"
+[sweep]
+"material[0].mu" = { from = 0.01, to = 1.0, number = 3, spacing = "log" }
+[[zip]]
+"species[0].number" = { from = 20, to = 60, number = 2 }
+"material[0].e_n" = [0.8, 0.9]
+[ensemble]
+seeds = [7, 1]
+[output]
+series = 2
+""")
+    study = ifrdem.Study(tmp_path / "study.toml", output=tmp_path / "s")
+    study.run(workers=0)
+    found = study.dataset()
+    assert dict(found.sizes) | {"mu": 3, "number": 2, "seed": 2} == dict(found.sizes)
+    assert found.mu.values.tolist() == [0.01, 0.1, 1.0]
+    assert found.number.values.tolist() == [20, 60]
+    assert found.e_n.dims == ("number",)
+    assert found.seed.values.tolist() == [7, 1]
+    # n disks of mass 1 at rms speed 1.4: n 1.4^2 / 2.
+    assert found.energy.values[:, :, :, 0] == pytest.approx(
+        np.broadcast_to([[19.6], [58.8]], (3, 2, 2)), rel=1e-12
+    )
+
+
+def test_names_of_axes_are_short_and_unique(case):
+    clash = ["material[0].e_n=0.7,0.8", "pair[0].e_n=0.7,0.8", "force[0].temperature=1.0,2.0"]
+    study = ifrdem.Study(case, vary=clash)
+    assert [axis.names for axis in study.plan.axes] == [
+        ("material0_e_n",),
+        ("pair0_e_n",),
+        ("force0_temperature",),
+    ]
+
+
+def test_frames_are_analysed_where_asked_for_and_trajectories_kept(case, tmp_path):
+    (tmp_path / "study.toml").write_text(f"""
+case = "{case.name}"
+set = ["output.histories_all=true"]
+[ensemble]
+seeds = 2
+[output]
+series = 4
+analyses = ["velocity", "impact"]
+analyses_at = [1.5, 4.0]
+trajectories = true
+""")
+    study = ifrdem.Study(tmp_path / "study.toml", output=tmp_path / "s")
+    assert study.run(workers=0) == {}
+    found = study.dataset()
+    assert found["at"].values.tolist() == [1.5, 4.0]
+    with ifrdem.Trajectory(study.folder / f"{found.run.values[1]}.h5") as kept:
+        per_disk = 2.0 * kept.observables["collisions"] / 60
+        frame = int(np.searchsorted(per_disk, 1.5))
+        v2 = np.sum(kept[frame].velocity ** 2, axis=1)
+    # a20 = <v^4> / (2 <v^2>^2) - 1 in two dimensions; the estimator takes the bias of 60 disks, some 1/60, off.
+    assert found.velocity_a20.values[1, 0] == pytest.approx(
+        np.mean(v2**2) / (2.0 * np.mean(v2) ** 2) - 1.0, abs=0.1
+    )
+    assert not np.array_equal(found.velocity_a20[:, 0], found.velocity_a20[:, 1])
+    assert found.velocity_a20_mean.values == pytest.approx(found.velocity_a20.values.mean(axis=0))
+    assert found.velocity_P_c.dims == ("seed", "at", "velocity_row")
+    assert any(str(each).startswith("impact") for each in found)
+
+
+def test_a_failed_run_is_listed_and_the_others_go_on(case, tmp_path, capsys):
+    # Disks in an open box fly apart before each has had 4 collisions.
+    words = ["study", str(case), "--vary", "box.open=true,false", "-o", f"{tmp_path}/f", "--workers", "0"]
+    assert cli.main(words) == 1
+    told = capsys.readouterr().err
+    assert "1 of 2 runs failed" in told
+    assert "  open = true, seed 3: " in told
+    found = xarray.open_dataset(tmp_path / "f.nc", engine="h5netcdf")
+    assert found.open.values.tolist() == ["true", "false"]
+    assert found.runs.values.tolist() == [0, 1]
+    assert [bool(text) for text in found.failure.values.ravel()] == [True, False]
+    assert np.isnan(found.temperature_mean.values[0]).all()
+
+
+def bad(tmp_path: Path, capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    assert cli.main(["study", str(tmp_path / "gas.toml"), "-o", f"{tmp_path}/bad", *words]) == 2
+    assert not list(tmp_path.glob("bad*"))
+    return capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--vary", "material[0].en=0.7,0.8"], "unknown key (did you mean 'e_n'?)"),
+        (["--vary", VARY, "--vary", VARY], "two axes of this name"),
+        (
+            ["--vary", "material[0].e_n=0.7,1.2"],
+            "e_n = 1.2: material[0].e_n = 1.2: must be less than or equal to 1",
+        ),
+        (["--vary", "run.seed=1,2"], "cannot be swept: --seeds"),
+        (["--vary", "material[0].mu=0.1,0.1"], "0.1 is there twice"),
+        (["--vary", "material[0].mu=0.1,0.2;material[0].e_n=0.7"], "as many values each"),
+        (["--vary", "nonsense"], "KEY=VALUES is needed"),
+        (["--seeds", "0"], "a number of seeds"),
+        (["--part", "3/2"], "K/M is needed"),
+        (["--workers", "1", "--scheduler", "tcp://a:1"], "not beside"),
+        (["--scheduler", "nonsense://127.0.0.1:9"], "does not answer"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_starts(case, tmp_path, capsys, words, message):
+    assert message in bad(tmp_path, capsys, *words)
+
+
+def test_points_that_check_refuses_are_left_out_by_keep_going_only(case, tmp_path, capsys):
+    words = ["study", str(case), "--vary", "material[0].e_n=0.7,1.2", "-o", f"{tmp_path}/k", "--workers", "0"]
+    assert cli.main(words) == 2
+    assert "--keep-going" in capsys.readouterr().err
+    assert cli.main([*words, "--keep-going"]) == 0
+    found = xarray.open_dataset(tmp_path / "k.nc", engine="h5netcdf")
+    assert found.runs.values.tolist() == [1, 0]
+
+
+def test_a_dry_run_starts_nothing(case, tmp_path, capsys):
+    assert (
+        cli.main(["study", str(case), "--vary", VARY, "--seeds", "5", "-o", f"{tmp_path}/d", "--dry-run"])
+        == 0
+    )
+    told = capsys.readouterr().out
+    assert "2 points x 5 seeds = 10 runs" in told
+    assert "disk space" in told
+    assert "expected time" in told
+    assert [path.name for path in tmp_path.iterdir()] == ["gas.toml"]
+
+
+def test_parts_of_an_array_job_add_up(case, tmp_path):
+    whole = ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "w")
+    whole.run(workers=0)
+    for k in (1, 2, 3):
+        ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "p").run(workers=0, part=(k, 3))
+        assert not (tmp_path / "p.nc").exists()
+    parts = ifrdem.Study(case, vary=[VARY], seeds=2, output=tmp_path / "p")
+    assert same(parts.results(), whole.results())
+
+
+def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
+    study = ifrdem.Study(case, vary=[VARY, "material[0].mu=0.1,0.5"], seeds=2, output=tmp_path / "t")
+    study.run(workers=0)
+    assert cli.main(["tail", str(study.output)]) == 0
+    assert "8 of 8 runs" in capsys.readouterr().out
+    assert cli.main(["plot", str(study.output), "T", "--over", "tau", "--by", "material[0].e_n"]) == 0
+    panels = drawn[0].axes
+    assert [each.get_title() for each in panels] == ["mu = 0.1", "mu = 0.5"]
+    labels = panels[0].get_legend_handles_labels()[1]
+    assert labels[:2] == ["e_n = 0.7", "e_n = 0.9"]
+    assert any("kinetic theory" in label for label in labels)
+    solid = next(line for line in panels[0].lines if line.get_label() == "e_n = 0.9")
+    mean = study.dataset().temperature_mean
+    assert np.array_equal(solid.get_ydata(), mean.sel(e_n=0.9, mu=0.1))
+    assert cli.main(["plot", str(study.output), "theta", "--by", "foo"]) == 2
+
+
+def run_it(case: Path, out: Path, engine: str) -> subprocess.Popen[str]:
+    """A study of eight runs of two processes, in a process group of its own; it says when a run is done."""
+    program = f"""
+import ifrdem
+from ifrdem.study import workers
+workers.has_dask = lambda: {engine == "dask"}
+if __name__ == "__main__":
+    changes = ["run.collisions_per_disk=200"]
+    study = ifrdem.Study({str(case)!r}, vary=["{VARY}"], seeds=4, set=changes, output={str(out)!r})
+    print(study.run(workers=2), flush=True)
+"""
+    script = out.with_suffix(".py")
+    script.write_text(program)
+    environment = {**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"}
+    return subprocess.Popen(
+        [sys.executable, str(script)],
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def children(pid: int) -> list[int]:
+    """Processes below one, from /proc."""
+    parents = {}
+    for each in Path("/proc").iterdir():
+        if each.name.isdecimal():
+            try:
+                parents[int(each.name)] = int((each / "stat").read_text().rpartition(")")[2].split()[1])
+            except OSError:
+                continue
+    found, new = [], [pid]
+    while new:
+        new = [one for one, parent in parents.items() if parent in new]
+        found += new
+    return found
+
+
+def first_result(folder: Path, process: subprocess.Popen[str]) -> None:
+    while not list(folder.glob("*.npz")):
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are found in /proc")
+@pytest.mark.parametrize("engine", ["pool", "dask"])
+def test_killed_workers_and_clients_leave_the_same_bits_and_no_orphans(case, tmp_path, engine):
+    quiet = ifrdem.Study(
+        case, vary=[VARY], seeds=4, set=["run.collisions_per_disk=200"], output=tmp_path / "quiet"
+    )
+    quiet.run(workers=0)
+    client = run_it(case, tmp_path / "killed", engine)
+    folder = tmp_path / "killed.runs"
+    first_result(folder, client)
+    below = children(client.pid)
+    os.kill(client.pid, signal.SIGKILL)
+    client.communicate()
+    for _ in range(200):  # orphans see that their parent is gone
+        if not any(Path(f"/proc/{pid}").exists() for pid in below):
+            break
+        time.sleep(0.05)
+    assert not any(Path(f"/proc/{pid}").exists() for pid in below)
+    kept = {path: path.stat().st_mtime_ns for path in folder.glob("*.npz")}
+    for path in list(kept)[1:]:
+        path.unlink()  # so that there is work left, however fast the machine is
+    again = run_it(case, tmp_path / "killed", engine)
+    killed = False
+    while not killed:  # a worker in the middle of its work
+        assert again.poll() is None, again.communicate()
+        if len(list(folder.glob("*.npz"))) > 1:
+            workers_below = [
+                pid
+                for pid in children(again.pid)
+                if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()
+            ]
+            os.kill(workers_below[-1], signal.SIGKILL)
+            killed = True
+        time.sleep(0.02)
+    told, errors = again.communicate(timeout=120)
+    assert told.strip() == "{}", errors
+    assert all(path.stat().st_mtime_ns == before for path, before in list(kept.items())[:1])
+    assert same(Results.read(tmp_path / "killed.nc"), quiet.results())
+    assert all(load(task.result) for task in quiet.tasks)
+
+
+def test_the_template_is_a_study(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new", "study"]) == 0
+    assert cli.main(["study", "study.toml", "--dry-run"]) == 0
+    assert "9 points x 20 seeds = 180 runs" in capsys.readouterr().out
