@@ -7,7 +7,7 @@ is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simul
 
 from .contact import collided
 from .language import ti
-from .layout import BLOCK, SPREAD, GasArrays, Rows, Table, n_blocks
+from .layout import BLOCK, SPREAD, GasArrays, Rows, Table
 from .random import DRAWS, normals, unit, words
 
 # A disk's record
@@ -146,7 +146,7 @@ def kick(disk: Rows, key: Rows, factors: Rows, gains: Rows):
 
     `factors`: what is left of a velocity and of a spin; energy that noise gives to the motion and to the spin.
     """
-    for item in range(SPREAD * n_blocks(disk.shape[0])):
+    for item in range(SPREAD * ((disk.shape[0] + BLOCK - 1) // BLOCK)):
         if item % SPREAD == 0:
             b = item // SPREAD
             gain = ti.cast(0.0, ti.f64)
