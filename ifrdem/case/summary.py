@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
+from ..kernels.limits import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import device as backend
@@ -102,7 +102,7 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
     `positions` is start.positions: growth needs more.
     """
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
-    engine = BYTES_PER_DISK + LEDGER_BYTES_PER_DISK if arch == "cpu" else 0
+    engine = BYTES_PER_DISK if arch == "cpu" else 0
     needed = n * (host + WRITER_BYTES_PER_DISK + engine)
     free = backend.memory_available()
     if free is not None and needed > free:
