@@ -249,9 +249,9 @@ def test_law_example_cools_as_viscoelastic_gases_do(
 
 def test_open_example_flies_apart(capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block("open"), "README.md", "exec"), {})
-    collisions, epochs, extent = capsys.readouterr().out.split()
+    collisions, windows, extent = capsys.readouterr().out.split()
     assert int(collisions) > 500
-    assert int(epochs) < 500
+    assert int(windows) < 500
     assert float(extent) > 1e9
 
 

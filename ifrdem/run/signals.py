@@ -84,10 +84,10 @@ class Stops:
                 raise KeyboardInterrupt
             self._reason = Stopped("interrupted", INTERRUPTED)
             self._warn(
-                "interrupted: the run stops after this epoch, with a checkpoint; Ctrl-C again stops it at once"
+                "interrupted: the run stops after this window, with a checkpoint; Ctrl-C again stops it at once"
             )
         elif self._reason is None:
             name, warned = signal.Signals(number).name, number in WARNINGS
             told = ("warned", TIME_IS_UP) if warned else ("terminated", TERMINATED)
             self._reason = Stopped(f"{told[0]} ({name})", told[1])
-            self._warn(f"{self._reason}: the run stops after this epoch, with a checkpoint")
+            self._warn(f"{self._reason}: the run stops after this window, with a checkpoint")

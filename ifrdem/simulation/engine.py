@@ -460,7 +460,7 @@ class Engine:
         before, was = windows.sums[COLLISIONS], self.time
         first = self._before[0]
         most = 1 if watching else min(self._until_looked, BURST) if self.box.is_open else BURST
-        begun = self.statistics.epochs
+        begun = self.statistics.windows
         windows.run(
             t_end,
             None if collisions is None else collisions - first,
@@ -490,7 +490,7 @@ class Engine:
                     "usual at this density: these disks seem never to meet"
                 )
         if self.box.is_open:
-            self._until_looked -= self.statistics.epochs - begun
+            self._until_looked -= self.statistics.windows - begun
             if self._until_looked <= 0 and not windows.inside:
                 self._look_around()
 

@@ -88,8 +88,8 @@ class Cadence:
     log_from : float
         With "log": where the first one stands, as a part of the run.
     exact : bool
-        Exactly then. If not, where the engine next ends an epoch by itself: that changes nothing and costs little, but
-        epochs of a small or thin gas may be long, and then there are fewer.
+        Exactly then. If not, where the engine next ends a window by itself: that changes nothing and costs little, but
+        windows of a small or thin gas may be long, and then there are fewer.
 
     Raises
     ------

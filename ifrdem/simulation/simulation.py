@@ -509,12 +509,12 @@ class Simulation(Sealed):
         samplers : iterable of callables
             Each is called as `sampler(measure)` at the beginning, the end, and in between.
         progress : callable
-            Called as `progress(time, collisions)` after every epoch.
+            Called as `progress(time, collisions)` after every window.
 
         Notes
         -----
         `stop` ends a run early. Whatever an observer raises ends it too, at the frame that the observer was given. So
-        does Ctrl-C (KeyboardInterrupt), at the end of the present epoch; a second one ends it at once, and the state is
+        does Ctrl-C (KeyboardInterrupt), at the end of the window; a second one ends it at once, and the state is
         lost unless an observer was just at work. In all other cases the gas can be run on.
 
         Raises
@@ -584,7 +584,7 @@ class Simulation(Sealed):
     def stop(self) -> None:
         """End the run at the frame that the calling observer is given; it returns as if that were its end.
 
-        Called by a sampler, `progress` or another thread, it ends the run at the end of the present epoch.
+        Called by a sampler, `progress` or another thread, it ends the run at the end of the window.
         """
         self._stopping = True
 

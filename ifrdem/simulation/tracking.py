@@ -165,7 +165,7 @@ class Tracking:
         return found.where(now)
 
     def drop_after(self, time: float) -> None:
-        """Forget what came after a time [time]: it is undone."""
+        """Forget what comes after a time [time]: another window begins there."""
         self._found = [found.where(found.time <= time) for found in self._found]
 
     def gather(self, began: float, real: NDArray[Any], whole: NDArray[Any], box: Box) -> None:
@@ -310,9 +310,9 @@ class Statistics:
 
     Attributes
     ----------
-    epochs : int
+    windows : int
         Windows.
-    undone : int
+    run_again : int
         Tiles that were run again.
     in_order : int
         Windows that were left to one thread.
@@ -320,7 +320,7 @@ class Statistics:
         Collisions that were elastic for a remedy for collapse.
     """
 
-    epochs: int = 0
+    windows: int = 0
     in_order: int = 0
-    undone: int = 0
+    run_again: int = 0
     elastic: int = 0

@@ -285,15 +285,15 @@ class Windows:
         self.rests = False
         self._launch(1 if alone else a.tiles, most)
         again = bool(begin == self._counted)
-        self.statistics.epochs -= again
+        self.statistics.windows -= again
         if alone:
             last = self._tally(k.AT_END)
-            self.statistics.epochs += int(a.counter[k.N_WINDOWS])
+            self.statistics.windows += int(a.counter[k.N_WINDOWS])
             self._done += a.sums - last
             self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
             self._collect(watching)
         else:
-            self.statistics.epochs += 1
+            self.statistics.windows += 1
             self._collect(watching)
             kept = replace(self.statistics)
             halvings = 0
@@ -373,7 +373,7 @@ class Windows:
             if a.counter[k.N_WINDOWS] > 1:
                 # Windows before this one are good: go on from here.
                 self._done += a.sums
-                self.statistics.epochs += int(a.counter[k.N_WINDOWS]) - 1
+                self.statistics.windows += int(a.counter[k.N_WINDOWS]) - 1
                 clock = a.clock.copy()
                 for column in (k.WANTED, k.PAUSE_AFTER):
                     clock[column] -= a.sums[k.COLLISIONS]
@@ -456,7 +456,7 @@ class Windows:
                     self._watched = []
                 self._launch(a.tiles, 1)
             self._collect(watching)
-        self.statistics.undone += bad
+        self.statistics.run_again += bad
         if bad > MOST_BAD * a.tiles:
             self._wider *= 1.02
 

@@ -240,7 +240,7 @@ class Study:
         self.folder.mkdir(exist_ok=True)
         stops = Stops(
             warn=lambda text: warn(
-                text.replace("the run stops after this epoch, with a checkpoint", "the study stops")
+                text.replace("the run stops after this window, with a checkpoint", "the study stops")
             )
         )
         status = Status(

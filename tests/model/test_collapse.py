@@ -70,7 +70,7 @@ def test_collisions_by_the_tc_rule_are_those_of_the_serial_code(
     np.testing.assert_array_equal(
         partners(np.array(run(engine, count))), partners(np.array([sorted(one[1:]) for one in expected]))
     )
-    assert engine.statistics.epochs > 2
+    assert engine.statistics.windows > 2
     assert engine.statistics.elastic == elastic
     found = engine.state()
     np.testing.assert_allclose(found.latest_collision, end.latest_collision, atol=1e-7)

@@ -369,7 +369,7 @@ def test_signals_end_a_run_with_a_checkpoint(tmp_path, number, status, word):
     os.killpg(process.pid, number)
     _, told = process.communicate(timeout=60)
     assert process.returncode == status
-    assert f"{word}: the run stops after this epoch, with a checkpoint" in told
+    assert f"{word}: the run stops after this window, with a checkpoint" in told
     assert "to go on: ifrdem resume" in told
     assert (tmp_path / "gas.checkpoint.h5").exists()
     content = json.loads((tmp_path / "gas.status.json").read_text())

@@ -101,7 +101,7 @@ def test_a_run_repeats_to_the_last_bit(order: str) -> None:
 def test_single_precision_keeps_energy_and_contacts_to_its_rounding(order: str) -> None:
     """A hundred elastic collisions a disk: each changes v^2 by some 1e-7 of itself, at random; 1e-7 * 10 for each disk.
 
-    Positions are rounded to 1e-7 of a tile's side, some 100 diameters, at every epoch: overlaps of 1e-4.
+    Positions are rounded to 1e-7 of a tile's side, some 100 diameters, at every window: overlaps of 1e-4.
     """
     disks = equal_disks(4000)
     box, state = equilibrated(disks, 0.3)

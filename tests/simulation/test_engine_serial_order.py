@@ -54,7 +54,7 @@ def test_collisions_are_those_of_the_serial_code(
     box, state = equilibrated(disks, packing_fraction)
     engine = Engine(disks, box, state, np.array([[law]]), arch=arch, order=order, tile_disks=60)
     assert_same_as_serial(disks, box, state, law, engine, per_disk=4 if packing_fraction < 0.2 else PER_DISK)
-    assert engine.statistics.in_order < engine.statistics.epochs
+    assert engine.statistics.in_order < engine.statistics.windows
 
 
 @pytest.mark.parametrize("order", ["alone", "tiles"])

@@ -70,7 +70,7 @@ def test_what_happens_does_not_depend_on_how_often_somebody_looks(
     assert len(found) == 38
     same(rare.state, often.state)
     assert rare.collisions == often.collisions
-    assert rare.statistics.epochs == often.statistics.epochs
+    assert rare.statistics.windows == often.statistics.windows
 
 
 def test_a_frame_is_the_state_of_a_run_that_ends_there(order: str) -> None:

@@ -121,9 +121,9 @@ def test_tiles_and_threads_and_the_whole_box_in_order_give_the_same_bits(name: s
             assert np.array_equal(getattr(state, each), getattr(expected, each)), (tile_disks, each)
         assert engine.arrays.tiles > 1
         if name == "clusters":  # histories reach through whole clusters
-            assert engine.statistics.undone > 0
+            assert engine.statistics.run_again > 0
         else:  # They were tiles indeed: the last resort of all had few windows to do.
-            assert engine.statistics.in_order < 0.2 * engine.statistics.epochs
+            assert engine.statistics.in_order < 0.2 * engine.statistics.windows
 
 
 def test_more_than_a_million_collisions_at_each_density_have_the_same_bits() -> None:
@@ -158,7 +158,7 @@ def test_narrow_halos_that_are_verified_give_the_same_bits(
 ) -> None:
     narrowed(monkeypatch, part)
     engine, state = in_tiles()
-    assert engine.statistics.undone > engine.statistics.epochs
+    assert engine.statistics.run_again > engine.statistics.windows
     assert same(state, in_order(**FAULTY))
 
 

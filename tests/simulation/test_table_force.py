@@ -128,10 +128,10 @@ def test_a_gas_that_has_come_to_rest_goes_to_the_end_at_no_cost(order: str) -> N
     assert not rest.velocity.any()
     assert not rest.spin.any()
     assert engine.force_steps.energy_inputs[0] < 0.0
-    epochs = engine.statistics.epochs
+    windows = engine.statistics.windows
     engine.advance(t_end=1e9)  # 2e10 steps
     assert engine.time == 1e9
-    assert engine.statistics.epochs == epochs
+    assert engine.statistics.windows == windows
     np.testing.assert_array_equal(engine.state().position, rest.position)
     with pytest.raises(NoMoreCollisions, match="no disk can meet another one, but collisions are asked for"):
         engine.advance(collisions=engine.collisions + 1)

@@ -77,7 +77,7 @@ def found(
     n: int = 1000, phi: float = 0.3, seconds: tuple[float, ...] = (1.0, 2.0, 4.0), **also: Any
 ) -> Benchmark:
     """A benchmark of made-up runs, each of 8000 collisions."""
-    done = {"epochs": 4, "rounds": 20, "undone": 80, "violations": 7, "cut_for_speed": 1, "cut_for_log": 0}
+    done = {"windows": 4, "rounds": 20, "undone": 80, "violations": 7, "cut_for_speed": 1, "cut_for_log": 0}
     runs = [Run(each, 8000, dict(done), slowest=each / 2.0) for each in seconds]
     given = {"threads": 2, "bytes_per_disk": 240.0, "environment": bench.environment(), **also}
     return Benchmark(
@@ -99,7 +99,7 @@ def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]
         own["collisions_per_second_min"] <= own["collisions_per_second"] <= own["collisions_per_second_max"]
     )
     assert own["ns_per_collision"] == pytest.approx(1e9 / own["collisions_per_second"])
-    for key in ("collisions", "epochs"):
+    for key in ("collisions", "windows"):
         assert own[key] == sum(run[key] for run in own["runs"])
     assert set(own["epochs_cut"]) == {key for key in own["runs"][0] if key.startswith("cut_for")}
     assert own["ifrdem"] == ifrdem.__version__
@@ -114,7 +114,7 @@ def test_report_names_what_was_measured(capsys: pytest.CaptureFixture[str]) -> N
     text = output([*SMALL, "--skin", "1.5"], capsys)
     assert text.startswith("elastic gas: 200 disks, packing fraction 0.2, after ")
     assert "on cpu, 1 thread, f64" in text
-    for name in ("collisions/s", "time a collision", "time a disk and epoch", "epochs", "undone", "memory"):
+    for name in ("collisions/s", "time a collision", "time a disk and window", "windows", "memory"):
         assert re.search(rf"^  {name} ", text, flags=re.MULTILINE)
     assert "2 runs" in text
 
@@ -129,29 +129,29 @@ def test_every_option_that_the_manual_lists_exists(capsys: pytest.CaptureFixture
 
 
 def test_figures_follow_from_the_runs() -> None:
-    """Three runs of 8000 collisions in 1, 2 and 4 s, 4 epochs each, 1000 disks on 2 threads."""
+    """Three runs of 8000 collisions in 1, 2 and 4 s, 4 windows each, 1000 disks on 2 threads."""
     own = found().figures()
     assert own["collisions_per_second"] == 4000.0  # the median
     assert (own["collisions_per_second_min"], own["collisions_per_second_max"]) == (2000.0, 8000.0)
     assert own["ns_per_collision"] == 250_000.0
-    assert own["thread_ns_per_disk_and_epoch"] == pytest.approx(2 * 7e9 / (1000 * 12))
-    assert own["collisions_per_disk_and_epoch"] == pytest.approx(2 * 24_000 / (1000 * 12))
+    assert own["thread_ns_per_disk_and_window"] == pytest.approx(2 * 7e9 / (1000 * 12))
+    assert own["collisions_per_disk_and_window"] == pytest.approx(2 * 24_000 / (1000 * 12))
     assert own["rounds_per_epoch"] == 5.0
     assert own["undone_share"] == pytest.approx(240 / 24_240)
     assert own["epochs_cut"] == {"cut_for_speed": 3, "cut_for_log": 0}
-    assert own["slowest_epoch_seconds"] == 2.0
+    assert own["slowest_window_seconds"] == 2.0
 
 
 def test_a_timed_run_counts_what_the_simulation_did() -> None:
     case = bench.elastic_gas(150, 0.3, threads=1)
     simulation = CaseGas.from_case(case).simulation(case)
     simulation.run(t_end=0.5)
-    collisions, epochs = simulation.collisions, simulation.statistics.epochs
+    collisions, windows = simulation.collisions, simulation.statistics.windows
     run = bench.timed(simulation, 0.0)
     assert run.collisions == simulation.collisions - collisions
-    assert run.done["epochs"] == simulation.statistics.epochs - epochs >= bench.LEAST_EPOCHS
+    assert run.done["windows"] == simulation.statistics.windows - windows >= bench.LEAST_WINDOWS
     assert run.seconds >= run.slowest > 0.0
-    again = bench.timed(simulation, 0.0)  # it stopped between two epochs: it goes on
+    again = bench.timed(simulation, 0.0)  # it stopped between two windows: it goes on
     assert simulation.collisions == collisions + run.collisions + again.collisions
 
 
@@ -189,7 +189,7 @@ def test_a_case_is_timed_after_the_collisions_asked_for(
     own = json.loads(output([*arguments, "--json"], capsys))
     assert (own["gas"], own["n"], own["threads"]) == ("coins", 120, 1)
     assert own["collisions_before"] >= 3 * 120 / 2
-    assert own["slowest_epoch_seconds"] > 0.0
+    assert own["slowest_window_seconds"] > 0.0
     text = output(arguments, capsys)
     assert text.startswith("coins: 120 disks")
     assert "cut short: speed" in text
@@ -293,7 +293,7 @@ def test_starts_are_timed_in_fresh_processes(capsys: pytest.CaptureFixture[str])
     ]  # fmt: skip
     for _, text in lines[:2]:
         seconds = json.loads(text)
-        assert 0.0 < seconds["imports"] < seconds["first_epoch"] <= seconds["all_kernels"]
+        assert 0.0 < seconds["imports"] < seconds["first_window"] <= seconds["all_kernels"]
     assert all(json.loads(text)["first_progress"] > 0.0 for _, text in lines[2:])
 
 
@@ -329,12 +329,12 @@ def test_loops_of_a_kernel_are_summed() -> None:
 def test_the_profile_is_of_the_time_that_passed(capsys: pytest.CaptureFixture[str]) -> None:
     own = json.loads(output([*SMALL, "--profile", "--json"], capsys))["profile"]
     kernels = own["kernels"]
-    assert "epochs_by_one_thread" in {each["kernel"] for each in kernels}
+    assert "advance" in {each["kernel"] for each in kernels}
     assert all(each["calls"] > 0 for each in kernels)
     assert 0.0 < sum(each["seconds"] for each in kernels) < own["seconds"]
     assert sum(each["share"] for each in kernels) + own["outside_kernels_share"] == pytest.approx(1.0)
     text = output([*SMALL, "--profile"], capsys)
-    assert re.search(r"^  epochs_by_one_thread +\d+ +\S+ +\S+ %$", text, flags=re.MULTILINE)
+    assert re.search(r"^  advance +\d+ +\S+ +\S+ %$", text, flags=re.MULTILINE)
     assert re.search(r"^  outside: Python, launches +\S+ +\S+ %$", text, flags=re.MULTILINE)
 
 
@@ -372,10 +372,10 @@ def test_a_large_gas_is_held_against_the_cost_in_the_smaller_one() -> None:
     assert table.gas_row(entry, found(), None).endswith("| no |")
 
 
-def test_clusters_show_their_slowest_epoch() -> None:
+def test_clusters_show_their_slowest_window() -> None:
     row = table.gas_row(CLUSTERED, found(), None)
-    seen = f"; an epoch takes {7 / 12:.3g} s, the slowest 2 s"  # 12 epochs in 7 s
-    assert row.endswith(f"{seen} | 5.00e5, no epoch that stalls | no |")
+    seen = f"; a window takes {7 / 12:.3g} s, the slowest 2 s"  # 12 windows in 7 s
+    assert row.endswith(f"{seen} | 5.00e5, no window that stalls | no |")
     assert table.memory_row(found()).endswith("| 240 bytes a disk | 250 bytes a disk | yes |")
     assert table.memory_row(found(bytes_per_disk=251.0)).endswith("| no |")
 

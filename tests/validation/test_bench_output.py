@@ -16,7 +16,7 @@ pytestmark = pytest.mark.unoptimised
 def test_each_turn_times_the_same_collisions_bare_with_the_ledger_and_with_all(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two turns, in other orders, after one that is not timed. A piece ends with an epoch, soon after a frame."""
+    """Two turns, in other orders, after one that is not timed. A piece ends with a window, soon after a frame."""
     pieces: list[tuple[bool, int]] = []
     lengths: list[float] = []
     run = Simulation.run

@@ -50,7 +50,7 @@ def run(quick: bool) -> Result:
         "rms error of velocities and R omega after one impact, in units of v_o",
         ("v dt / R", *names),
         [(float(one), *(float(errors[name][i]) for name in names)) for i, one in enumerate(step)],
-        f"Our engine: {np.sqrt(np.mean(ours**2)):.1e}, whatever the length of its epochs. "
+        f"Our engine: {np.sqrt(np.mean(ours**2)):.1e}, whatever the length of its windows. "
         + stepped.not_measured(),
     )
     result.pictures.append(_figure(step, errors, ours))

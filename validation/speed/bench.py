@@ -1,7 +1,7 @@
-"""Speed of a gas: collisions a second over whole epochs with warm kernels, medians of several runs.
+"""Speed of a gas: collisions a second over whole windows with warm kernels, medians of several runs.
 
-A timed run goes from the end of an epoch to the end of another, so that no epoch is cut short for it. The process does
-nothing else meanwhile; the range of the runs shows the load by other processes. The clock's own cost is 1 us an epoch.
+A timed run goes from the end of a window to the end of another, so that no window is cut short for it. The process does
+nothing else meanwhile; the range of the runs shows the load by other processes. The clock's own cost is 1 us a window.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from ...simulation.simulation import Simulation
 from ...tools.versions import __version__
 
 RUNS, SECONDS = 5, 0.5
-LEAST_EPOCHS = 3  # in a timed run
+LEAST_WINDOWS = 3  # in a timed run
 RADIUS, MASS, TEMPERATURE = 0.5, 1.0, 1.0  # reduced units: lengths are in diameters
 
 # settle_c80_0_kernel_11_range_for: kernel, its number, that of the instance, that of the loop, the kind of loop
@@ -46,7 +46,7 @@ Note = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Run:
-    """One timed run of whole epochs.
+    """One timed run of whole windows.
 
     Attributes
     ----------
@@ -55,9 +55,9 @@ class Run:
     collisions : int
         Collisions that stand.
     done : dict
-        Growth of the engine's `Statistics`: epochs (windows), in_order, undone, elastic.
+        Growth of the engine's `Statistics`: windows, in_order, run_again, elastic.
     slowest : float
-        The longest epoch [s].
+        The longest window [s].
     """
 
     seconds: float
@@ -163,7 +163,7 @@ class Benchmark:
 
     def figures(self) -> dict[str, Any]:
         """All figures, by the names of the JSON."""
-        epochs = max(self.total("epochs"), 1)
+        windows = max(self.total("windows"), 1)
         collisions = sum(run.collisions for run in self.runs)
         seconds = sum(run.seconds for run in self.runs)
         settings = ("gas", "n", "phi", "arch", "threads", "precision", "seed", "collisions_before")
@@ -173,21 +173,21 @@ class Benchmark:
             "collisions_per_second_min": min(self.rates),
             "collisions_per_second_max": max(self.rates),
             "ns_per_collision": 1e9 / self.rate if self.rate else None,
-            "thread_ns_per_disk_and_epoch": 1e9 * seconds * self.threads / (self.n * epochs),
-            "collisions_per_disk_and_epoch": 2.0 * collisions / (self.n * epochs),
+            "thread_ns_per_disk_and_window": 1e9 * seconds * self.threads / (self.n * windows),
+            "collisions_per_disk_and_window": 2.0 * collisions / (self.n * windows),
             "collisions": collisions,
-            "epochs": self.total("epochs"),
-            "epochs_in_order": self.total("in_order"),
-            "tiles_run_again": self.total("undone"),
-            "seconds_per_epoch": seconds / epochs,
-            "slowest_epoch_seconds": max(run.slowest for run in self.runs),
+            "windows": self.total("windows"),
+            "windows_in_order": self.total("in_order"),
+            "tiles_run_again": self.total("run_again"),
+            "seconds_per_window": seconds / windows,
+            "slowest_window_seconds": max(run.slowest for run in self.runs),
             "bytes_per_disk": self.bytes_per_disk,
             "runs": [
                 {
                     "seconds": run.seconds,
                     "collisions": run.collisions,
                     "collisions_per_second": run.rate,
-                    "slowest_epoch_seconds": run.slowest,
+                    "slowest_window_seconds": run.slowest,
                     **run.done,
                 }
                 for run in self.runs
@@ -204,12 +204,12 @@ class Benchmark:
         rows = {
             "collisions/s": f"{self.rate:.4g} (median; {range_})",
             "time a collision": f"{1e9 / self.rate:.4g} ns" if self.rate else "none happened",
-            "time a disk and epoch": f"{own['thread_ns_per_disk_and_epoch']:.4g} ns, times threads",
-            "collisions": f"{own['collisions_per_disk_and_epoch']:.4g} per disk and epoch",
-            "epochs": f"{own['epochs']}, of which {own['epochs_in_order']} by one thread; "
+            "time a disk and window": f"{own['thread_ns_per_disk_and_window']:.4g} ns, times threads",
+            "collisions": f"{own['collisions_per_disk_and_window']:.4g} per disk and window",
+            "windows": f"{own['windows']}, of which {own['windows_in_order']} by one thread; "
             f"tiles run again: {own['tiles_run_again']}",
-            "time an epoch": f"{1e3 * own['seconds_per_epoch']:.4g} ms, "
-            f"the slowest {1e3 * own['slowest_epoch_seconds']:.4g} ms",
+            "time a window": f"{1e3 * own['seconds_per_window']:.4g} ms, "
+            f"the slowest {1e3 * own['slowest_window_seconds']:.4g} ms",
             "memory": f"{self.bytes_per_disk:.4g} bytes a disk",
         }
         return "\n".join(
@@ -348,19 +348,19 @@ def measure(
 
 
 class LongEnough(Exception):
-    """Ends a timed run between two epochs."""
+    """Ends a timed run between two windows."""
 
 
 def warm_up(simulation: Simulation) -> None:
-    """Run every kernel once at least, and a few epochs."""
-    # An epoch that ends at a number of collisions is cut short; its kernels run seldom otherwise.
+    """Run every kernel once at least, and a few windows."""
+    # A window that ends at a number of collisions is cut short; its kernels run seldom otherwise.
     few = max(1, simulation.disks.n // 20)
     simulation.run(collisions_per_disk=2.0 * (simulation.collisions + few) / simulation.disks.n)
     timed(simulation, 0.0)
 
 
 def timed(simulation: Simulation, seconds: float) -> Run:
-    """Run whole epochs for at least so many seconds, and `LEAST_EPOCHS`."""
+    """Run whole windows for at least so many seconds, and `LEAST_WINDOWS`."""
     import taichi as ti
 
     endless = 1e6 + 2.0 * simulation.collisions / simulation.disks.n
@@ -368,14 +368,14 @@ def timed(simulation: Simulation, seconds: float) -> Run:
     ti.sync()
     marks = [time.perf_counter()]
 
-    def after_epoch(*_: object) -> None:
+    def after_window(*_: object) -> None:
         ti.sync()  # a GPU may still be at it
         marks.append(time.perf_counter())
-        if marks[-1] - marks[0] >= seconds and len(marks) > LEAST_EPOCHS:
+        if marks[-1] - marks[0] >= seconds and len(marks) > LEAST_WINDOWS:
             raise LongEnough
 
     with contextlib.suppress(LongEnough):
-        simulation.run(collisions_per_disk=endless, progress=after_epoch)
+        simulation.run(collisions_per_disk=endless, progress=after_window)
     return Run(
         seconds=marks[-1] - marks[0],
         collisions=simulation.collisions - collisions,

@@ -50,13 +50,13 @@ def output_cost(
             recorder = Recorder(cast(Any, writer), Ledger())
 
             def piece(way: str) -> float:
-                """Seconds for a collision per disk, of `FRAMES` after `LEAD`; from one end of an epoch to another."""
+                """Seconds for a collision per disk, of `FRAMES` after `LEAD`; from one end of a window to another."""
                 simulation.switch_ledger(way != BARE)
                 output: dict[str, Any] = {"observers": [recorder.frame], "samplers": [recorder.row]}
                 before, last = simulation.collisions, LEAD + FRAMES + 1  # never reached
                 marks: list[tuple[float, int]] = []
 
-                def after_epoch(_time: float, collisions: int) -> None:
+                def after_window(_time: float, collisions: int) -> None:
                     if collisions - before >= (LEAD + FRAMES * len(marks)) * n / 2.0:
                         marks.append((time.perf_counter(), collisions))
                     if len(marks) == 2:
@@ -67,7 +67,7 @@ def output_cost(
                         collisions_per_disk=2.0 * before / n + last,
                         frames=last,
                         series=Cadence(number=ROWS_PER_FRAME * last, exact=False),
-                        progress=after_epoch,
+                        progress=after_window,
                         **(output if way == ALL else {}),
                     )
                 recorder.write()

@@ -20,7 +20,7 @@ from . import bench
 
 
 def start(*, n: int = 10_000, threads: int | None = None, arch: str = "cpu", precision: str = "f64") -> None:
-    """Print seconds, cold and warm: of imports, to the first epoch and to the last kernel of an elastic gas, and to
+    """Print seconds, cold and warm: of imports, to the first window and to the last kernel of an elastic gas, and to
     the first progress of `ifrdem run`."""
     device = ["--arch", arch, "--precision", precision, *(["--threads", str(threads)] if threads else [])]
     with tempfile.TemporaryDirectory(prefix="ifrdem-start-") as folder:
@@ -68,11 +68,13 @@ def start_a_gas(began: float, arguments: list[str]) -> None:
     imports = time.monotonic() - began
     case = bench.elastic_gas(**json.loads(arguments[0]))
     gas = CaseGas.from_case(case)
-    epochs: list[float] = []
+    windows: list[float] = []
     gas.simulation(case).run(
-        t_end=bench.mean_free_time(gas), progress=lambda *_: epochs.append(time.monotonic() - began)
+        t_end=bench.mean_free_time(gas), progress=lambda *_: windows.append(time.monotonic() - began)
     )
-    print(json.dumps({"imports": imports, "first_epoch": epochs[0], "all_kernels": epochs[-1]}), flush=True)
+    print(
+        json.dumps({"imports": imports, "first_window": windows[0], "all_kernels": windows[-1]}), flush=True
+    )
 
 
 def start_a_run(began: float, arguments: list[str]) -> None:

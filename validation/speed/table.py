@@ -108,9 +108,9 @@ def gas_row(entry: Entry, found: Benchmark, reference: float | None) -> str:
     target = _power(entry.target)
     if entry.clustered:
         own = found.figures()
-        measured += f"; an epoch takes {own['seconds_per_epoch']:.3g} s, "
-        measured += f"the slowest {own['slowest_epoch_seconds']:.3g} s"
-        target += ", no epoch that stalls"
+        measured += f"; a window takes {own['seconds_per_window']:.3g} s, "
+        measured += f"the slowest {own['slowest_window_seconds']:.3g} s"
+        target += ", no window that stalls"
     return _row(entry.name, measured, target, found.rate >= entry.target)
 
 
