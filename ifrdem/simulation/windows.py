@@ -357,8 +357,8 @@ class Windows:
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
             if a.counter[k.STALLED] == 2:
                 raise EngineError(
-                    f"t = {float(a.clock[k.BEGIN]):.9g}: a collision gave a disk an energy beyond all bounds, with which "
-                    "it would cross the box a million times before its partner moved: the law adds energy"
+                    f"t = {float(a.clock[k.BEGIN]):.9g}: a collision gave a disk an energy beyond all bounds: "
+                    "it would cross the box a million times before anything else happens. The law adds energy"
                 )
             if a.counter[k.STALLED]:
                 raise InelasticCollapse(
