@@ -5,7 +5,6 @@ MECHANISMS, REGIMES = 6, 5
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers
-CROWD = 8000  # small disks around the largest one, at most
 # Bytes that the arrays take for each disk in double precision: two parts of places, velocities, spin (40) and id,
 # events, images (16); hash, way and slot of the window (20); claims; scratch space of the tiles that run.
 BYTES_PER_DISK = 150

@@ -192,7 +192,6 @@ def test_a_coefficient_pair_is_judged_for_the_extreme_masses_of_both_species() -
         ('radii = { distribution = "uniform", low = -1.0, high = 0.01 }', "species[0].radii.low = -1.0", "greater"),
         ("radii = 0.01", "species[0].radii = 0.01", r"a table is needed \(radii = "),
         (LOGNORMAL + "radius = 0.01", "species[0]", "mass \\+ radii, or areal_density"),
-        (LOGNORMAL.replace("0.002 }", "0.02, high = 0.5 }"), "species = radii from", "times as wide"),
     ],
 )  # fmt: skip
 def test_wrong_radii_are_named_with_what_is_allowed(text: str, key: str, says: str) -> None:
