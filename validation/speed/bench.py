@@ -302,20 +302,7 @@ def measure(
         If the engine stops, as it does where nothing ever collides.
     """
     run = case.run
-    device.check(run.arch, run.threads, run.precision)
-    summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
-    gas = CaseGas.from_case(case, folder)
-    simulation = gas.simulation(case)
-    if after is None:
-        # To a time: while the lattice's disks have not met yet, a run by collisions would give up.
-        end: dict[str, Any] = {"t_end": mixing_time(gas)}
-    else:
-        end = {"collisions_per_disk": after}
-    if after != 0.0:
-        unit = UNITS[run.units]["time"] if run.units == "SI" else ""
-        with Progress(gas.disks.n, unit=unit, **end) as progress:
-            simulation.run(progress=progress, frames=PIECES, **end)
-    warm_up(simulation)
+    gas, simulation = prepared(case, folder, after=after)
     before = simulation.collisions
     done = []
     for i in range(runs):
@@ -347,6 +334,28 @@ def measure(
         profile=profiled,
         environment=environment(),
     )
+
+
+def prepared(
+    case: Case, folder: Path | str = ".", *, after: float | None = None
+) -> tuple[CaseGas, Simulation]:
+    """The gas of a case and its simulation, warm; arguments and errors as for `measure`."""
+    run = case.run
+    device.check(run.arch, run.threads, run.precision)
+    summary.refuse_beyond_memory(sum(each.number for each in case.species), run.arch, case.start.positions)
+    gas = CaseGas.from_case(case, folder)
+    simulation = gas.simulation(case)
+    if after is None:
+        # To a time: while the lattice's disks have not met yet, a run by collisions would give up.
+        end: dict[str, Any] = {"t_end": mixing_time(gas)}
+    else:
+        end = {"collisions_per_disk": after}
+    if after != 0.0:
+        unit = UNITS[run.units]["time"] if run.units == "SI" else ""
+        with Progress(gas.disks.n, unit=unit, **end) as progress:
+            simulation.run(progress=progress, frames=PIECES, **end)
+    warm_up(simulation)
+    return gas, simulation
 
 
 class LongEnough(Exception):
@@ -383,7 +392,9 @@ def timed(simulation: Simulation, seconds: float) -> Run:
         seconds=marks[-1] - marks[0],
         collisions=simulation.collisions - collisions,
         done={name: value - before[name] for name, value in asdict(simulation.statistics).items()},
-        slowest=float(np.max(np.diff(marks) / np.maximum(np.diff(windows), 1))),  # the rest of one counts as one
+        slowest=float(
+            np.max(np.diff(marks) / np.maximum(np.diff(windows), 1))
+        ),  # the rest of one counts as one
     )
 
 
