@@ -90,6 +90,7 @@ from .places import (
     came_to,
     just_collided,
     kind_of,
+    largest_speed,
     note_speed,
     radius_of,
     remember,
@@ -102,6 +103,7 @@ from .walls import first_wall, hit_wall, other_image
 EMPTY = -1  # of bins and cells
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
+TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
 
 
 @ti.func
@@ -490,7 +492,11 @@ def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.templ
                 if events - checked > patience:
                     # So many events without progress of time have no end.
                     if t - checked_at < 1e-9 * window:
-                        ti.atomic_max(gas.counter[STALLED], 1)
+                        stalled = 1
+                        for m in range(places, places + n):
+                            if largest_speed(m, gas) * window > TOO_FAR * (region.nx * region.side_x):
+                                stalled = 2
+                        ti.atomic_max(gas.counter[STALLED], stalled)
                         going = 0
                     checked, checked_at = events, t
         for q in range(looking):

@@ -16,7 +16,7 @@ hits         (3 room,) of 2       WALL_HITS, LAST_PARTNER, of gases that ask
 kind         (n,)                 kind of each disk, by id
 kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
-way          (room,)              bound on how far it came
+way          (room,)              bound on how far it came, in largest diameters, f32
 back         (room,)              slot at the window's beginning of the one at its end
 tile         (tiles, 8)           where its lists begin and how long they are, by part; claims; state
 reach        (tiles, 4)           halo; bound on how far its own disks came beyond its sides; the largest way; how

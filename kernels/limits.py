@@ -5,10 +5,9 @@ MECHANISMS, REGIMES = 6, 5
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers
-# Bytes that the arrays take for each disk in double precision: two parts of places, velocities, spin (40) and id,
-# events, images (16); hash, way and slot of the window (20); claims; scratch space of the tiles that run.
-BYTES_PER_DISK = 150
-LEDGER_BYTES_PER_DISK = 0
+# Bytes that the arrays take for each disk in double precision: at the beginning and end of a window and at a moment in
+# it places, velocities, spin (40) and id, events, images (16); hash, way and slot (16); claims of disks in halos (14).
+BYTES_PER_DISK = 198
 
 ALONE = 20_000  # up to so many disks, one thread runs the whole box as one tile
 """Up to how many disks one thread runs whole windows by itself."""

@@ -422,7 +422,7 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
                     gas.link[i][HASH_1],
                     gas.link[i][HASH_2],
                 )
-                gas.way[gas.mark[i][SLOT]] = way
+                gas.way[gas.mark[i][SLOT]] = ti.cast(1.000001 * way / gas.scale[WIDEST], ti.f32)
                 gas.back[slot - part * gas.grid[ROOM]] = gas.mark[i][SLOT]
                 furthest = ti.max(furthest, way)
                 listed = tile
@@ -490,6 +490,12 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
 
 
 @ti.func
+def came(slot, gas: ti.template()):
+    """Bound on how far the disk at a slot came in the window [length]."""
+    return ti.cast(gas.way[slot], float) * gas.scale[WIDEST]
+
+
+@ti.func
 def touches(claim, tile, gas: ti.template()):
     """1 if the disk of a claim, or its copy, may have touched an own disk of the tile that made it, else 0.
 
@@ -497,7 +503,7 @@ def touches(claim, tile, gas: ti.template()):
     last place, with its way as the radius.
     """
     x, y = gas.claim_at[claim][0], gas.claim_at[claim][1]
-    way = ti.max(gas.claim_at[claim][2], gas.way[gas.claim[claim][0]]) + gas.scale[WIDEST]
+    way = ti.max(gas.claim_at[claim][2], came(gas.claim[claim][0], gas)) + gas.scale[WIDEST]
     if ti.static(gas.uses.sheared):
         way += ti.abs(gas.scale[DRIFT]) * gas.scale[WINDOW]
     found = 0
@@ -509,7 +515,7 @@ def touches(claim, tile, gas: ti.template()):
         while k < end:
             s = part * gas.grid[ROOM] + k
             dx, dy = gas.disk[s][X] - fall_x - x, gas.disk[s][Y] - fall_y - y
-            both = way + gas.way[gas.back[k]]
+            both = way + came(gas.back[k], gas)
             k += 1
             if dx * dx + dy * dy <= both * both:
                 found, k = 1, end

@@ -114,7 +114,7 @@ class RunEstimate:
             steady_state=steady,
             wall_hits=_wall_hits(gas),
             file_bytes=_trajectory_bytes(n, case, frames=frames, rows=rows, tracked=tracked, events=events),
-            array_bytes=n * (limits.BYTES_PER_DISK + output.ledger * limits.LEDGER_BYTES_PER_DISK),
+            array_bytes=n * limits.BYTES_PER_DISK,
             frames=frames,
             rows=rows,
             tracked=tracked,

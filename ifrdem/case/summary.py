@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..kernels.limits import BYTES_PER_DISK, LEDGER_BYTES_PER_DISK
+from ..kernels.limits import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import device as backend
@@ -35,8 +35,8 @@ COST_OF_RATIO: Mapping[float, float] = {
 }  # fmt: skip
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
 
-Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (`results/size_ratio.md`).
-It grows with the number of small disks in a cell, which is as wide as the largest one."""
+Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread
+(`results/size_ratio.md`). It grows with the number of small disks in a cell, which is as wide as the largest one."""
 
 
 def refuse_cadences(case: Case, gas: CaseGas, estimate: RunEstimate) -> None:
@@ -105,7 +105,7 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
     `positions` is start.positions: growth needs more.
     """
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
-    engine = BYTES_PER_DISK + LEDGER_BYTES_PER_DISK if arch == "cpu" else 0
+    engine = BYTES_PER_DISK if arch == "cpu" else 0
     needed = n * (host + WRITER_BYTES_PER_DISK + engine)
     free = backend.memory_available()
     if free is not None and needed > free:

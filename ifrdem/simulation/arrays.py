@@ -133,7 +133,7 @@ class DeviceArrays:
         self.hits: Any = None
         self._lanes = 0
         self.trail = self._vectors(2, ti.i32, self.room)
-        self.way = self._array(self._type, self.room)
+        self.way = self._array(ti.f32, self.room)
         self.back = self._array(ti.i32, self.room)
         self._make_parts(2)
         self.watched = self._array(ti.i32, n if uses.watched else 1)
@@ -229,10 +229,10 @@ class DeviceArrays:
     def divide(self, tiles: tuple[int, int], low: NDArray[np.float64], high: NDArray[np.float64]) -> None:
         """Divide the rectangle from `low` to `high` [length] into tiles, whose sides lie on the grid of places."""
         count = np.array(tiles)
-        extent = float(np.max(np.abs(np.concatenate([low, high])))) + float(np.max(high - low))
+        extent = max(float(np.max(np.abs(np.concatenate([low, high])))), float(np.max(high - low)))
         mantissa = 24 if self.real == np.float32 else 53
         if mantissa == 24 and max(tiles) > 1:  # places are from the corner of a tile
-            extent = 4.0 * float(np.max((high - low) / count))
+            extent = 2.0 * float(np.max((high - low) / count))
         self.spacing = 2.0 ** (math.ceil(math.log2(2.0 * extent)) - mantissa)
         self.scale[k.ROUNDER] = 1.5 * 2.0 ** (mantissa - 1) * self.spacing
         edges = []
@@ -451,10 +451,14 @@ class DeviceArrays:
     @property
     def bytes_allocated(self) -> int:
         """Bytes of all device arrays."""
+        return self.bytes_of(*self._on_device())
+
+    def bytes_of(self, *names: str) -> int:
+        """Bytes of some of them."""
         wide = {"f64": 8, "u64": 8, "i64": 8}
         return sum(
             wide.get(str(array.dtype), 4) * math.prod(array.shape) * math.prod(array.element_shape)
-            for array in self._on_device().values()
+            for array in (getattr(self, name) for name in names)
         )
 
     def release(self) -> None:

