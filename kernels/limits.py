@@ -5,9 +5,9 @@ MECHANISMS, REGIMES = 6, 5
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers
-CROWD = 8000  # small disks around the largest one, at most
 # Bytes that the arrays take for each disk in double precision: at the beginning and end of a window and at a moment in
 # it places, velocities, spin (40) and id, events, images (16); hash, way and slot (16); claims of disks in halos (14).
 BYTES_PER_DISK = 198
+
 ALONE = 20_000  # up to so many disks, one thread runs the whole box as one tile
 """Up to how many disks one thread runs whole windows by itself."""

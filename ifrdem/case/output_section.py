@@ -46,8 +46,8 @@ class OutputSection(Section):
     )
     series: int | None = key(
         "rows of the time series (energies, temperatures, momentum, collisions by regime, what dissipates "
-        "energy) after the initial one [whole number]. Each ends a window of the engine, which costs time. Without "
-        "this key, rows stand where windows end by themselves, up to 10 for each frame, and cost little",
+        "energy) after the initial one [whole number]. Each may cost the engine's window around it once more. "
+        "Without this key, rows stand where windows end by themselves, up to 10 for each frame, and cost little",
         1000,
         None,
         ge=1,

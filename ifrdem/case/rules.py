@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import InputError, there_are
 from ..initial import from_csv, from_trajectory, placement
 from ..initial.from_csv import Given
-from ..kernels.limits import CROWD, MOST_WALLS
+from ..kernels.limits import MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.walls import Wall, check_place
@@ -28,10 +28,6 @@ from .species import Species
 
 LARGEST_DISK = 1.0 / 3.0
 """Of the shorter side, at most: the engine's limit, which keeps a disk from meeting its own image."""
-
-WIDEST_RATIO = math.sqrt(CROWD) - 1.25
-"""Of the largest to the smallest radius, at most: more of the smallest disks than CROWD could stand around the largest,
-with a quarter of their diameter to spare, which is the least that the engine lists beyond contact."""
 
 
 def _at(case: Case, key: str, text: str) -> Problem:
@@ -206,14 +202,6 @@ def wrong_room(
                 f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of "
                 "the shorter side: a larger box is needed, or more disks at this packing fraction",
             )
-    ratio = float(radius.max() / radius.min())
-    if ratio >= WIDEST_RATIO:
-        yield Problem(
-            "species",
-            f"radii from {radius.min():.6g} to {radius.max():.6g}",
-            f"the largest disk is {ratio:.4g} times as wide as the smallest: less than {WIDEST_RATIO:.0f} times is "
-            "needed, or a distribution that is cut off (low, high)",
-        )
     if not fits or room is None:
         return
     covered, dense = room.packing_fraction(radius), _size_key(case)

@@ -30,10 +30,13 @@ WRITER_BYTES_PER_DISK = 200
 
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
 
-COST_OF_RATIO: Mapping[float, float] = {1.0: 1.0, 2.0: 1.2, 5.0: 2.1, 10.0: 4.6}
+COST_OF_RATIO: Mapping[float, float] = {
+    1.0: 1.0, 2.0: 1.3, 5.0: 2.6, 10.0: 7.5, 20.0: 27.0, 50.0: 180.0,
+}  # fmt: skip
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
 
-Measured 2026-11-21: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread (README, Mixtures)."""
+Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread
+(`results/size_ratio.md`). It grows with the number of small disks in a cell, which is as wide as the largest one."""
 
 
 def refuse_cadences(case: Case, gas: CaseGas, estimate: RunEstimate) -> None:

@@ -509,7 +509,7 @@ class Simulation(Sealed):
         samplers : iterable of callables
             Each is called as `sampler(measure)` at the beginning, the end, and in between.
         progress : callable
-            Called as `progress(time, collisions)` after every window.
+            Called as `progress(time, collisions)` after every window; after some, where those of a small gas are short.
 
         Notes
         -----

@@ -14,7 +14,7 @@ import pytest
 
 from ifrdem.case import file as case_file
 from ifrdem.case import gas as gas_module
-from ifrdem.case import template
+from ifrdem.case import rules, template
 from ifrdem.case.case import Case
 from ifrdem.case.estimate import RunEstimate
 from ifrdem.case.gas import CaseGas
@@ -192,10 +192,11 @@ def test_a_wall_that_can_add_energy_is_refused_with_its_pair() -> None:
     assert "energy" in found
 
 
-def test_too_many_walls_are_counted_with_the_sides() -> None:
+def test_too_many_walls_are_counted_with_the_sides(monkeypatch: pytest.MonkeyPatch) -> None:
     raw = changed()
     del raw["pair"][1]  # type: ignore[attr-defined]  # no steel
     post = {"shape": "post", "material": "coin", "radius": 0.1}
+    monkeypatch.setattr(rules, "MOST_WALLS", 31)
     raw["wall"] = [post | {"center": [0.5 * i + 1.0, 20.0]} for i in range(28)]
     (found,) = case_file.judged(raw, Path())[-1]
     assert "32 walls: 31 at most are supported, the sides of the box included" in str(found)

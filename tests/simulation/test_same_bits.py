@@ -235,3 +235,24 @@ def test_hashes_of_histories_that_nearly_agree_differ() -> None:
     times = np.spacing(1.0) * np.arange(20) + 1.0
     found = [hash_of((float(t), j)) for t in times for j in range(20)]
     assert len(set(found)) == 400
+
+
+@pytest.mark.parametrize("partners", [16, 10**6])
+def test_hashes_that_agree_are_as_rare_as_chance_makes_them(partners: int) -> None:
+    """Of 2^20 histories of two collisions, 2^39 pairs: 2^39 / 2^32 = 128 agree in one word of 32 bits, 3e-8 in both.
+
+    Five standard errors of a Poisson number.
+    """
+    device.start()
+    import taichi as ti
+    from support.history_kernels import enter_each
+
+    n, rng = 2**20, np.random.default_rng(3)
+    link = ti.Vector.ndarray(16, ti.i32, n)
+    enter_each(rng.random((n, 2)), rng.integers(0, partners, (n, 2), dtype=np.int32), link)
+    rows = link.to_numpy()
+    one, two = rows[:, HASH_1].astype(np.int64), rows[:, HASH_2].astype(np.int64)
+    for word in (one, two):
+        count = np.unique(word, return_counts=True)[1].astype(np.int64)
+        assert (count * (count - 1) // 2).sum() == pytest.approx(128, abs=5 * 128**0.5)
+    assert len(np.unique(one * 2**32 + two)) == n

@@ -2,7 +2,7 @@
 
 import taichi as ti
 
-from ifrdem.kernels.layout import GasArrays, Rows
+from ifrdem.kernels.layout import GasArrays, Rows, Table
 from ifrdem.kernels.places import remember
 
 
@@ -13,3 +13,12 @@ def enter(time: Rows, partner: Rows, link: Rows):
     for _ in range(1):
         for m in range(time.shape[0]):
             remember(0, time[m], partner[m], gas)
+
+
+@ti.kernel
+def enter_each(time: Table, partner: Table, link: Rows):
+    """Enter collisions with partners at times, a row of them for each disk, into the histories of the disks."""
+    gas = ti.static(GasArrays(link=link))
+    for i in range(time.shape[0]):
+        for m in range(time.shape[1]):
+            remember(i, time[i, m], partner[i, m], gas)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.speed import bench, start, table
 from ifrdem.validation.speed.bench import Benchmark, Run
-from ifrdem.validation.speed.table import CLUSTERED, GRID, Entry
+from ifrdem.validation.speed.table import Cost, Memory, Speed
 
 SMALL = ["--n", "200", "--phi", "0.2", "--threads", "1", "--runs", "2", "--seconds", "0.01"]
 
@@ -77,11 +78,11 @@ def found(
     n: int = 1000, phi: float = 0.3, seconds: tuple[float, ...] = (1.0, 2.0, 4.0), **also: Any
 ) -> Benchmark:
     """A benchmark of made-up runs, each of 8000 collisions."""
-    done = {"windows": 4, "rounds": 20, "undone": 80, "violations": 7, "cut_for_speed": 1, "cut_for_log": 0}
+    done = {"windows": 4, "in_order": 1, "run_again": 20, "elastic": 0}
     runs = [Run(each, 8000, dict(done), slowest=each / 2.0) for each in seconds]
     given = {"threads": 2, "bytes_per_disk": 240.0, "environment": bench.environment(), **also}
     return Benchmark(
-        gas="elastic gas", n=n, phi=phi, arch="cpu", precision="f64", seed=1, skin=None,
+        gas="elastic gas", n=n, phi=phi, arch="cpu", precision="f64", seed=1,
         collisions_before=5000, runs=runs, **given,
     )  # fmt: skip
 
@@ -92,7 +93,7 @@ def found(
 def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]) -> None:
     own = json.loads(output([*SMALL, "--json", "--seed", "3", "--precision", "f64"], capsys))
     assert (own["n"], own["phi"], own["arch"], own["threads"]) == (200, pytest.approx(0.2), "cpu", 1)
-    assert (own["precision"], own["seed"], own["skin"]) == ("f64", 3, None)
+    assert (own["precision"], own["seed"]) == ("f64", 3)
     assert own["bytes_per_disk"] > 0.0
     assert len(own["runs"]) == 2
     assert (
@@ -101,7 +102,7 @@ def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]
     assert own["ns_per_collision"] == pytest.approx(1e9 / own["collisions_per_second"])
     for key in ("collisions", "windows"):
         assert own[key] == sum(run[key] for run in own["runs"])
-    assert set(own["epochs_cut"]) == {key for key in own["runs"][0] if key.startswith("cut_for")}
+    assert own["tiles_run_again"] == own["windows_in_order"] == 0  # one tile is the whole box
     assert own["ifrdem"] == ifrdem.__version__
     assert own["taichi"].startswith("1.7")
     assert own["python"] == ".".join(str(part) for part in sys.version_info[:3])
@@ -111,10 +112,17 @@ def test_json_is_one_object_with_every_figure(capsys: pytest.CaptureFixture[str]
 
 
 def test_report_names_what_was_measured(capsys: pytest.CaptureFixture[str]) -> None:
-    text = output([*SMALL, "--skin", "1.5"], capsys)
+    text = output(SMALL, capsys)
     assert text.startswith("elastic gas: 200 disks, packing fraction 0.2, after ")
     assert "on cpu, 1 thread, f64" in text
-    for name in ("collisions/s", "time a collision", "time a disk and window", "windows", "memory"):
+    for name in (
+        "collisions/s",
+        "time a collision",
+        "time a disk and window",
+        "windows",
+        "time a window",
+        "memory",
+    ):
         assert re.search(rf"^  {name} ", text, flags=re.MULTILINE)
     assert "2 runs" in text
 
@@ -136,9 +144,7 @@ def test_figures_follow_from_the_runs() -> None:
     assert own["ns_per_collision"] == 250_000.0
     assert own["thread_ns_per_disk_and_window"] == pytest.approx(2 * 7e9 / (1000 * 12))
     assert own["collisions_per_disk_and_window"] == pytest.approx(2 * 24_000 / (1000 * 12))
-    assert own["rounds_per_epoch"] == 5.0
-    assert own["undone_share"] == pytest.approx(240 / 24_240)
-    assert own["epochs_cut"] == {"cut_for_speed": 3, "cut_for_log": 0}
+    assert (own["windows_in_order"], own["tiles_run_again"]) == (3, 60)
     assert own["slowest_window_seconds"] == 2.0
 
 
@@ -149,8 +155,10 @@ def test_a_timed_run_counts_what_the_simulation_did() -> None:
     collisions, windows = simulation.collisions, simulation.statistics.windows
     run = bench.timed(simulation, 0.0)
     assert run.collisions == simulation.collisions - collisions
-    assert run.done["windows"] == simulation.statistics.windows - windows >= bench.LEAST_WINDOWS
-    assert run.seconds >= run.slowest > 0.0
+    assert run.done["windows"] == simulation.statistics.windows - windows >= bench.LEAST_LAUNCHES
+    assert (
+        run.seconds >= run.slowest >= run.seconds / (1 + run.done["windows"])
+    )  # the rest of one before them
     again = bench.timed(simulation, 0.0)  # it stopped between two windows: it goes on
     assert simulation.collisions == collisions + run.collisions + again.collisions
 
@@ -190,9 +198,7 @@ def test_a_case_is_timed_after_the_collisions_asked_for(
     assert (own["gas"], own["n"], own["threads"]) == ("coins", 120, 1)
     assert own["collisions_before"] >= 3 * 120 / 2
     assert own["slowest_window_seconds"] > 0.0
-    text = output(arguments, capsys)
-    assert text.startswith("coins: 120 disks")
-    assert "cut short: speed" in text
+    assert output(arguments, capsys).startswith("coins: 120 disks")
 
 
 def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -216,8 +222,6 @@ def test_a_case_at_rest_ends_with_a_message(case_file: str, capsys: pytest.Captu
         (["--arch", "cdua"], "--arch = 'cdua': allowed are cpu, cuda (did you mean 'cuda'?)"),
         (["--precision", "f23"], "--precision = 'f23': allowed are f64, f32 (did you mean 'f32'?)"),
         (["--threads", "0"], f"--threads 0: a whole number from 1 to {device.cores()} is needed"),
-        (["--skin", "0"], "--skin 0: a length from 0.001 to 1000 diameters is needed"),
-        (["--skin", "1e9"], "--skin 1e9: a length from 0.001 to 1000 diameters is needed"),
         (["--runs", "none"], "--runs none: a whole number from 1 to 10000 is needed"),
         (["--seconds", "-1"], "--seconds -1: a positive number of seconds is needed"),
         (["--seed", "-1"], "--seed -1: a whole number from 0"),
@@ -306,21 +310,21 @@ def test_a_process_that_fails_is_an_error() -> None:
 
 
 def test_loops_of_a_kernel_are_summed() -> None:
-    """Two calls of one instance of `settle`, each with two loops, and one of another; milliseconds."""
+    """Two calls of one instance of `run_windows`, each with two loops, and one of another; milliseconds."""
     records = [
-        ("settle_c80_0_kernel_0_serial", 1.0),
-        ("settle_c80_0_kernel_11_range_for", 2.0),
-        ("one_round_c86_0_kernel_1_range_for", 7.0),
-        ("settle_c80_0_kernel_0_serial", 1.0),
-        ("settle_c80_0_kernel_11_range_for", 2.0),
-        ("settle_c80_1_kernel_0_serial", 3.0),
+        ("run_windows_c80_0_kernel_0_serial", 1.0),
+        ("run_windows_c80_0_kernel_11_range_for", 2.0),
+        ("verify_c86_0_kernel_1_range_for", 7.0),
+        ("run_windows_c80_0_kernel_0_serial", 1.0),
+        ("run_windows_c80_0_kernel_11_range_for", 2.0),
+        ("run_windows_c80_1_kernel_0_serial", 3.0),
         ("other", 0.5),
     ]
     assert [
         (each.kernel, each.calls, pytest.approx(each.seconds)) for each in bench.kernel_times(records)
     ] == [
-        ("settle", 3, 9e-3),
-        ("one_round", 1, 7e-3),
+        ("run_windows", 3, 9e-3),
+        ("verify", 1, 7e-3),
         ("other", 1, 0.5e-3),
     ]
 
@@ -329,12 +333,12 @@ def test_loops_of_a_kernel_are_summed() -> None:
 def test_the_profile_is_of_the_time_that_passed(capsys: pytest.CaptureFixture[str]) -> None:
     own = json.loads(output([*SMALL, "--profile", "--json"], capsys))["profile"]
     kernels = own["kernels"]
-    assert "advance" in {each["kernel"] for each in kernels}
+    assert "run_windows" in {each["kernel"] for each in kernels}
     assert all(each["calls"] > 0 for each in kernels)
     assert 0.0 < sum(each["seconds"] for each in kernels) < own["seconds"]
     assert sum(each["share"] for each in kernels) + own["outside_kernels_share"] == pytest.approx(1.0)
     text = output([*SMALL, "--profile"], capsys)
-    assert re.search(r"^  advance +\d+ +\S+ +\S+ %$", text, flags=re.MULTILINE)
+    assert re.search(r"^  run_windows +\d+ +\S+ +\S+ %$", text, flags=re.MULTILINE)
     assert re.search(r"^  outside: Python, launches +\S+ +\S+ %$", text, flags=re.MULTILINE)
 
 
@@ -349,58 +353,66 @@ def test_a_profiled_device_serves_a_simulation_that_asks_for_no_profile() -> Non
 # --- the table --------------------------------------------------------------------------------------------
 
 
-def test_the_grid_has_the_gases_to_reach_in_order_of_size() -> None:
-    assert [each.n for each in table.entries(10**8, clustered=False)] == [
-        10**3, 10**4, 10**5, 10**6, 10**6, 10**6, 10**7,
-    ]  # fmt: skip
-    assert table.entries(10**8, clustered=True)[-1] is CLUSTERED
-    assert [each.n for each in table.entries(20_000, clustered=True)] == [10**3, 10**4]
+def test_rows_come_in_order_of_size() -> None:
+    sizes = [each.n for each in table.ROWS]
+    assert sizes == sorted(sizes)
 
 
 def test_a_row_is_reached_by_its_median() -> None:
-    row = table.gas_row(Entry(1000, 0.3, 4000.0), found(), None)  # 8000 collisions in 1, 2 and 4 s
+    row = Speed(1000, 0.3, 4000.0).row(found())  # 8000 collisions in 1, 2 and 4 s
     assert row == "| elastic, N = 1e3, phi = 0.3 | 4.00e3 (2.00e3 to 8.00e3) | 4.00e3 | yes |"
-    assert table.gas_row(Entry(1000, 0.3, 4001.0), found(), None).endswith("| no |")
+    assert Speed(1000, 0.3, 4001.0).row(found()).endswith("| no |")
 
 
-def test_a_large_gas_is_held_against_the_cost_in_the_smaller_one() -> None:
-    entry = GRID[-1]
-    assert entry.relative
-    row = table.gas_row(entry, found(), 5000.0)  # at 4000 a second: 1.25 times the cost
-    assert row.endswith(", 1.25 times the cost | at most 1.3 times the cost per collision at N = 1e5 | yes |")
-    assert table.gas_row(entry, found(), 5300.0).endswith("| no |")
-    assert table.gas_row(entry, found(), None).endswith("| no |")
+def test_clusters_are_held_to_their_slowest_window() -> None:
+    row = Speed(1000, 0.3, 4000.0, slowest=2.0).row(found())
+    assert row.startswith("| coins in clusters, N = 1e3, phi = 0.3, after 300 per disk | ")
+    assert row.endswith("; the slowest window took 2 s | 4.00e3, no window above 2 s | yes |")
+    assert Speed(1000, 0.3, 4000.0, slowest=1.9).row(found()).endswith("| no |")
 
 
-def test_clusters_show_their_slowest_window() -> None:
-    row = table.gas_row(CLUSTERED, found(), None)
-    seen = f"; a window takes {7 / 12:.3g} s, the slowest 2 s"  # 12 windows in 7 s
-    assert row.endswith(f"{seen} | 5.00e5, no window that stalls | no |")
-    assert table.memory_row(found()).endswith("| 240 bytes a disk | 250 bytes a disk | yes |")
-    assert table.memory_row(found(bytes_per_disk=251.0)).endswith("| no |")
+def test_memory_is_held_to_its_bytes() -> None:
+    assert Memory(1000, 240.0).row(found()).endswith("| 240 bytes a disk | 240 bytes a disk | yes |")
+    assert Memory(1000, 239.0).row(found()).endswith("| no |")
+
+
+def test_a_cost_is_the_median_of_runs_side_by_side() -> None:
+    """At 6, 8 and 2 collisions a second against 9, 10 and 4: 1.5, 1.25 and 2 times the time of a collision."""
+    times = [iter([Run(1.0, count, {}, 1.0) for count in counts]) for counts in ((6, 8, 2), (9, 10, 4))]
+    cost = Cost("a", 1000, 1.5, lambda _n: tuple((lambda _s, each=each: next(each)) for each in times))
+    assert cost.measure(3, 1.0) == "| a, N = 1e3 | 1.5 times (1.25 to 2) | 1.5 times | yes |"
+    assert replace(cost, target=1.49).row([1.5]).endswith("| no |")
+
+
+def test_two_sizes_share_the_area() -> None:
+    disks = CaseGas.from_case(table.two_sizes(1010, 0.3, threads=1)).disks
+    small = disks.radius == 0.5
+    assert disks.radius[~small] == pytest.approx(5.0)
+    assert (disks.radius[small] ** 2).sum() == pytest.approx((disks.radius[~small] ** 2).sum())
+    assert disks.mass == pytest.approx(4.0 * disks.radius**2)  # of one density; the small ones have mass 1
 
 
 def test_the_table_measures_each_of_its_gases(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(table, "GRID", (Entry(1_000, 0.3, 2e6), Entry(1_000, 0.1, 1e12)))
-    monkeypatch.setattr(table, "CLUSTERED", Entry(1000, 0.3, 1.0, clustered=True))
+    small = [replace(each, n=500) for each in table.ROWS if each.n <= 200_000]
+    monkeypatch.setattr(table, "ROWS", (*small[:1], *small[2:5], *small[-2:], Memory(500, 1e6)))
     monkeypatch.setattr(table, "AFTER", 2.0)
-    monkeypatch.setattr(table, "BYTES_AT", (1_000, 0.3))
-    arguments = ["--clustered", "--runs", "1", "--seconds", "0.01", "--threads", "1"]
-    assert bench.script(table.table, arguments) == 0
+    assert bench.script(table.table, ["--runs", "1", "--seconds", "0.01", "--threads", "1"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("1 thread of ")
     assert lines[2:4] == ["| gas | measured | to reach | reached |", "|---|---|---|---|"]
     assert [line.split(" | ")[0].removeprefix("| ") for line in lines[4:]] == [
-        "elastic, N = 1e3, phi = 0.3",
-        "memory at N = 1e3",
-        "elastic, N = 1e3, phi = 0.1",
-        "coins in clusters, N = 1e3, phi = 0.3, after 2 per disk",
+        "elastic, N = 5e2, phi = 0.3, one thread",
+        "a collision at phi = 0.0001, against phi = 0.1, N = 5e2",
+        "a collision at phi = 1e-06, against phi = 0.1, N = 5e2",
+        "two sizes 1 : 10 of equal areas, against one, phi = 0.5, N = 5e2",
+        "the IFR law with the energy ledger, against the same without, N = 5e2",
+        "coins in clusters, N = 5e2, phi = 0.3, after 2 per disk",
+        "memory at N = 5e2, ledger included",
     ]
     assert all(line.count("|") == 5 for line in lines[2:])
-    assert lines[6].endswith("| 1.00e12 | no |")
-    assert lines[7].endswith("| yes |")
+    assert lines[-1].endswith("| yes |")
 
 
 @pytest.mark.parametrize(

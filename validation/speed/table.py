@@ -1,9 +1,11 @@
-"""A grid of gases beside the speeds to reach, as Markdown: `python -m ifrdem.validation.speed.table --most 1000000`."""
+"""Gases beside the speeds to reach, as Markdown: `python -m ifrdem.validation.speed.table --most 1000000`."""
 
 from __future__ import annotations
 
 import math
+import statistics
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,119 +14,220 @@ from ...case.case import Case
 from ...errors import InputError
 from ...simulation import device
 from . import bench
-from .bench import Benchmark
+from .bench import Benchmark, Run
 
 COLUMNS = ("gas", "measured", "to reach", "reached")
-REFERENCE = (100_000, 0.3)  # the gas that the cost of a larger one is compared with
-BYTES, BYTES_AT = 250.0, (1_000_000, 0.3)
-AFTER = 300.0
+AFTER = 300.0  # collisions per disk, after which coins are in clusters
+BIG = 10.0  # radius of the larger disks of two sizes, of the smaller one's
 
 
 @dataclass(frozen=True)
-class Entry:
-    """A gas of the table.
+class Speed:
+    """Collisions per second to reach, by elastic disks at equilibrium or by coins in clusters.
 
     Attributes
     ----------
     n, phi : int, float
         Disks and packing fraction.
     target : float
-        Collisions per second to reach or, with `relative`, the most that a collision may cost, in units of its
-        cost in the gas `REFERENCE`.
-    clustered : bool
-        Coins, after `AFTER` collisions per disk, instead of elastic disks at equilibrium.
+        Collisions per second.
+    threads : int, optional
+        By default as many as the table is for.
+    slowest : float, optional
+        Makes it coins after `AFTER` collisions per disk, no window of which may take longer [s].
     """
 
     n: int
     phi: float
     target: float
-    relative: bool = False
-    clustered: bool = False
+    threads: int | None = None
+    slowest: float | None = None
 
     @property
     def name(self) -> str:
-        gas, end = ("coins in clusters", f", after {AFTER:g} per disk") if self.clustered else ("elastic", "")
-        return f"{gas}, N = {_power(self.n, 0)}, phi = {self.phi:g}{end}"
+        gas, end = (
+            ("elastic", "") if self.slowest is None else ("coins in clusters", f", after {AFTER:g} per disk")
+        )
+        return f"{gas}, N = {_power(self.n, 0)}, phi = {self.phi:g}{end}{', one thread' if self.threads == 1 else ''}"
+
+    def measure(self, runs: int, seconds: float, **gas: Any) -> str:
+        """Its row."""
+        gas |= {} if self.threads is None else {"threads": self.threads}
+        if self.slowest is None:
+            return self.row(
+                bench.measure(bench.elastic_gas(self.n, self.phi, **gas), runs=runs, seconds=seconds)
+            )
+        return self.row(
+            bench.measure(coins(self.n, self.phi, **gas), runs=runs, seconds=seconds, after=AFTER)
+        )
+
+    def row(self, found: Benchmark) -> str:
+        measured, target = f"{_power(found.rate)} {_range(found.rates, _power)}", _power(self.target)
+        reached = found.rate >= self.target
+        if self.slowest is not None:
+            slowest = max(run.slowest for run in found.runs)
+            measured += f"; the slowest window took {slowest:.3g} s"
+            target += f", no window above {self.slowest:g} s"
+            reached &= slowest <= self.slowest
+        return _row(self.name, measured, target, reached)
 
 
-GRID = (
-    Entry(1_000, 0.3, 2e6),
-    Entry(10_000, 0.3, 2e6),
-    Entry(100_000, 0.3, 2e6),
-    Entry(1_000_000, 0.1, 1.0e6),
-    Entry(1_000_000, 0.3, 1.7e6),
-    Entry(1_000_000, 0.6, 3e6),
-    Entry(10_000_000, 0.3, 1.3, relative=True),
+@dataclass(frozen=True)
+class Cost:
+    """Time a collision in one gas, in units of that in another, at most: one run of each in turn.
+
+    Attributes
+    ----------
+    name : str
+    n : int
+        Disks.
+    target : float
+        The most that it may be.
+    make : callable
+        Makes two functions that time a run of so many seconds of either gas.
+    """
+
+    name: str
+    n: int
+    target: float
+    make: Callable[..., tuple[Callable[[float], Run], Callable[[float], Run]]]
+
+    def measure(self, runs: int, seconds: float, **gas: Any) -> str:
+        """Its row."""
+        one, other = self.make(self.n, **gas)
+        return self.row([other(seconds).rate / one(seconds).rate for _ in range(runs)])
+
+    def row(self, costs: list[float]) -> str:
+        cost = statistics.median(costs)
+        measured = f"{cost:.3g} times {_range(costs, lambda value: f'{value:.3g}')}"
+        return _row(
+            f"{self.name}, N = {_power(self.n, 0)}", measured, f"{self.target:g} times", cost <= self.target
+        )
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Bytes a disk that the engine's arrays may take, with the energy ledger."""
+
+    n: int
+    target: float
+
+    def measure(self, runs: int, seconds: float, **gas: Any) -> str:
+        """Its row."""
+        return self.row(
+            bench.measure(with_ledger(bench.elastic_gas(self.n, 0.3, **gas)), runs=1, seconds=0.0)
+        )
+
+    def row(self, found: Benchmark) -> str:
+        size = found.bytes_per_disk
+        name = f"memory at N = {_power(self.n, 0)}, ledger included"
+        return _row(name, f"{size:.4g} bytes a disk", f"{self.target:g} bytes a disk", size <= self.target)
+
+
+def coins(n: int, phi: float, *, threads: int | None, **run: Any) -> Case:
+    """Coins of 1 pta that cool from a random start."""
+    run |= {"name": "coins", "collisions_per_disk": AFTER} | ({} if threads is None else {"threads": threads})
+    species = {"name": "1 pta", "number": n, "coin": "1 pta", "speed_rms": 1.0}
+    return Case.model_validate({"run": run, "box": {"packing_fraction": phi}, "species": [species]})
+
+
+def two_sizes(n: int, phi: float, **gas: Any) -> Case:
+    """Elastic disks of two sizes with equal areas."""
+    case = bench.elastic_gas(n, phi, **gas).model_dump(exclude_none=True, exclude_unset=True)
+    (disks,) = case["species"]
+    del disks["radius"], disks["mass"]
+    disks["areal_density"] = bench.MASS / (math.pi * bench.RADIUS**2)
+    share = round(n / (1.0 + BIG**2)) / n
+    radii = {"low": bench.RADIUS, "high": BIG * bench.RADIUS, "large_fraction": share}
+    disks["radii"] = {"distribution": "bidisperse", **radii}
+    return Case.model_validate(case | {"start": {"positions": "growth"}})
+
+
+def with_ledger(case: Case) -> Case:
+    """The same case with the energy ledger."""
+    return case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
+
+
+def timing(case: Case, after: float | None = None) -> Callable[[float], Run]:
+    """A function that times a run of the gas of a case, which is warm."""
+    _, simulation = bench.prepared(case, after=after)
+    return lambda seconds: bench.timed(simulation, seconds)
+
+
+def thin(phi: float) -> Cost:
+    """The cost of a collision in a thin gas against phi = 0.1."""
+    target = {1e-4: 10.0, 1e-6: 50.0}[phi]
+
+    def make(n: int, **gas: Any) -> tuple[Callable[[float], Run], Callable[[float], Run]]:
+        return timing(bench.elastic_gas(n, phi, **gas)), timing(bench.elastic_gas(n, 0.1, **gas))
+
+    return Cost(f"a collision at phi = {phi:g}, against phi = 0.1", 10_000, target, make)
+
+
+def unequal(n: int, **gas: Any) -> tuple[Callable[[float], Run], Callable[[float], Run]]:
+    """Two sizes against one."""
+    return timing(two_sizes(n, 0.5, **gas), 5.0), timing(bench.elastic_gas(n, 0.5, **gas))
+
+
+def accounted(n: int, **gas: Any) -> tuple[Callable[[float], Run], Callable[[float], Run]]:
+    """The IFR law with the ledger against the same gas without."""
+    _, simulation = bench.prepared(with_ledger(coins(n, 0.3, **gas)), after=2.0)
+
+    def switched(on: bool) -> Callable[[float], Run]:
+        def run(seconds: float) -> Run:
+            simulation.switch_ledger(on)
+            bench.timed(simulation, 0.0)  # compiles its kernels
+            return bench.timed(simulation, seconds)
+
+        return run
+
+    return switched(True), switched(False)
+
+
+ROWS: tuple[Speed | Cost | Memory, ...] = (
+    Speed(1_000, 0.3, 2.2e6, threads=1),
+    Speed(10_000, 0.3, 2.2e6, threads=1),
+    thin(1e-4),
+    thin(1e-6),
+    Cost("two sizes 1 : 10 of equal areas, against one, phi = 0.5", 10_000, 2.0, unequal),
+    Speed(100_000, 0.1, 1.5e6),
+    Speed(100_000, 0.3, 2.4e6),
+    Speed(100_000, 0.6, 2.8e6),
+    Cost("the IFR law with the energy ledger, against the same without", 100_000, 1.1, accounted),
+    Speed(200_000, 0.3, 1e6, slowest=0.3),
+    Speed(1_000_000, 0.1, 1.6e6),
+    Speed(1_000_000, 0.3, 2.4e6),
+    Speed(1_000_000, 0.6, 3.0e6),
+    Memory(1_000_000, 150.0),
+    Speed(10_000_000, 0.3, 2.2e6),
 )
-CLUSTERED = Entry(200_000, 0.3, 5e5, clustered=True)
-
-
-def entries(most: int, clustered: bool) -> list[Entry]:
-    """The gases up to so many disks, in the order in which they run."""
-    return [each for each in (*GRID, *([CLUSTERED] if clustered else [])) if each.n <= most]
 
 
 def table(
-    *, most: int = 10_000_000, clustered: bool = False, runs: int = bench.RUNS, seconds: float = bench.SECONDS,
+    *, most: int = 10_000_000, runs: int = bench.RUNS, seconds: float = bench.SECONDS,
     arch: str = "cpu", threads: int | None = None, precision: str = "f64", seed: int = 1,
 ) -> None:  # fmt: skip
-    """Print a row for each gas of the grid up to `most` disks as soon as it is measured.
-
-    With `clustered`, a cooling gas in clusters too, which takes minutes."""
-    chosen = entries(most, clustered)
+    """Print a row for each gas of up to `most` disks, as soon as it is measured. All take some twenty minutes."""
+    chosen = [each for each in ROWS if each.n <= most]
     if not chosen:
-        raise InputError(f"--most {most}: the smallest gas of the table has {GRID[0].n} disks")
+        raise InputError(
+            f"--most {most}: the smallest gas of the table has {min(each.n for each in ROWS)} disks"
+        )
     summary.refuse_beyond_memory(max(each.n for each in chosen), arch)
     own = bench.environment()
     number = threads or int(own["cores"])
     used = f"{number} thread{'s' * (number > 1)} of {own['processor']}" if arch == "cpu" else arch
     print(
         f"{used}, {precision}; ifrdem {own['ifrdem']}, Taichi {own['taichi']}, Python {own['python']}; {own['date']}. "
-        f"Collisions/s: median (range) of {runs} runs.\n\n{_markdown(*COLUMNS)}\n|{'---|' * len(COLUMNS)}", flush=True
+        f"Collisions/s, or the time of one as a multiple: median (range) of {runs} runs.\n\n"
+        f"{_markdown(*COLUMNS)}\n|{'---|' * len(COLUMNS)}", flush=True
     )  # fmt: skip
-    gas: dict[str, Any] = {"arch": arch, "threads": threads, "precision": precision, "seed": seed}
-    reference = None
-    for entry in chosen:
-        case = (
-            clustered_coins(entry, **gas) if entry.clustered else bench.elastic_gas(entry.n, entry.phi, **gas)
+    for each in chosen:
+        print(
+            each.measure(runs, seconds, arch=arch, threads=threads, precision=precision, seed=seed),
+            flush=True,
         )
-        found = bench.measure(case, runs=runs, seconds=seconds, after=AFTER if entry.clustered else None)
-        elastic = None if entry.clustered else (entry.n, entry.phi)
-        if elastic == REFERENCE:
-            reference = found.rate
-        print(gas_row(entry, found, reference), flush=True)
-        if elastic == BYTES_AT:
-            print(memory_row(found), flush=True)
         device.stop()  # Taichi keeps the memory of arrays of vectors until then
-
-
-def gas_row(entry: Entry, found: Benchmark, reference: float | None) -> str:
-    """The row of a gas; `reference` is the rate of the gas `REFERENCE`, if that was measured."""
-    measured = f"{_power(found.rate)} ({_power(min(found.rates))} to {_power(max(found.rates))})"
-    if entry.relative:
-        target = f"at most {entry.target:g} times the cost per collision at N = {_power(REFERENCE[0], 0)}"
-        cost = reference / found.rate if reference is not None and found.rate else math.nan
-        return _row(entry.name, f"{measured}, {cost:.3g} times the cost", target, cost <= entry.target)
-    target = _power(entry.target)
-    if entry.clustered:
-        own = found.figures()
-        measured += f"; a window takes {own['seconds_per_window']:.3g} s, "
-        measured += f"the slowest {own['slowest_window_seconds']:.3g} s"
-        target += ", no window that stalls"
-    return _row(entry.name, measured, target, found.rate >= entry.target)
-
-
-def memory_row(found: Benchmark) -> str:
-    """The row of the memory, of the gas `BYTES_AT`."""
-    name, size = f"memory at N = {_power(found.n, 0)}", found.bytes_per_disk
-    return _row(name, f"{size:.4g} bytes a disk", f"{BYTES:g} bytes a disk", size <= BYTES)
-
-
-def clustered_coins(entry: Entry, *, threads: int | None, **run: Any) -> Case:
-    """Coins of 1 pta that cool from a random start."""
-    run |= {"name": "coins", "collisions_per_disk": AFTER} | ({} if threads is None else {"threads": threads})
-    coins = {"name": "1 pta", "number": entry.n, "coin": "1 pta", "speed_rms": 1.0}
-    return Case.model_validate({"run": run, "box": {"packing_fraction": entry.phi}, "species": [coins]})
 
 
 def _row(name: str, measured: str, target: str, reached: bool) -> str:
@@ -133,6 +236,10 @@ def _row(name: str, measured: str, target: str, reached: bool) -> str:
 
 def _markdown(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
+
+
+def _range(values: list[float], text: Callable[[float], str]) -> str:
+    return f"({text(min(values))} to {text(max(values))})"
 
 
 def _power(value: float, digits: int = 2) -> str:
