@@ -17,84 +17,16 @@ from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
 from .language import ti
 from .layout import (
-    ASIDE,
-    AT,
-    AT_END,
-    AT_MOMENT,
-    BINS,
-    BY_LAW,
-    BY_REMEDY,
-    CELL,
-    COLLISIONS,
-    DIRECTION,
-    DRIFT,
-    ELASTICALLY,
-    ELASTICS,
-    EVENT_HOW,
-    EVENT_ID,
-    EVENT_PARTNER,
-    EVENT_TILE,
-    FAR,
-    FIRST_WALL,
-    FLOW_WORK,
-    FULL,
-    FULL_WATCHED,
-    INVERSE_MASS,
-    KIND_RADIUS,
-    LAP_X,
-    LAP_Y,
-    LAST,
-    LENGTH_X,
-    LENGTH_Y,
-    LOSSES,
-    MATERIAL,
-    MOMENT_IN,
-    MOST_EVENTS,
-    N_EVENTS,
-    N_WATCHED,
-    NEXT,
-    NEXT_IN_CELL,
-    NOBODY,
-    NORMAL,
-    NORMAL_X,
-    NUMBER,
-    OWN,
-    PAIRS,
-    PARTNER,
-    PARTNER_NUMBER,
-    PLACES,
-    PREVIOUS,
-    REGIMES,
-    RESTITUTION,
-    ROLLING_LOSS,
-    ROW,
-    SLIDING_LOSS,
-    STALLED,
-    STICKING_LOSS,
-    T_HIT,
-    T_LEAVE,
-    TAU,
-    VX,
-    VY,
-    W_SPIN,
-    WATCHING,
-    WHO,
-    WIDEST,
-    WINDOW,
-    K,
-    X,
-    Y,
+    ASIDE, AT, AT_END, AT_MOMENT, BINS, BY_COUNT, BY_LAW, BY_REMEDY, CELL, COLLISIONS, DIRECTION, DRIFT,
+    ELASTICALLY, ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK, FULL,
+    FULL_WATCHED, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL,
+    MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS, N_WATCHED, OWN,
+    PAIRS, PARTNER, PARTNER_NUMBER, PAUSED, PAUSING, PLACES, PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS,
+    ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY, WANTED, WATCHING, WHO, WIDEST,
+    WINDOW, W_SPIN, K, X, Y,
 )  # fmt: skip
 from .places import (
-    add,
-    came_to,
-    just_collided,
-    kind_of,
-    largest_speed,
-    note_speed,
-    radius_of,
-    remember,
-    watched_row,
+    add, came_to, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
     write_motion,
 )  # fmt: skip
 from .tiles import write
@@ -419,17 +351,22 @@ def find(
 
 
 @ti.func
-def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.template()):
+def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas: ti.template()):
     """All events of a window in a region of n disks at places from `places` on, which gather has laid out.
 
-    Own disks are written to their slots, from `base` on, as they are at the moment that is asked for, and at the end.
+    Own disks are written to their slots, from `base` on, as they are at the moment that is asked for, and at the end. A
+    gas in one tile may pause at that moment, or after the last of so many collisions, and goes on when `resuming`.
     """
     places, bins = lane * gas.grid[PLACES], lane * gas.grid[BINS]
     window = gas.scale[WINDOW]
     moment = gas.scale[MOMENT_IN]
-    for b in range(n_bins):
-        gas.bin[bins + b] = EMPTY
-    present, fresh, told, going = 0, 0, 0, 1
+    present, fresh, told, going = 0, n, 0, 1
+    if resuming == 0:
+        fresh = 0
+        for b in range(n_bins):
+            gas.bin[bins + b] = EMPTY
+    pausing = gas.counter[PAUSING]
+    pauses = 1
     if not moment < FAR:
         told = 1
     events, checked, checked_at = 0, 0, 0.0 * window
@@ -464,6 +401,9 @@ def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.templ
             writing = -1
             if told == 0 and (i < 0 or t > moment):
                 writing, told = AT_MOMENT, 1
+                if pausing == 1:
+                    gas.counter[PAUSED] = pauses
+                    going = 0
             elif i < 0:
                 writing, going = AT_END, 0
             if writing >= 0:
@@ -486,6 +426,13 @@ def run_events(n, lane, n_bins, tile, base, region: ti.template(), gas: ti.templ
                         take_out(partner, bins, gas)
                         collide(i, partner, t, tile, region, gas)
                         second, looking = partner, 2
+                        if pausing == 1 and pauses == 1:
+                            if (
+                                gas.sums[COLLISIONS] + gas.tally[tile, AT_END, COLLISIONS]
+                                >= gas.clock[WANTED]
+                            ):
+                                moment, told, pauses = t, 0, BY_COUNT
+                                gas.scale[MOMENT_IN] = t
                 else:
                     if ti.static(gas.uses.walled):
                         hit_wall(i, t, tile, region, gas)

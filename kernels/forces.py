@@ -2,25 +2,8 @@
 
 from .language import ti
 from .layout import (
-    COUNT,
-    ID,
-    INVERSE_MASS,
-    KIND_RADIUS,
-    PART,
-    ROOM,
-    SPIN,
-    SPREAD,
-    START,
-    TILES_X,
-    TILES_Y,
-    VX,
-    VY,
-    GasArrays,
-    K,
-    Rows,
-    Table,
-    Y,
-    plain,
+    COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, SPREAD, START, TILES_X, TILES_Y, VX, VY,
+    GasArrays, K, Rows, Table, Y, plain,
 )  # fmt: skip
 from .random import DRAWS
 from .readout import placed

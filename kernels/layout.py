@@ -72,10 +72,13 @@ W_SPIN = 7
 SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
 # counter: next tile to be run; claims used; why a launch ended early; slots used; what was needed; 1: a disk came to
 # rest on a wall, events without progress; bad tiles; events; windows; rows of
-# events; 1 where only the listed tiles are run
+# events; 1 where only the listed tiles are run; of a gas in one tile: 1 where it pauses at the moment that is told; 1
+# where it goes on from there; 1 where it has paused for the time, BY_COUNT for the number of collisions
 (
     NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN,
-) = range(12)  # fmt: skip
+    PAUSING, RESUMING, PAUSED,
+) = range(15)  # fmt: skip
+BY_COUNT = 2
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions of the launch), to pause, when a force
 # acts; what sets the length of windows: a path, the side of a tile, the speed of walls; unit of squares of

@@ -7,65 +7,16 @@ where places and velocities are rounded.
 from .events import run_events
 from .language import ti
 from .layout import (
-    AGAIN,
-    ALONE,
-    AT_END,
-    BAD,
-    BEGIN,
-    BINS,
-    CELLS,
-    COLLISIONS,
-    COUNT,
-    END,
-    FAR,
-    FASTEST,
-    FREE_PATH,
-    FULL,
-    FULL_CELLS,
-    FULL_PLACES,
-    GX,
-    GY,
-    IN_WINDOW,
-    KICK,
-    LANES,
-    MOMENT_IN,
-    N_BAD,
-    N_SLOTS,
-    N_WINDOWS,
-    NEEDED,
-    NEXT_TILE,
-    PART,
-    PATH,
-    PAUSE,
-    PAUSE_AFTER,
-    PLACES,
-    RESTING,
-    ROOM,
-    SPEED,
-    SPREAD,
-    SQUARE_UNIT,
-    SQUARES,
-    STALLED,
-    START,
-    STOP,
-    TALLY,
-    TILE_SIDE,
-    TILES_X,
-    TILES_Y,
-    VX,
-    VY,
-    WALL_SPEED,
-    WANTED,
-    WINDOW,
-    Cube,
-    GasArrays,
-    N,
-    Rows,
-    Table,
+    AGAIN, ALONE, AT_END, BAD, BEGIN, BINS, CELLS, COLLISIONS, COUNT, END, FAR, FASTEST, FREE_PATH, FULL,
+    FULL_CELLS, FULL_PLACES, GX, GY, IN_WINDOW, KICK, LANES, MOMENT_IN, NEEDED, NEXT_TILE, N_BAD, N_EVENTS,
+    N_SLOTS, N_WINDOWS, PART, PATH, PAUSE, PAUSED, PAUSE_AFTER, PLACES, RESTING, RESUMING, ROOM, SPEED,
+    SPREAD, SQUARES, SQUARE_UNIT, STALLED, START, STOP, TALLY, TILES_X, TILES_Y, TILE_SIDE, VX, VY,
+    WALL_SPEED, WANTED, WINDOW, Cube, GasArrays, Rows, Table, N,
 )  # fmt: skip
 from .tiles import choose, gather, is_bad, region_of
 from .walls import place_walls, wall_phases
 
+MOST_EVENTS_OF_A_LAUNCH = 1_000_000  # of a gas in one tile: a second's work at most, between two looks at the clock
 LEAST_PATH = 0.01  # of that of a gas that fills the box
 LARGEST_WAY = 0.4  # of the side of a tile, that the fastest disk may come in a window
 
@@ -107,18 +58,36 @@ def square_unit(fastest2):
 
 @ti.func
 def run_tile(tile, lane, gas: ti.template()):
-    """The window of one tile; nothing if there is no room for it, which `counter` tells."""
+    """The window of one tile, or the rest of it; nothing if there is no room for it, which `counter` tells."""
     region = region_of(tile, lane, gas)
+    n = gas.grid[N]
+    resuming = gas.counter[RESUMING]
+    if resuming == 1:
+        gas.counter[RESUMING] = 0
+    else:
+        n = prepare(tile, lane, region, gas)
+    if gas.counter[FULL] == 0:
+        n_bins = 1
+        while n_bins < n and 2 * n_bins <= gas.grid[BINS]:
+            n_bins *= 2
+        run_events(n, lane, n_bins, tile, gas.tile[tile, START + 1 - gas.grid[PART]], resuming, region, gas)
+
+
+@ti.func
+def prepare(tile, lane, region: ti.template(), gas: ti.template()):
+    """Lay out the disks of a tile and its halo for a window; how many there are."""
     for column in range(TALLY):
         gas.tally[tile, AT_END, column] = 0.0
     if ti.static(gas.uses.thermal):
         for column in range(gas.heat.shape[2]):
             gas.heat[tile, AT_END, column] = 0.0
+    found = 0
     if region.nx * region.ny > gas.grid[CELLS]:
         ti.atomic_or(gas.counter[FULL], FULL_CELLS)
         ti.atomic_max(gas.counter[NEEDED], region.nx * region.ny)
     else:
         n, own = choose(tile, lane, region, gas)
+        found = n
         if n > gas.grid[PLACES]:
             ti.atomic_or(gas.counter[FULL], FULL_PLACES)
             ti.atomic_max(gas.counter[NEEDED], n)
@@ -134,11 +103,7 @@ def run_tile(tile, lane, gas: ti.template()):
             gather(n, tile, lane, region, gas)
             if ti.static(gas.uses.walled):
                 place_walls(region, gas)
-            if gas.counter[FULL] == 0:
-                n_bins = 1
-                while n_bins < n and 2 * n_bins <= gas.grid[BINS]:
-                    n_bins *= 2
-                run_events(n, lane, n_bins, tile, gas.tile[tile, START + part], region, gas)
+    return found
 
 
 @ti.func
@@ -174,20 +139,21 @@ def plan(gas: ti.template()):
 def close_window(gas: ti.template()):
     """Add the window of a gas in one tile to the sums of the launch; 1 if another one may follow at once, else 0.
 
-    None does where the run stops or pauses, a force acts, or something is amiss.
+    None does where the run stops or pauses, a force acts, something is amiss, or the launch has lasted long enough.
     """
-    if gas.counter[FULL] == 0:
+    if gas.counter[FULL] == 0 and gas.counter[PAUSED] == 0:
         for column in range(TALLY):
             gas.sums[column] = gas.sums[column] + gas.tally[0, AT_END, column]
         if ti.static(gas.uses.thermal):
             for column in range(gas.heat.shape[2]):
                 gas.sums[TALLY + column] = gas.sums[TALLY + column] + gas.heat[0, AT_END, column]
     end, collisions = gas.clock[END], gas.sums[COLLISIONS]
-    amiss = gas.counter[FULL] + gas.counter[STALLED] + gas.counter[RESTING] > 0
+    amiss = gas.counter[FULL] + gas.counter[STALLED] + gas.counter[RESTING] + gas.counter[PAUSED] > 0
     done = end >= gas.clock[STOP] or end >= gas.clock[KICK] or collisions >= gas.clock[WANTED]
     paused = end >= gas.clock[PAUSE] or collisions >= gas.clock[PAUSE_AFTER]
     still = gas.tally[0, AT_END, FASTEST] == 0.0
-    return not (amiss or done or paused or still)
+    long = gas.counter[N_EVENTS] > MOST_EVENTS_OF_A_LAUNCH
+    return not (amiss or done or paused or still or long)
 
 
 @ti.kernel

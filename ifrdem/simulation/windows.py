@@ -40,6 +40,10 @@ class Windows:
         self._ahead = False  # the window has been run to its end
         self._surveyed = False
         self._ready = False  # the present window has an end, and has not been run
+        self._paused = (
+            False  # it has been run to the moment that was told; the scratch space holds the rest of it
+        )
+        self._watching = 0  # what was written down when it was run
         self._moment = math.inf  # since the beginning; of the state that was told
         self._moment_now = 0.0
         size = len(arrays.sums)
@@ -57,7 +61,7 @@ class Windows:
     @property
     def inside(self) -> bool:
         """The present time lies within a window, which has to be kept."""
-        return self._ahead and self.begin < self.now < self.end
+        return self._ahead and (self._paused or self.begin < self.now < self.end)
 
     @property
     def elastic(self) -> int:
@@ -81,7 +85,7 @@ class Windows:
         """Sums over all windows so far, to the present time; columns of `tally`, then heat of thermal walls."""
         if self._ahead and self.now == self.end:
             return self._done + self._at_end
-        if self.now == self.begin:
+        if self.now == self.begin and not self._paused:
             return self._done.copy()
         self._tell(self._moment_now)
         return self._done + self._at_moment
@@ -92,7 +96,7 @@ class Windows:
         part = int(self.arrays.grid[k.PART])
         if self._ahead and self.now == self.end:
             return 1 - part, self.end - self.begin
-        if self.now == self.begin:
+        if self.now == self.begin and not self._paused:
             return part, 0.0
         self._tell(self._moment_now)
         return k.TOLD, self._moment_now
@@ -117,7 +121,7 @@ class Windows:
         self._forget()
 
     def _forget(self) -> None:
-        self._ahead = self._surveyed = self._ready = False
+        self._ahead = self._surveyed = self._ready = self._paused = False
         self._moment = math.inf
         self._moment_now = 0.0
 
@@ -218,7 +222,9 @@ class Windows:
         """
         a = self.arrays
         self.go_on(kick)
-        if not self._ahead:
+        if self._ahead and watching and self._watching != watching:
+            self._compute(self._moment_now, 1, watching)  # from its beginning, to see what happened in it
+        if self._paused or not self._ahead:
             if stop < (math.inf if a.alone else self.end):
                 a.make_moment()
             before = self._done[k.COLLISIONS]
@@ -227,7 +233,12 @@ class Windows:
             a.clock[k.WANTED] = far if wanted is None else wanted - before
             a.clock[k.PAUSE_AFTER] = far if pause_after is None else pause_after - before
             moment = stop - self.begin if stop < self.end else math.inf
-            self._compute(moment, most if a.alone else 1, watching)
+            self._compute(moment, most if a.alone else 1, watching, pausing=a.alone and not watching)
+        if self._paused:
+            self._moment_now = self._moment
+            by_count = a.counter[k.PAUSED] == k.BY_COUNT
+            self.now = self.begin + self._moment if by_count else stop
+            return
         count = self._done[k.COLLISIONS]
         stopping = self.begin < stop < self.end
         self.now = stop if stopping else self.end
@@ -265,9 +276,14 @@ class Windows:
         real, whole = zip(*self._watched, strict=True)
         return np.concatenate(real), np.concatenate(whole)
 
-    def _compute(self, moment: float, most: int, watching: int) -> None:
-        """Run the window to its end; `most` of them, where one tile is the whole box."""
+    def _compute(self, moment: float, most: int, watching: int, *, pausing: bool = False) -> None:
+        """Run the window to its end; `most` of them, where one tile is the whole box.
+
+        When `pausing`, which only a gas in one tile can, to the moment or to so many collisions, and on from there.
+        """
         a = self.arrays
+        resuming = self._paused and pausing
+        self._paused, self._watching = False, watching
         begin, end = self.begin, self.end
         a.clock[k.BEGIN], a.clock[k.END] = begin, end
         a.scale[k.WINDOW] = end - begin
@@ -282,11 +298,12 @@ class Windows:
         if not alone:
             self._set_halos()
         self.rests = False
-        self._launch(1 if alone else a.tiles, most)
+        self._launch(1 if alone else a.tiles, most, pausing=pausing, resuming=resuming)
         again = bool(begin == self._counted)
         self.statistics.windows -= again
         if alone:
-            last = self._tally(k.AT_END)
+            self._paused = bool(a.counter[k.PAUSED])
+            last = 0.0 if self._paused else self._tally(k.AT_END)
             self.statistics.windows += int(a.counter[k.N_WINDOWS])
             self._done += a.sums - last
             self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
@@ -315,7 +332,7 @@ class Windows:
         self._moment = float(a.scale[k.MOMENT_IN])
         if self._moment < k.FAR:
             self._at_moment = self._tally(k.AT_MOMENT)
-            if self._moment != moment and begin != self.begin:
+            if self._moment != moment and begin != self.begin and a.counter[k.PAUSED] != k.BY_COUNT:
                 self._moment = float(a.clock[k.STOP]) - self.begin
         else:
             self._moment = math.inf
@@ -341,13 +358,15 @@ class Windows:
         heat = np.ascontiguousarray(a.heat[:, when].T).sum(axis=1)
         return np.concatenate([found, heat[: len(a.thermal)]])
 
-    def _launch(self, tiles: int, most: int, again: int = 0) -> None:
+    def _launch(
+        self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
+    ) -> None:
         """Run the windows of all tiles, or `again` of the listed ones; with more room where that was not enough."""
         a = self.arrays
         part, clock = int(a.grid[k.PART]), a.clock.copy()
         while True:
             a.counter[:] = 0
-            a.counter[k.AGAIN] = again
+            a.counter[k.AGAIN], a.counter[k.PAUSING], a.counter[k.RESUMING] = again, pausing, resuming
             if again:
                 a.counter[k.N_CLAIMED] = self._claimed
             a.sums[:] = 0.0
@@ -377,6 +396,7 @@ class Windows:
                 for column in (k.WANTED, k.PAUSE_AFTER):
                     clock[column] -= a.sums[k.COLLISIONS]
                 part = int(a.grid[k.PART])
+                resuming = False
             a.clock[:], a.grid[k.PART] = clock, part
             places, cells, bins, items = (int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS))
             if full & k.FULL_CLAIMS:
