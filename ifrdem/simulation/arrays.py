@@ -25,7 +25,6 @@ from ..model.state import Disks, State
 from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
-DISKS_PER_CELL = 0.38  # of thin gases, whose cells are wider
 LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
@@ -42,6 +41,11 @@ def division(packing_fraction: float) -> tuple[float, int]:
     """Collisions that a disk has in a window, and disks of a tile: what took least time at this density."""
     collisions = np.interp(packing_fraction, [0.0, 0.1, 0.3, 0.6], [0.5, 0.7, 1.3, 1.5])
     return float(collisions), 5000
+
+
+def disks_per_cell(packing_fraction: float) -> float:
+    """Of thin gases, whose cells are wider: what took least time; the thinner, the more cells a disk passes."""
+    return float(np.clip(0.38 * (0.1 / max(packing_fraction, 1e-300)) ** 0.3, 0.3, 3.0))
 
 
 def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -285,7 +289,7 @@ class DeviceArrays:
         own = float((high - low).min()) if few and not sheared else math.sqrt(tile_disks * free)
         self.clock[k.TILE_SIDE] = own
         least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
-        self.scale[k.CELL_SIDE] = max(CELL * self.widest, math.sqrt(DISKS_PER_CELL * free), least)
+        self.scale[k.CELL_SIDE] = max(CELL * self.widest, math.sqrt(disks_per_cell(phi) * free), least)
         tiles = (1, 1)
         self.alone = options.order == "alone" or (options.order is None and few and options.arch == "cpu")
         self.alone = self.alone and not sheared

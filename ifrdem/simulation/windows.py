@@ -19,7 +19,7 @@ from .arrays import SLACK, DeviceArrays
 from .tracking import Statistics
 
 WIDER = 1.6  # halo of a tile that has to be run again
-MOST_BAD = 0.01  # of all tiles: with more, halos of the next window are wider
+NARROWER = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
 LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
 MOST_HALVINGS = 40  # of the window of a sheared gas
 BURST = 64  # windows of a gas in one tile that one launch runs at most
@@ -44,7 +44,7 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
-        self._wider = 1.0
+        self._wider = np.ones(0)  # of each tile: its halo, as a multiple of the one that all begin with
         self._claimed = 0  # claims of the tiles that ran last
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
@@ -133,7 +133,7 @@ class Windows:
             self.fastest,
         ]
         return {
-            "window": np.array([*length, a.clock[k.SQUARE_UNIT], self._wider]),
+            "window": np.array([*length, a.clock[k.SQUARE_UNIT]]),
             "sums": self._done.copy(),
         }
 
@@ -142,8 +142,7 @@ class Windows:
         a = self.arrays
         self._forget()
         (
-            self.begin, self.end, self.now, self._moment_now, ready, self.fastest,
-            a.clock[k.SQUARE_UNIT], self._wider,
+            self.begin, self.end, self.now, self._moment_now, ready, self.fastest, a.clock[k.SQUARE_UNIT],
         ) = found["window"].tolist()  # fmt: skip
         self._ready = bool(ready)
         self._done = found["sums"].copy()
@@ -411,9 +410,12 @@ class Windows:
         pull = float(np.hypot(a.scale[k.GX], a.scale[k.GY]))
         way = (self.fastest + float(a.clock[k.WALL_SPEED])) * window + 0.5 * pull * window**2
         drift = abs(float(a.scale[k.DRIFT])) * window
-        halo = self._wider * (a.widest * (4.0 + 3.0 * a.packing_fraction) + 2.0 * way + drift)
+        halo = a.widest * (4.0 + 3.0 * a.packing_fraction) + 2.0 * way + drift
         self._most_halo = self._widest_halo()
-        a.reach[:, k.HALO] = min(halo, self._most_halo)
+        if len(self._wider) != a.tiles:
+            self._wider = np.ones(a.tiles)
+        self._wider = np.maximum(NARROWER * self._wider, 1.0)
+        a.reach[:, k.HALO] = np.minimum(halo * self._wider, self._most_halo)
 
     def _least_side(self) -> float:
         """Beyond it around a tile, the tiles around it would not have all disks."""
@@ -447,6 +449,7 @@ class Windows:
                 self._whole_box(watching)
                 break
             a.reach[again, k.HALO] = np.minimum(WIDER * a.reach[again, k.HALO], most)
+            self._wider[again] *= WIDER
             if watching:
                 self._drop_watched(again)
             try:
@@ -457,8 +460,6 @@ class Windows:
                 self._launch(a.tiles, 1)
             self._collect(watching)
         self.statistics.run_again += bad
-        if bad > MOST_BAD * a.tiles:
-            self._wider *= 1.02
 
     def _drop_watched(self, tiles: NDArray[np.int32]) -> None:
         self._watched = [
