@@ -38,6 +38,16 @@ def test_every_block_of_python_has_a_marker_and_a_test(marker: str, language: st
     assert f'block("{marker}")' in tests
 
 
+def test_every_test_that_the_page_of_exactness_names_exists() -> None:
+    tests = {path.name: path.read_text() for path in (ROOT / "tests").rglob("test_*.py")}
+    named = re.findall(r"`(?:tests/\w+/)?(test_\w+(?:\.py)?)`", page("exactness.md"))
+    assert len(named) > 15
+    for name in named:
+        assert (
+            name in tests if name.endswith(".py") else any(f"def {name}(" in text for text in tests.values())
+        ), name
+
+
 def test_unmarked_blocks_are_case_files_or_commands_that_exist(capsys: pytest.CaptureFixture[str]) -> None:
     shown = [(language, code) for marker, language, code in blocks() if not marker]
     assert {language for language, _ in shown} == {"toml", "sh"}

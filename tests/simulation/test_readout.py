@@ -73,6 +73,21 @@ def test_what_happens_does_not_depend_on_how_often_somebody_looks(
     assert rare.statistics.windows == often.statistics.windows
 
 
+def test_series_tracked_disks_and_the_ledger_change_no_bit(order: str) -> None:
+    disks = mixture(1500)
+    box, state = start(disks, 0.5)
+    bare = Simulation(disks, box, COIN, state)
+    bare.run(t_end=0.6)
+    expected = bare.state
+    followed = Simulation(disks, box, COIN, state, ledger=True, tracked=[0, 7, 700])
+    rows: list[Measure] = []
+    followed.run(t_end=0.6, series=41, samplers=[rows.append])
+    assert len(rows) == 42
+    assert len(followed.take_events()) > 0
+    for name in SEEN[:5]:
+        assert np.array_equal(getattr(followed.state, name), getattr(expected, name)), name
+
+
 def test_a_frame_is_the_state_of_a_run_that_ends_there(order: str) -> None:
     found = frames_of(gas(), t_end=0.6, frames=5)
     for k, (state, told) in enumerate(found):

@@ -6,49 +6,52 @@ import json
 
 import pytest
 
+from ifrdem.case.gas import CaseGas
+from ifrdem.simulation.schedule import Course
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.validation.speed import bench, output_cost
-from ifrdem.validation.speed.output_cost import FRAMES, LEAD, between, cost
+from ifrdem.validation.speed.output_cost import FRAMES, between, cost
 
 pytestmark = pytest.mark.unoptimised
 
 
-def test_each_turn_times_the_same_collisions_bare_with_the_ledger_and_with_all(
+def test_each_turn_times_the_same_time_bare_with_the_ledger_and_with_all(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Two turns, in other orders, after one that is not timed. A piece ends with a window, soon after a frame."""
+    """Two turns, in other orders, after one that is not timed; a piece goes from its last frame to its own last one."""
     pieces: list[tuple[bool, int]] = []
     lengths: list[float] = []
-    run = Simulation.run
+    follow = Simulation.follow
 
-    def watched(self: Simulation, *, observers=(), **options) -> None:  # type: ignore[no-untyped-def]
+    def watched(self: Simulation, course: Course, *, observers=(), **options) -> None:  # type: ignore[no-untyped-def]
+        if course.next_frame == 0:  # a warming up
+            follow(self, course, observers=observers, **options)
+            return
         frames: list[float] = []
         before = self.measure()
-        try:
-            watching = [*observers, lambda _state, measure: frames.append(measure.time)] if observers else []
-            run(self, observers=watching, **options)
-        finally:
-            after = self.measure()
-            if "series" in options:  # not a warming up
-                assert before.regimes is not None
-                assert after.regimes is not None
-                pieces.append((after.regimes.sum() > before.regimes.sum(), len(frames)))
-                lengths.append(2.0 * (after.collisions - before.collisions) / 300)
+        watching = [*observers, lambda _state, measure: frames.append(measure.time)] if observers else []
+        follow(self, course, observers=watching, **options)
+        after = self.measure()
+        assert before.regimes is not None
+        assert after.regimes is not None
+        pieces.append((after.regimes.sum() > before.regimes.sum(), len(frames)))
+        lengths.append(after.time - before.time)
 
-    monkeypatch.setattr(Simulation, "run", watched)
-    arguments = ["--n", "300", "--phi", "0.3", "--threads", "1", "--turns", "2"]
+    monkeypatch.setattr(Simulation, "follow", watched)
+    arguments = ["--n", "300", "--phi", "0.3", "--every", "1", "--threads", "1", "--turns", "2"]
     assert bench.script(output_cost.output_cost, arguments) == 0
     own = json.loads(capsys.readouterr().out)
-    bare, tallied, written = (False, 0), (True, 0), (True, 1 + LEAD + FRAMES)  # one at the beginning
+    bare, tallied, written = (False, 0), (True, 0), (True, FRAMES)
     assert pieces == [bare, tallied, written, bare, tallied, written, bare, written, tallied]
-    assert all(LEAD + FRAMES <= length < LEAD + FRAMES + 1 for length in lengths)
+    expected = FRAMES * bench.mean_free_time(CaseGas.from_case(bench.elastic_gas(300, 0.3)))
+    assert lengths == pytest.approx([expected] * 9, rel=1e-9)
     assert {way: len(found) for way, found in own["seconds"].items()} == {
         "bare": 2, "with ledger": 2, "with all": 2,
     }  # fmt: skip
     assert min(min(found) for found in own["seconds"].values()) > 0.0
-    # 24 bytes a disk, and what HDF5 needs for frames of so few disks: indexes, and whole chunks of the series.
-    assert 24 * 300 < own["frame_bytes"] < 24 * 300 + 15_000
-    assert (own["n"], own["phi"], own["compression"]) == (300, 0.3, "none")
+    # 24 bytes a disk, and what HDF5 needs for twelve frames of so few disks: indexes, whole chunks of the series.
+    assert 24 * 300 < own["frame_bytes"] < 24 * 300 + 25_000
+    assert (own["n"], own["phi"], own["every"], own["compression"]) == (300, 0.3, 1.0, "none")
 
 
 def test_shares_are_medians_over_pieces_side_by_side() -> None:

@@ -1,13 +1,12 @@
-"""Cost of output: `python -m ifrdem.validation.speed.output_cost --n 1000000 --compression none --turns 48`.
+"""Cost of output: `python -m ifrdem.validation.speed.output_cost --n 1000000 --every 5 --turns 48`.
 
 One elastic gas runs in short pieces without output, with the energy ledger, and with ledger, frames and time series, in
 turns: where its arrays lie in memory can make one simulation faster than its equal by 5 %, and a change of the
-machine's speed hits all three. Frames are written by `TrajectoryWriter` while the simulation waits.
+machine's speed hits all three. Frames stand at even times.
 """
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import json
 import math
@@ -23,22 +22,23 @@ from scipy.stats import quantile_test
 from ...case.gas import CaseGas
 from ...case.output_section import ROWS_PER_FRAME
 from ...run.recorder import Ledger, Recorder
-from ...simulation.schedule import Cadence
+from ...simulation.schedule import Cadence, Course, Span
 from ...trajectory.writer import TrajectoryWriter
 from . import bench
 
 FRAMES = 4
-"""Frames in a timed piece, one for each collision that a disk has on average."""
-LEAD = 1
-"""Frames before it, not timed."""
+"""Frames in a timed piece."""
 BARE, LEDGER, ALL = WAYS = ("bare", "with ledger", "with all")
 
 
 def output_cost(
-    *, n: int = 100_000, phi: float = 0.3, compression: str = "none", turns: int = 24, arch: str = "cpu",
-    threads: int | None = None, seed: int = 1,
+    *, n: int = 100_000, phi: float = 0.3, every: float = 5.0, compression: str = "none", turns: int = 24,
+    arch: str = "cpu", threads: int | None = None, seed: int = 1,
 ) -> None:  # fmt: skip
-    """Print, as JSON, seconds of each piece for one collision per disk, and shares with their 95 % confidence."""
+    """Print, as JSON, seconds of each piece for one collision per disk, and shares with their 95 % confidence.
+
+    A frame stands after `every` collisions of a disk on average, by theory.
+    """
     case = bench.elastic_gas(n, phi, arch=arch, threads=threads, seed=seed)
     case = case.model_copy(update={"output": case.output.model_copy(update={"ledger": True})})
     gas = CaseGas.from_case(case)
@@ -50,29 +50,19 @@ def output_cost(
             recorder = Recorder(cast(Any, writer), Ledger())
 
             def piece(way: str) -> float:
-                """Seconds for a collision per disk, of `FRAMES` after `LEAD`; from one end of a window to another."""
+                """Seconds for a collision per disk."""
                 simulation.switch_ledger(way != BARE)
+                begun, length = simulation.time, FRAMES * every * bench.mean_free_time(gas)
+                span = Span.to(n, begun, simulation.collisions, t_end=begun + length)
+                frames = Cadence(number=FRAMES if way == ALL else 1)
+                rows = Cadence(number=ROWS_PER_FRAME * FRAMES, exact=False) if way == ALL else None
+                # As in a run that goes on: the piece before has its last frame and row.
+                course = Course(span, frames, rows, next_frame=1, next_row=1)
                 output: dict[str, Any] = {"observers": [recorder.frame], "samplers": [recorder.row]}
-                before, last = simulation.collisions, LEAD + FRAMES + 1  # never reached
-                marks: list[tuple[float, int]] = []
-
-                def after_window(_time: float, collisions: int) -> None:
-                    if collisions - before >= (LEAD + FRAMES * len(marks)) * n / 2.0:
-                        marks.append((time.perf_counter(), collisions))
-                    if len(marks) == 2:
-                        raise bench.LongEnough
-
-                with contextlib.suppress(bench.LongEnough):
-                    simulation.run(
-                        collisions_per_disk=2.0 * before / n + last,
-                        frames=last,
-                        series=Cadence(number=ROWS_PER_FRAME * last, exact=False),
-                        progress=after_window,
-                        **(output if way == ALL else {}),
-                    )
+                before, began = simulation.collisions, time.perf_counter()
+                simulation.follow(course, **(output if way == ALL else {}))
                 recorder.write()
-                (began, first), (ended, collisions) = marks
-                return (ended - began) / (collisions - first) * n / 2.0
+                return (time.perf_counter() - began) / (simulation.collisions - before) * n / 2.0
 
             simulation.run(t_end=bench.mixing_time(gas))
             bench.warm_up(simulation)
@@ -87,7 +77,8 @@ def output_cost(
     print(
         json.dumps(
             {
-                "n": n, "phi": phi, "compression": compression, "seconds": seconds, "frame_bytes": size / frames,
+                "n": n, "phi": phi, "every": every, "compression": compression,
+                "seconds": seconds, "frame_bytes": size / frames,
                 "ledger": cost(seconds[LEDGER], seconds[BARE]),
                 "frames and series": cost(seconds[ALL], seconds[LEDGER]),
                 "all output": cost(seconds[ALL], seconds[BARE]), **bench.environment(),
