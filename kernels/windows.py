@@ -16,7 +16,9 @@ from .layout import (
 from .tiles import choose, gather, is_bad, region_of
 from .walls import place_walls, wall_phases
 
-MOST_EVENTS_OF_A_LAUNCH = 1_000_000  # of a gas in one tile: a second's work at most, between two looks at the clock
+MOST_EVENTS_OF_A_LAUNCH = (
+    1_000_000  # of a gas in one tile: a second's work at most, between two looks at the clock
+)
 LEAST_PATH = 0.01  # of that of a gas that fills the box
 LARGEST_WAY = 0.4  # of the side of a tile, that the fastest disk may come in a window
 

@@ -15,7 +15,7 @@ order give the same bits; so do frames, series, tracked disks and the ledger, wh
 window keeps its beginning, and goes on from there: stopping changes no bit. Only what something else does to the disks
 (a force, a change by the user) ends a window.
 
-Limits. Places are rounded to 2^-50 or so of the box. Tiles of a sheared gas have frames of their own: there the bits
+Limits. Places are rounded to 2^-52 to 2^-51 of the box. Tiles of a sheared gas have frames of their own: there the bits
 depend on the tiles, which depend on the gas only.
 
 What it costs (N = 1e4 or 1e5, phi = 0.3, against the engine of lists, log and rollback before, in the same minutes):
