@@ -225,7 +225,7 @@ class Windows:
         if self._ahead and watching and self._watching != watching:
             self._compute(self._moment_now, 1, watching)  # from its beginning, to see what happened in it
         if self._paused or not self._ahead:
-            if stop < (math.inf if a.alone else self.end):
+            if a.alone or stop < self.end:
                 a.make_moment()
             before = self._done[k.COLLISIONS]
             far = math.inf
