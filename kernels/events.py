@@ -29,7 +29,7 @@ from .places import (
     add, came_to, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
     write_motion,
 )  # fmt: skip
-from .tiles import write
+from .tiles import head_at, layer_of, scale_of, write
 from .walls import first_wall, hit_wall, other_image
 
 EMPTY = -1  # of bins and cells
@@ -92,6 +92,8 @@ def leaving(i, region: ti.template(), gas: ti.template()):
     Cells at an end of the region that is no periodic side have no end there.
     """
     cx, cy = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
+    nx, ny, factor = scale_of(layer_of(i, gas), region, gas)
+    side_x, side_y = factor * region.side_x, factor * region.side_y
     x, y, vx, vy = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY]
     if ti.static(gas.uses.sheared):
         row = gas.link[i][ROW]
@@ -100,18 +102,18 @@ def leaving(i, region: ti.template(), gas: ti.template()):
             x += row * (gas.scale[ASIDE] + gas.scale[DRIFT] * gas.work[i][TAU])
     soonest, side = FAR + 0.0 * x, 0
     if vx > 0.0:
-        if cx < region.nx - 1 or region.wrap_x == 1:
-            soonest, side = (region.x + (cx + 1) * region.side_x - x) / vx, 2
+        if cx < nx - 1 or region.wrap_x == 1:
+            soonest, side = (region.x + (cx + 1) * side_x - x) / vx, 2
     elif vx < 0.0:
         if cx > 0 or region.wrap_x == 1:
-            soonest, side = (region.x + cx * region.side_x - x) / vx, 1
+            soonest, side = (region.x + cx * side_x - x) / vx, 1
     ahead = 0.0 * x  # to the side in y; the quotient is needed only if it comes first
     if vy > 0.0:
-        ahead = region.y + (cy + 1) * region.side_y - y
-        if (cy < region.ny - 1 or region.wrap_y == 1) and ahead < soonest * vy:
+        ahead = region.y + (cy + 1) * side_y - y
+        if (cy < ny - 1 or region.wrap_y == 1) and ahead < soonest * vy:
             soonest, side = ahead / vy, 4
     elif vy < 0.0:
-        ahead = region.y + cy * region.side_y - y
+        ahead = region.y + cy * side_y - y
         if (cy > 0 or region.wrap_y == 1) and ahead > soonest * vy:
             soonest, side = ahead / vy, 3
     return gas.work[i][TAU] + ti.select(soonest > 0.0, soonest, 0.0 * x), side
@@ -121,7 +123,9 @@ def leaving(i, region: ti.template(), gas: ti.template()):
 def leave(i, side, region: ti.template(), gas: ti.template()):
     """Move the disk at place i into the next cell over a side; round the box where that is periodic."""
     cx, cy = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
-    cell = region.cells + cx * region.ny + cy
+    layer = layer_of(i, gas)
+    nx, ny, _factor = scale_of(layer, region, gas)
+    cell = head_at(cx, cy, layer, region, gas)
     k = gas.head[cell]
     if k == i:
         gas.head[cell] = gas.link[i][NEXT_IN_CELL]
@@ -132,8 +136,8 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
     if side <= 2:
         step = 2 * side - 3
         cx += step
-        if cx < 0 or cx >= region.nx:
-            cx -= step * region.nx
+        if cx < 0 or cx >= nx:
+            cx -= step * nx
             gas.work[i][X] = gas.work[i][X] - step * gas.scale[LENGTH_X]
             gas.mark[i][LAP_X] = gas.mark[i][LAP_X] + step
             if ti.static(gas.uses.walled):
@@ -141,14 +145,14 @@ def leave(i, side, region: ti.template(), gas: ti.template()):
     else:
         step = 2 * side - 7
         cy += step
-        if cy < 0 or cy >= region.ny:
-            cy -= step * region.ny
+        if cy < 0 or cy >= ny:
+            cy -= step * ny
             gas.work[i][Y] = gas.work[i][Y] - step * gas.scale[LENGTH_Y]
             gas.mark[i][LAP_Y] = gas.mark[i][LAP_Y] + step
             if ti.static(gas.uses.walled):
                 other_image(i, step, gas)
     gas.link[i][CELL] = (cx << 16) + cy
-    cell = region.cells + cx * region.ny + cy
+    cell = head_at(cx, cy, layer, region, gas)
     gas.link[i][NEXT_IN_CELL] = gas.head[cell]
     gas.head[cell] = i
 
@@ -282,72 +286,108 @@ def find(
 ):  # fmt: skip
     """The earliest meeting of the disk at place i with those of the cells around its own, before `best`: time, partner.
 
-    Cells from (x_low, y_low) to (x_high, y_high) steps away. If `half`, only every other cell of the nine, so that each
-    pair is looked at once.
+    Cells from (x_low, y_low) to (x_high, y_high) steps away. If `half`, only every other one of the nine, so that each
+    pair is looked at once. With two layers, small disks look at the large cells around their own too, in `half` or where
+    they have just come into a large cell; large disks look at all small cells in the large ones, unless `half`.
     """
-    cx, cy = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
+    own_x, own_y = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
     x, y, vx, vy, tau = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU]
     last = gas.link[i][LAST]
     radius = gas.scale[WIDEST] * 0.5
     if ti.static(gas.uses.mixed):
         radius = radius_of(i, gas)
     size = ti.abs(vx) + ti.abs(vy)
-    low_x, high_x, low_y, high_y = cx + x_low, cx + x_high, cy + y_low, cy + y_high
-    if region.wrap_x == 0:
-        low_x, high_x = ti.max(low_x, 0), ti.min(high_x, region.nx - 1)
-    if region.wrap_y == 0:
-        low_y, high_y = ti.max(low_y, 0), ti.min(high_y, region.ny - 1)
-    for column in range(low_x, high_x + 1):
-        ax = column
-        shift_x = 0.0 * x
-        if ax < 0:
-            ax += region.nx
-            shift_x = -gas.scale[LENGTH_X]
-        elif ax >= region.nx:
-            ax -= region.nx
-            shift_x = gas.scale[LENGTH_X]
-        first_y = low_y
-        if half == 1 and column == cx:
-            first_y = cy
-        cells = region.cells + ax * region.ny
-        for row_of_cells in range(first_y, high_y + 1):
-            ay = row_of_cells
-            shift_y = 0.0 * x
-            if ay < 0:
-                ay += region.ny
-                shift_y = -gas.scale[LENGTH_Y]
-            elif ay >= region.ny:
-                ay -= region.ny
-                shift_y = gas.scale[LENGTH_Y]
-            j = gas.head[cells + ay]
-            if half == 1 and column == cx and row_of_cells == cy:
-                j = gas.link[i][NEXT_IN_CELL]
-            while j >= 0:
-                following = gas.link[j][NEXT_IN_CELL]
-                if j != i and (j != last or gas.link[j][LAST] != i):
-                    tau_j = gas.work[j][TAU]
-                    start = ti.select(tau_j > tau, tau_j, tau)
-                    vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
-                    from_i, from_j = start - tau, start - tau_j
-                    # Differences of places are exact. Seen from j, every term only changes its sign.
-                    rx = ((gas.work[j][X] - x) + shift_x) + (vx_j * from_j - vx * from_i)
-                    ry = ((gas.work[j][Y] - y) + shift_y) + (vy_j * from_j - vy * from_i)
-                    ux, uy = vx_j - vx, vy_j - vy
-                    if ti.static(gas.uses.sheared):
-                        rows = gas.link[j][ROW] - gas.link[i][ROW]
-                        if rows != 0:
-                            rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
-                            ux += rows * gas.scale[DRIFT]
-                    sigma = gas.scale[WIDEST]
-                    if ti.static(gas.uses.mixed):
-                        sigma = radius + radius_of(j, gas)
-                    noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
-                    t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
-                    if sooner(t, j, best, partner, gas):
-                        best = t
-                        partner = j
-                j = following
+    mine = layer_of(i, gas)
+    for other in range(ti.static(2 if gas.uses.layered else 1)):
+        layer = other
+        if ti.static(not gas.uses.layered):
+            layer = mine
+        nx, ny, _factor = scale_of(layer, region, gas)
+        low_x, high_x, low_y, high_y = own_x + x_low, own_x + x_high, own_y + y_low, own_y + y_high
+        halved = half
+        if ti.static(gas.uses.layered):
+            if mine == 0 and layer == 1:
+                low_x, high_x, low_y, high_y = around(
+                    own_x, own_y, x_low, x_high, y_low, y_high, half, region
+                )
+                halved = 0
+            elif mine == 1 and layer == 0:
+                low_x, high_x = low_x * region.coarse, (high_x + 1) * region.coarse - 1
+                low_y, high_y = low_y * region.coarse, (high_y + 1) * region.coarse - 1
+                if half == 1:
+                    high_x = low_x - 1
+                halved = 0
+        if region.wrap_x == 0:
+            low_x, high_x = ti.max(low_x, 0), ti.min(high_x, nx - 1)
+        if region.wrap_y == 0:
+            low_y, high_y = ti.max(low_y, 0), ti.min(high_y, ny - 1)
+        for column in range(low_x, high_x + 1):
+            ax = column
+            shift_x = 0.0 * x
+            if ax < 0:
+                ax += nx
+                shift_x = -gas.scale[LENGTH_X]
+            elif ax >= nx:
+                ax -= nx
+                shift_x = gas.scale[LENGTH_X]
+            first_y = low_y
+            if halved == 1 and column == own_x:
+                first_y = own_y
+            for row_of_cells in range(first_y, high_y + 1):
+                ay = row_of_cells
+                shift_y = 0.0 * x
+                if ay < 0:
+                    ay += ny
+                    shift_y = -gas.scale[LENGTH_Y]
+                elif ay >= ny:
+                    ay -= ny
+                    shift_y = gas.scale[LENGTH_Y]
+                j = gas.head[head_at(ax, ay, layer, region, gas)]
+                if halved == 1 and column == own_x and row_of_cells == own_y:
+                    j = gas.link[i][NEXT_IN_CELL]
+                while j >= 0:
+                    following = gas.link[j][NEXT_IN_CELL]
+                    if j != i and (j != last or gas.link[j][LAST] != i):
+                        tau_j = gas.work[j][TAU]
+                        start = ti.select(tau_j > tau, tau_j, tau)
+                        vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
+                        from_i, from_j = start - tau, start - tau_j
+                        # Differences of places are exact. Seen from j, every term only changes its sign.
+                        rx = ((gas.work[j][X] - x) + shift_x) + (vx_j * from_j - vx * from_i)
+                        ry = ((gas.work[j][Y] - y) + shift_y) + (vy_j * from_j - vy * from_i)
+                        ux, uy = vx_j - vx, vy_j - vy
+                        if ti.static(gas.uses.sheared):
+                            rows = gas.link[j][ROW] - gas.link[i][ROW]
+                            if rows != 0:
+                                rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
+                                ux += rows * gas.scale[DRIFT]
+                        sigma = gas.scale[WIDEST]
+                        if ti.static(gas.uses.mixed):
+                            sigma = radius + radius_of(j, gas)
+                        noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
+                        t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
+                        if sooner(t, j, best, partner, gas):
+                            best = t
+                            partner = j
+                    j = following
     return best, partner
+
+
+@ti.func
+def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template()):
+    """The large cells, first and last column and row, that a small disk looks at; none if it came into no large one."""
+    m = region.coarse
+    cx, cy = own_x // m, own_y // m
+    low_x, high_x, low_y, high_y = cx - 1, cx + 1, cy - 1, cy + 1
+    if half == 0 and x_low == x_high:
+        low_x = high_x = cx + x_low
+        if own_x - m * cx != ti.select(x_low == 1, 0, m - 1):
+            high_x = low_x - 1
+    elif half == 0 and y_low == y_high:
+        low_y = high_y = cy + y_low
+        if own_y - m * cy != ti.select(y_low == 1, 0, m - 1):
+            high_y = low_y - 1
+    return low_x, high_x, low_y, high_y
 
 
 @ti.func

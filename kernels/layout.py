@@ -88,19 +88,20 @@ FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
     IN_WINDOW, SPEED,
 ) = range(14)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
-# walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on
+# walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on; small cells along
+# a large one
 (
     N, TILES_X, TILES_Y, LANES, PLACES, CELLS, BINS, ITEMS, PART, PERIODIC_X, PERIODIC_Y, WALLS, SEED_LOW, SEED_HIGH,
-    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS,
-) = range(21)  # fmt: skip
+    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE,
+) = range(22)  # fmt: skip
 # scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off;
 # contact
 # time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; a 0 no compiler
-# knows
+# knows; the largest radius of disks in small cells
 (
     LENGTH_X, LENGTH_Y, CELL_SIDE, WINDOW, MOMENT_IN, WIDEST, ROUNDER, GX, GY, CUTOFF, CONTACT_TIME, SHEAR, DRIFT,
-    ASIDE, NOTHING,
-) = range(15)  # fmt: skip
+    ASIDE, NOTHING, SPLIT,
+) = range(16)  # fmt: skip
 # event: time, place, normal, velocity before and after, spin before and after; the same of the partner
 AT, PLACE, NORMAL_X, V_BEFORE, V_AFTER, W_BEFORE, W_AFTER, U_BEFORE, U_AFTER, S_BEFORE, S_AFTER = (
     0, 1, 3, 5, 7, 9, 10, 11, 13, 15, 16,
@@ -156,6 +157,7 @@ class Uses(NamedTuple):
     turned: bool = False  # disks know how far they have turned
     mixed: bool = False  # more than one kind of disk
     watched: bool = False  # collisions of some disks are written down
+    layered: bool = False  # large disks lie in large cells, small ones in small cells
     collision_law: Any = None  # a `Law`
 
 

@@ -26,15 +26,15 @@ Bad tiles are run again, from the same beginning, with wider halos. Nothing is e
 from .flights import on_grid
 from .language import ti
 from .layout import (
-    ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BOXES_ASIDE, CELL, CELL_SIDE, CELLS,
-    CLAIMS, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL, FULL_CLAIMS, FURTHEST, GX, GY, HALO,
-    HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS, KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST,
-    LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS, N_CLAIMED, N_CLAIMS, NEXT_IN_CELL, NOBODY, NUMBER,
-    OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN,
-    SQUARE_UNIT, SQUARES, START, TALLY, TAU, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, VX, VY, W_SPIN,
-    WALL_HITS, WHO, WIDEST, WINDOW, X, Y,
+    ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BOXES_ASIDE, CELL, CELLS, CELL_SIDE,
+    CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL, FULL_CLAIMS, FURTHEST, GX,
+    GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS, KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER,
+    LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED,
+    N_CLAIMS, OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT,
+    SPIN, SPLIT, SQUARES, SQUARE_UNIT, START, TALLY, TAU, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, VX, VY,
+    WALL_HITS, WHO, WIDEST, WINDOW, W_SPIN, X, Y,
 )  # fmt: skip
-from .places import add, kind_of, largest_speed, note_speed
+from .places import add, kind_of, largest_speed, note_speed, radius_of
 
 ENDLESS = 1.0e30  # a side of a tile at an end of the box that is no periodic side
 
@@ -88,6 +88,46 @@ def cell_at(x, y, region: ti.template()):
 
 
 @ti.func
+def cells_of(region: ti.template(), gas: ti.template()):
+    """Number of cells of a region; small ones first, then large ones, where there are two layers."""
+    cells = region.nx * region.ny
+    if ti.static(gas.uses.layered):
+        cells += (region.nx // region.coarse) * (region.ny // region.coarse)
+    return cells
+
+
+@ti.func
+def layer_of(i, gas: ti.template()):
+    """1 if the disk at place i lies in a large cell, else 0."""
+    layer = 0
+    if ti.static(gas.uses.layered):
+        layer = ti.cast(radius_of(i, gas) > gas.scale[SPLIT], ti.i32)
+    return layer
+
+
+@ti.func
+def scale_of(layer, region: ti.template(), gas: ti.template()):
+    """Cells of a layer along the region in x and y; small cells along one of them."""
+    factor = 1
+    nx, ny = region.nx, region.ny
+    if ti.static(gas.uses.layered):
+        if layer == 1:
+            factor = region.coarse
+            nx, ny = nx // factor, ny // factor
+    return nx, ny, factor
+
+
+@ti.func
+def head_at(cx, cy, layer, region: ti.template(), gas: ti.template()):
+    """Where the list of a cell of a layer begins, in `head`."""
+    cell = region.cells + cx * region.ny + cy
+    if ti.static(gas.uses.layered):
+        if layer == 1:
+            cell = region.cells + region.nx * region.ny + cx * (region.ny // region.coarse) + cy
+    return cell
+
+
+@ti.func
 def region_of(tile, lane, gas: ti.template()):
     """Cells of the tile and its halo, or of the whole box: corner, number, sides; places are from the tile's corner."""
     width, height = sides_of(tile, gas)
@@ -99,13 +139,16 @@ def region_of(tile, lane, gas: ti.template()):
         width, height = gas.scale[LENGTH_X], gas.scale[LENGTH_Y]
     width += 2.0 * halo
     height += 2.0 * halo
-    nx = ti.max(ti.cast(width / gas.scale[CELL_SIDE], ti.i32), 1)
-    ny = ti.max(ti.cast(height / gas.scale[CELL_SIDE], ti.i32), 1)
+    coarse = 1
+    if ti.static(gas.uses.layered):
+        coarse = gas.grid[COARSE]
+    nx = coarse * ti.max(ti.cast(width / (coarse * gas.scale[CELL_SIDE]), ti.i32), 1)
+    ny = coarse * ti.max(ti.cast(height / (coarse * gas.scale[CELL_SIDE]), ti.i32), 1)
     tx = tile // gas.grid[TILES_Y]
     ty = tile - tx * gas.grid[TILES_Y]
     return ti.Struct(
         x=-halo, y=-halo, nx=nx, ny=ny, side_x=width / nx, side_y=height / ny, wrap_x=wrap_x, wrap_y=wrap_y,
-        cells=lane * gas.grid[CELLS], lane=lane,
+        cells=lane * gas.grid[CELLS], lane=lane, coarse=coarse,
         corner_x=ti.cast(gas.edge_x[tx], float), corner_y=ti.cast(gas.edge_y[ty], float),
     )  # fmt: skip
 
@@ -267,23 +310,36 @@ def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
         gas.link[i][HASH_1], gas.link[i][HASH_2], gas.link[i][TOP] = 0, 0, 0
         note_speed(i, gas)
         gas.begun[i][0], gas.begun[i][1] = x + row * gas.scale[ASIDE], y
+    if ti.static(gas.uses.layered):
+        for c in range(cells, cells_of(region, gas)):
+            gas.head[region.cells + c] = -1
     i = places
     cx, cy = 0, 0
     for c in range(cells):
         end = places + gas.head[region.cells + c]
         gas.head[region.cells + c] = -1
-        if i < end:
-            gas.head[region.cells + c] = i
+        if ti.static(not gas.uses.layered):
+            if i < end:
+                gas.head[region.cells + c] = i
         while i < end:
             gas.link[i][PARTNER] = NOBODY
-            gas.link[i][CELL] = (cx << 16) + cy
             gas.link[i][NUMBER] = 0
             gas.link[i][PREVIOUS] = -1
             gas.link[i][LAST] = NOBODY
-            gas.link[i][NEXT_IN_CELL] = i + 1
-            i += 1
-            if i == end:
-                gas.link[i - 1][NEXT_IN_CELL] = -1
+            if ti.static(gas.uses.layered):
+                layer = layer_of(i, gas)
+                _nx, _ny, factor = scale_of(layer, region, gas)
+                gas.link[i][CELL] = ((cx // factor) << 16) + cy // factor
+                at = head_at(cx // factor, cy // factor, layer, region, gas)
+                gas.link[i][NEXT_IN_CELL] = gas.head[at]
+                gas.head[at] = i
+                i += 1
+            else:
+                gas.link[i][CELL] = (cx << 16) + cy
+                gas.link[i][NEXT_IN_CELL] = i + 1
+                i += 1
+                if i == end:
+                    gas.link[i - 1][NEXT_IN_CELL] = -1
         cy += 1
         if cy == region.ny:
             cx, cy = cx + 1, 0

@@ -13,7 +13,7 @@ from .layout import (
     SPREAD, SQUARES, SQUARE_UNIT, STALLED, START, STOP, TALLY, TILES_X, TILES_Y, TILE_SIDE, VX, VY,
     WALL_SPEED, WANTED, WINDOW, Cube, GasArrays, Rows, Table, N,
 )  # fmt: skip
-from .tiles import choose, gather, is_bad, region_of
+from .tiles import cells_of, choose, gather, is_bad, region_of
 from .walls import place_walls, wall_phases
 
 MOST_EVENTS_OF_A_LAUNCH = (
@@ -84,9 +84,9 @@ def prepare(tile, lane, region: ti.template(), gas: ti.template()):
         for column in range(gas.heat.shape[2]):
             gas.heat[tile, AT_END, column] = 0.0
     found = 0
-    if region.nx * region.ny > gas.grid[CELLS]:
+    if cells_of(region, gas) > gas.grid[CELLS]:
         ti.atomic_or(gas.counter[FULL], FULL_CELLS)
-        ti.atomic_max(gas.counter[NEEDED], region.nx * region.ny)
+        ti.atomic_max(gas.counter[NEEDED], cells_of(region, gas))
     else:
         n, own = choose(tile, lane, region, gas)
         found = n

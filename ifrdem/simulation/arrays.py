@@ -25,6 +25,7 @@ from ..model.state import Disks, State
 from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
+LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
 LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
@@ -46,6 +47,18 @@ def division(packing_fraction: float) -> tuple[float, int]:
 def disks_per_cell(packing_fraction: float) -> float:
     """Of thin gases, whose cells are wider: what took least time; the thinner, the more cells a disk passes."""
     return float(np.clip(0.38 * (0.1 / max(packing_fraction, 1e-300)) ** 0.3, 0.3, 3.0))
+
+
+def split_of(radius: NDArray[np.float64]) -> float | None:
+    """The largest radius of disks in small cells, where it pays to have large cells for the others: of two layers.
+
+    The widest gap between radii parts them, if that is a factor 2 at least.
+    """
+    known = np.unique(radius)
+    if len(known) < 2:
+        return None
+    gap = int(np.argmax(known[1:] / known[:-1]))
+    return float(known[gap]) if known[gap + 1] > LEAST_GAP * known[gap] else None
 
 
 def kinds_of(disks: Disks) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -101,7 +114,9 @@ class DeviceArrays:
         self.kinds = self._vectors(6, self._type, max(len(kinds), 1))
         if n:
             self.kinds.from_numpy(kinds.astype(self.real))
-        self.uses = uses = uses._replace(mixed=len(kinds) > 1)
+        self._split = split_of(disks.radius)
+        layered = self._split is not None and not uses.walled  # walls are noted in one layer of cells
+        self.uses = uses = uses._replace(mixed=len(kinds) > 1, layered=layered)
         self.kind = self._array(ti.i32, n if uses.mixed else 1)
         if uses.mixed:
             self.kind.from_numpy(self._kind.astype(np.int32))
@@ -289,7 +304,13 @@ class DeviceArrays:
         own = float((high - low).min()) if few and not sheared else math.sqrt(tile_disks * free)
         self.clock[k.TILE_SIDE] = own
         least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
-        self.scale[k.CELL_SIDE] = max(CELL * self.widest, math.sqrt(disks_per_cell(phi) * free), least)
+        widest = CELL * self.widest
+        self.grid[k.COARSE] = 1
+        if self.uses.layered and self._split is not None:
+            widest, self.scale[k.SPLIT] = CELL * 2.0 * self._split, self._split
+        side = self.scale[k.CELL_SIDE] = max(widest, math.sqrt(disks_per_cell(phi) * free), least)
+        if self.uses.layered:
+            self.grid[k.COARSE] = math.ceil(CELL * self.widest / side)
         tiles = (1, 1)
         self.alone = options.order == "alone" or (options.order is None and few and options.arch == "cpu")
         self.alone = self.alone and not sheared
@@ -307,7 +328,7 @@ class DeviceArrays:
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
         self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
         if self.alone:
-            places, cells = n, int(np.prod(np.maximum((high - low) / self.scale[k.CELL_SIDE], 1.0))) + 1
+            places, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
         else:
             places, cells = min(2 * n // self.tiles + 64, 9 * n), 64
         if places > self.grid[k.PLACES] or cells > self.grid[k.CELLS] or lanes != self._lanes:
