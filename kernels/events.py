@@ -287,7 +287,7 @@ def find(
     """The earliest meeting of the disk at place i with those of the cells around its own, before `best`: time, partner.
 
     Cells from (x_low, y_low) to (x_high, y_high) steps away. If `half`, only every other one of the nine, so that each
-    pair is looked at once. With two layers, small disks look at the large cells around their own too, in `half` or where
+    pair is looked at once. With two layers, small disks look at the large cells around their own too, if `half` or if
     they have just come into a large cell; large disks look at all small cells in the large ones, unless `half`.
     """
     own_x, own_y = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF

@@ -12,6 +12,7 @@ from support.serial_reference import simulate
 from test_engine_serial_order import run
 
 from ifrdem.initial import packing, placement, radii
+from ifrdem.kernels.layout import CELL_SIDE, COARSE
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
@@ -71,3 +72,32 @@ def test_collisions_of_very_unequal_disks_are_those_of_the_serial_code(name: str
     # Rounding of 1e-16 of a box of 100 diameters, times some 10 for each collision of a disk.
     np.testing.assert_allclose(found.time, times, rtol=0.0, atol=1e-6)
     placement.check_no_overlap(box, disks.radius, engine.state().position, tolerance=1e-11)
+
+
+@pytest.mark.parametrize("along", [(1.0, 0.1), (-1.0, -0.1), (0.1, -1.0), (0.1, 1.0)])
+def test_small_disks_that_come_far_without_collisions_meet_a_large_one(along: tuple[float, float]) -> None:
+    """All in one stream, of which one disk alone is on its way to the large one, and comes near it by flight alone.
+
+    Large cells are 12 wide, and the large disk's centre lies at the near side of one: from where the small disk enters
+    the cells around it to the contact there are 6.5 to fly, less than the way in a window.
+    """
+    corner = [24.0 + 0.05 * np.sign(each) if abs(each) == 1.0 else 30.0 for each in along]
+    places = np.stack(np.meshgrid(np.arange(1.0, 47.0, 3.0), np.arange(1.0, 47.0, 3.0)), axis=-1).reshape(
+        -1, 2
+    )
+    along_x = abs(along[0]) == 1.0
+    beside = np.abs(places - corner)[:, 1 if along_x else 0] > 10.0
+    first = np.array(corner) - 12.5 * np.sign(along) * ([1.0, 0.0] if along_x else [0.0, 1.0])
+    position = np.concatenate([[corner, first], places[beside]])
+    n = len(position)
+    radius = np.r_[5.0, np.full(n - 1, 0.5)]
+    velocity = np.tile(along, (n, 1))
+    velocity[0] = 0.0
+    disks, box = Disks(n, mass=radius**2, radius=radius), Box((48.0, 48.0))
+    state = State(position, velocity, np.zeros(n))
+    _, found = simulate(disks, box, COIN, state, max_collisions=3)
+    engine = Engine(disks, box, state, np.array([[COIN]]), order="alone")
+    assert int(48.0 / (engine.arrays.grid[COARSE] * engine.arrays.scale[CELL_SIDE])) == 4
+    met = run(engine, 3)
+    assert [tuple(sorted(pair)) for pair in met.pair] == [tuple(sorted(one[1:])) for one in found]
+    np.testing.assert_allclose(met.time, [one[0] for one in found], rtol=1e-9)
