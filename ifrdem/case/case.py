@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..errors import InputError, nearest
+from ..fit.tabular import Form
 from ..initial import radii
 from ..kernels.limits import MOST_DISKS
 from ..model.coin_table import coins
@@ -252,7 +253,10 @@ def _known_positions(positions: str) -> str:
 class StartSection(Section):
     """Where the disks are at the start."""
 
-    choices = (Choice(("positions",), also=("frame", "motion", "psi", "speed")), Choice(("file",)))
+    choices = (
+        Choice(("positions",), also=("frame", "motion", "psi", "speed")),
+        Choice(("file",), also=("columns", "units", "delimiter", "decimal", "relax")),
+    )
     choice_optional = True
 
     positions: Annotated[str, AfterValidator(_known_positions)] = Field(
@@ -293,6 +297,28 @@ class StartSection(Section):
         "with the columns x, y [m] and, to set velocities too, vx, vy [m/s] and spin [rad/s]",
         examples=["start.csv"],
     )
+    columns: dict[str, str] | None = Field(
+        default=None,
+        description="names of the CSV file's columns, where they are others [table]",
+        examples=[{"x": "pos x"}],
+    )
+    units: dict[str, str] | None = Field(
+        default=None,
+        description="units of the CSV file's columns, where they are not SI [table], such as mm, cm/s, deg/s, or a factor",
+        examples=[{"x": "mm"}],
+    )
+    delimiter: str | None = Field(
+        default=None, description="character that separates the CSV file's columns [text]", examples=[";"]
+    )
+    decimal: Literal[".", ","] | None = Field(
+        default=None, description='decimal point of the CSV file [text]: "." or ","', examples=[","]
+    )
+    relax: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart",
+        examples=[1.0e-4],
+    )
 
     @classmethod
     def wrong_choice(cls, data: dict[str, Any]) -> str | None:
@@ -319,6 +345,13 @@ class StartSection(Section):
     def trajectory(self) -> str | None:
         """The trajectory that a frame is taken from, if one is."""
         return self.positions if is_trajectory(self.positions) else None
+
+    @property
+    def form(self) -> Form | None:
+        """How the CSV file is written, where it differs."""
+        if (self.columns, self.units, self.delimiter, self.decimal) == (None,) * 4:
+            return None
+        return Form(self.columns or {}, self.units or {}, {}, self.delimiter or ",", self.decimal or ".")
 
     @property
     def psi_range(self) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from ..initial.from_csv import Given
 from ..kernels.limits import CROWD, MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
+from ..model.overlaps import relax
 from ..model.walls import Wall, check_place
 from ..model.walls import check as check_walls
 from . import pair_rules
@@ -378,7 +379,9 @@ def _given(
                 folder / name, start.frame, radius, box, motion=start.motion, walls=room.walls
             )
         else:
-            given = from_csv.read(folder / name, len(radius), box)
+            given = from_csv.read(folder / name, len(radius), box, start.form)
+            if start.relax is not None:
+                given = replace(given, position=relax(box, radius, given.position, start.relax))
             placement.check_no_overlap(box, radius, given.position)
             check_walls(room.all_walls, box, given.position, radius)
     except InputError as error:

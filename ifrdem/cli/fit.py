@@ -265,6 +265,10 @@ def fit(
         raise InputError(
             f"{', '.join(_dashed(each) for each in disks)}: of tables of angles; collisions need --disk-1 and --disk-2"
         )
+    if isinstance(measured, maximum.Data) and "M" not in disks:
+        raise InputError(
+            "--M is missing: the mass ratio m_1 / m_2 is needed, 0 for a wall, or --pair with two coins of the paper"
+        )
     with _progress(sets * number_of_laws) as bar:
         found = maximum.fit(
             measured,
@@ -388,11 +392,6 @@ def _disks(
             return {"M": 1.0}
         a, b = (coins[coin] for coin in pair)
         return {"M": a.mass / b.mass, "k_1": a.k, "k_2": b.k, "R_1": a.radius, "R_2": b.radius}
-    if "M" not in texts:
-        wrong.append(
-            "--M is missing: the mass ratio m_1 / m_2 is needed, or --pair with two coins of the paper; for whole "
-            "collisions --disk-1 and --disk-2"
-        )
     if rolling:
         missing = [name for name in ("R_1", "R_2") if name not in texts]
         wrong += [f"{option(name)} is missing: --rolling needs it" for name in missing]

@@ -188,7 +188,7 @@ class Collisions:
         Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
         value that is known exactly. Those of nx, ny may be of `normal` [rad] instead.
     covariance : mapping of (str, str) to array (n,), optional
-        Covariances of two quantities, other than of places.
+        Covariances of two quantities of the motion, or of one and "normal" [rad].
     source, line, notes
         As in `Data`.
 
@@ -228,9 +228,9 @@ class Collisions:
             )
         wrong += _wrong_names(self.measured, with_normal)
         wrong += [
-            f"covariance of {a} and {b}: both must be velocities or spins that were measured"
+            f"covariance of {a} and {b}: both must be velocities or spins that were measured, or one the normal"
             for a, b in self.covariance
-            if not {a, b} <= {*MOTION, *AFTER} & set(self.measured) or a == b
+            if not {a, b} <= {"normal", *({*MOTION, *AFTER} & set(self.measured))} or a == b
         ]
         if wrong:
             raise InputError("\n".join(f"{self.source}: {each}" for each in wrong))
@@ -381,7 +381,8 @@ def read(
     """
     kinds = {**{name: "angle" if name in ANGLES else "number" for name in COLUMNS}, **_KINDS}
     spellings = {**_SPELLINGS, **_COLLISION_SPELLINGS}
-    covariances = {f"cov:{a}:{b}": (a, b) for a in (*MOTION, *AFTER) for b in (*MOTION, *AFTER) if a != b}
+    moving = ("normal", *MOTION, *AFTER)
+    covariances = {f"cov:{a}:{b}": (a, b) for a in moving for b in moving if a != b}
     kinds |= dict.fromkeys(covariances, "number")
     spellings |= {tabular.plain(name): name for name in covariances}
     found = tabular.read(path, kinds, spellings, form)

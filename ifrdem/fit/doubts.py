@@ -134,6 +134,11 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
         f"{each.where} ({each.quantity} {each.residual:+.1f} errors off, chi2 {each.distance:.4g}, probability {each.probability:.1g})"
         for each in fitted.suspects[:_MOST_NAMED]
     ]
+    if len(fitted.suspects) > max(0.25 * len(fitted.psi), 1.0):
+        return [
+            f"{len(fitted.suspects)} of {len(fitted.psi)} impacts are far off: the law or the errors are in doubt, rather than "
+            "single lines"
+        ]
     if named:
         more = f" and {len(fitted.suspects) - len(named)} more" if len(fitted.suspects) > len(named) else ""
         s = "s" * (len(fitted.suspects) > 1)

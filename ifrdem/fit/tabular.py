@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -34,7 +35,7 @@ UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
 ERROR_WORDS = ("error", "err", "sigma", "uncertainty", "std")
 _MISSING = ("", "nan", "na", "n/a", "-", "none", "null")
 _EVERY_UNIT = {unit for units in UNITS.values() for unit in units}
-_NEARLY_ALIKE = 0.6
+_NEARLY_ALIKE = 0.8  # of a column that is rather misspelt than another
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +108,8 @@ def read(
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
     form: Form = Form(),  # noqa: B008  (frozen)
+    *,
+    most: int = MOST_BYTES,
 ) -> Table:
     """Read a table.
 
@@ -120,6 +123,8 @@ def read(
         Standard name of other spellings, in small letters and without signs and blanks.
     form : Form, optional
         How the file is written.
+    most : int
+        Largest size of the file [bytes].
 
     Raises
     ------
@@ -130,7 +135,7 @@ def read(
     source = str(path)
     _check_form(source, form, kinds)
     try:
-        rows, lines = csv_rows.read(path, most=MOST_BYTES, delimiter=form.delimiter)
+        rows, lines = csv_rows.read(path, most=most, delimiter=form.delimiter)
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     if not rows:
@@ -247,10 +252,13 @@ def _header(
             name = ""  # another column stands for it
         kind = kinds.get(name.removesuffix("_error"), "")
         if not name:
-            if (hint := nearest(text, [*kinds, *(f"{each}_error" for each in kinds)])) and text not in asked:
-                wrong.append(
-                    f"line {line}: unknown column '{printable(text)}'{hint}; --column NAME='{printable(text)}' says what it is"
-                )
+            close = difflib.get_close_matches(
+                text, [*kinds, *(f"{each}_error" for each in kinds)], 1, _NEARLY_ALIKE
+            )
+            if close and text not in asked:
+                said = printable(text)
+                hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{said}' says that it is"
+                wrong.append(f"line {line}: unknown column '{said}' {hint}")
             unused.append(text)
             unit = None
         unit = form.units.get(name) or form.units.get(name.removesuffix("_error")) or unit
