@@ -432,7 +432,7 @@ def read(
         [~np.isnan(measured[name]) for name in quantities if name != "psi"], axis=0
     )
     if not keep.all():
-        lost = ", ".join(str(line) for line in found.line[~keep][:10]) + ", ..." * (np.sum(~keep) > 10)
+        lost = ", ".join(str(line) for line in found.line[~keep][:10]) + ", ..." * bool(np.sum(~keep) > 10)
         notes.append(
             f"{np.sum(~keep)} lines without psi or without a value after the impact are left out: {lost}"
         )

@@ -148,7 +148,9 @@ class Comparison:
     def deviation(self) -> Array:
         """Distance over its standard error of spread and measurement (m,): 1.2 is the median of a Gaussian in two dimensions."""
         centre = self.members.mean(axis=0) if len(self.members) else self.position
-        variance = self.measured.error**2 + np.nan_to_num(self.spread) ** 2
+        variance = self.measured.error**2 + np.nan_to_num(self.spread) ** 2 * (
+            1.0 + 1.0 / max(len(self.members), 1)
+        )
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.sqrt(np.sum((self.measured.position - centre) ** 2 / variance, axis=-1))
 
@@ -167,13 +169,13 @@ class Comparison:
         )
         turned = np.isfinite(m.angle) & np.isfinite(self.angle)
         heads += ["turned", "turned run"] if turned.any() else []
-        lines.append("".join(f"{head:>11}" for head in heads))
+        lines.append("".join(f"{head:>12}" for head in heads))
         for i in range(len(m.id)):
             time = "end" if math.isinf(m.time[i]) else f"{m.time[i]:.4g}"
             cells = [
                 f"{m.id[i]}",
                 time,
-                *(f"{value:.5g}" for value in (*m.position[i], *self.position[i], self.distance[i])),
+                *(f"{value:.4g}" for value in (*m.position[i], *self.position[i], self.distance[i])),
             ]
             cells += [f"{value:.3g}" for value in self.spread[i]] if drawn else []
             cells.append(f"{self.deviation[i]:.2f}" if np.isfinite(self.deviation[i]) else "-")
@@ -182,7 +184,7 @@ class Comparison:
                     f"{math.degrees(value):.1f}" if turned[i] else "-"
                     for value in (m.angle[i], self.angle[i])
                 ]
-            lines.append("".join(f"{cell:>11}" for cell in cells))
+            lines.append("".join(f"{cell:>12}" for cell in cells))
         rms = math.sqrt(float(np.mean(self.distance**2)))
         lines.append(
             f"root mean square distance {rms:.4g}{unit}, {rms / float(np.mean(self.radius)):.3g} radii"
@@ -400,9 +402,7 @@ def _drawn(gas: Gas, start: State, errors: Mapping[str, float], rng: np.random.G
     return State(gas.box.wrap(position), velocity, spin)
 
 
-def _simulation(
-    gas: Gas, file: case_file.CaseFile, law: Mapping[str, float] | None, state: State
-) -> Simulation:
+def _simulation(gas: Gas, case: Case, law: Mapping[str, float] | None, state: State) -> Simulation:
     if law is not None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)
