@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
@@ -44,14 +45,16 @@ def collisions(law: str, n: int, error: float, rng: np.random.Generator, *, wall
     blank = {name: np.zeros(n) for name in ("vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")}
     if wall:
         blank = {name: value for name, value in blank.items() if name.endswith("1")}
-    measured = {
+    measured: dict[str, np.ndarray] = {
         "nx": np.cos(phi),
         "ny": np.sin(phi),
         **blank,
         **{f"{name}_after": value for name, value in blank.items()},
     }
     measured["vx_1"], measured["vy_1"] = np.cos(phi), np.sin(phi)
-    errors = {name: error / R if name.startswith("s") else error for name in measured if name[0] in "vs"}
+    errors: dict[str, Any] = {
+        name: error / R if name.startswith("s") else error for name in measured if name[0] in "vs"
+    }
     data = Collisions(
         disk_1=Disk(mass=1.19e-3, radius=R),
         disk_2=WALL if wall else Disk(mass=3.0e-3, radius=8.75e-3),

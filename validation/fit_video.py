@@ -13,7 +13,7 @@ import numpy as np
 
 import ifrdem
 
-TRUTH = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
+LAW = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 TABLE_FRICTION = 0.2
 COIN = ifrdem.coins["1 pta"]
 PLACE, VELOCITY, SPIN = 1.0e-4, 3.0e-3, 0.3  # errors of the start: [m], [m/s], [rad/s]
@@ -26,10 +26,14 @@ def tracks(fps: float, noise: float, number: int, seed: int = 1, angle_noise: fl
     Flights are straight: such videos are taken on an air table.
     """
     rng = np.random.default_rng(seed)
-    law = ifrdem.IFRLaw(**TRUTH)
+    law = LAW
     lines = [MADE + "t (s),id,x (mm),y (mm),angle (rad)"]
     for k in range(number):
-        phi, psi, speed = rng.uniform(0.0, 2.0 * np.pi), np.radians(rng.uniform(-75.0, 75.0)), rng.uniform(0.5, 1.0)
+        phi, psi, speed = (
+            rng.uniform(0.0, 2.0 * np.pi),
+            np.radians(rng.uniform(-75.0, 75.0)),
+            rng.uniform(0.5, 1.0),
+        )
         n = np.array([np.cos(phi), np.sin(phi)])
         t_ = np.array([-n[1], n[0]])
         v = np.stack([speed * (np.cos(psi) * n + np.sin(psi) * t_), np.zeros(2)]) + rng.normal(0.0, 0.1, 2)
@@ -39,11 +43,18 @@ def tracks(fps: float, noise: float, number: int, seed: int = 1, angle_noise: fl
         t = np.arange(0.0, 0.24, 1.0 / fps) + rng.uniform(0.0, 1.0 / fps)
         tau = t - 0.12
         for i in (0, 1):
-            x = place[i] + np.minimum(tau, 0.0)[:, None] * v[i] + np.maximum(tau, 0.0)[:, None] * out.velocity[i]
+            x = (
+                place[i]
+                + np.minimum(tau, 0.0)[:, None] * v[i]
+                + np.maximum(tau, 0.0)[:, None] * out.velocity[i]
+            )
             angle = np.minimum(tau, 0.0) * w[i] + np.maximum(tau, 0.0) * out.spin[i]
             x = 1e3 * (x + noise * rng.standard_normal(x.shape))
             angle = (angle + angle_noise * rng.standard_normal(angle.shape) + np.pi) % (2.0 * np.pi) - np.pi
-            lines += [f"{s + k:.6f},{2 * k + i},{a:.4f},{b:.4f},{c:.4f}" for s, (a, b), c in zip(t, x, angle, strict=True)]
+            lines += [
+                f"{s + k:.6f},{2 * k + i},{a:.4f},{b:.4f},{c:.4f}"
+                for s, (a, b), c in zip(t, x, angle, strict=True)
+            ]
     return "\n".join(lines) + "\n"
 
 
@@ -54,15 +65,17 @@ def table(seed: int = 1) -> tuple[str, str]:
     """
     rng = np.random.default_rng(seed)
     R = COIN.radius
-    grid = np.array([[i, j] for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0)]) * 2.6 * R + rng.normal(0.0, 0.15 * R, (9, 2))
+    grid = np.array([[i, j] for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0)]) * 2.6 * R + rng.normal(
+        0.0, 0.15 * R, (9, 2)
+    )
     grid[1] = grid[0] + 2.0 * R * np.array([0.1, 0.995]) / np.hypot(0.1, 0.995)  # these two touch
     position = np.concatenate([grid, [[-0.2, 0.012], [0.19, -0.03], [0.01, 0.21]]])
     velocity = np.concatenate([np.zeros((9, 2)), [[0.95, 0.0], [-0.9, 0.1], [0.0, -1.0]]])
     spin = np.concatenate([np.zeros(9), [0.0, 25.0, -15.0]])
-    disks = ifrdem.Disks(12, mass=COIN.mass, radius=R)
+    disks = ifrdem.Disks(12, mass=np.full(12, COIN.mass), radius=np.full(12, R))
     forces = [ifrdem.forces.TableFriction(mu=TABLE_FRICTION, step=1.0e-3)]
     gas = ifrdem.Simulation(
-        disks, ifrdem.Box.open(), ifrdem.IFRLaw(**TRUTH), ifrdem.State(position, velocity, spin), forces=forces
+        disks, ifrdem.Box.open(), LAW, ifrdem.State(position, velocity, spin), forces=forces
     )
     gas.run(t_end=1.5)
     rest = np.asarray(gas.state.position) + PLACE * rng.standard_normal(position.shape)

@@ -176,7 +176,8 @@ def compare(
         list[str] | None,
         option(
             "NAME=E",
-            "standard error of the start's positions [m], velocities [m/s], spins [rad/s], where its file has no columns "
+            "standard error of the start's positions [m], velocities [m/s], spins [rad/s], where its "
+            "file has no columns "
             "such as x_error; repeatable",
         ),
     ] = None,

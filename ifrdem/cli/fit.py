@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -105,7 +105,8 @@ def fit(
         list[str] | None,
         option(
             "NAME=UNIT",
-            "unit of a column, such as psi=rad or vx_1=cm/s, or a factor; repeatable. Angles of a table of angles become "
+            "unit of a column, such as psi=rad or vx_1=cm/s, or a factor; repeatable. Angles of a table "
+            "of angles become "
             "degrees, all else SI units",
             group=TABLE,
         ),
@@ -129,7 +130,8 @@ def fit(
         list[str] | None,
         option(
             "E",
-            "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, spins, normal [rad]; "
+            "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, "
+            "spins, normal [rad]; "
             "estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first",
             group=HOW,
         ),
@@ -272,7 +274,7 @@ def fit(
     with _progress(sets * number_of_laws) as bar:
         found = maximum.fit(
             measured,
-            **disks,
+            **dict[str, Any](disks),
             model=kinds,
             own=own,
             fix=fixed,

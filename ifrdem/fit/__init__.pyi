@@ -10,6 +10,12 @@ from .laws import Walton as Walton
 from .laws import own as own
 from .maximum import fit as fit
 from .model import Pair as Pair
+from .next_experiment import Design as Design
+from .next_experiment import design as design
+from .report import as_json as as_json
+from .report import draws as draws
+from .report import material as material
+from .report import table as table
 from .result import CONFIDENCE as CONFIDENCE
 from .result import TELLING as TELLING
 from .result import Estimate as Estimate
@@ -17,9 +23,3 @@ from .result import Fit as Fit
 from .result import Fitted as Fitted
 from .result import Interval as Interval
 from .tabular import Form as Form
-from .report import as_json as as_json
-from .report import draws as draws
-from .report import material as material
-from .report import table as table
-from .next_experiment import Design as Design
-from .next_experiment import design as design

@@ -270,13 +270,10 @@ class Collisions:
                 (int(np.argmax(walls)), "mass_2 is infinite: walls and disks cannot stand in one table")
             )
         _end(self.source, found, self.line)
-        for name, value in (
-            ("measured", arrays),
-            ("errors", errors),
-            ("disk_1", disks[0]),
-            ("disk_2", disks[1]),
-        ):
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "measured", arrays)
+        object.__setattr__(self, "errors", errors)
+        object.__setattr__(self, "disk_1", disks[0])
+        object.__setattr__(self, "disk_2", disks[1])
         problem = self.problem()
         apart = problem.separating
         _end(
@@ -398,7 +395,8 @@ def read(
     source = found.source
     if whole and angles:
         raise InputError(
-            f"{source}: columns of angles ({', '.join(angles)}) and of whole collisions ({', '.join(whole)}) cannot stand in one table"
+            f"{source}: columns of angles ({', '.join(angles)}) and of whole collisions "
+            f"({', '.join(whole)}) cannot stand in one table"
         )
     if not whole and "psi" not in angles:
         raise InputError(
@@ -479,7 +477,8 @@ def _given_errors(
                 length = np.hypot(columns["nx"], columns["ny"])
                 given[name] = given[name] * length
     wrong += [
-        f"an error of {name} is given, and the file has no column {name}{nearest(name, quantities)}; it has {', '.join(quantities)}"
+        f"an error of {name} is given, and the file has no column {name}{nearest(name, quantities)}; it "
+        f"has {', '.join(quantities)}"
         for name in errors
         if name not in quantities and not set(quantities) & set({**GROUPS, "normal": NORMAL}.get(name, ()))
     ]

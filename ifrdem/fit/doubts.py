@@ -131,12 +131,14 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
     """Suspicious lines, and what they do to the coefficients."""
     found = []
     named = [
-        f"{each.where} ({each.quantity} {each.residual:+.1f} errors off, chi2 {each.distance:.4g}, probability {each.probability:.1g})"
+        f"{each.where} ({each.quantity} {each.residual:+.1f} errors off, chi2 {each.distance:.4g}, "
+        f"probability {each.probability:.1g})"
         for each in fitted.suspects[:_MOST_NAMED]
     ]
     if len(fitted.suspects) > max(0.25 * len(fitted.psi), 1.0):
         return [
-            f"{len(fitted.suspects)} of {len(fitted.psi)} impacts are far off: the law or the errors are in doubt, rather than "
+            f"{len(fitted.suspects)} of {len(fitted.psi)} impacts are far off: the law or the errors "
+            "are in doubt, rather than "
             "single lines"
         ]
     if named:
@@ -153,7 +155,8 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
             found.append(f"without --robust: {', '.join(changes)}")
         else:
             found.append(
-                f"without the suspicious line{'s' * (len(fitted.suspects) > 1)}: {', '.join(changes)}; --robust gives outliers little weight"
+                f"without the suspicious line{'s' * (len(fitted.suspects) > 1)}: {', '.join(changes)}; "
+                "--robust gives outliers little weight"
             )
     return found
 
@@ -169,7 +172,8 @@ def doubts_of_all(data: Data | Collisions, laws: Mapping[str, Fitted]) -> list[s
         )
     if isinstance(data, Data) and len(data) > 2 and np.max(data.psi) < 1.6:
         found.append(
-            f"the largest psi is {np.max(data.psi):g} degrees: a column in radians is named psi (rad), or --unit psi=rad"
+            f"the largest psi is {np.max(data.psi):g} degrees: a column in radians is named psi (rad), "
+            "or --unit psi=rad"
         )
     order = sorted(laws.values(), key=lambda each: each.AIC)
     if len(order) > 1 and (difference := order[1].AIC - order[0].AIC) < TELLING:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from .data import Collisions, Data
@@ -38,7 +39,7 @@ class _Panel:
     error: Array
 
     @property
-    def there(self) -> Array:
+    def there(self) -> NDArray[np.bool_]:
         return np.isfinite(self.value) & np.isfinite(self.psi)
 
 

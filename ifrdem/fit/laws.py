@@ -264,7 +264,8 @@ def own(
         raise InputError(f"{kind.__name__}: has no coefficients to fit")
     given = dict(ranges or {})
     wrong = [
-        f"{kind.__name__}: no coefficient '{name}'{nearest(name, kind.coefficients)}; it has {', '.join(kind.coefficients)}"
+        f"{kind.__name__}: no coefficient '{name}'{nearest(name, kind.coefficients)}; it has "
+        f"{', '.join(kind.coefficients)}"
         for name in given
         if name not in kind.coefficients
     ]
@@ -348,7 +349,8 @@ def chosen(
     for name, value in fixed.items():
         if found and name not in known:
             wrong.append(
-                f"{name} = {value:g} cannot be fixed: no such coefficient{nearest(name, known)}; there are {', '.join(sorted(known))}"
+                f"{name} = {value:g} cannot be fixed: no such coefficient{nearest(name, known)}; there "
+                f"are {', '.join(sorted(known))}"
             )
         elif any(
             name in law.ranges and not law.ranges[name][0] <= value <= law.ranges[name][1]

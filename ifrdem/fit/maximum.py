@@ -115,7 +115,8 @@ def fit(
     if rolling:
         if not set(SPINNING) & set(data.names):
             wrong.append(
-                f"{data.source}: rolling friction changes spins only: a column {' or '.join(SPINNING)} is needed to fit "
+                f"{data.source}: rolling friction changes spins only: a column {' or '.join(SPINNING)} "
+                "is needed to fit "
                 f"rho; there are {', '.join(data.names)}"
             )
         r = float(np.max(problem.reach()))
@@ -305,7 +306,7 @@ class _Climb:
                 value=unit(value[name]),
                 standard_error=unit(error[name]),
                 interval=Interval(unit(end.low), unit(end.high), end.low_open, end.high_open),
-                bootstrap=Interval(*map(unit, again[name])) if again else None,
+                bootstrap=Interval(unit(again[name][0]), unit(again[name][1])) if again else None,
             )
         loss, chi2 = points.loss, float(np.sum(points.distance))
         given = not self.problem.estimated
@@ -353,7 +354,8 @@ class _Climb:
             redundancy = int(np.sum(problem.redundancy))
             if redundancy <= p + len(problem.estimated):
                 raise InputError(
-                    f"{self.data.source}: {redundancy} value{'s' * (redundancy != 1)} measured after the impact: more than "
+                    f"{self.data.source}: {redundancy} value{'s' * (redundancy != 1)} measured after "
+                    "the impact: more than "
                     f"{p + len(problem.estimated)} are needed for {p} coefficients"
                     + f" and {len(problem.estimated)} errors"
                     * bool(problem.estimated)
@@ -367,7 +369,8 @@ class _Climb:
                 return problem, search
             problem, start = problem.scaled(factors), best
         raise InputError(
-            f"{self.data.source}: the residuals do not tell the errors of {' and '.join(problem.estimated)} apart: give one of "
+            f"{self.data.source}: the residuals do not tell the errors of "
+            f"{' and '.join(problem.estimated)} apart: give one of "
             f"them, as by --error {problem.estimated[0]}=VALUE"
         )
 

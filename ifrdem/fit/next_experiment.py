@@ -46,7 +46,8 @@ class Design:
         ]
         width = max(12, *(len(name) + 2 for name in names))
         lines = [
-            f"{self.number} further impacts at one angle: expected standard errors, and expected gain in -2 ln L over other laws",
+            f"{self.number} further impacts at one angle: expected standard errors, and expected gain "
+            "in -2 ln L over other laws",
             f"  {'psi [deg]':>10}" + "".join(f"{name:>{width}}" for name in names),
             f"  {'now':>10}" + "".join(f"{self.now[name]:>{width}.4f}" for name in self.errors),
         ]

@@ -321,7 +321,8 @@ def material(fit: Fit, name: str) -> str:
     tested = f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else ""
     disks = "; ".join(_disks(fit))
     lines = [
-        f"# Fitted to {len(fit.data)} impacts of {fit.data.source} ({', '.join(fit.data.names)}) by `ifrdem fit`; {disks}.",
+        f"# Fitted to {len(fit.data)} impacts of {fit.data.source} ({', '.join(fit.data.names)}) by "
+        f"`ifrdem fit`; {disks}.",
         f"# {fit.best}, {chosen}. chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}.",
         *(f"# Warning: {each}" for each in fitted.warnings),
         *_material(name, fitted.coefficients, fitted),
@@ -360,7 +361,8 @@ def draws(fit: Fit, number: int, seed: int = 1) -> str:
     fitted = fit.laws[fit.best]
     rows = fitted.draw(number, seed)
     head = [
-        f"# {number} draws of the coefficients of {fit.best} fitted to {fit.data.source}: Gaussian, with their covariance",
+        f"# {number} draws of the coefficients of {fit.best} fitted to {fit.data.source}: Gaussian, "
+        "with their covariance",
         f"# sticking: {fitted.law.sticking}",
         ",".join(rows[0]),
     ]

@@ -107,7 +107,7 @@ def read(
     path: Path | str,
     kinds: Mapping[str, str],
     spellings: Mapping[str, str],
-    form: Form = Form(),  # noqa: B008  (frozen)
+    form: Form = Form(),
     *,
     most: int = MOST_BYTES,
 ) -> Table:
@@ -197,7 +197,8 @@ def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:
         kind = kinds.get(name.removesuffix("_error"))
         if kind and unit not in UNITS[kind] and not _factor(unit):
             wrong.append(
-                f"unit {name}={unit}: {', '.join(UNITS[kind])} or a positive factor is needed{nearest(unit, UNITS[kind])}"
+                f"unit {name}={unit}: {', '.join(UNITS[kind])} or a positive factor is "
+                f"needed{nearest(unit, UNITS[kind])}"
             )
     wrong += [
         f"known value {name} = {value}: a finite number is needed"
@@ -228,7 +229,8 @@ def _header(
     """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
     if all(csv_rows.is_number(text) for text in header):
         raise InputError(
-            f"{source}: line {line}: there is no header: the first line must name the columns, and here it holds numbers"
+            f"{source}: line {line}: there is no header: the first line must name the columns, and here "
+            "it holds numbers"
         )
     if len(header) == 1 and (found := re.search(r"[;\t]", header[0])):
         kind, key = ("semicolons", ";") if found[0] == ";" else ("tabs", "tab")

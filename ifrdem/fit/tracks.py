@@ -249,8 +249,8 @@ def find(
             rows.append(row)
             kept.append(each)
         else:
-            names = " and ".join(map(str, each.meeting.ids))
-            left_out.append(f"disks {names} at t = {each.time:.6g}: passed each other without an impact")
+            pair = " and ".join(map(str, each.meeting.ids))
+            left_out.append(f"disks {pair} at t = {each.time:.6g}: passed each other without an impact")
     if not rows:
         raise InputError(
             f"{tracks.source}: no impact was found; {len(left_out)} encounters changed no velocity"
@@ -292,16 +292,14 @@ def _meetings(
         near = np.maximum(np.concatenate([[0.0], step]), np.concatenate([step, [0.0]]))
         scale = float(np.asarray(disks[pair[0]].radius))
         # One meeting for each stretch of frames near contact: noise makes several minima of it.
-        near_contact = np.r_[False, gap < 1.5 * near + 0.15 * scale, False]
+        near_contact = np.concatenate([[False], gap < 1.5 * near + 0.15 * scale, [False]])
         begin, end = (
             np.flatnonzero(near_contact[1:] & ~near_contact[:-1]),
             np.flatnonzero(near_contact[:-1] & ~near_contact[1:]),
         )
         apart = begin[1:] - end[:-1] >= 2 * LEAST
-        begin, end = (
-            begin[np.r_[True, apart][: len(begin)]],
-            end[np.r_[apart, True][-len(end) :]] if len(end) else end,
-        )
+        if len(begin):
+            begin, end = begin[np.concatenate([[True], apart])], end[np.concatenate([apart, [True]])]
         for first, last in zip(begin, end, strict=True):
             k = first + int(np.argmin(gap[first:last]))
             if 0 < k < len(gap) - 1:

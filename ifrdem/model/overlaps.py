@@ -191,7 +191,8 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
         if attempt == 0 and np.any(overlap > tolerance):
             order = [k for k in np.argsort(-overlap) if overlap[k] > tolerance]
             named = [
-                f"disks {min(i[k], j[k])} and {max(i[k], j[k])} overlap by {overlap[k]:.6g}, more than relax = {tolerance:g}"
+                f"disks {min(i[k], j[k])} and {max(i[k], j[k])} overlap by {overlap[k]:.6g}, more than "
+                f"relax = {tolerance:g}"
                 for k in order[:_MOST_NAMED]
             ]
             more = [f"and {len(order) - len(named)} more pairs"] if len(order) > len(named) else []
@@ -209,6 +210,7 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
         if np.any(way > tolerance * (1.0 + 1e-6) + _APART * float(radii.max())):
             worst = int(np.argmax(way))
             raise InputError(
-                f"disk {worst} would have to move by {way[worst]:.6g}, more than relax = {tolerance:g}, to overlap with none"
+                f"disk {worst} would have to move by {way[worst]:.6g}, more than relax = {tolerance:g}, "
+                "to overlap with none"
             )
     raise InputError(f"disks still overlap after {_MOST_PASSES} passes of relax = {tolerance:g}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -245,7 +244,8 @@ class Comparison:
                 )
         m = self.measured
         axes.errorbar(
-            *m.position.T,
+            m.position[:, 0],
+            m.position[:, 1],
             xerr=m.error[:, 0],
             yerr=m.error[:, 1],
             fmt="x",
@@ -343,9 +343,8 @@ def compare(
         )
         text, overrides = (str(trajectory.parameters.get(key, "")) for key in ("case", "overrides"))
         first = trajectory[0]
-        start = State(
-            *(np.asarray(each, dtype=np.float64) for each in (first.position, first.velocity, first.spin))
-        )
+        as_f64 = lambda each: np.asarray(each, dtype=np.float64)  # noqa: E731
+        start = State(as_f64(first.position), as_f64(first.velocity), as_f64(first.spin))
     wrong = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]
     late = np.isfinite(measured.time) & (
         (measured.time > times[-1] * (1.0 + 1e-9)) | (measured.time < times[0])
@@ -400,6 +399,16 @@ def _drawn(gas: Gas, start: State, errors: Mapping[str, float], rng: np.random.G
         gas.box, gas.disks.radius, position, 10.0 * size + 1e-5 * float(np.max(gas.disks.radius))
     )
     return State(gas.box.wrap(position), velocity, spin)
+
+
+def _case_of(text: str, overrides: str) -> Case:
+    """The case that a trajectory holds."""
+    if not text:
+        raise InputError("the run holds no case, because Python wrote it: no runs can be drawn")
+    raw = tomllib.loads(text)
+    for assignment in overrides.splitlines():
+        case_file.override(raw, assignment)
+    return Case.model_validate(raw)
 
 
 def _simulation(gas: Gas, case: Case, law: Mapping[str, float] | None, state: State) -> Simulation:
