@@ -1,7 +1,9 @@
 """Fits held against simulated data of known truth: coverage of intervals, and how often the right law is found.
 
-`python -m ifrdem.validation.fit_coverage coverage angles` (or `collisions`), `... selection` print tables; `--sets` sets the
-number of data sets. An interval holds the truth if the loss, with the quantity held at its true value, has risen by less
+`python -m ifrdem.validation.fit_coverage coverage angles` (or `collisions`), `... selection` print tables;
+`--sets` sets the
+number of data sets. An interval holds the truth if the loss, with the quantity held at its true value, has
+risen by less
 than the quantile of chi-square: that is what the interval is made of, and takes one descent instead of many.
 """
 
@@ -59,7 +61,7 @@ def collisions(law: str, n: int, error: float, rng: np.random.Generator, *, wall
         disk_1=Disk(mass=1.19e-3, radius=R),
         disk_2=WALL if wall else Disk(mass=3.0e-3, radius=8.75e-3),
         measured=measured,
-        errors={**errors, "normal": error},
+        errors={**errors, "normal": np.full(n, error)},
     )
     problem = data.problem()
     x = problem.start.copy()
@@ -86,7 +88,7 @@ def coverage(kind: str, sets: int, seed: int) -> Iterator[str]:
     make, n, errors = KINDS[kind]
     law, truth = "ifr-percussion", np.array(TRUTH["ifr-percussion"])
     rises = chdtri(1, 1.0 - np.array(LEVELS))
-    yield f"{kind}: {sets} data sets of {n}; part of the {LEVELS[0]:.0%} and {LEVELS[1]:.0%} intervals that hold the truth"
+    yield f"{kind}: {sets} data sets of {n}; part of the {LEVELS[0]:.0%} and {LEVELS[1]:.0%} intervals that hold the truth"  # noqa: E501
     for error in errors:
         rng = np.random.default_rng(seed)
         inside: dict[str, list[np.ndarray]] = {}

@@ -1,7 +1,9 @@
 """Video data made by the program at known truth: tracks of coin collisions, and a table of coins before and after.
 
-`python -m ifrdem.validation.fit_video FOLDER` writes tracks.csv (25 collisions of two coins, 1,000 frames/s), start.csv and
-rest.csv (12 coins on a table: the measured start and where they came to rest). The case `coins_from_video` has these two.
+`python -m ifrdem.validation.fit_video FOLDER` writes tracks.csv (25 collisions of two coins, 1,000 frames/s),
+start.csv and
+rest.csv (12 coins on a table: the measured start and where they came to rest). The case `coins_from_video` has
+these two.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ LAW = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 TABLE_FRICTION = 0.2
 COIN = ifrdem.coins["1 pta"]
 PLACE, VELOCITY, SPIN = 1.0e-4, 3.0e-3, 0.3  # errors of the start: [m], [m/s], [rad/s]
-MADE = "# SYNTHETIC: made by `python -m ifrdem.validation.fit_video` at e_n = 0.87, e_t = -0.88, mu = 0.21, table mu = 0.2\n"
+MADE = "# SYNTHETIC: made by `python -m ifrdem.validation.fit_video` at e_n = 0.87, e_t = -0.88, mu = 0.21, table mu = 0.2\n"  # noqa: E501
 
 
 def tracks(fps: float, noise: float, number: int, seed: int = 1, angle_noise: float = 0.01) -> str:
@@ -85,7 +87,7 @@ def table(seed: int = 1) -> tuple[str, str]:
     w = spin + SPIN * rng.standard_normal(12) * moving
     start = [MADE + "pos x (mm),pos y (mm),u (mm/s),v (mm/s),turn (rad/s),du (mm/s),dv (mm/s),dturn (rad/s)"]
     start += [
-        f"{1e3 * a:.2f},{1e3 * b:.2f},{1e3 * c:.1f},{1e3 * d:.1f},{e:.2f},{1e3 * VELOCITY * m:g},{1e3 * VELOCITY * m:g},{SPIN * m:g}"
+        f"{1e3 * a:.2f},{1e3 * b:.2f},{1e3 * c:.1f},{1e3 * d:.1f},{e:.2f},{1e3 * VELOCITY * m:g},{1e3 * VELOCITY * m:g},{SPIN * m:g}"  # noqa: E501
         for (a, b), (c, d), e, m in zip(seen, v, w, moving, strict=True)
     ]
     end = [MADE + "coin,rest x (mm),rest y (mm)"]

@@ -304,7 +304,7 @@ class StartSection(Section):
     )
     units: dict[str, str] | None = Field(
         default=None,
-        description="units of the CSV file's columns, where they are not SI [table], such as mm, cm/s, deg/s, or a factor",
+        description="units of the CSV file's columns, where they are not SI [table], such as mm, cm/s, deg/s, or a factor",  # noqa: E501
         examples=[{"x": "mm"}],
     )
     delimiter: str | None = Field(
@@ -316,7 +316,7 @@ class StartSection(Section):
     relax: float | None = Field(
         default=None,
         gt=0.0,
-        description="overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart",
+        description="overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart",  # noqa: E501
         examples=[1.0e-4],
     )
 

@@ -24,7 +24,8 @@ Delimiter = Annotated[str | None, option("C", "separates columns: a character, o
 Decimal = Annotated[str | None, option("C", "separates decimals: . or , (default: .)")]
 
 FORMAT = """\
-TRACKS is a CSV file with a line for each disk in each frame: id, x, y, and t or frame (with --fps); angle where disks are
+TRACKS is a CSV file with a line for each disk in each frame: id, x, y, and t or frame (with --fps); angle
+where disks are
 seen to turn. Units stand in brackets, as in x (mm) or angle (rad); angles are in degrees unless told.
 
   ifrdem collisions tracks.csv --fps 120 --disk 1.19e-3,10.5e-3,2 -o hits.csv
@@ -61,7 +62,8 @@ def collisions(
 ) -> int:
     """Find collisions in tracked places.
 
-    Finds the impacts, fits the flights before and after each, and writes the table of whole collisions that `ifrdem fit` takes,
+    Finds the impacts, fits the flights before and after each, and writes the table of whole collisions that
+    `ifrdem fit` takes,
     with errors and their correlations.
     """
     wrong = Wrong()
@@ -143,7 +145,8 @@ def _disks(texts: list[str] | None, wrong: Wrong) -> Disk | dict[int, Disk]:
 
 
 COMPARE = """\
-MEASURED is a CSV file with a line for each place: id (the disk's number in the run, from 0, as in its start file), x, y;
+MEASURED is a CSV file with a line for each place: id (the disk's number in the run, from 0, as in its start
+file), x, y;
 t for a time other than the end; angle for how far a disk has turned; x_error and so on.
 
   ifrdem compare table.h5 rest.csv --error positions=2e-4 --picture table_compared
@@ -194,7 +197,8 @@ def compare(
 ) -> int:
     """Compare a run with measured places.
 
-    Gives positions, angles and rest places of a run beside the measured ones, with the spread that the errors of the start
+    Gives positions, angles and rest places of a run beside the measured ones, with the spread that the errors
+    of the start
     and of the fitted law give.
     """
     wrong = Wrong()

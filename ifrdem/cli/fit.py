@@ -202,7 +202,8 @@ def fit(
 ) -> int:
     """Fit the coefficients of collision laws to measured impacts.
 
-    Takes tables of angles, or whole collisions with velocities and spins before and after: maximum likelihood with errors in
+    Takes tables of angles, or whole collisions with velocities and spins before and after: maximum likelihood
+    with errors in
     every value, intervals by profile likelihood, laws compared. Prints a table.
     """
     if example:

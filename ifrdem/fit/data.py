@@ -51,7 +51,7 @@ COLLISION_COLUMNS = (*PLACES, *NORMAL, *MOTION, *AFTER)
 
 _COLLISION_SPELLINGS: Mapping[str, str] = {
     **{tabular.plain(name): name for name in _KINDS},
-    **{f"{new}{i}{end}": f"spin_{i}{'_after' * bool(end)}" for new in ("w", "omega", "ω") for i in "12" for end in ("", "after", "'")},
+    **{f"{new}{i}{end}": f"spin_{i}{'_after' * bool(end)}" for new in ("w", "omega", "ω") for i in "12" for end in ("", "after", "'")},  # noqa: E501
     **{f"v{axis}{i}'": f"v{axis}_{i}_after" for axis in "xy" for i in "12"},
 }  # fmt: skip
 GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -180,7 +180,8 @@ class Collisions:
     disk_1, disk_2 : Disk
         The disks; `WALL` as disk 2.
     measured : mapping of str to array (n,)
-        Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal nx, ny from
+        Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal
+        nx, ny from
         disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins, counter-clockwise [rad/time], before
         and, with _after, after. Any subset; NaN where a value is missing. Of a wall, velocities are 0 unless given,
         and exact.
@@ -278,7 +279,7 @@ class Collisions:
         apart = problem.separating
         _end(
             self.source,
-            [(int(i), "the disks separate before the impact: the normal must point from disk 1 to disk 2, and spins be counter-clockwise") for i in np.flatnonzero(apart)],
+            [(int(i), "the disks separate before the impact: the normal must point from disk 1 to disk 2, and spins be counter-clockwise") for i in np.flatnonzero(apart)],  # noqa: E501
             self.line,
         )  # fmt: skip
 
@@ -346,7 +347,8 @@ def read(
 
     The first line that is not a comment names the columns. With psi it is a table of angles, see `Data`; with
     velocities a table of whole collisions, see `Collisions`. NAME_error holds standard errors where they differ from
-    line to line, cov:NAME:NAME covariances. Units in brackets, such as (deg) or [cm/s], are converted: angles of a table
+    line to line, cov:NAME:NAME covariances. Units in brackets, such as (deg) or [cm/s], are converted: angles
+    of a table
     of angles to degrees, all else to SI units. Missing values are left empty or are written nan, NA or -.
 
     Parameters
@@ -354,7 +356,8 @@ def read(
     path : path
         The file.
     errors : mapping of str to float, optional
-        Errors of whole columns, by their names or those of `GROUPS`; "normal" [rad] for that of nx, ny. NaN for one that
+        Errors of whole columns, by their names or those of `GROUPS`; "normal" [rad] for that of nx, ny. NaN
+        for one that
         the residuals are to tell, "rest" for all columns that have none. A column of errors comes first, then the
         error by name, then that of the group.
     disk_1, disk_2 : Disk, optional
@@ -490,7 +493,7 @@ def _disk(source: str, i: int, columns: Mapping[str, Array], disk: Disk | None) 
     if disk is not None:
         return replace(disk, **values)
     if not {"mass", "radius"} <= set(values):
-        return f"{source}: disk {i} is not known: --disk-{i} MASS,RADIUS,K{' or wall' * (i == 2)}, or columns mass_{i} and radius_{i}, are needed"
+        return f"{source}: disk {i} is not known: --disk-{i} MASS,RADIUS,K{' or wall' * (i == 2)}, or columns mass_{i} and radius_{i}, are needed"  # noqa: E501
     return Disk(**values)
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Okabe and Ito's colours, told apart with every kind of colour blindness; and by line and marker too.
-STYLES = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip
+STYLES = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip  # noqa: E501
 _DATA, _OUT = "#222222", "#CC0000"
 SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "mu": r"$\mu$", "rho": r"$\rho$", "beta": r"$\beta$"}
 
@@ -48,7 +48,8 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
 
     A residual is measured minus predicted at the measured psi; its error has that of psi in it, by the slope of the
     curve. Vertical lines mark the fitted transitions, bands their intervals, red rings suspicious impacts. Of whole
-    collisions, normal restitution and the slip after the impact over the speed of approach are drawn against the angle of
+    collisions, normal restitution and the slip after the impact over the speed of approach are drawn against
+    the angle of
     incidence at the contact.
 
     Parameters
@@ -184,7 +185,7 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
             axes.tick_params(labelsize="x-small")
             axes.locator_params(axis="x", nbins=3)
     handles = [
-        Line2D([], [], color=STYLES[i % len(STYLES)][0], ls=STYLES[i % len(STYLES)][1], marker=STYLES[i % len(STYLES)][2], ms=4, label=name)
+        Line2D([], [], color=STYLES[i % len(STYLES)][0], ls=STYLES[i % len(STYLES)][1], marker=STYLES[i % len(STYLES)][2], ms=4, label=name)  # noqa: E501
         for i, name, _ in laws
     ]  # fmt: skip
     figure.legend(

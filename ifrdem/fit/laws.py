@@ -1,6 +1,7 @@
 """Collision laws that a fit chooses among: their coefficients, the ranges of these, and the angle of transition.
 
-The IFR law is `ifrdem.kernels.law.collide_pair` itself, called with arrays; other laws are `CollisionLaw` classes, whose
+The IFR law is `ifrdem.kernels.law.collide_pair` itself, called with arrays; other laws are `CollisionLaw`
+classes, whose
 `collide` gives the impulses between the same two steps that every collision has.
 """
 
@@ -218,7 +219,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         for law in (
             _ifr("ifr-percussion", "IFR, percussion centre (Eq. 15)", STICKING[0]),
             _ifr("ifr-contact", "IFR, contact point (Eq. 12)", STICKING[1]),
-            Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, tried=dict(_TRIED)),
+            Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, tried=dict(_TRIED)),  # noqa: E501
             _ifr("brach", "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)", STICKING[1], e_t=-1.0),
             _ifr("smooth", "smooth disks (IFR, e_t = -1, mu = 0)", STICKING[1], e_t=-1.0, mu=0.0),
         )
@@ -240,7 +241,8 @@ def own(
     kind : type of CollisionLaw
         With a `collide` that can be called with numbers.
     ranges : mapping of str to (float, float), optional
-        Lowest and highest finite value of each coefficient, also where searches start; not needed for e_n, e_t, mu, beta.
+        Lowest and highest finite value of each coefficient, also where searches start; not needed for e_n,
+        e_t, mu, beta.
 
     Raises
     ------

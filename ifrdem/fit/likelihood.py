@@ -5,13 +5,17 @@ measured before. The true motions are nuisance parameters, over which the likeli
 
     -2 ln L = chi2 = sum_i c_i,   c_i = min over x of |W_i (y_i - h(x))|^2,
 
-with W_i^T W_i the inverse of the covariance of impact i (total least squares). For a straight line that is the effective
+with W_i^T W_i the inverse of the covariance of impact i (total least squares). For a straight line that is the
+effective
 variance s_y^2 + f'^2 s_x^2. It also holds where the curve bends within an error, and, unlike a variance with a slope
-that jumps, it is continuous in the coefficients where a point changes from sticking to sliding. For errors that are small
-on the scale of the curve, c_i follows a chi-square distribution with m_i degrees of freedom, the values measured less the
+that jumps, it is continuous in the coefficients where a point changes from sticking to sliding. For errors
+that are small
+on the scale of the curve, c_i follows a chi-square distribution with m_i degrees of freedom, the values
+measured less the
 coordinates of x.
 
-Robust: the errors of an impact are a scale mixture, c_i / (an inverse gamma variable), which makes them Student-t with nu
+Robust: the errors of an impact are a scale mixture, c_i / (an inverse gamma variable), which makes them
+Student-t with nu
 degrees of freedom; integrated over x at each scale,
 
     -2 ln L = sum_i (nu + m_i) ln(1 + c_i / nu),
@@ -32,7 +36,7 @@ from .model import Problem, latent_slope
 Array = NDArray[np.float64]
 
 NU = 4.0
-"""Degrees of freedom of a robust fit: tails as heavy as tables of measurements have (Lange et al., JASA 84, 881, 1989)."""
+"""Degrees of freedom of a robust fit: tails as heavy as tables of measurements have (Lange et al., JASA 84, 881, 1989)."""  # noqa: E501
 
 _STEP = 1e-6  # of a one-sided difference by a coefficient: error 1e-6, round-off 1e-10
 _MOST_STEPS = 40

@@ -420,7 +420,7 @@ class _Climb:
         )  # fmt: skip
 
     def _without(self, problem: Problem, best: Array, suspects: tuple[Suspect, ...]) -> dict[str, float]:
-        """Coefficients of the Gaussian fit beside a robust one, or of the fit without suspects beside a Gaussian one."""
+        """Coefficients of the Gaussian fit beside a robust one, or of the fit without suspects beside a Gaussian one."""  # noqa: E501
         if self.robust is None:
             if not suspects:
                 return {}

@@ -1,7 +1,9 @@
 """Measured quantities as functions of the true motion before an impact: the forward models of `ifrdem.fit`.
 
-Every impact has latent coordinates x, its true motion before, from which a law gives everything that was measured. The first
-is the angle of incidence chi at the contact, tan chi = g_t / g_n: at fixed coefficients a law of friction changes its regime
+Every impact has latent coordinates x, its true motion before, from which a law gives everything that was
+measured. The first
+is the angle of incidence chi at the contact, tan chi = g_t / g_n: at fixed coefficients a law of friction
+changes its regime
 at fixed chi, so that predictions are smooth between these angles in all coordinates. A table of angles has no other.
 """
 
@@ -415,7 +417,8 @@ class AngleProblem(Problem):
 class CollisionProblem(Problem):
     """Whole collisions; latent coordinates are
 
-    chi, direction of the normal [rad], |g| [length/time], velocity of the centre of mass (2) and both spins; of a wall chi,
+    chi, direction of the normal [rad], |g| [length/time], velocity of the centre of mass (2) and both spins;
+    of a wall chi,
     direction of the normal, |g| and the spin of disk 1.
     """
 

@@ -120,7 +120,7 @@ def _comparison(fit: Fit) -> Iterator[str]:
 
 def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
     boot = any(each.bootstrap for each in fitted.estimates.values())
-    heading = f"  {'':<18}{'value':>10}{'std. error':>12}   {f'{100.0 * fit.level:g} % interval':<24}{'bootstrap' if boot else ''}"
+    heading = f"  {'':<18}{'value':>10}{'std. error':>12}   {f'{100.0 * fit.level:g} % interval':<24}{'bootstrap' if boot else ''}"  # noqa: E501
     yield heading.rstrip()
     for name, each in fitted.estimates.items():
         unit = f" [{_UNITS[name]}]" if name in _UNITS else ""

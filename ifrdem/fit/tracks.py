@@ -1,11 +1,13 @@
 """Collisions from tracks: impacts in positions per frame, with the flights before and after.
 
-Two disks have met where their distance has a minimum near the sum of their radii. There, the places of both are fitted by
+Two disks have met where their distance has a minimum near the sum of their radii. There, the places of both
+are fitted by
 straight flights that meet at one time t_c,
 
     x(t) = x_c + v (t - t_c) before, x_c + v' (t - t_c) after,   |x_c2 - x_c1| = R_1 + R_2,
 
-and so is, where it was tracked, the angle by which each has turned. All errors follow from the scatter of the places about
+and so is, where it was tracked, the angle by which each has turned. All errors follow from the scatter of the
+places about
 the flights; normal and velocities share x_c and t_c, so that their errors are correlated, and the table says how.
 """
 
@@ -75,7 +77,8 @@ class Found:
     Attributes
     ----------
     columns : mapping of str to array (n,)
-        A table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors and covariances,
+        A table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
+        and covariances,
         and mass, radius and k of the disks.
     noise : float
         Standard error of a coordinate of a place [length].
@@ -297,9 +300,9 @@ def _meetings(
             np.flatnonzero(near_contact[1:] & ~near_contact[:-1]),
             np.flatnonzero(near_contact[:-1] & ~near_contact[1:]),
         )
-        apart = begin[1:] - end[:-1] >= 2 * LEAST
+        far = begin[1:] - end[:-1] >= 2 * LEAST
         if len(begin):
-            begin, end = begin[np.concatenate([[True], apart])], end[np.concatenate([apart, [True]])]
+            begin, end = begin[np.concatenate([[True], far])], end[np.concatenate([far, [True]])]
         for first, last in zip(begin, end, strict=True):
             k = first + int(np.argmin(gap[first:last]))
             if 0 < k < len(gap) - 1:
@@ -427,7 +430,7 @@ def _fit(
         here = np.flatnonzero(inside & (t == at))
         rows = np.concatenate([before[-window:], here, after[:window]])
         if min(len(before), len(after)) < LEAST:
-            return f"disk {one} is seen in {len(before)} frames of its flight before and {len(after)} after, and {LEAST} are needed"
+            return f"disk {one} is seen in {len(before)} frames of its flight before and {len(after)} after, and {LEAST} are needed"  # noqa: E501
         if len(rows) > 1 and float(np.max(np.diff(t[rows]))) > 3.5 * step:
             return f"disk {one} was lost near the impact"
         seen.append(rows)

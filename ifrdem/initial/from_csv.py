@@ -47,7 +47,8 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None) -
     """Read a start file.
 
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and
-    spin [rad/time], in any order, each with a column NAME_error if wished. Empty lines, and lines that begin with #, are
+    spin [rad/time], in any order, each with a column NAME_error if wished. Empty lines, and lines that begin
+    with #, are
     skipped. Units in brackets, such as x (mm), are converted to SI units.
 
     Parameters

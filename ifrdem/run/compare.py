@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -103,7 +104,7 @@ def read(path: Path | str, errors: Mapping[str, float], form: Form) -> Measured:
     time = columns.get("t", np.full(n, math.inf))
     return Measured(
         ids[keep].astype(np.int64), np.where(np.isnan(time), math.inf, time)[keep],
-        np.stack([columns["x"], columns["y"]], axis=-1)[keep], np.stack(error, axis=-1)[keep], angle[keep], angle_error[keep],
+        np.stack([columns["x"], columns["y"]], axis=-1)[keep], np.stack(error, axis=-1)[keep], angle[keep], angle_error[keep],  # noqa: E501
     )  # fmt: skip
 
 
@@ -145,7 +146,7 @@ class Comparison:
 
     @property
     def deviation(self) -> Array:
-        """Distance over its standard error of spread and measurement (m,): 1.2 is the median of a Gaussian in two dimensions."""
+        """Distance over its standard error of spread and measurement (m,): 1.2 is the median of a Gaussian in two dimensions."""  # noqa: E501
         centre = self.members.mean(axis=0) if len(self.members) else self.position
         variance = self.measured.error**2 + np.nan_to_num(self.spread) ** 2 * (
             1.0 + 1.0 / max(len(self.members), 1)
@@ -202,7 +203,7 @@ class Comparison:
         columns = {
             "id": m.id, "t": m.time, "x": m.position[:, 0], "y": m.position[:, 1], "x_run": self.position[:, 0],
             "y_run": self.position[:, 1], "distance": self.distance, "spread_x": self.spread[:, 0],
-            "spread_y": self.spread[:, 1], "deviation": self.deviation, "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),
+            "spread_y": self.spread[:, 1], "deviation": self.deviation, "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),  # noqa: E501
         }  # fmt: skip
         rows = np.stack([np.asarray(each, dtype=np.float64) for each in columns.values()], axis=-1)
         lines = (
@@ -225,7 +226,7 @@ class Comparison:
         for places, colour, fill, order in ((self.paths[-1], blue, "#0072B233", 2),):
             size = 2.0 * self.radius
             axes.add_collection(
-                EllipseCollection(size, size, 0.0, units="xy", offsets=places, transOffset=axes.transData, facecolors=fill, edgecolors=colour, linewidths=0.8, zorder=order)
+                EllipseCollection(size, size, 0.0, units="xy", offsets=places, transOffset=axes.transData, facecolors=fill, edgecolors=colour, linewidths=0.8, zorder=order)  # noqa: E501
             )  # fmt: skip
         if len(self.members) > 2:
             turn = np.linspace(0.0, 2.0 * math.pi, 100)

@@ -160,7 +160,7 @@ def test_optimum_and_intervals_are_those_of_iminuit() -> None:
 
 
 def test_intervals_cover_the_truth() -> None:
-    """A tenth of `ifrdem.validation.fit_coverage`: of 40 data sets, 95 % intervals miss 2 +- 1.4, and 7 by chance in 500."""
+    """A tenth of `ifrdem.validation.fit_coverage`: of 40 data sets, 95 % intervals miss 2 +- 1.4, and 7 by chance in 500."""  # noqa: E501
     from ifrdem.validation.fit_coverage import angles, best
 
     truth, rng, missed = (
