@@ -59,12 +59,15 @@ def new(
     A template with every key there is, or a shipped case (cases/NAME.toml, see `ifrdem cases`).
     """
     from ..case import shipped
+    from ..tools.files import check_files
 
     text = shipped.new(kind)
     if output == "-":
         print(text, end="")
         return
     path = Path(output or f"{Path(kind).stem}.toml")
+    data = sorted(shipped.FOLDER.glob(f"{Path(kind).stem}*.csv"))  # start and measured places of a shipped case
+    check_files([path.with_name(each.name) for each in data], force=force)
     try:
         with path.open("w" if force else "x", encoding="utf-8") as file:
             file.write(text)
@@ -72,6 +75,8 @@ def new(
         raise InputError(f"{path}: exists already; --force replaces it, -o writes elsewhere") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    for each in data:
+        path.with_name(each.name).write_bytes(each.read_bytes())
     quoted = shlex.quote(str(path))
     note(f"wrote {path}: look at it with `ifrdem check {quoted}`, run it with `ifrdem run {quoted}`")
 
