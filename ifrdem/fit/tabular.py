@@ -191,7 +191,7 @@ def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:
         for name in given:
             if name.removesuffix("_error") not in kinds:
                 wrong.append(
-                    f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(kinds)}"
+                    f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(each for each in kinds if ':' not in each)}"
                 )
     for name, unit in form.units.items():
         kind = kinds.get(name.removesuffix("_error"))
@@ -257,7 +257,7 @@ def _header(
             close = difflib.get_close_matches(
                 text, [*kinds, *(f"{each}_error" for each in kinds)], 1, _NEARLY_ALIKE
             )
-            if close and text not in asked:
+            if close and text not in asked and not _standard(text, spellings)[0]:
                 said = printable(text)
                 hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{said}' says that it is"
                 wrong.append(f"line {line}: unknown column '{said}' {hint}")
