@@ -193,6 +193,8 @@ def test_readme_example_works(folder: Path, capsys: pytest.CaptureFixture[str]) 
     assert "preferred by the data" in shown
     options = re.findall(r"`(--[\w-]+)", manual.page("fit.md"))
     assert len(options) > 10
-    assert main(["fit", "--help"]) == 0
-    shown = capsys.readouterr().out
+    shown = ""
+    for command in ("fit", "collisions", "compare"):
+        assert main([command, "--help"]) == 0
+        shown += capsys.readouterr().out
     assert [option for option in options if option not in shown] == []
