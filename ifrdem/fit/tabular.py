@@ -191,7 +191,7 @@ def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:
         for name in given:
             if name.removesuffix("_error") not in kinds:
                 wrong.append(
-                    f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(each for each in kinds if ':' not in each)}"
+                    f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(each for each in kinds if ':' not in each)}"  # noqa: E501
                 )
     for name, unit in form.units.items():
         kind = kinds.get(name.removesuffix("_error"))

@@ -76,7 +76,7 @@ def test_places_distances_and_spread_are_those_of_the_mechanics(
 
 
 def test_start_errors_spread_the_runs(run: Path) -> None:
-    """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""
+    """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""  # noqa: E501
     Path("rest.csv").write_text("id,x,y,t\n0,0.5,0,0.5\n", encoding="utf-8")
     seen = compare.read("rest.csv", {}, Form())
     found = compare.compare(run, seen, errors={"velocities": 0.1}, members=6, seed=3)
