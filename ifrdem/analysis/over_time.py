@@ -120,7 +120,7 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     parts = (v for _, v in _parts(trajectory, used, "velocity"))
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
-    below = np.flatnonzero(found.value < scale / np.e)
+    below = np.flatnonzero(found.value < scale / math.e)
     rows = [
         Reading("<v^2>", float(found.value[0]), float(found.error[0]), unit(trajectory, "length^2/time^2"))
     ]
