@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from ..errors import nearest
+from ..tools.files import write_text
 from .console import note, say
-from .fit import _check_files, _form, _positive, _split, _text
+from .fit import _check_files, _form, _positive, _split
 from .options import File, Force, Output, Wrong, counted, number, option, whole
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from ..errors import InputError, nearest, there_are
+from ..errors import InputError, there_are
 from .console import FAILED, complain, note, say
 from .options import Force, Wrong, flag, number, option, whole
 
@@ -292,6 +292,8 @@ def fit(
         from ..fit.next_experiment import design as designed
 
         say("\n" + designed(found, further).table())
+    if sample:
+        from ..tools.files import write_text
     for path in sample:
         write_text(path, report.draws(found, drawn, start))
     return _write(found, record, pictures, material, name, sample)

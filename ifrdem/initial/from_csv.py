@@ -28,9 +28,8 @@ class Given:
     position: Array  # centres [length], inside the box, shape (n, 2)
     velocity: Array | None  # in the lab [length/time], (n, 2), if given
     spin: Array | None  # counter-clockwise [rad/time], (n,), if given
-    errors: Mapping[str, Array] = field(
-        default_factory=dict
-    )  # standard errors of columns, if they are given, (n,)
+    # Standard errors of columns, if they are given, (n,).
+    errors: Mapping[str, Array] = field(default_factory=dict)
 
 
 def read(path: Path, n: int, box: Box | None = None, form: Form | None = None) -> Given:
@@ -38,8 +37,8 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None) -
 
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
     [rad/time], in any order, each with a column NAME_error if wished; units in brackets, such as x (mm), are
-    converted to SI units. `form` tells names, units and signs of the file where they are others. Empty lines, and lines that begin with #, are skipped. InputError
-    with a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
+    converted to SI units. `form` tells names, units and signs of the file where they are others. Empty lines, and
+    lines that begin with #, are skipped. InputError with a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
 
     There must be `n` disks, in the `box` (lower sides included), if there is one.
     """

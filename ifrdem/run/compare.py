@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..case import file as case_file
 from ..case.case import Case
-from ..case.gas import Gas
+from ..case.gas import CaseGas
 from ..errors import InputError, listed
 from ..fit import tabular
 from ..fit.figure import save
@@ -366,7 +366,11 @@ def compare(
     found: list[Array] = []
     if members:
         file = _case_of(text, overrides) if case is None else case_file.read(case).case
-        gas = Gas.from_case(file, start=False) if case is None else Gas.from_case(file, Path(case).parent)
+        gas = (
+            CaseGas.from_case(file, start=False)
+            if case is None
+            else CaseGas.from_case(file, Path(case).parent)
+        )
         if gas.disks.n != n:
             raise InputError(f"{case}: has {gas.disks.n} disks, and the run {n}: it is another case")
         rng = np.random.default_rng(seed)
@@ -382,7 +386,7 @@ def compare(
     return Comparison(measured, position, angle, all_members, spread, paths, radius, unit)
 
 
-def _drawn(gas: Gas, start: State, errors: Mapping[str, float], rng: np.random.Generator) -> State:
+def _drawn(gas: CaseGas, start: State, errors: Mapping[str, float], rng: np.random.Generator) -> State:
     """The start with errors; the errors of a start file's columns come first."""
     own = {} if gas.given is None else gas.given.errors
     n = len(start.spin)
@@ -412,7 +416,7 @@ def _case_of(text: str, overrides: str) -> Case:
     return Case.model_validate(raw)
 
 
-def _simulation(gas: Gas, case: Case, law: Mapping[str, float] | None, state: State) -> Simulation:
+def _simulation(gas: CaseGas, case: Case, law: Mapping[str, float] | None, state: State) -> Simulation:
     if law is not None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)

@@ -603,7 +603,7 @@ def test_start_file_with_other_names_units_and_small_overlaps(tmp_path: Path) ->
         'start.columns={x = "pos x (mm)"}', 'start.delimiter=";"', 'start.decimal=","', "start.relax=0.05",
     ]  # fmt: skip
     case = case_of(SMALL, *wanted)
-    position = Gas.from_case(case, tmp_path).start(case).position
+    position = CaseGas.from_case(case, tmp_path).start(case).position
     np.testing.assert_allclose(position, [[0.98, 1.0], [1.98, 1.0]], atol=1e-6)
     found = mistakes(*wanted, "start.relax=0.03", folder=tmp_path)
     assert found == ['start.file = "start.csv": disks 0 and 1 overlap by 0.04, more than relax = 0.03']
