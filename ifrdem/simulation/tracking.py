@@ -325,7 +325,7 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 @dataclass
 class Statistics:
-    """What the engine has done since it was made; `in_order` are the epochs of tiles that were left to one thread."""
+    """Counts of the engine since it was made; `in_order` are the epochs of tiles that were left to one thread."""
 
     epochs: int = 0
     in_order: int = 0

@@ -90,7 +90,7 @@ def nobody_meets(state: State, disks: Disks) -> bool:
 
     Every pair is looked at, until one is found; up to MOST_COMPARED disks. Imports the kernels.
     """
-    from ..kernels.parting import approaching
+    from ..kernels.flights import approaching
 
     if state.n < 2:
         return True

@@ -126,7 +126,7 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
 
 
 def _x(results: Results, over: str | None, dims: tuple[str, ...]) -> str:
-    """What stands along the axis: a dimension of the quantity, or the time where rows are at collisions per disk."""
+    """Coordinate of the axis: a dimension of the quantity, or the time where rows are at collisions per disk."""
     rows = [dim for dim in dims if dim not in results.axes]
     if over is None:
         return rows[0] if rows else dims[-1]

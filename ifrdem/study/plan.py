@@ -93,7 +93,7 @@ class EnsembleSection(_Part):
 
 
 class OutputSection(_Part):
-    """What is kept of every run."""
+    """Output that is kept of every run."""
 
     series: int | None = Field(default=None, ge=1, le=100_000)
     series_spacing: Literal["even", "log"] | None = None
@@ -103,7 +103,7 @@ class OutputSection(_Part):
 
 
 class ClusterSection(_Part):
-    """Where runs go: processes here, a scheduler of Dask, or jobs of a batch system with options of dask-jobqueue."""
+    """Place of the runs: processes here, a scheduler of Dask, or jobs of a batch system (dask-jobqueue)."""
 
     workers: int | None = Field(default=None, ge=0, le=10_000)
     scheduler: str | None = None
@@ -412,7 +412,7 @@ def _number(case: dict[str, Any], key: str) -> float:
 
 
 def _output_overrides(case: dict[str, Any], output: OutputSection) -> Iterator[str]:
-    """What a study changes of the case's [output]: rows of series at the same places in every run, no pictures."""
+    """Changes of the case's [output] by a study: rows of series at the same places in every run, no pictures."""
     given = case.get("output")
     given = given if isinstance(given, dict) else {}
     replaced = ["series_interval", "series_collisions"]

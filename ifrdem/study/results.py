@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 SEED = "seed"
 PLAIN = {"dissipated_by_mechanism": ("mechanism", MECHANISMS), "collisions_by_regime": ("regime", REGIMES)}
 THEORY = ("temperature", "rotational_temperature", "theta")
-"""What kinetic theory tells of a gas."""
+"""Predictions of kinetic theory for a gas."""
 BEYOND = 10.0
 """Times the end of the runs, to which theory is followed: it may need longer for as many collisions."""
 MOST_KINDS = 16

@@ -307,7 +307,7 @@ class Study:
         return f"{self.plan.label(task.index[:-1])}, seed {self.plan.seeds[task.index[-1]]}"
 
     def _place(self, workers: int | None, scheduler: str | None) -> ClusterSection:
-        """Where runs go, by the file and by what is asked for here."""
+        """Place of the runs, by the file and by what is asked for here."""
         if workers is not None and scheduler is not None:
             raise InputError("--workers: not beside --scheduler, which has its own")
         if workers is None and scheduler is None:

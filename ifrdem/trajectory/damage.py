@@ -136,7 +136,8 @@ def check_links(file: h5py.File, path: str, views: Mapping[str, str] | None = No
 
     links: list[tuple[bytes, int]] = []  # looked at later: h5py loses exceptions in here
     with reading(path, "its list of contents"):
-        _check_heaps(file.filename)
+        # A file that is opened by an object of Python has no name of its own.
+        _check_heaps(file.filename if os.path.exists(file.filename) else path)
         file.id.links.visit(lambda name, info: links.append((name, info.type)), info=True)
     for name, kind in links:
         try:

@@ -103,7 +103,7 @@ def _read_through(path: Path) -> None:
 
 
 class _Kept:
-    """What of a trajectory can be read; `write` makes a trajectory of it.
+    """The readable part of a trajectory; `write` makes a trajectory of it.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ from ifrdem.case.forces_section import ForceSection
 from ifrdem.case.gas import CaseGas, forces_of
 from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
-from ifrdem.plots import run, table_friction
+from ifrdem.plots import run
 from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised
@@ -31,7 +31,7 @@ def test_coins_on_a_table_come_to_rest_and_are_drawn(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     drawn: dict[str, Any] = {}
-    monkeypatch.setattr(table_friction, "save", lambda figure, path: drawn.update(figure=figure))
+    monkeypatch.setattr(run, "save", lambda figure, path: drawn.setdefault("figure", figure))
     assert cli.main(["run", str(CASE), *changed(*SMALL)]) == 0
     assert "forces put in -" in capsys.readouterr().out
     with Trajectory("coins_on_table.h5") as trajectory:
