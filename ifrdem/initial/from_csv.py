@@ -38,7 +38,8 @@ def read(path: Path, n: int, box: Box | None = None, form: Form | None = None) -
     The first line names the columns: x and y [length], and either all or none of vx, vy [length/time] and spin
     [rad/time], in any order, each with a column NAME_error if wished; units in brackets, such as x (mm), are
     converted to SI units. `form` tells names, units and signs of the file where they are others. Empty lines, and
-    lines that begin with #, are skipped. InputError with a line for each thing that is wrong: a column, a value (by line and column), the number of disks.
+    lines that begin with #, are skipped. InputError with a line for each thing that is wrong: a column, a value (by
+    line and column), the number of disks.
 
     There must be `n` disks, in the `box` (lower sides included), if there is one.
     """

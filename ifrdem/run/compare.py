@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from ..errors import InputError, listed
 from ..fit import tabular
 from ..fit.figure import save
 from ..fit.tabular import Form
-from ..model.ifr import EnergyWarning, IFRLaw
+from ..model.ifr import EnergyWarning
 from ..model.overlaps import relax
 from ..model.state import State
 from ..simulation.simulation import Simulation
@@ -417,13 +418,17 @@ def _case_of(text: str, overrides: str) -> Case:
 
 
 def _simulation(gas: CaseGas, case: Case, law: Mapping[str, float] | None, state: State) -> Simulation:
+    """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
     if law is not None:
+        numbers: dict[str, Any] = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", EnergyWarning)
-            numbers = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
-            sticking = str(law.get("sticking", gas.law().sticking))
-            made = IFRLaw(**numbers, sticking=sticking, k=float(np.min(gas.disks.k)))  # type: ignore[arg-type]
-        gas = replace(gas, laws=[[None if one is None else made for one in row] for row in gas.laws])
+            warnings.simplefilter("ignore", EnergyWarning)  # the case has said so of its own coefficients
+            gas = replace(
+                gas,
+                verdicts=tuple(
+                    each._replace(law=each.law and replace(each.law, **numbers)) for each in gas.verdicts
+                ),
+            )
     return gas.simulation(case, state)
 
 
