@@ -49,7 +49,7 @@ brackets, as in psi (rad) or vx_1 [cm/s]. For instance:
 
   ifrdem fit data.csv --pair "1 pta" "1 pta" --error 0.7
   ifrdem fit data.csv --M 1.3 --error 0.5 --error psi=1 --picture fit --write-material coins.toml
-  ifrdem fit hits.csv --disk-1 1.19e-3,10.5e-3,2 --disk-2 wall --set nx=0 --set ny=-1 --error estimate --robust
+  ifrdem fit hits.csv --disk-1 1.19e-3,10.5e-3,2 --disk-2 wall --set nx=0 --set ny=-1 --robust
   ifrdem fit data.csv --M 1 --error estimate --model all --design 10
   ifrdem fit --example > data.csv     writes synthetic data to try it on
 """

@@ -66,7 +66,7 @@ def test_exact_data_give_the_coefficients_back(sticking: str, names: tuple[str, 
         closure = fit.fit(data, M=row.M, model=[NAME[sticking]]).laws[NAME[sticking]]
         got = [closure.estimates[name].value for name in ("e_n", "e_t", "mu")]
         np.testing.assert_allclose(got, [row.e_n, row.e_t, row.mu], atol=1e-8)
-        assert closure.chi2 < 1e-12
+        assert closure.chi2 < 1e-10
 
 
 def test_exact_data_with_rolling_friction_give_rho_back() -> None:
@@ -177,20 +177,18 @@ def test_intervals_cover_the_truth() -> None:
 
 
 def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
-    data = impacts(noise=6)
+    """An end at 16 % of 40 sets has a standard error of 0.24 errors; both kinds differ by bias, too."""
+    data = impacts(noise=6, n=10)
     counted: list[int] = []
-    one, two = (
-        fit.fit(data, M=1.0, model=["ifr-percussion"], bootstrap=100, seed=3, progress=counted.append)
-        for _ in range(2)
-    )
-    assert sum(counted) == 200
-    for name, each in one.laws["ifr-percussion"].estimates.items():
-        assert each.bootstrap == two.laws["ifr-percussion"].estimates[name].bootstrap
+    options = {"model": ["brach"], "level": 0.68, "bootstrap": 40, "seed": 3}
+    one, two = (fit.fit(data, M=1.0, **options, progress=counted.append) for _ in range(2))
+    assert sum(counted) == 80
+    for name, each in one.laws["brach"].estimates.items():
+        assert each.bootstrap == two.laws["brach"].estimates[name].bootstrap
         assert each.bootstrap is not None
-        width = each.interval.high - each.interval.low
-        # An end at 2.5 % of 100 has a standard error of some 0.07 widths; the two kinds differ by bias, too.
-        assert each.bootstrap.low == pytest.approx(each.interval.low, abs=0.25 * width)
-        assert each.bootstrap.high == pytest.approx(each.interval.high, abs=0.25 * width)
+        half = 0.5 * (each.interval.high - each.interval.low)
+        assert each.bootstrap.low == pytest.approx(each.interval.low, abs=0.6 * half)
+        assert each.bootstrap.high == pytest.approx(each.interval.high, abs=0.6 * half)
 
 
 # -- Which kind of sticking ----------------------------------------------------------------------------------
