@@ -78,8 +78,7 @@ class Points:
     @property
     def losses(self) -> Array:
         """-2 ln L of each impact, (n,), without its constant."""
-        c = self.distance
-        return c if self.robust is None else (self.robust + self.redundancy) * np.log1p(c / self.robust)
+        return _losses(self.distance, self.robust, self.redundancy)
 
     @property
     def loss(self) -> float:
@@ -156,6 +155,21 @@ class Likelihood:
         residual = np.einsum("nab,nb->na", problem.white, y - np.where(np.isnan(problem.y), 0.0, f))
         return Points(x, residual, slope, slope @ along - by_value, self.robust, problem.redundancy)
 
+    def rough(self, values: Array) -> float:
+        """The loss with each distance after one step from the motion as it was measured: to choose starts by."""
+        problem = self.problem
+        x = problem.start
+        residual, slope = self._residual(values, problem.rows, x, np.ones(len(x)))
+        left = residual - (slope @ _solve(slope, residual[..., None]))[..., 0]
+        return float(np.sum(_losses(np.sum(left**2, axis=-1), self.robust, problem.redundancy)))
+
+    def _residual(self, values: Array, rows: NDArray[np.int64], x: Array, side: Array) -> tuple[Array, Array]:
+        """Residuals (m, q) at x (m, d), and the slope (m, q, d) of what is subtracted in them."""
+        problem = self.problem
+        f, slope = latent_slope(problem, self.law, values, x, rows, side)
+        white, y = problem.white[rows], problem.y[rows]
+        return np.einsum("nab,nb->na", white, np.where(np.isnan(y), 0.0, y - f)), white @ slope
+
     def _nearest(self, values: Array, edges: Array) -> tuple[Array, NDArray[np.int64]]:
         """Nearest points (n, d), each smooth stretch of which is searched, and the edge that chi sits at, or -1."""
         problem = self.problem
@@ -214,13 +228,9 @@ class Likelihood:
         self, values: Array, rows: NDArray[np.int64], x: Array, low: Array, high: Array
     ) -> tuple[Array, Array]:
         """Squared distances (m,) at x (m, d), and the steps (m, d) towards the least, within the limits of chi."""
-        problem = self.problem
-        white = problem.white[rows]
         # Differences go inwards, so that they stay on a stretch's own curve.
         side = np.where(x[:, 0] < 0.5 * (low + high), 1.0, -1.0)
-        f, slope = latent_slope(problem, self.law, values, x, rows, side)
-        slope = white @ slope
-        r = np.einsum("nab,nb->na", white, np.where(np.isnan(problem.y[rows]), 0.0, problem.y[rows] - f))
+        r, slope = self._residual(values, rows, x, side)
         step = _solve(slope, r[..., None])[..., 0]
         inside = np.clip(x[:, 0] + step[:, 0], low, high) - x[:, 0]
         limited = inside != step[:, 0]
@@ -229,6 +239,11 @@ class Likelihood:
             step[limited, 1:] = _solve(slope[limited, :, 1:], rest[..., None])[..., 0]
         step[:, 0] = inside
         return np.sum(r**2, axis=-1), step
+
+
+def _losses(c: Array, robust: float | None, redundancy: Array) -> Array:
+    """-2 ln L (n,) at squared distances (n,), without its constant."""
+    return c if robust is None else (robust + redundancy) * np.log1p(c / robust)
 
 
 def _solve(A: Array, B: Array) -> Array:

@@ -28,6 +28,7 @@ _STARTS, _DESCENTS = (
 )  # points where the likelihood is looked at, and the best of them, from which it is climbed
 _AGREE = 3  # descents that end in the lowest minimum are enough
 _PRECISE = 3e-4  # of the distance of an end from the best value
+_TOLERANCE = (1e-6, 1e-11)  # of descents with a quantity held, for a rise, and without
 _BETTER = 1e-5  # a loss lower by this is another minimum
 _SUSPICIOUS = 0.01  # probability, among all impacts, of one as far off
 _FOLDS = 10
@@ -183,7 +184,7 @@ class Search:
         """Where the loss is least, and it, from a start (p,), with quantities held."""
         from scipy.optimize import least_squares
 
-        law, held = self.law, dict(held or {})
+        law, held, precise = self.law, dict(held or {}), not held
         names = list(law.free)
         by_transit = held.pop(TRANSIT, None)
         moving = [
@@ -219,7 +220,7 @@ class Search:
             ended = least_squares(
                 lambda free: self.points(whole(free)).as_least_squares()[0], begin, jacobian,
                 bounds=(low, np.where(high > low, high, low + 1.0)), method="dogbox", x_scale="jac",
-                ftol=1e-12, xtol=1e-10, gtol=1e-10, max_nfev=60,
+                ftol=_TOLERANCE[precise], xtol=_TOLERANCE[precise], gtol=_TOLERANCE[precise], max_nfev=60,
             )  # fmt: skip
             values = whole(ended.x)
         else:
@@ -234,8 +235,7 @@ class Search:
         points = self.law.start_points(_STARTS)
         if "mu" in self.law.free:  # without friction data below the transition look alike with another e_t
             points[::4, self.law.free.index("mu")] = 0.0
-        losses = np.array([self.points(each).loss for each in points])
-        order = np.argsort(losses)
+        order = np.argsort([self.likelihood.rough(each) for each in points])
         smooth = order[order % 4 == 0][:1] if "mu" in self.law.free else order[:0]
         starts = [points[i] for i in (*smooth, *order[:_DESCENTS])] + ([] if start is None else [start])
         self.ends: list[tuple[Array, float]] = []
@@ -541,8 +541,12 @@ def _end(
     def rest(distance: float) -> float:
         if distance not in seen:
             nearest = min(seen, key=lambda each: abs(each - distance))
-            values, least = search.descend(seen[nearest][1], {name: value + sign * distance})
-            seen[distance] = float(np.sqrt(max(least - loss, 0.0))) - z, values
+            start = seen[nearest][1]
+            if nearest:  # on along the way from the best values
+                start = best + (start - best) * distance / nearest
+            values, least = search.descend(start, {name: value + sign * distance})
+            over = float(np.sqrt(max(least - loss, 0.0))) - z
+            seen[distance] = over if abs(over) > _PRECISE * z else 0.0, values
         return seen[distance][0]
 
     width = z * error if np.isfinite(error) and error > 0.0 else 0.1 * (room if np.isfinite(room) else 1.0)
@@ -557,8 +561,6 @@ def _end(
         outside = min(1.5 * outside, room)
     else:
         return limit, True
-    if abs(over) < _PRECISE * z:
-        return value + sign * outside, False
     found = brentq(rest, inside, outside, xtol=_PRECISE * max(outside, 1e-9), rtol=1e-10)
     return value + sign * float(found), False
 

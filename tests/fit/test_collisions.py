@@ -146,7 +146,7 @@ def test_outliers_are_named_and_a_robust_fit_hardly_moves() -> None:
     assert {each.where for each in robust.suspects} == {"collision 4", "collision 18"}
     error = np.sqrt(np.diag(clean.covariance))
     assert np.max(np.abs(np.array(values(plain)) - values(clean)) / error) > 3.0
-    assert np.max(np.abs(np.array(values(robust)) - values(clean)) / error) < 0.7
+    assert np.max(np.abs(np.array(values(robust)) - values(clean)) / error) < 1.0
     assert robust.without == pytest.approx(dict(zip(TRUTH, values(plain), strict=True)), abs=1e-3)
     assert any("suspicious lines: collision" in each for each in plain.warnings)
     assert any("without --robust: e_n" in each for each in robust.warnings)
