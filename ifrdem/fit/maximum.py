@@ -26,9 +26,9 @@ _STARTS, _DESCENTS = (
     32,
     6,
 )  # points where the likelihood is looked at, and the best of them, from which it is climbed
-_AGREE = 3  # descents that end in the lowest minimum are enough
+_AGREE = 2  # descents that end in the lowest minimum are enough
 _PRECISE = 3e-4  # of the distance of an end from the best value
-_TOLERANCE = (1e-6, 1e-11)  # of descents with a quantity held, for a rise, and without
+_TOLERANCE = (1e-6, 1e-10)  # of descents with a quantity held, for a rise, and without
 _BETTER = 1e-5  # a loss lower by this is another minimum
 _SUSPICIOUS = 0.01  # probability, among all impacts, of one as far off
 _FOLDS = 10
@@ -226,25 +226,42 @@ class Search:
         else:
             values = whole(np.empty(0))
         loss = self.points(values).loss
-        if self.lowest is None or loss < self.lowest[1]:
+        if self.lowest is None or loss < self.lowest[1] - _BETTER:
             self.lowest = (values, loss)
         return values, loss
 
     def best(self, start: Array | None = None) -> tuple[Array, float]:
         """The lowest minimum that several starts lead to, and its loss."""
         points = self.law.start_points(_STARTS)
-        if "mu" in self.law.free:  # without friction data below the transition look alike with another e_t
-            points[::4, self.law.free.index("mu")] = 0.0
         order = np.argsort([self.likelihood.rough(each) for each in points])
-        smooth = order[order % 4 == 0][:1] if "mu" in self.law.free else order[:0]
-        starts = [points[i] for i in (*smooth, *order[:_DESCENTS])] + ([] if start is None else [start])
+        starts = [points[i] for i in order[:_DESCENTS]] + ([] if start is None else [start])
         self.ends: list[tuple[Array, float]] = []
         for each in starts:
             self.ends.append(self.descend(each))
             lowest = min(loss for _, loss in self.ends)
             if sum(loss - lowest < _BETTER for _, loss in self.ends) == _AGREE:
                 break
-        return min(self.ends, key=lambda each: each[1])
+        beside = self.near(self._lowest(self.ends)[0])[1:]
+        if "mu" in self.law.free:  # without friction data below the transition look alike with another e_t
+            smooth = points[:: _STARTS // 8].copy()
+            smooth[:, self.law.free.index("mu")] = 0.0
+            beside.append(min(smooth, key=self.likelihood.rough))
+        self.ends += [self.descend(each) for each in beside]
+        return self._lowest(self.ends)
+
+    @staticmethod
+    def _lowest(ends: Iterable[tuple[Array, float]]) -> tuple[Array, float]:
+        """The lowest of minima; the first of those that are equally low."""
+        ends = list(ends)
+        least = min(loss for _, loss in ends)
+        return next(each for each in ends if each[1] - least < _BETTER)
+
+    def near(self, best: Array) -> list[Array]:
+        """The best values, and with less and more friction: every impact that changes sides can make a minimum."""
+        if "mu" not in self.law.free:
+            return [best]
+        by = np.array([float(name == "mu") for name in self.law.free])
+        return [best, best * (1.0 - 0.3 * by), best * (1.0 + 0.4 * by)]
 
     def others(self, loss: float, ends: Mapping[str, Interval], rise: float) -> list[tuple[Array, float]]:
         """Minima outside of the intervals that are lower than their ends, the best one first."""
@@ -279,14 +296,12 @@ class _Climb:
         """The fit with its intervals."""
         problem, search = self._search()
         rise = self._rise(problem, search)
-        for _ in range(5):
+        while True:  # until no lower minimum shows while its surroundings are searched
             assert search.lowest is not None
-            best, loss = search.lowest
+            best, loss = search.descend(search.lowest[0])
             ends = intervals(search, best, rise, profile=self.profile)
             if search.lowest[1] > loss - _BETTER:
                 break
-        else:
-            raise RuntimeError("the minimum sank five times while its surroundings were searched")
         points = search.points(best)
         covariance = covariance_of(points.information)
         p, dof = len(best), int(np.sum(problem.redundancy)) - len(best)
@@ -436,7 +451,7 @@ class _Climb:
         if np.sum(problem.redundancy) <= len(best):
             return {}
         search = Search(likelihood)
-        values, _ = min((search.descend(start) for start in self._near(best)), key=lambda each: each[1])
+        values, _ = min((search.descend(start) for start in search.near(best)), key=lambda each: each[1])
         return dict(zip(self.law.free, map(float, values), strict=True))
 
     def _cross_validated(self, problem: Problem, best: Array) -> float:
@@ -465,21 +480,13 @@ class _Climb:
         for _ in range(number):
             noise = np.einsum("nab,nb->na", spread, rng.standard_normal(exact.shape))
             other = Search(Likelihood(problem.of(exact + noise), self.law, self.robust))
-            values, _ = min((other.descend(start) for start in self._near(best)), key=lambda each: each[1])
+            values, _ = min((other.descend(start) for start in other.near(best)), key=lambda each: each[1])
             found.append([*values, *([other.transition(values)] if other.transits else [])])
             if progress is not None:
                 progress(1)
         tail = 0.5 * (1.0 - self.level)
         names = (*self.law.free, TRANSIT)
         return dict(zip(names, np.quantile(found, [tail, 1.0 - tail], axis=0).T, strict=False))
-
-    def _near(self, best: Array) -> list[Array]:
-        """Starts around the best values."""
-        free = self.law.free
-        if "mu" not in free:
-            return [best]
-        by = np.array([1.0 if name == "mu" else 0.0 for name in free])
-        return [best, best * (1.0 - 0.3 * by), best * (1.0 + 0.4 * by)]
 
 
 def intervals(search: Search, best: Array, rise: float, *, profile: bool = True) -> dict[str, Interval]:
@@ -510,8 +517,8 @@ def intervals(search: Search, best: Array, rise: float, *, profile: bool = True)
             found[name] = Interval(
                 max(low, limits[name][0]),
                 min(high, limits[name][1]),
-                low <= limits[name][0],
-                high >= limits[name][1],
+                bool(low <= limits[name][0]),
+                bool(high >= limits[name][1]),
             )
             continue
         ends = [

@@ -15,7 +15,7 @@ from ifrdem.errors import InputError
 from ifrdem.fit.data import Data
 from ifrdem.fit.laws import LAWS
 from ifrdem.fit.likelihood import Likelihood
-from ifrdem.fit.maximum import TRANSIT, Search
+from ifrdem.fit.maximum import Search
 from ifrdem.fit.model import Pair
 from ifrdem.model.coin_table import coins
 from ifrdem.validation.paper.equations import TABLE_II
@@ -99,16 +99,14 @@ def test_point_on_the_corner_does_not_trap_the_fit() -> None:
     np.testing.assert_allclose([found[name].value for name in ("e_n", "e_t", "mu")], ALUMINIUM, atol=1e-8)
 
 
-@pytest.mark.parametrize(("names", "seed"), [(("delta_2",), 3), (("delta_1", "delta_2"), 4)])
-def test_no_lower_minimum_is_found_by_differential_evolution(names: tuple[str, ...], seed: int) -> None:
-    likelihood = Likelihood(
-        impacts(names=names, noise=seed, n=15, error=1.0).problem(Pair(M=1.0)), LAWS["ifr-percussion"]
-    )
+def test_no_lower_minimum_is_found_by_differential_evolution() -> None:
+    """Of eight impacts with large errors, one of which can be taken for a sticking or for a sliding one."""
+    likelihood = Likelihood(impacts(noise=4, n=8, error=1.0).problem(Pair(M=1.0)), LAWS["ifr-percussion"])
     found = Search(likelihood).best()[1]
     other = differential_evolution(
         lambda x: likelihood.at(x).loss,
-        [(0.0, 1.0), (-1.0, 1.0), (0.0, 0.6)],
-        rng=1, popsize=8, maxiter=25, polish=False, tol=1e-8,
+        [(0.5, 1.0), (-1.0, 0.5), (0.0, 0.6)],
+        rng=1, popsize=6, maxiter=22, polish=False, tol=1e-8,
     )  # fmt: skip
     assert found <= other.fun + 1e-9
     assert found == pytest.approx(other.fun, abs=0.3)
@@ -160,35 +158,42 @@ def test_optimum_and_intervals_are_those_of_iminuit() -> None:
 
 
 def test_intervals_cover_the_truth() -> None:
-    """A tenth of `ifrdem.validation.fit_coverage`: of 40 data sets, 95 % intervals miss 2 +- 1.4, and 7 by chance in 500."""  # noqa: E501
+    """Twelve of the data sets of `ifrdem.validation.fit_coverage`: 95 % intervals miss four once in 400 times."""
     from ifrdem.validation.fit_coverage import angles, best
 
-    truth, rng, missed = (
-        np.array(ALUMINIUM),
-        np.random.default_rng(11),
-        dict.fromkeys(("e_n", "mu", TRANSIT), 0),
-    )
-    for _ in range(40):
-        search, values, loss = best(angles("ifr-percussion", 15, 0.8, rng), "ifr-percussion", truth)
-        for name, value in (("e_n", truth[0]), ("mu", truth[2]), (TRANSIT, search.transition(truth))):
-            least = min(search.descend(start, {name: float(value)})[1] for start in (values, truth))
-            missed[name] += least - loss > RISE
-    assert max(missed.values()) <= 7
+    truth, rng, missed = np.array(ALUMINIUM), np.random.default_rng(11), dict.fromkeys(("e_n", "mu"), 0)
+    for _ in range(12):
+        search, values, loss = best(angles("ifr-percussion", 10, 0.8, rng), "ifr-percussion", truth)
+        for name, value in (("e_n", truth[0]), ("mu", truth[2])):
+            missed[name] += search.descend(values, {name: float(value)})[1] - loss > RISE
+    assert max(missed.values()) <= 3
 
 
 def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
     """An end at 16 % of 40 sets has a standard error of 0.24 errors; both kinds differ by bias, too."""
-    data = impacts(noise=6, n=10)
+    data = impacts(noise=6, n=8)
     counted: list[int] = []
-    options = {"model": ["brach"], "level": 0.68, "bootstrap": 40, "seed": 3}
-    one, two = (fit.fit(data, M=1.0, **options, progress=counted.append) for _ in range(2))
-    assert sum(counted) == 80
-    for name, each in one.laws["brach"].estimates.items():
-        assert each.bootstrap == two.laws["brach"].estimates[name].bootstrap
-        assert each.bootstrap is not None
+    options = {
+        "model": ["ifr-percussion"],
+        "fix": {"e_n": 0.87, "e_t": -0.88},
+        "level": 0.68,
+        "bootstrap": 40,
+    }
+    one = fit.fit(data, M=1.0, **options, progress=counted.append).laws["ifr-percussion"]
+    assert sum(counted) == 40
+    for each in one.estimates.values():
         half = 0.5 * (each.interval.high - each.interval.low)
-        assert each.bootstrap.low == pytest.approx(each.interval.low, abs=0.6 * half)
-        assert each.bootstrap.high == pytest.approx(each.interval.high, abs=0.6 * half)
+        assert each.bootstrap is not None
+        assert each.bootstrap.low == pytest.approx(each.interval.low, abs=0.8 * half)
+        assert each.bootstrap.high == pytest.approx(each.interval.high, abs=0.8 * half)
+    two, three, four = (
+        fit.fit(data, M=1.0, model=["smooth"], bootstrap=40, seed=seed)
+        .laws["smooth"]
+        .estimates["e_n"]
+        .bootstrap
+        for seed in (3, 3, 4)
+    )
+    assert two == three != four
 
 
 # -- Which kind of sticking ----------------------------------------------------------------------------------
@@ -196,7 +201,7 @@ def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
 
 @BOTH
 def test_two_angles_tell_the_kinds_of_sticking_apart(sticking: str) -> None:
-    found = fit.fit(impacts(sticking=sticking, noise=7), M=1.0)
+    found = fit.fit(impacts(sticking=sticking, noise=7), M=1.0, profile=False)
     assert found.decided
     assert found.best == NAME[sticking]
     right = found.laws[NAME[sticking]]
@@ -210,7 +215,7 @@ def test_two_angles_tell_the_kinds_of_sticking_apart(sticking: str) -> None:
 
 def test_delta_2_alone_cannot_tell_them_and_the_fit_says_so() -> None:
     """S = c/(1+e_n) + B, B = (1+e_t)/(3(1+e_n)) and mu fix the curve: with c = 1/3 for 1/2, 1 + e_n is 2/3 as large."""
-    found = fit.fit(impacts(names=("delta_2",), noise=8), M=1.0)
+    found = fit.fit(impacts(names=("delta_2",), noise=8), M=1.0, profile=False)
     a, b = (found.laws[name] for name in ("ifr-percussion", "ifr-contact"))
     assert a.chi2 == pytest.approx(b.chi2, abs=1e-6)
     assert not found.decided
@@ -243,7 +248,7 @@ def test_no_sliding_impact_leaves_mu_open_above() -> None:
 
 
 def test_no_sticking_impact_leaves_the_kind_of_sticking_open() -> None:
-    found = fit.fit(impacts(names=("delta_2",), psi=(45.0, 80.0), noise=2), M=1.0)
+    found = fit.fit(impacts(names=("delta_2",), psi=(45.0, 80.0), noise=2), M=1.0, profile=False)
     assert warned(found, "no impact sticks: the kind of sticking is not tested")
     assert warned(found, "e_n is not determined")
     assert not found.decided
@@ -298,11 +303,13 @@ def test_errors_that_are_too_small_or_too_large_show() -> None:
     data = impacts(noise=9)
     for factor, text in ((0.4, "the intervals are too narrow"), (3.0, "the intervals are too wide")):
         other = replace(data, errors={name: factor * error for name, error in data.errors.items()})
-        assert warned(fit.fit(other, M=1.0, model=["ifr-percussion"]), text)
+        assert warned(fit.fit(other, M=1.0, model=["ifr-percussion"], profile=False), text)
 
 
 def test_stopping_distances_come_with_their_caveat() -> None:
-    found = fit.fit(impacts(names=("delta_2", "sqrt_d2_d1"), noise=1), M=1.0, model=["ifr-contact"])
+    found = fit.fit(
+        impacts(names=("delta_2", "sqrt_d2_d1"), noise=1), M=1.0, model=["ifr-contact"], profile=False
+    )
     assert any("Eq. 29" in each for each in found.warnings)
 
 
@@ -350,7 +357,7 @@ def test_json_holds_every_figure_and_no_infinity() -> None:
 
 
 def test_table_names_both_kinds_with_their_figures() -> None:
-    found = fit.fit(impacts(noise=7), M=1.0)
+    found = fit.fit(impacts(noise=7), M=1.0, profile=False)
     shown = fit.table(found)
     assert "ifr-percussion: IFR, percussion centre (Eq. 15)   <- preferred by the data" in shown
     assert "ifr-contact: IFR, contact point (Eq. 12)" in shown
