@@ -71,7 +71,7 @@ def collisions(law: str, n: int, error: float, rng: np.random.Generator, *, wall
     return problem.of(exact + problem.s * rng.standard_normal(exact.shape))
 
 
-KINDS = {"angles": (angles, 20, (0.5, 1.0)), "collisions": (collisions, 20, (0.005, 0.02))}
+KINDS = {"angles": (angles, 20, (0.5, 1.0)), "collisions": (collisions, 12, (0.005, 0.02))}
 
 
 def best(problem: Problem, law: str, start: np.ndarray) -> tuple[Search, np.ndarray, float]:

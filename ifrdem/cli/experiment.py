@@ -174,7 +174,9 @@ def compare(
             "case file of the run, whose start file has columns of errors (default: the case that FILE holds)",
         ),
     ] = None,
-    members: Annotated[str | None, option("N", "runs with drawn start and law (default: 0)")] = None,
+    members: Annotated[
+        str | None, option("N", "runs with drawn start and law, 4 or more (default: 0)")
+    ] = None,
     draws: Annotated[str | None, option("FILE", "coefficients that `ifrdem fit --draw` wrote")] = None,
     start_error: Annotated[
         list[str] | None,
@@ -206,7 +208,7 @@ def compare(
     form = _form(column, unit, None, delimiter, decimal, wrong)
     given = _named(error, "--error", ("positions", "angles"), wrong)
     starts = _named(start_error, "--start-error", ("positions", "velocities", "spins"), wrong)
-    runs = wrong.take(0, whole, "--members", members, 2, 100_000)
+    runs = wrong.take(0, whole, "--members", members, 4, 100_000)
     first = wrong.take(1, whole, "--seed", seed, 0, 2**63 - 1)
     for name, value in (
         ("--draws", draws),

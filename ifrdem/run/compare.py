@@ -36,6 +36,9 @@ _SPELLINGS = {
     "track": "id",
     "orientation": "angle",
 }
+LEAST_MEMBERS = 4
+"""Runs with drawn start and law from which a covariance can be told."""
+
 _COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
 
 
@@ -145,15 +148,40 @@ class Comparison:
         """Distance of run and measurement (m,) [length]."""
         return np.asarray(np.hypot(*(self.measured.position - self.position).T))
 
+    def _away(self) -> tuple[Array, Array, Array]:
+        """Offset (m, 2) of the measurement, and the covariances (m, 2, 2) of the runs and of the measurement."""
+        n = len(self.members)
+        centre = self.members.mean(axis=0) if n else self.position
+        offset = self.members - centre
+        # That of a further run about the mean of n; the truth is one more of them.
+        runs = np.einsum("sma,smb->mab", offset, offset) * (1.0 + 1.0 / max(n, 1)) / max(n - 1, 1)
+        return self.measured.position - centre, runs, self.measured.error[:, :, None] ** 2 * np.eye(2)
+
     @property
     def deviation(self) -> Array:
-        """Distance over its standard error of spread and measurement (m,): 1.2 is the median of a Gaussian in two dimensions."""  # noqa: E501
-        centre = self.members.mean(axis=0) if len(self.members) else self.position
-        variance = self.measured.error**2 + np.nan_to_num(self.spread) ** 2 * (
-            1.0 + 1.0 / max(len(self.members), 1)
-        )
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.sqrt(np.sum((self.measured.position - centre) ** 2 / variance, axis=-1))
+        """Distance over its standard error of runs and measurement together (m,); NaN where there is none."""
+        away, runs, measurement = self._away()
+        whole = runs + measurement
+        good = np.linalg.det(whole) > 1e-12 * np.trace(whole, axis1=1, axis2=2) ** 2
+        squared = np.full(len(away), math.nan)
+        squared[good] = np.einsum("ma,ma->m", away[good], _solved(whole[good], away[good]))
+        return np.sqrt(squared)
+
+    @property
+    def probability(self) -> Array:
+        """Probability of a smaller deviation (m,), if the run is right: the ellipse on which the place lies.
+
+        A few runs tell their own spread badly. Their part of the variance along the offset, r, leaves
+        nu = (n - 1) / r^2 degrees of freedom (Y. Yao, Biometrika 52, 139, 1965), and in two dimensions Hotelling's
+        distribution of d^2 is P = 1 - (1 + d^2 / nu)^(-(nu - 1) / 2), which is 1 - exp(-d^2 / 2) for many runs.
+        """
+        away, runs, measurement = self._away()
+        squared = self.deviation**2
+        good = np.isfinite(squared) & (squared > 0.0)
+        part = np.zeros(len(away))
+        weight = _solved((runs + measurement)[good], away[good])
+        part[good] = np.einsum("ma,mab,mb->m", weight, runs[good], weight) / squared[good]
+        return _hotelling(squared, part**2 / max(len(self.members) - 1, 1))
 
     def table(self) -> str:
         """The figures as text."""
@@ -190,11 +218,12 @@ class Comparison:
         lines.append(
             f"root mean square distance {rms:.4g}{unit}, {rms / float(np.mean(self.radius)):.3g} radii"
         )
-        good = self.deviation[np.isfinite(self.deviation)]
-        if len(good):
-            inside = [float(np.mean(good < math.sqrt(-2.0 * math.log(1.0 - part)))) for part in (0.68, 0.95)]
+        known = self.probability[np.isfinite(self.probability)]
+        if len(known):
+            inside = [float(np.mean(known < part)) for part in (0.68, 0.95)]
             lines.append(
-                f"within the 68 % ellipse {inside[0]:.0%}, within the 95 % ellipse {inside[1]:.0%} of the places"
+                f"within the 68 % ellipse {inside[0]:.0%}, within the 95 % ellipse {inside[1]:.0%} of "
+                f"{len(known)} places"
             )
         return "\n".join(lines)
 
@@ -204,7 +233,7 @@ class Comparison:
         columns = {
             "id": m.id, "t": m.time, "x": m.position[:, 0], "y": m.position[:, 1], "x_run": self.position[:, 0],
             "y_run": self.position[:, 1], "distance": self.distance, "spread_x": self.spread[:, 0],
-            "spread_y": self.spread[:, 1], "deviation": self.deviation, "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),  # noqa: E501
+            "spread_y": self.spread[:, 1], "deviation": self.deviation, "probability": self.probability, "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),  # noqa: E501
         }  # fmt: skip
         rows = np.stack([np.asarray(each, dtype=np.float64) for each in columns.values()], axis=-1)
         lines = (
@@ -224,26 +253,22 @@ class Comparison:
         shown = np.concatenate([self.paths[-1], self.position, self.measured.position])
         for track in np.swapaxes(self.paths, 0, 1):
             axes.plot(*track.T, color=blue, lw=0.5, alpha=0.35, zorder=1)
-        for places, colour, fill, order in ((self.paths[-1], blue, "#0072B233", 2),):
-            size = 2.0 * self.radius
-            axes.add_collection(
-                EllipseCollection(size, size, 0.0, units="xy", offsets=places, transOffset=axes.transData, facecolors=fill, edgecolors=colour, linewidths=0.8, zorder=order)  # noqa: E501
-            )  # fmt: skip
-        if len(self.members) > 2:
+        size = 2.0 * self.radius
+        axes.add_collection(
+            EllipseCollection(
+                size, size, 0.0, units="xy", offsets=self.paths[-1], transOffset=axes.transData,
+                facecolors="#0072B233", edgecolors=blue, linewidths=0.8, zorder=2,
+            )
+        )  # fmt: skip
+        if drawn := len(self.members) >= LEAST_MEMBERS:
             turn = np.linspace(0.0, 2.0 * math.pi, 100)
-            circle = math.sqrt(-2.0 * math.log(0.05)) * np.stack([np.cos(turn), np.sin(turn)])
-            for i in range(len(self.measured.id)):
-                covariance = np.cov(self.members[:, i].T)
-                root = np.linalg.cholesky(
-                    covariance + 1e-18 * np.eye(2) + 1e-12 * np.trace(covariance) * np.eye(2)
-                )
-                axes.plot(
-                    *(self.members[:, i].mean(axis=0)[:, None] + root @ circle),
-                    color=blue,
-                    lw=0.9,
-                    ls="--",
-                    zorder=3,
-                )
+            nu = len(self.members) - 1
+            reach = math.sqrt(nu * (0.05 ** (-2.0 / (nu - 1)) - 1.0))  # `probability` 0.95 of the runs alone
+            circle = reach * np.stack([np.cos(turn), np.sin(turn)])
+            for centre, covariance in zip(self.members.mean(axis=0), self._away()[1], strict=True):
+                values, vectors = np.linalg.eigh(covariance)
+                ellipse = vectors * np.sqrt(np.maximum(values, 0.0)) @ circle
+                axes.plot(*(centre[:, None] + ellipse), color=blue, lw=0.9, ls="--", zorder=3)
         m = self.measured
         axes.errorbar(
             m.position[:, 0],
@@ -279,18 +304,30 @@ class Comparison:
             ),
             Line2D([], [], color=orange, ls="none", marker="x", ms=7, mew=1.6, label="measured"),
         ]
-        if len(self.members) > 2:
+        if drawn:
             handles.append(
                 Line2D(
                     [],
                     [],
                     color=blue,
                     ls="--",
-                    label=f"95 % of {len(self.members)} runs with drawn start and law",
+                    label=f"95 % ellipses by {len(self.members)} runs with drawn start and law",
                 )
             )
         figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize="small")
         save(figure, paths)
+
+
+def _solved(matrix: Array, vector: Array) -> Array:
+    return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0])
+
+
+def _hotelling(squared: Array, inverse: Array) -> Array:
+    """P of `Comparison.probability` for squared deviations, and 1 / nu."""
+    few = inverse > 1e-9
+    u = np.where(few, inverse, 0.5)
+    exponent = np.where(few, (1.0 - u) / (2.0 * u) * np.log1p(u * squared), 0.5 * squared)
+    return np.asarray(-np.expm1(-exponent))
 
 
 def compare(
@@ -317,7 +354,7 @@ def compare(
     errors : mapping of str to float, optional
         Standard errors of the start: "positions" [length], "velocities" [length/time], "spins" [rad/time].
     members : int
-        Number of runs with drawn starts and laws; 0 for none.
+        Number of runs with drawn starts and laws, at least 4; 0 for none.
     seed : int
         Of the drawn starts.
     case : path, optional
@@ -347,6 +384,8 @@ def compare(
         first = trajectory[0]
         as_f64 = lambda each: np.asarray(each, dtype=np.float64)  # noqa: E731
         start = State(as_f64(first.position), as_f64(first.velocity), as_f64(first.spin))
+    if 0 < members < LEAST_MEMBERS:
+        raise InputError(f"members = {members}: 0, or {LEAST_MEMBERS} runs and more, are needed for a spread")
     wrong = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]
     late = np.isfinite(measured.time) & (
         (measured.time > times[-1] * (1.0 + 1e-9)) | (measured.time < times[0])

@@ -75,6 +75,27 @@ def test_places_distances_and_spread_are_those_of_the_mechanics(
     assert Path("out.csv").read_text(encoding="utf-8").startswith("id,t,x,y,x_run")
 
 
+@pytest.mark.parametrize("error", [0.0, 1.0])
+@pytest.mark.parametrize("members", [5, 50])
+def test_ellipses_hold_the_part_of_the_places_that_they_say(members: int, error: float) -> None:
+    """The truth is one more of the runs, and 4,000 places make a statistical error of 0.007 and 0.003.
+
+    Chi-square limits instead of Hotelling's hold 49 and 75 % for five runs without errors of the measurement.
+    """
+    rng, m = np.random.default_rng(1), 4000
+    root = np.array([[2.0, 0.0], [1.5, 0.5]])
+    places = rng.standard_normal((members + 1, m, 2)) @ root.T
+    seen = compare.Measured(
+        np.arange(m), np.full(m, math.inf), places[-1] + error * rng.standard_normal((m, 2)),
+        np.full((m, 2), error), np.full(m, math.nan), np.full(m, math.nan),
+    )  # fmt: skip
+    found = compare.Comparison(
+        seen, places[0], seen.angle, places[:-1], np.ones((m, 2)), places[:1], np.ones(1), ""
+    )
+    assert np.mean(found.probability < 0.68) == pytest.approx(0.68, abs=0.03)
+    assert np.mean(found.probability < 0.95) == pytest.approx(0.95, abs=0.015)
+
+
 def test_start_errors_spread_the_runs(run: Path) -> None:
     """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""  # noqa: E501
     Path("rest.csv").write_text("id,x,y,t\n0,0.5,0,0.5\n", encoding="utf-8")
