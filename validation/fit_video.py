@@ -1,9 +1,9 @@
 """Video data made by the program at known truth: tracks of coin collisions, and a table of coins before and after.
 
 `python -m ifrdem.validation.fit_video FOLDER` writes tracks.csv (25 collisions of two coins, 1,000 frames/s),
-start.csv and
-rest.csv (12 coins on a table: the measured start and where they came to rest). The case `coins_from_video` has
-these two.
+start.csv and rest.csv (12 coins on a table: the measured start and where they came to rest). The case
+`coins_from_video` has these two. `... FOLDER ellipses` makes 20 such tables, compares each with 12 runs with drawn
+start and law, and prints the part of the places on the ellipses of `compare`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,16 @@ from pathlib import Path
 import numpy as np
 
 import ifrdem
+from ifrdem.case.shipped import find
+from ifrdem.cli.main import main as main_of_ifrdem
+from ifrdem.fit.tabular import Form
+from ifrdem.run import compare
 
+FITTED = {
+    "e_n": (0.8702, 8.0e-4),
+    "e_t": (-0.8801, 1.7e-3),
+    "mu": (0.2100, 8.2e-4),
+}  # to `tracks`, with errors
 LAW = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
 TABLE_FRICTION = 0.2
 COIN = ifrdem.coins["1 pta"]
@@ -95,13 +104,47 @@ def table(seed: int = 1) -> tuple[str, str]:
     return "\n".join(start) + "\n", "\n".join(end) + "\n"
 
 
-def main(folder: Path) -> None:
-    """Write the three files."""
+def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
+    """The part of rest places on the 68 and 95 % ellipses, over tables of other starts and errors."""
+    found = []
+    for seed in range(1, tables + 1):
+        start, rest = table(seed)
+        (folder / "coins_from_video.csv").write_text(start, encoding="utf-8")
+        (folder / "rest.csv").write_text(rest, encoding="utf-8")
+        case, run = folder / "coins_from_video.toml", folder / "run.h5"
+        case.write_bytes(find("coins_from_video").read_bytes())
+        if main_of_ifrdem(
+            ["run", str(case), "--quiet", "--no-picture", "--force", "-o", str(folder / "run")]
+        ):
+            raise RuntimeError(f"table {seed} was not run")
+        names = {"id": "coin", "x": "rest x (mm)", "y": "rest y (mm)"}
+        measured = compare.read(folder / "rest.csv", {"positions": PLACE}, Form(names))
+        rng = np.random.default_rng(seed)
+        laws = [
+            dict(zip(FITTED, rng.normal(*zip(*FITTED.values(), strict=True)), strict=True))
+            for _ in range(members)
+        ]
+        compared = compare.compare(
+            run, measured, laws=laws, errors={"positions": PLACE}, members=members, seed=seed, case=case
+        )
+        found.append(compared.probability)
+    inside = [float(np.mean(np.array(found) < part)) for part in (0.68, 0.95)]
+    return (
+        f"{tables} tables of {len(found[0])} coins, {members} runs each: "
+        f"within 68 % {inside[0]:.3f}, within 95 % {inside[1]:.3f}"
+    )
+
+
+def main(folder: Path, what: str = "") -> None:
+    """Write the three files, or print the table of ellipses."""
     folder.mkdir(parents=True, exist_ok=True)
+    if what == "ellipses":
+        print(ellipses(folder))
+        return
     start, rest = table()
     for name, text in (("tracks", tracks(1000.0, 1.0e-4, 25)), ("start", start), ("rest", rest)):
         (folder / f"{name}.csv").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), *sys.argv[2:])

@@ -78,8 +78,7 @@ def fit(
     ] = None,
     k_2: Annotated[str | None, option("K", "the same of disk 2", group=DISKS)] = None,
     R_1: Annotated[
-        str | None,
-        option("R", "radius of disk 1 [length]; only --rolling needs radii", "--R-1", group=DISKS),
+        str | None, option("R", "radius of disk 1 [length]; only --rolling needs radii", "--R-1", group=DISKS)
     ] = None,
     R_2: Annotated[
         str | None, option("R", "radius of disk 2 [the same length]", "--R-2", group=DISKS)
@@ -164,8 +163,7 @@ def fit(
         bool, flag("predict each tenth of the impacts from the others", group=HOW)
     ] = False,
     design: Annotated[
-        str | None,
-        option("N", "expected gain of N further impacts by angle: the next experiment", group=HOW),
+        str | None, option("N", "expected gain of N further impacts by angle: the next experiment", group=HOW)
     ] = None,
     rolling: Annotated[
         bool, flag("fit rolling friction rho too, from Rw_2 or e_t_apparent", group=HOW)
@@ -203,8 +201,7 @@ def fit(
     """Fit the coefficients of collision laws to measured impacts.
 
     Takes tables of angles, or whole collisions with velocities and spins before and after: maximum likelihood
-    with errors in
-    every value, intervals by profile likelihood, laws compared. Prints a table.
+    with errors in every value, intervals by profile likelihood, laws compared. Prints a table.
     """
     if example:
         if data is not None:
@@ -470,7 +467,7 @@ def _form(
     decimal: str | None,
     wrong: Wrong,
 ) -> Any:
-    """How the table is written."""
+    """The writing of the table."""
     from ..fit.tabular import Form
 
     separator = {"tab": "\t", "\\t": "\t"}.get(delimiter or ",", delimiter or ",")

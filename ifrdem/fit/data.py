@@ -64,6 +64,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 """Columns that one error may stand for, and that share one error where it is estimated."""
 
+UNUSED = "columns not used"
 LEAST_ERROR = 1e-6  # below it, chi2 is so steep that rounding hides its minimum
 EXAMPLE_LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 EXAMPLE_ERROR = 0.7  # [deg]
@@ -141,7 +142,7 @@ class Data:
         return f"impact {i + 1}" if self.line is None else f"line {self.line[i]}"
 
     def problem(self, pair: Pair) -> Problem:
-        """What a fit of these impacts of a pair looks at."""
+        """The impacts of a pair as a fit sees them."""
         names = ("psi", *self.names)
         y = np.stack([self.psi, *(self.measured[name] for name in self.names)], axis=-1)
         s = np.stack([self.errors[name] for name in names], axis=-1)
@@ -181,10 +182,9 @@ class Collisions:
         The disks; `WALL` as disk 2.
     measured : mapping of str to array (n,)
         Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal
-        nx, ny from
-        disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins, counter-clockwise [rad/time], before
-        and, with _after, after. Any subset; NaN where a value is missing. Of a wall, velocities are 0 unless given,
-        and exact.
+        nx, ny from disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins,
+        counter-clockwise [rad/time], before and, with _after, after. Any subset; NaN where a value is
+        missing. Of a wall, velocities are 0 unless given, and exact.
     errors : mapping of str to array (n,)
         Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
         value that is known exactly. Those of nx, ny may be of `normal` [rad] instead.
@@ -227,6 +227,8 @@ class Collisions:
             with_normal |= dict.fromkeys(
                 (name for name in NORMAL if name in self.measured), self.errors["normal"]
             )
+        if wrong and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
+            wrong.append(f"{unused[0]}; --column {MOTION[0]}='HEADER' says what one is")
         wrong += _wrong_names(self.measured, with_normal)
         wrong += [
             f"covariance of {a} and {b}: both must be velocities or spins that were measured, or one the normal"
@@ -315,7 +317,7 @@ class Collisions:
             return np.arctan2(y, x), np.sqrt(y**2 * variance[0] + x**2 * variance[1]) / length**2
 
     def problem(self, pair: Pair | None = None) -> CollisionProblem:
-        """What a fit of these collisions looks at."""
+        """The collisions as a fit sees them."""
         phi, s_phi = self.normal()
         moving = MOTION[:3] if self.wall else MOTION
         names = ("normal", *moving, *(f"{name}_after" for name in moving))
@@ -346,10 +348,10 @@ def read(
     """Read a table of measured impacts.
 
     The first line that is not a comment names the columns. With psi it is a table of angles, see `Data`; with
-    velocities a table of whole collisions, see `Collisions`. NAME_error holds standard errors where they differ from
-    line to line, cov:NAME:NAME covariances. Units in brackets, such as (deg) or [cm/s], are converted: angles
-    of a table
-    of angles to degrees, all else to SI units. Missing values are left empty or are written nan, NA or -.
+    velocities a table of whole collisions, see `Collisions`. NAME_error holds standard errors where they
+    differ from line to line, cov:NAME:NAME covariances. Units in brackets, such as (deg) or [cm/s], are
+    converted: angles of a table of angles to degrees, all else to SI units. Missing values are left empty or
+    are written nan, NA or -.
 
     Parameters
     ----------
@@ -357,9 +359,8 @@ def read(
         The file.
     errors : mapping of str to float, optional
         Errors of whole columns, by their names or those of `GROUPS`; "normal" [rad] for that of nx, ny. NaN
-        for one that
-        the residuals are to tell, "rest" for all columns that have none. A column of errors comes first, then the
-        error by name, then that of the group.
+        for one that the residuals are to tell, "rest" for all columns that have none. A column of errors
+        comes first, then the error by name, then that of the group.
     disk_1, disk_2 : Disk, optional
         Of whole collisions, unless columns mass_1, radius_1, k_1, ... give them.
     form : Form, optional
@@ -391,7 +392,7 @@ def read(
     if found.missing:
         notes.append(f"{found.missing} value{'s are' if found.missing > 1 else ' is'} missing and left out")
     if found.unused:
-        notes.append(f"columns not used: {', '.join(found.unused)}")
+        notes.append(f"{UNUSED}: {', '.join(found.unused)}")
     present = [name for name in columns if not name.endswith("_error")]
     whole = [name for name in present if name in _KINDS]
     angles = [name for name in present if name in COLUMNS]

@@ -1,4 +1,4 @@
-"""What the figures of a fit do not show by themselves: limits, undetermined coefficients, outliers, added energy."""
+"""Warnings beside the figures of a fit: limits, undetermined coefficients, outliers, added energy."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_NAMED = 20  # suspicious lines
 def admissibility(
     law: Law, coefficients: Mapping[str, float], pairs: Sequence[tuple[float, float, float, float]]
 ) -> Admissibility:
-    """Whether a law can add energy in collisions of pairs of k_1, k_2, m_1, m_2: the verdict on the worst of them."""
+    """The verdict on the energy of the worst of pairs of k_1, k_2, m_1, m_2."""
     own = {name: coefficients[name] for name in law.ranges}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", EnergyWarning)
@@ -34,7 +34,7 @@ def admissibility(
 
 
 def doubts(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robust: bool) -> list[str]:
-    """What to know before the figures of one law are used.
+    """Warnings for one law.
 
     `others` are coefficients (p,) and loss of solutions outside of the intervals, the best one first.
     """
@@ -102,14 +102,22 @@ def doubts(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robust: boo
         for end in fitted.law.ranges[name]:
             if abs(estimates[name].value - end) < 1e-6 and not (name == "rho" and end > 0.0):
                 found.append(f"{name} lies at its limit, {end:g}: the data alone would go beyond")
-    if fitted.probability < 0.01:
+    chi2, dof, probability, left = fitted.chi2, fitted.dof, fitted.probability, ""
+    if _few(fitted) and np.isfinite(probability):  # these are named; do the others follow the law?
+        from scipy.special import chdtrc
+
+        gone = [each.index for each in fitted.suspects]
+        chi2 -= float(np.sum(fitted.distance[gone]))
+        dof -= int(np.sum(fitted.problem.redundancy[gone]))
+        probability, left = float(chdtrc(max(dof, 1), chi2)), " without the suspicious lines"
+    if probability < 0.01:
         found.append(
-            f"chi2 is {fitted.chi2:.4g} for {fitted.dof} degrees of freedom (probability {fitted.probability:.2g}): "
-            "the law does not hold or the errors are larger than stated, and the intervals are too narrow"
+            f"chi2 is {chi2:.4g} for {dof} degrees of freedom{left} (probability {probability:.2g}): the law does not "
+            "hold or the errors are larger than stated, and the intervals are too narrow"
         )
-    elif fitted.probability > 0.99:
+    elif probability > 0.99:
         found.append(
-            f"chi2 is only {fitted.chi2:.4g} for {fitted.dof} degrees of freedom: the errors are smaller than "
+            f"chi2 is only {chi2:.4g} for {dof} degrees of freedom{left}: the errors are smaller than "
             "stated, and the intervals are too wide"
         )
     if fitted.admissibility is None:
@@ -127,6 +135,11 @@ def doubts(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robust: boo
     return found
 
 
+def _few(fitted: Fitted) -> bool:
+    """True if single impacts are suspicious, rather than the law or the errors."""
+    return 0 < len(fitted.suspects) <= max(0.25 * len(fitted.psi), 1.0)
+
+
 def _outliers(fitted: Fitted, robust: bool) -> list[str]:
     """Suspicious lines, and what they do to the coefficients."""
     found = []
@@ -135,7 +148,7 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
         f"probability {each.probability:.1g})"
         for each in fitted.suspects[:_MOST_NAMED]
     ]
-    if len(fitted.suspects) > max(0.25 * len(fitted.psi), 1.0):
+    if fitted.suspects and not _few(fitted):
         return [
             f"{len(fitted.suspects)} of {len(fitted.psi)} impacts are far off: the law or the errors "
             "are in doubt, rather than "
@@ -162,7 +175,7 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
 
 
 def doubts_of_all(data: Data | Collisions, laws: Mapping[str, Fitted]) -> list[str]:
-    """What to know of the data and of the choice between laws."""
+    """Warnings of the data and of the choice between laws."""
     found = list(data.notes)
     angles = isinstance(data, Data)
     if "sqrt_d2_d1" in data.names:

@@ -46,11 +46,10 @@ class _Panel:
 def draw(fit: Fit, paths: Sequence[Path]) -> None:
     """Draw every measured quantity against psi with all laws, and below it the residuals of each law over their errors.
 
-    A residual is measured minus predicted at the measured psi; its error has that of psi in it, by the slope of the
-    curve. Vertical lines mark the fitted transitions, bands their intervals, red rings suspicious impacts. Of whole
-    collisions, normal restitution and the slip after the impact over the speed of approach are drawn against
-    the angle of
-    incidence at the contact.
+    A residual is measured minus predicted at the measured psi; its error has that of psi in it, by the slope
+    of the curve. Vertical lines mark the fitted transitions, bands their intervals, red rings suspicious
+    impacts. Of whole collisions, normal restitution and the slip after the impact over the speed of approach
+    are drawn against the angle of incidence at the contact.
 
     Parameters
     ----------

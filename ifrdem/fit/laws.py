@@ -1,8 +1,7 @@
 """Collision laws that a fit chooses among: their coefficients, the ranges of these, and the angle of transition.
 
 The IFR law is `ifrdem.kernels.law.collide_pair` itself, called with arrays; other laws are `CollisionLaw`
-classes, whose
-`collide` gives the impulses between the same two steps that every collision has.
+classes, whose `collide` gives the impulses between the same two steps that every collision has.
 """
 
 from __future__ import annotations
@@ -230,10 +229,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
 IFR = ("ifr-percussion", "ifr-contact")
 
 
-def own(
-    kind: type[CollisionLaw],
-    ranges: Mapping[str, Range] | None = None,
-) -> Law:
+def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> Law:
     """A law of one's own to fit.
 
     Parameters

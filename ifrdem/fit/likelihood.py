@@ -5,18 +5,14 @@ measured before. The true motions are nuisance parameters, over which the likeli
 
     -2 ln L = chi2 = sum_i c_i,   c_i = min over x of |W_i (y_i - h(x))|^2,
 
-with W_i^T W_i the inverse of the covariance of impact i (total least squares). For a straight line that is the
-effective
-variance s_y^2 + f'^2 s_x^2. It also holds where the curve bends within an error, and, unlike a variance with a slope
-that jumps, it is continuous in the coefficients where a point changes from sticking to sliding. For errors
-that are small
-on the scale of the curve, c_i follows a chi-square distribution with m_i degrees of freedom, the values
-measured less the
-coordinates of x.
+with W_i^T W_i the inverse of the covariance of impact i (total least squares). For a straight line that is
+the effective variance s_y^2 + f'^2 s_x^2. It also holds where the curve bends within an error, and, unlike a
+variance with a slope that jumps, it is continuous in the coefficients where a point changes from sticking to
+sliding. For errors that are small on the scale of the curve, c_i follows a chi-square distribution with m_i
+degrees of freedom, the values measured less the coordinates of x.
 
 Robust: the errors of an impact are a scale mixture, c_i / (an inverse gamma variable), which makes them
-Student-t with nu
-degrees of freedom; integrated over x at each scale,
+Student-t with nu degrees of freedom; integrated over x at each scale,
 
     -2 ln L = sum_i (nu + m_i) ln(1 + c_i / nu),
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ _STARTS, _DESCENTS = (
 )  # points where the likelihood is looked at, and the best of them, from which it is climbed
 _AGREE = 2  # descents that end in the lowest minimum are enough
 _PRECISE = 3e-4  # of the distance of an end from the best value
-_TOLERANCE = (1e-6, 1e-10)  # of descents with a quantity held, for a rise, and without
+_TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly
 _BETTER = 1e-5  # a loss lower by this is another minimum
 _SUSPICIOUS = 0.01  # probability, among all impacts, of one as far off
 _FOLDS = 10
@@ -175,6 +174,14 @@ class Search:
         problem = self.likelihood.problem
         return float(self.law.transitions(values, problem.probe(), problem.reach())[0].flat[0])
 
+    def transition_error(self, values: Array, covariance: Array) -> float:
+        """Standard error [rad] of the angle of transition; infinite where a coefficient's is."""
+        if not np.isfinite(covariance).all():
+            return float("inf")
+        at = self.transition(values)
+        by = np.array([(self.transition(values + 1e-6 * one) - at) / 1e-6 for one in np.eye(len(values))])
+        return float(np.sqrt(by @ covariance @ by))
+
     def _mu(self, values: Array, transition: float) -> float:
         """The mu with which the transition is there."""
         c = float(np.ravel(self.law.stick(values, self.likelihood.problem.probe()))[0])
@@ -184,7 +191,9 @@ class Search:
         """Where the loss is least, and it, from a start (p,), with quantities held."""
         from scipy.optimize import least_squares
 
-        law, held, precise = self.law, dict(held or {}), not held
+        law, held = self.law, dict(held or {})
+        kind = "held" if held else "robust" if self.likelihood.robust is not None else "plain"
+        tolerance = _TOLERANCE[kind]
         names = list(law.free)
         by_transit = held.pop(TRANSIT, None)
         moving = [
@@ -220,7 +229,7 @@ class Search:
             ended = least_squares(
                 lambda free: self.points(whole(free)).as_least_squares()[0], begin, jacobian,
                 bounds=(low, np.where(high > low, high, low + 1.0)), method="dogbox", x_scale="jac",
-                ftol=_TOLERANCE[precise], xtol=_TOLERANCE[precise], gtol=_TOLERANCE[precise], max_nfev=60,
+                ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=60,
             )  # fmt: skip
             values = whole(ended.x)
         else:
@@ -308,14 +317,10 @@ class _Climb:
         value = dict(zip(self.law.free, map(float, best), strict=True))
         error = dict(zip(self.law.free, np.sqrt(np.diag(covariance)), strict=True))
         if search.transits:
-            value[TRANSIT] = search.transition(best)
-            by = np.array(
-                [(search.transition(best + 1e-6 * one) - value[TRANSIT]) / 1e-6 for one in np.eye(p)]
+            value[TRANSIT], error[TRANSIT] = (
+                search.transition(best),
+                search.transition_error(best, covariance),
             )
-            with np.errstate(invalid="ignore"):
-                error[TRANSIT] = float(np.sqrt(by @ np.where(np.isfinite(covariance), covariance, 0.0) @ by))
-            if not np.isfinite(covariance).all():
-                error[TRANSIT] = np.inf
         again = self._bootstrap(problem, best, points, bootstrap, seed, progress) if bootstrap else {}
         estimates = {}
         for name in value:
@@ -388,9 +393,8 @@ class _Climb:
                 return problem, search
             problem, start = problem.scaled(factors), best
         raise InputError(
-            f"{self.data.source}: the residuals do not tell the errors of "
-            f"{' and '.join(problem.estimated)} apart: give one of "
-            f"them, as by --error {problem.estimated[0]}=VALUE"
+            f"{self.data.source}: the residuals do not tell the errors of {' and '.join(problem.estimated)} apart: "
+            f"give one of them, as by --error {'positions' if 'x_1' in self.data.names else problem.estimated[0]}=VALUE"
         )
 
     def _rise(self, problem: Problem, search: Search) -> float:
@@ -428,7 +432,7 @@ class _Climb:
 
         c, m = points.distance, np.maximum(problem.redundancy, 1)
         probability = chdtrc(m, c)
-        own = _own_residuals(problem, self.law, np.array([]), points.x, points)
+        own = points.residual
         return tuple(
             Suspect(
                 int(i), self.data.where(int(i)), float(c[i]), float(probability[i]),
@@ -501,15 +505,10 @@ def intervals(search: Search, best: Array, rise: float, *, profile: bool = True)
     value = dict(zip(law.free, map(float, best), strict=True))
     limits: dict[str, tuple[float, float]] = {name: law.ranges[name] for name in law.free}
     if search.transits:
-        value[TRANSIT], errors[TRANSIT] = search.transition(best), np.inf
+        value[TRANSIT], errors[TRANSIT] = search.transition(best), search.transition_error(best, covariance)
         steepest = best.copy()
         steepest[law.free.index("mu")] = law.ranges["mu"][1]
         limits[TRANSIT] = (0.0, search.transition(steepest))
-        if np.isfinite(covariance).all():
-            by = np.array(
-                [(search.transition(best + 1e-6 * one) - value[TRANSIT]) / 1e-6 for one in np.eye(len(best))]
-            )
-            errors[TRANSIT] = float(np.sqrt(by @ covariance @ by))
     found = {}
     for name in value:
         if not profile:
@@ -632,13 +631,6 @@ def _group_errors(problem: Problem, groups: tuple[str, ...]) -> dict[str, float]
     return of
 
 
-def _own_residuals(
-    problem: Problem, law: Law, values: Array, x: Array, points: Points | None = None
-) -> Array:
+def _own_residuals(problem: Problem, law: Law, values: Array, x: Array) -> Array:
     """Residuals (n, q) over their errors, at the true motion; 0 where a value is missing."""
-    if points is not None:
-        return points.residual
-    away: Any = np.where(np.isnan(problem.y), 0.0, problem.y - problem.predict(law, values, x))
-    return np.asarray(
-        np.where(np.isnan(problem.s), 0.0, away / np.where(np.isnan(problem.s), 1.0, problem.s))
-    )
+    return np.nan_to_num((problem.y - problem.predict(law, values, x)) / problem.s)

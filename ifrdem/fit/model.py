@@ -1,10 +1,9 @@
 """Measured quantities as functions of the true motion before an impact: the forward models of `ifrdem.fit`.
 
 Every impact has latent coordinates x, its true motion before, from which a law gives everything that was
-measured. The first
-is the angle of incidence chi at the contact, tan chi = g_t / g_n: at fixed coefficients a law of friction
-changes its regime
-at fixed chi, so that predictions are smooth between these angles in all coordinates. A table of angles has no other.
+measured. The first is the angle of incidence chi at the contact, tan chi = g_t / g_n: at fixed coefficients a
+law of friction changes its regime at fixed chi, so that predictions are smooth between these angles in all
+coordinates. A table of angles has no other.
 """
 
 from __future__ import annotations
@@ -27,82 +26,24 @@ Index = NDArray[np.int64]
 
 
 class Quantity(NamedTuple):
-    """A measured quantity: its symbol in a picture, its unit, what it is, and the values it can have.
-
-    `unit` is "deg" or "1". A value lies from `low` to `high`, above 0 if `low` is 0.
-    """
+    """A measured quantity: its symbol in a picture, its unit, "deg" or "1", and its lowest and highest values."""
 
     symbol: str
     unit: str
-    about: str
-    low: float
-    high: float
+    low: float = -math.inf
+    high: float = math.inf
 
 
 MEASURED: Mapping[str, Quantity] = {
-    "delta_1": Quantity(
-        r"$\delta_1$",
-        "deg",
-        "direction of disk 1 after the impact, from the line of centres; above 90 where it bounces back",
-        -180.0,
-        180.0,
-    ),
-    "delta_2": Quantity(
-        r"$\delta_2$",
-        "deg",
-        "direction of disk 2 after the impact, from the line of centres",
-        -90.0,
-        90.0,
-    ),
-    "Rw_2": Quantity(
-        r"$R_2 \omega_2 / v_o$",
-        "1",
-        "rim speed of disk 2 after the impact, clockwise positive, over the speed before",
-        -math.inf,
-        math.inf,
-    ),
-    "sqrt_d2_d1": Quantity(
-        r"$\sqrt{d_2 / d_1}$",
-        "1",
-        "square root of the ratio of the stopping distances, taken as v_2 / v_1 (Eq. 29)",
-        0.0,
-        math.inf,
-    ),
-    "rebound": Quantity(
-        r"$\delta_r$",
-        "deg",
-        "direction of disk 1 after it bounced back, from the line of centres: 180 degrees - delta_1",
-        -180.0,
-        180.0,
-    ),
-    "rebound_contact": Quantity(
-        r"$\delta_c$",
-        "deg",
-        "direction of the contact point of disk 1 relative to disk 2 after the impact, from the line of centres",
-        -90.0,
-        90.0,
-    ),
-    "v_t_ratio": Quantity(
-        r"$v_{1t}'/v_{1t}$",
-        "1",
-        "tangential velocity of the centre of disk 1 after the impact over that before",
-        -math.inf,
-        math.inf,
-    ),
-    "Rw_1": Quantity(
-        r"$R_1 \omega_1 / v_o$",
-        "1",
-        "rim speed of disk 1 after the impact, clockwise positive, over the speed before",
-        -math.inf,
-        math.inf,
-    ),
-    "e_t_apparent": Quantity(
-        r"$e_t^*$",
-        "1",
-        "apparent tangential restitution: slip of the contact after the impact over that before, times -1",
-        -math.inf,
-        math.inf,
-    ),
+    "delta_1": Quantity(r"$\delta_1$", "deg", -180.0, 180.0),
+    "delta_2": Quantity(r"$\delta_2$", "deg", -90.0, 90.0),
+    "Rw_2": Quantity(r"$R_2 \omega_2 / v_o$", "1"),
+    "sqrt_d2_d1": Quantity(r"$\sqrt{d_2 / d_1}$", "1", 0.0),
+    "rebound": Quantity(r"$\delta_r$", "deg", -180.0, 180.0),
+    "rebound_contact": Quantity(r"$\delta_c$", "deg", -90.0, 90.0),
+    "v_t_ratio": Quantity(r"$v_{1t}'/v_{1t}$", "1"),
+    "Rw_1": Quantity(r"$R_1 \omega_1 / v_o$", "1"),
+    "e_t_apparent": Quantity(r"$e_t^*$", "1"),
 }
 """The quantities that can be fitted, by the names of their columns."""
 
@@ -153,7 +94,7 @@ class Pair:
 
     @property
     def has_radii(self) -> bool:
-        """Whether the radii are known."""
+        """True if the radii are known."""
         return self.R_1 is not None
 
     @property
@@ -418,8 +359,7 @@ class CollisionProblem(Problem):
     """Whole collisions; latent coordinates are
 
     chi, direction of the normal [rad], |g| [length/time], velocity of the centre of mass (2) and both spins;
-    of a wall chi,
-    direction of the normal, |g| and the spin of disk 1.
+    of a wall chi, direction of the normal, |g| and the spin of disk 1.
     """
 
     def __init__(

@@ -27,9 +27,8 @@ class Design:
     now : mapping of str to float
         Standard errors as they are.
     against : mapping of str to array (a,)
-        For each other law, by how much its -2 ln L would exceed that of the best law, beyond what it does now,
-        if the best
-        law is true; its coefficients fitted again.
+        For each other law, by how much its -2 ln L would exceed that of the best law, beyond what it does
+        now, if the best law is true; its coefficients fitted again.
     """
 
     psi: Array

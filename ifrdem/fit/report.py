@@ -108,13 +108,13 @@ def _comparison(fit: Fit) -> Iterator[str]:
     lowest_BIC = min(each.BIC for each in fit.laws.values())
     crossed = any(math.isfinite(each.cross_validation) for each in fit.laws.values())
     last = "  -2 ln L of an unseen impact" if crossed else ""
-    yield f"  {'law':<18}{'p':>3}{'log-likelihood':>16}{'AIC - best':>12}{'BIC - best':>12}{'chi2 / dof':>14}{last}"
+    yield f"  {'law':<18}{'p':>3}{'log-likelihood':>16}{'AIC - best':>12}{'BIC - best':>12}{'chi2 / dof':>18}{last}"
     for name, each in fit.laws.items():
         ratio = f"{each.chi2:.4g} / {each.dof}"
         end = f"  {each.cross_validation:>12.4f}" if crossed else ""
         yield (
             f"  {name:<18}{len(each.law.free):>3}{each.log_likelihood:>16.2f}{each.AIC - lowest:>12.2f}"
-            f"{each.BIC - lowest_BIC:>12.2f}{ratio:>14}{end}"
+            f"{each.BIC - lowest_BIC:>12.2f}{ratio:>18}{end}"
         )
 
 

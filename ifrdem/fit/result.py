@@ -1,4 +1,4 @@
-"""What a fit found: estimates with intervals, for each law."""
+"""The result of a fit: estimates with intervals, for each law."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Form:
-    """How a file is written, where it differs from commas, points and the standard names.
+    """The writing of a file, where it differs from commas, points and the standard names.
 
     Attributes
     ----------

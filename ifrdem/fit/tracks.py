@@ -1,14 +1,13 @@
 """Collisions from tracks: impacts in positions per frame, with the flights before and after.
 
 Two disks have met where their distance has a minimum near the sum of their radii. There, the places of both
-are fitted by
-straight flights that meet at one time t_c,
+are fitted by straight flights that meet at one time t_c,
 
     x(t) = x_c + v (t - t_c) before, x_c + v' (t - t_c) after,   |x_c2 - x_c1| = R_1 + R_2,
 
 and so is, where it was tracked, the angle by which each has turned. All errors follow from the scatter of the
-places about
-the flights; normal and velocities share x_c and t_c, so that their errors are correlated, and the table says how.
+places about the flights; normal and velocities share x_c and t_c, so that their errors are correlated, and
+the table says how.
 """
 
 from __future__ import annotations
@@ -78,8 +77,7 @@ class Found:
     ----------
     columns : mapping of str to array (n,)
         A table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
-        and covariances,
-        and mass, radius and k of the disks.
+        and covariances, and mass, radius and k of the disks.
     noise : float
         Standard error of a coordinate of a place [length].
     angle_noise : float
