@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, listed, nearest
 from . import tabular
-from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem
+from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
 from .tabular import Form
 
 Array = NDArray[np.float64]
@@ -272,16 +272,20 @@ class Collisions:
             found.append(
                 (int(np.argmax(walls)), "mass_2 is infinite: walls and disks cannot stand in one table")
             )
+        x, y = (arrays[NORMAL[i]] if normal else arrays[PLACES[i + 2]] - arrays[PLACES[i]] for i in (0, 1))
+        found += [(int(i), "the normal has no length") for i in np.flatnonzero((x == 0.0) & (y == 0.0))]
         _end(self.source, found, self.line)
         object.__setattr__(self, "measured", arrays)
         object.__setattr__(self, "errors", errors)
         object.__setattr__(self, "disk_1", disks[0])
         object.__setattr__(self, "disk_2", disks[1])
-        problem = self.problem()
-        apart = problem.separating
+        try:
+            apart = self.problem().separating
+        except RowError as error:
+            raise InputError(f"{self.source}: {self.where(error.row)}: {error.text}") from None
         _end(
             self.source,
-            [(int(i), "the disks separate before the impact: the normal must point from disk 1 to disk 2, and spins be counter-clockwise") for i in np.flatnonzero(apart)],  # noqa: E501
+            [(int(i), "the disks separate before the impact, or rest: the normal must point from disk 1 to disk 2, and spins be counter-clockwise") for i in np.flatnonzero(apart)],  # noqa: E501
             self.line,
         )  # fmt: skip
 

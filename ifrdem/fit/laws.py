@@ -170,11 +170,14 @@ class Law:
             return float(P_n), float(P_t), float(T)
 
         try:
-            return tuple(np.vectorize(one, otypes=[float] * 3)(*pair, *row))
+            impulses = tuple(np.vectorize(one, otypes=[float] * 3)(*pair, *row))
         except (TypeError, ValueError, ArithmeticError, AttributeError) as error:
             raise InputError(
                 f"{self.kind.__name__}.collide cannot be called with numbers: {error}"
             ) from error
+        if not all(np.isfinite(each).all() for each in impulses):
+            raise InputError(f"{self.kind.__name__}.collide gives impulses that are not finite")
+        return impulses
 
     def stick(self, values: Array, probe: Sequence[Array]) -> Array:
         """c = P_stick / (m_n |g_t|) of friction that stops the slip, (..., n): by the law itself.

@@ -103,6 +103,14 @@ class Pair:
         return (1.0, 1.0) if self.R_1 is None or self.R_2 is None else (self.R_1, self.R_2)
 
 
+class RowError(InputError):
+    """An impact that is wrong: its index, and the complaint."""
+
+    def __init__(self, row: int, text: str) -> None:
+        super().__init__(f"row {row + 1}: {text}")
+        self.row, self.text = row, text
+
+
 _EXACT = 1e-4  # an error of a known value, over the least one of its kind: its part of chi2 is 1e-8
 
 
@@ -286,11 +294,9 @@ def _whitening(s: Array, covariance: Mapping[tuple[int, int], Array], names: Seq
         correlation[:, a, b] = correlation[:, b, a] = part
     least = np.linalg.eigvalsh(correlation)[:, 0]
     if np.any(least <= 1e-9):
-        i = int(np.argmin(least))
         pairs = ", ".join(f"{names[a]} and {names[b]}" for a, b in covariance)
-        raise InputError(
-            f"row {i + 1}: covariance of {pairs}: larger than the errors allow, no covariance matrix is so"
-        )
+        text = f"covariance of {pairs}: larger than the errors allow, no covariance matrix is so"
+        raise RowError(int(np.argmin(least)), text)
     return np.linalg.inv(np.linalg.cholesky(correlation)) @ white
 
 
@@ -426,7 +432,8 @@ class CollisionProblem(Problem):
             if name in self.names
         ]
         whole = np.all([~np.isnan(columns[name]) for name in measured], axis=0)
-        self.separating = whole & (g_n < -4.0 * np.nan_to_num(errors["vx_1"] + errors["vy_1"]) - 0.05 * G)
+        apart = g_n < -4.0 * np.nan_to_num(errors["vx_1"] + errors["vy_1"]) - 0.05 * G
+        self.separating = whole & (apart | ((g_n == 0.0) & (g_t == 0.0)))
         chi = np.clip(np.arctan2(g_t, np.maximum(g_n, 0.05 * G)), -LARGEST, LARGEST)
         share = im_1 / (im_1 + im_2)  # m_2 / (m_1 + m_2)
         if self.wall:

@@ -234,6 +234,10 @@ def find(
         raise InputError(f"{tracks.source}: no impact was found{why}")
     # Least squares of the scatter, with all flights together.
     sigma = noise or math.sqrt(sum(each.squares for each in fits) / max(sum(each.dof for each in fits), 1))
+    if sigma < 1e-9 * min(float(np.min(disk.radius)) for disk in known.values()):
+        raise InputError(
+            f"{tracks.source}: the places do not scatter about the flights: --noise has to say how exact they are"
+        )
     turned = [each for each in fits if each.angle_dof > 0]
     sigma_angle = (
         math.sqrt(sum(each.angle_squares for each in turned) / sum(each.angle_dof for each in turned))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -131,7 +132,9 @@ def test_covariance_between_columns_counts() -> None:
     )
     assert loose == pytest.approx(fitted(data).chi2, rel=1e-9)
     assert abs(tight - loose) > 1.0
-    with pytest.raises(InputError, match="covariance of vx_1 and vx_1_after: larger than the errors allow"):
+    with pytest.raises(
+        InputError, match="collision 1: covariance of vx_1 and vx_1_after: larger than the errors allow"
+    ):
         fitted(replace(data, covariance={("vx_1", "vx_1_after"): np.full(20, 2e-4)}))
 
 
@@ -196,6 +199,16 @@ def test_law_of_ones_own_is_fitted_as_the_law_it_repeats() -> None:
     np.testing.assert_allclose(mine.values, walton.values, atol=0.02)
 
 
+def test_law_that_gives_no_numbers_is_refused() -> None:
+    class Broken(Mine):
+        @staticmethod
+        def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+            return pair.g_n * float("nan"), 0.0, 0.0
+
+    with pytest.raises(InputError, match=r"Broken\.collide gives impulses that are not finite"):
+        fit.fit(seen(5), model=[], own=[own(Broken)])
+
+
 def test_expected_information_is_what_further_impacts_bring() -> None:
     """Ten impacts more at 40 degrees, simulated without noise and fitted together, have the expected errors."""
     data = seen(25)
@@ -258,6 +271,12 @@ def test_impossible_collisions_are_refused_by_line() -> None:
         InputError, match=r"collision 1: the disks separate before the impact|impact 1: the disks separate"
     ):
         replace(data, measured=turned)
+    still = {name: 0.0 * value if name in MOTION else value for name, value in data.measured.items()}
+    with pytest.raises(InputError, match="impact 1: the disks separate before the impact, or rest"):
+        replace(data, measured=still)
+    none = {name: 0.0 * value if name in ("nx", "ny") else value for name, value in data.measured.items()}
+    with pytest.raises(InputError, match="impact 5: the normal has no length"):
+        replace(data, measured=none)
     with pytest.raises(InputError, match="the normal is missing"):
         replace(
             data,

@@ -47,6 +47,16 @@ def test_disks_that_pass_each_other_have_not_collided(tmp_path: Path) -> None:
         tracks.find(tracks.read(tmp_path / "pass.csv"), DISK, noise=1e-4)
 
 
+def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
+    t = np.arange(0.0, 0.3, 0.01)
+    rows = [f"{s},{i},{(2 * i - 1) * (COIN.radius + abs(0.15 - s))},0\n" for s in t for i in (0, 1)]
+    (tmp_path / "exact.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
+    seen = tracks.read(tmp_path / "exact.csv")
+    with pytest.raises(InputError, match="do not scatter about the flights: --noise"):
+        tracks.find(seen, DISK)
+    assert len(tracks.find(seen, DISK, noise=1e-5)) == 1
+
+
 def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:
     """Onto y = 0 at (1, -1), off at (0.8, 0.7), with noise; R = 10.5 mm above it."""
     rng = np.random.default_rng(1)
