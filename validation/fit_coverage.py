@@ -1,17 +1,16 @@
 """Fits held against simulated data of known truth: coverage of intervals, and how often the right law is found.
 
-`python -m ifrdem.validation.fit_coverage coverage angles` (or `collisions`), `... selection` print tables;
-`--sets` sets the
-number of data sets. An interval holds the truth if the loss, with the quantity held at its true value, has
-risen by less
-than the quantile of chi-square: that is what the interval is made of, and takes one descent instead of many.
+`python -m ifrdem.validation.fit_coverage coverage angles` (or `collisions`), `... selection` and `... coins` print
+tables; `--sets` sets the number of data sets. An interval holds the truth if the loss, with the quantity held at
+its true value, has risen by less than the quantile of chi-square: that is what the interval is made of, and takes
+one descent instead of many.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,8 +19,9 @@ from scipy.special import chdtri
 from ifrdem.fit.data import WALL, Collisions, Disk
 from ifrdem.fit.laws import LAWS
 from ifrdem.fit.likelihood import Likelihood
-from ifrdem.fit.maximum import TRANSIT, Search
+from ifrdem.fit.maximum import TRANSIT, Search, covariance_of
 from ifrdem.fit.model import AngleProblem, Pair, Problem
+from ifrdem.validation.paper.equations import TABLE_II
 
 TRUTH = {
     "ifr-percussion": [0.87, -0.88, 0.21],
@@ -32,11 +32,14 @@ TRUTH = {
 LEVELS = (0.68, 0.95)
 
 
-def angles(law: str, n: int, error: float, rng: np.random.Generator) -> Problem:
-    """A table of delta_1 and delta_2 of n impacts of equal coins, psi from 4 to 75 degrees, with errors [deg]."""
+def angles(
+    law: str, n: int, error: float, rng: np.random.Generator, *, M: float = 1.0, truth: Sequence[float] = ()
+) -> Problem:
+    """A table of delta_1 and delta_2 of n impacts of coins, psi from 4 to 75 degrees, with errors [deg]."""
     s = np.full((n, 3), error)
-    problem = AngleProblem(("psi", "delta_1", "delta_2"), np.zeros((n, 3)), s, ["angles"] * 3, Pair(M=1.0))
-    exact = problem.predict(LAWS[law], np.array(TRUTH[law]), np.radians(np.linspace(4.0, 75.0, n))[:, None])
+    problem = AngleProblem(("psi", "delta_1", "delta_2"), np.zeros((n, 3)), s, ["angles"] * 3, Pair(M=M))
+    true = np.array(truth or TRUTH[law])
+    exact = problem.predict(LAWS[law], true, np.radians(np.linspace(4.0, 75.0, n))[:, None])
     return problem.of(exact + error * rng.standard_normal(exact.shape))
 
 
@@ -71,7 +74,10 @@ def collisions(law: str, n: int, error: float, rng: np.random.Generator, *, wall
     return problem.of(exact + problem.s * rng.standard_normal(exact.shape))
 
 
-KINDS = {"angles": (angles, 20, (0.5, 1.0)), "collisions": (collisions, 12, (0.005, 0.02))}
+KINDS: dict[str, tuple[Callable[..., Problem], int, tuple[float, ...]]] = {
+    "angles": (angles, 20, (0.5, 1.0)),
+    "collisions": (collisions, 12, (0.005, 0.02)),
+}
 
 
 def best(problem: Problem, law: str, start: np.ndarray) -> tuple[Search, np.ndarray, float]:
@@ -130,19 +136,33 @@ def selection(sets: int, seed: int) -> Iterator[str]:
             yield f"  {law:<16}{error:>12g}" + "".join(f"{count[name] / sets:>16.3f}" for name in names)
 
 
+def coins(seed: int, n: int = 20, error: float = 1.0) -> Iterator[str]:
+    """Lines of Table II of the paper, fitted again to data made from it."""
+    rng = np.random.default_rng(seed)
+    yield f"Table II, and fits to {n} impacts (delta_1, delta_2) made from it, error {error:g} degrees"
+    for row in TABLE_II:
+        truth = (row.e_n, row.e_t, row.mu)
+        problem = angles("ifr-percussion", n, error, rng, M=row.M, truth=truth)
+        search = Search(Likelihood(problem, LAWS["ifr-percussion"]))
+        values, loss = search.best()
+        found = np.sqrt(np.diag(covariance_of(search.points(values).information)))
+        each = (f"{a:g}: {b:.3f} +- {c:.3f}" for a, b, c in zip(truth, values, found, strict=True))
+        yield f"  {row.disks:<24} {' | '.join(each)} | chi2 {loss:.1f} for {2 * n - 3}"
+
+
 def main() -> None:
     """Print the tables that the command line names."""
     parser = argparse.ArgumentParser(prog="python -m ifrdem.validation.fit_coverage")
-    parser.add_argument("table", choices=("coverage", "selection"))
+    parser.add_argument("table", choices=("coverage", "selection", "coins"))
     parser.add_argument("kind", nargs="?", choices=tuple(KINDS), default="angles")
     parser.add_argument("--sets", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
-    lines = (
-        selection(given.sets, given.seed)
-        if given.table == "selection"
-        else coverage(given.kind, given.sets, given.seed)
-    )
+    lines = {
+        "selection": selection(given.sets, given.seed),
+        "coverage": coverage(given.kind, given.sets, given.seed),
+        "coins": coins(given.seed),
+    }[given.table]
     for line in lines:
         print(line)
         sys.stdout.flush()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .data import Collisions, Data
 from .likelihood import Array
-from .model import MEASURED, CollisionProblem, Index
+from .model import MEASURED, CollisionProblem
 from .result import Fit, Fitted
 
 if TYPE_CHECKING:
@@ -262,20 +262,14 @@ def _derived(problem: CollisionProblem, y: Array) -> Array:
 
 
 def _curve(fit: Fit, fitted: Fitted, column: int, psi: Array) -> Array:
-    if isinstance(fit.data, Data):
-        exact = fitted.problem.at(fitted.law, fitted.values, np.radians(psi))
-        return np.asarray(exact.y[:, 1 + column])
     exact = fitted.problem.at(fitted.law, fitted.values, np.radians(psi))
+    if isinstance(fit.data, Data):
+        return np.asarray(exact.y[:, 1 + column])
     assert isinstance(exact, CollisionProblem)
-    rows: Index = np.arange(len(psi))
-    whole = exact.predict(fitted.law, fitted.values, _with_psi(exact, np.radians(psi)), rows)
+    x = exact.start.copy()
+    x[:, 0] = np.radians(psi)
+    whole = exact.predict(fitted.law, fitted.values, x, np.arange(len(psi)))
     return np.asarray(_derived(exact, whole)[1 + column])
-
-
-def _with_psi(problem: CollisionProblem, psi: Array) -> Array:
-    x = problem.start.copy()
-    x[:, 0] = psi
-    return x
 
 
 def _rings(axes: Axes, fitted: Fitted, psi: Array, value: Array) -> None:

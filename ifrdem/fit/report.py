@@ -6,6 +6,7 @@ import json
 import math
 import textwrap
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -49,7 +50,7 @@ def table(fit: Fit) -> str:
         lines += ["", f"{name}: {fitted.law.about}{mark}"]
         if fitted.errors:
             told = ", ".join(
-                f"{group} {_size(each)}{_unit(fit, group)}" for group, each in fitted.errors.items()
+                f"{group} {each:.3g}{_unit(fit, group)}" for group, each in fitted.errors.items()
             )
             lines.append(f"  errors by the residuals (one sigma): {told}{likelihood}")
         lines += _fitted(fit, fitted)
@@ -92,14 +93,10 @@ def _errors(fit: Fit) -> Iterator[str]:
         low, high = np.nanmin(error), np.nanmax(error)
         alike = high - low <= 1e-6 * high
         yield (
-            f"{name} {_size(low)}{_unit(fit, name)}"
+            f"{name} {low:.3g}{_unit(fit, name)}"
             if alike
             else f"{name} {low:.3g} to {high:.3g}{_unit(fit, name)}"
         )
-
-
-def _size(value: float) -> str:
-    return f"{value:.3g}"
 
 
 def _comparison(fit: Fit) -> Iterator[str]:
@@ -186,45 +183,25 @@ def _at_limit(each: Estimate) -> bool:
 def figures(fit: Fit) -> dict[str, Any]:
     """Everything that was found as plain dictionaries, lists and numbers; what is not finite becomes None."""
 
-    def interval(each: Interval | None) -> dict[str, Any] | None:
-        if each is None:
-            return None
-        return {"low": each.low, "high": each.high, "low_open": each.low_open, "high_open": each.high_open}
-
     def one(each: Fitted) -> dict[str, Any]:
-        verdict = each.admissibility
+        verdict, free = each.admissibility, list(each.law.free)
+        residuals = dict(zip(each.problem.names, each.residuals.T.tolist(), strict=True))
+        plain = ("coefficients", "chi2", "probability", "log_likelihood", "AIC", "BIC", "cross_validation")
+        arrays = ("distance", "weight")
         return {
-            "estimates": {
-                name: {
-                    "value": found.value,
-                    "standard_error": found.standard_error,
-                    "interval": interval(found.interval),
-                    "bootstrap": interval(found.bootstrap),
-                }
-                for name, found in each.estimates.items()
-            },
-            "coefficients": each.coefficients,
+            "estimates": {name: asdict(found) for name, found in each.estimates.items()},
             "sticking": each.law.sticking,
             "flat": list(each.flat),
-            "covariance": {"of": list(each.law.free), "matrix": each.covariance.tolist()},
-            "correlation": {"of": list(each.law.free), "matrix": each.correlation.tolist()},
-            "chi2": each.chi2,
+            "covariance": {"of": free, "matrix": each.covariance.tolist()},
+            "correlation": {"of": free, "matrix": each.correlation.tolist()},
             "degrees_of_freedom": each.dof,
-            "probability": each.probability,
-            "log_likelihood": each.log_likelihood,
-            "AIC": each.AIC,
-            "BIC": each.BIC,
-            "cross_validation": each.cross_validation,
+            **{name: getattr(each, name) for name in plain},
             "errors_by_residuals": dict(each.errors),
             "impacts": each.count(),
             "psi_fitted": each.psi.tolist(),
-            "residuals": {
-                name: column.tolist()
-                for name, column in zip(each.problem.names, each.residuals.T, strict=True)
-            },
-            "distance": each.distance.tolist(),
-            "weight": each.weight.tolist(),
-            "suspects": [vars(suspect) for suspect in each.suspects],
+            "residuals": residuals,
+            **{name: getattr(each, name).tolist() for name in arrays},
+            "suspects": [asdict(suspect) for suspect in each.suspects],
             "without": dict(each.without),
             "adds_energy": None if verdict is None else not verdict.admissible,
             "tangential_impulses_alone_add_energy": None if verdict is None else not verdict.strict,
@@ -238,9 +215,7 @@ def figures(fit: Fit) -> dict[str, Any]:
         {
             "source": data.source,
             "units": {"angles": "deg", "normal": "rad", "rho": "unit of the radii"},
-            "pair": None
-            if pair is None
-            else {name: getattr(pair, name) for name in ("M", "k_1", "k_2", "R_1", "R_2")},
+            "pair": None if pair is None else asdict(pair),
             "data": {
                 **({"psi": data.psi.tolist()} if isinstance(data, Data) else {}),
                 **measured,
