@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from ..errors import nearest
 from ..tools.files import write_text
 from .console import note, say
-from .fit import _check_files, _form, _positive, _split
+from .fit import _check_files, _form, _positive, _split, disk_of
 from .options import File, Force, Output, Wrong, counted, number, option, whole
 
 if TYPE_CHECKING:
@@ -118,20 +118,11 @@ def collisions(
 
 def _disks(texts: list[str] | None, wrong: Wrong) -> Disk | dict[int, Disk]:
     """All disks, or a mapping by id."""
-    from ..fit.data import Disk
-
     found: dict[int, Disk] = {}
     every: Disk | None = None
     for text in texts or ():
         name, equals, rest = text.rpartition("=")
-        parts = rest.split(",")
-        if len(parts) not in (2, 3):
-            wrong.append(
-                f"--disk {text}: MASS,RADIUS or MASS,RADIUS,K is needed, with ID= before it for one disk"
-            )
-            continue
-        values = [wrong.take(1.0, _positive, f"--disk {text}:", each) for each in parts]
-        made = Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
+        made = disk_of(f"--disk {text}", rest, wrong, ", with ID= before it for one disk,")
         if not equals:
             every = made
         else:

@@ -397,26 +397,29 @@ def _disks(
     }
 
 
+def disk_of(option: str, text: str, wrong: Wrong, also: str = "") -> Any:
+    """The disk that MASS,RADIUS,K says; None if it does not."""
+    from ..fit.data import Disk
+
+    parts = text.split(",")
+    if len(parts) not in (2, 3):
+        wrong.append(f"{option}: MASS,RADIUS or MASS,RADIUS,K{also} is needed")
+        return None
+    values = [wrong.take(1.0, _positive, f"{option}:", part) for part in parts]
+    return Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
+
+
 def _collision_disks(disk_1: str | None, disk_2: str | None, wrong: Wrong) -> dict[str, Any]:
     """The disks of whole collisions."""
-    if disk_1 is None and disk_2 is None:
-        return {}
-    from ..fit.data import WALL, Disk
-
     found: dict[str, Any] = {}
-    for name, text in (("disk_1", disk_1), ("disk_2", disk_2)):
-        if text is None:
-            continue
-        if name == "disk_2" and text.strip() == "wall":
-            found[name] = WALL
-            continue
-        parts = text.split(",")
-        if len(parts) not in (2, 3):
-            also = " or wall" if name == "disk_2" else ""
-            wrong.append(f"{_dashed(name)} {text}: MASS,RADIUS or MASS,RADIUS,K{also} is needed")
-            continue
-        values = [wrong.take(1.0, _positive, f"{_dashed(name)} {text}:", part) for part in parts]
-        found[name] = Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
+    if disk_1 is not None:
+        found["disk_1"] = disk_of(f"--disk-1 {disk_1}", disk_1, wrong)
+    if disk_2 is not None and disk_2.strip() == "wall":
+        from ..fit.data import WALL
+
+        found["disk_2"] = WALL
+    elif disk_2 is not None:
+        found["disk_2"] = disk_of(f"--disk-2 {disk_2}", disk_2, wrong, " or wall")
     return found
 
 

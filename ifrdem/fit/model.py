@@ -262,11 +262,6 @@ class Problem:
         rank = np.linalg.matrix_rank(slope / np.where(scale > 0.0, scale, 1.0), tol=1e-7)
         self.redundancy = np.sum(~np.isnan(self.y), axis=1) - rank
 
-    @property
-    def count(self) -> int:
-        """Number of values measured, without those that are known."""
-        return int(np.sum(~np.isnan(self.y) & ~self.known))
-
 
 def latent_slope(
     problem: Problem, law: Law, values: Array, x: Array, rows: Index, side: Array

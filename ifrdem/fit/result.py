@@ -299,9 +299,3 @@ class Fit:
             return float(min(np.min(self.data.disk_1.k), np.min(self.data.disk_2.k)))
         assert self.pair is not None
         return min(self.pair.k_1, self.pair.k_2)
-
-    def predict(self, name: str, psi: Array) -> Array:
-        """Fitted values (m, q) of `data.names` of a table of angles, at impact angles (m,) [deg]; angles in degrees."""
-        fitted = self.laws[name]
-        found = fitted.problem.predict(fitted.law, fitted.values, np.radians(psi)[:, None])
-        return found[:, 1:]
