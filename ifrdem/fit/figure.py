@@ -54,7 +54,7 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
     Parameters
     ----------
     fit : Fit
-        What was found.
+        The result.
     paths : sequence of Path
         Files to write, each in the format of its ending.
 
@@ -125,7 +125,7 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
     Parameters
     ----------
     fit : Fit
-        What was found.
+        The result.
     paths : sequence of Path
         Files to write.
 

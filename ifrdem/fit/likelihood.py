@@ -113,7 +113,7 @@ class Likelihood:
     Parameters
     ----------
     problem : Problem
-        What was measured.
+        The impacts as a fit sees them.
     law : Law
         Its free coefficients are the p last axis of arrays.
     robust : float, optional

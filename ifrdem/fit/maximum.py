@@ -164,7 +164,7 @@ class Search:
     def transits(self) -> bool:
         """True if all impacts have one angle of transition, which then is a quantity."""
         law, problem = self.law, self.likelihood.problem
-        if not law.has_transition or not {"mu", "e_n"} & set(law.free) or "mu" not in law.free:
+        if not law.has_transition or "mu" not in law.free:
             return False
         c = law.stick(law.start_points(2)[1], problem.probe())
         return float(np.ptp(c)) <= 1e-9 * float(np.max(c))

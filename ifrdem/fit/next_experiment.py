@@ -65,7 +65,7 @@ def design(fit: Fit, number: int = 10, psi: Array | None = None) -> Design:
     Parameters
     ----------
     fit : Fit
-        What is known.
+        The fit so far.
     number : int
         Impacts that are added at one angle.
     psi : array (a,), optional

@@ -132,10 +132,10 @@ class Fitted:
         Coefficients of the other fit: of the Gaussian one beside a robust one; of the one without suspects beside a
         Gaussian one. Empty if there is none.
     admissibility : Admissibility or None
-        Whether the fitted law can add energy: the necessary and sufficient set, and the strict one. None for another
+        The verdict on added energy: the necessary and sufficient set, and the strict one. None for another
         law than IFR.
     warnings : tuple of str
-        What to know before the figures are used.
+        Doubts about the figures.
     """
 
     law: Law
@@ -264,13 +264,13 @@ class Fit:
     best : str
         The law with the lowest AIC; of those within `TELLING` of it, the first that was asked for.
     decided : bool
-        Whether all others are further off, or only one was fitted.
+        True if all others are further off, or only one was fitted.
     level : float
         Of confidence of the intervals.
     robust : float or None
         nu of a Student-t likelihood.
     warnings : tuple of str
-        What concerns all.
+        Those of the data and of the choice between laws.
     """
 
     data: Data | Collisions

@@ -122,7 +122,7 @@ def read(
     spellings : mapping of str to str
         Standard name of other spellings, in small letters and without signs and blanks.
     form : Form, optional
-        How the file is written.
+        The writing of the file.
     most : int
         Largest size of the file [bytes].
 

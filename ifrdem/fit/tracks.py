@@ -117,7 +117,7 @@ def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> 
     fps : float, optional
         Frames per time, needed with a column frame.
     form : Form, optional
-        How the file is written.
+        The writing of the file.
 
     Raises
     ------
