@@ -8,14 +8,15 @@ start and law, and prints the part of the places on the ellipses of `compare`.
 
 from __future__ import annotations
 
+import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import ifrdem
 from ifrdem.case.shipped import find
-from ifrdem.cli.main import main as main_of_ifrdem
 from ifrdem.fit.tabular import Form
 from ifrdem.run import compare
 
@@ -106,17 +107,15 @@ def table(seed: int = 1) -> tuple[str, str]:
 
 def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
     """The part of rest places on the 68 and 95 % ellipses, over tables of other starts and errors."""
-    found = []
+    found, among, farthest = [], [], []
     for seed in range(1, tables + 1):
         start, rest = table(seed)
         (folder / "coins_from_video.csv").write_text(start, encoding="utf-8")
         (folder / "rest.csv").write_text(rest, encoding="utf-8")
         case, run = folder / "coins_from_video.toml", folder / "run.h5"
         case.write_bytes(find("coins_from_video").read_bytes())
-        if main_of_ifrdem(
-            ["run", str(case), "--quiet", "--no-picture", "--force", "-o", str(folder / "run")]
-        ):
-            raise RuntimeError(f"table {seed} was not run")
+        command = [sys.executable, "-m", "ifrdem", "run", str(case), "--quiet", "--no-picture", "--force"]
+        subprocess.run([*command, "-o", str(folder / "run")], check=True)
         names = {"id": "coin", "x": "rest x (mm)", "y": "rest y (mm)"}
         measured = compare.read(folder / "rest.csv", {"positions": PLACE}, Form(names))
         rng = np.random.default_rng(seed)
@@ -128,10 +127,23 @@ def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
             run, measured, laws=laws, errors={"positions": PLACE}, members=members, seed=seed, case=case
         )
         found.append(compared.probability)
+        each = np.concatenate([compared.members, measured.position[None]])
+        one_left_out = [
+            replace(
+                compared,
+                measured=replace(measured, position=each[i], error=measured.error * (i == members)),
+                members=np.delete(each, i, axis=0),
+            ).probability
+            for i in range(members + 1)
+        ]
+        among.append(one_left_out[:-1])
+        farthest.append(np.argmax(one_left_out, axis=0) == members)
     inside = [float(np.mean(np.array(found) < part)) for part in (0.68, 0.95)]
     return (
         f"{tables} tables of {len(found[0])} coins, {members} runs each: "
-        f"within 68 % {inside[0]:.3f}, within 95 % {inside[1]:.3f}"
+        f"within 68 % {inside[0]:.3f}, within 95 % {inside[1]:.3f}; each run among the others and the measurement: "
+        f"{np.mean(np.array(among) < 0.68):.3f}, {np.mean(np.array(among) < 0.95):.3f}; "
+        f"the measured place is the farthest in {np.mean(farthest):.3f}"
     )
 
 

@@ -177,7 +177,7 @@ class Mine(fit.Walton):
 
 
 def test_laws_are_told_apart_by_likelihood_and_by_collisions_not_seen() -> None:
-    data = seen(10)
+    data = seen(8)
     found = fit.fit(data, model=["ifr-percussion", "brach", "smooth"], cross_validate=True, profile=False)
     assert found.best == "ifr-percussion"
     assert found.decided
