@@ -27,6 +27,7 @@ ORDER = (
     "thermal_walls",
     "drum",
     "coins_on_table",
+    "coins_from_video",
     "impact_scan",
 )
 

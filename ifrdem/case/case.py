@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field, model_validator
 
 from ..errors import InputError, nearest, there_are
+from ..fit.tabular import Form
 from ..initial import radii
 from ..kernels.limits import MOST_DISKS
 from ..model.coin_table import coins
@@ -206,7 +207,7 @@ class StartSection(Section):
 
     choices: ClassVar[tuple[Keys, ...]] = (
         Keys(("positions",), also=("frame", "motion", "psi", "speed")),
-        Keys(("file",)),
+        Keys(("file",), also=("columns", "units", "delimiter", "decimal", "relax")),
     )
     choice_optional = True
 
@@ -242,6 +243,32 @@ class StartSection(Section):
         "start.csv",
         None,
     )
+    columns: dict[str, str] | None = key(
+        "names of the CSV file's columns, where they are others [table]",
+        {"x": "pos x"},
+        None,
+    )
+    units: dict[str, str] | None = key(
+        "units of the CSV file's columns, where they are not SI [table], such as mm, cm/s, deg/s, or a factor",
+        {"x": "mm"},
+        None,
+    )
+    delimiter: str | None = key(
+        "character that separates the CSV file's columns [text]",
+        ";",
+        None,
+    )
+    decimal: Literal[".", ","] | None = key(
+        'decimal point of the CSV file [text]: "." or ","',
+        ",",
+        None,
+    )
+    relax: float | None = key(
+        "overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart",
+        1.0e-4,
+        None,
+        gt=0.0,
+    )
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
@@ -268,6 +295,13 @@ class StartSection(Section):
     def trajectory(self) -> str | None:
         """The trajectory that a frame is taken from, if one is."""
         return self.positions if is_trajectory(self.positions) else None
+
+    @property
+    def form(self) -> Form | None:
+        """How the CSV file is written, where it differs."""
+        if (self.columns, self.units, self.delimiter, self.decimal) == (None,) * 4:
+            return None
+        return Form(self.columns or {}, self.units or {}, {}, self.delimiter or ",", self.decimal or ".")
 
     @property
     def psi_range(self) -> tuple[float, float]:

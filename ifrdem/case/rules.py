@@ -7,6 +7,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from ..initial.from_csv import Given
 from ..kernels.limits import MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
+from ..model.overlaps import relax
 from ..model.walls import Wall, check_place
 from ..model.walls import check as check_walls
 from .case import IMPACT_SCAN, Case
@@ -297,7 +299,9 @@ def given_start(
                 folder / name, start.frame, radius, box, motion=start.motion, walls=room.walls
             )
         else:
-            given = from_csv.read(folder / name, len(radius), box)
+            given = from_csv.read(folder / name, len(radius), box, start.form)
+            if start.relax is not None:
+                given = replace(given, position=relax(box, radius, given.position, start.relax))
             placement.check_no_overlap(box, radius, given.position)
             check_walls(room.all_walls, box, given.position, radius)
     except InputError as error:

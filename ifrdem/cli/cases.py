@@ -62,12 +62,17 @@ def new(
     """
     from ..case import shipped
     from ..study import template
+    from ..tools.files import check_files
 
     text = template.TEXT if kind == "study" else shipped.new(kind)
     if output == "-":
         print(text, end="")
         return
     path = Path(output or f"{Path(kind).stem}.toml")
+    data = sorted(
+        shipped.FOLDER.glob(f"{Path(kind).stem}*.csv")
+    )  # start and measured places of a shipped case
+    check_files([path.with_name(each.name) for each in data], force=force)
     try:
         with path.open("w" if force else "x", encoding="utf-8") as file:
             file.write(text)
@@ -75,6 +80,8 @@ def new(
         raise InputError(f"{path}: exists already; --force replaces it, -o writes elsewhere") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    for each in data:
+        path.with_name(each.name).write_bytes(each.read_bytes())
     quoted = shlex.quote(str(path))
     look, run = ("study --dry-run", "study") if kind == "study" else ("check", "run")
     note(f"wrote {path}: look at it with `ifrdem {look} {quoted}`, run it with `ifrdem {run} {quoted}`")

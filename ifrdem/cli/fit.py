@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from ..errors import InputError, nearest, there_are
+from ..errors import InputError, there_are
 from .console import FAILED, complain, note, say
 from .options import Force, Wrong, flag, number, option, whole
 
@@ -18,18 +18,29 @@ if TYPE_CHECKING:
     from ..fit.result import Fit
 
 FORMAT = """\
-DATA is a CSV file: a line with the names of the columns, then a line an impact. Angles are in degrees and counted from
-the line of centres. Lines that begin with # are comments.
+DATA is a CSV file: a line with the names of the columns, then a line an impact. Lines that begin with # are comments.
 
-  psi           impact angle, from 0 to below 90 (needed)
-  delta_2       direction of disk 2 after the impact
-  delta_1       direction of disk 1 after the impact, above 90 where it bounces back
-  Rw_2          R_2 omega_2 / v_o, clockwise positive
-  sqrt_d2_d1    sqrt(d_2 / d_1) of the stopping distances
-  e_t_apparent  e_t*, slip after the impact over slip before, times -1
+A table of angles, of disk 1 on disk 2 at rest or on a wall (--M 0), nothing spinning; degrees from the line of centres:
 
-psi and at least one other are needed; psi_error, delta_2_error and so on hold standard errors where they differ
-from impact to impact. For instance:
+  psi              impact angle, from 0 to below 90 (needed)
+  delta_1          direction of disk 1 after the impact, above 90 where it bounces back
+  delta_2          direction of disk 2 after the impact
+  Rw_2             R_2 omega_2 / v_o, clockwise positive
+  sqrt_d2_d1       sqrt(d_2 / d_1) of the stopping distances
+  rebound          180 - delta_1
+  rebound_contact  direction of the contact point of disk 1 relative to disk 2 after the impact
+  v_t_ratio        tangential velocity of disk 1 after over before
+  Rw_1             R_1 omega_1 / v_o, clockwise positive
+  e_t_apparent     e_t*, slip after the impact over slip before, times -1
+
+A table of whole collisions, in any frame; any of the last two rows, and the normal:
+
+  x_1 y_1 x_2 y_2  centres at the impact, or nx ny: from disk 1 to disk 2 or to the wall
+  vx_1 vy_1 spin_1 vx_2 vy_2 spin_2   before; spins counter-clockwise, rad per time
+  vx_1_after ... spin_2_after         after
+
+NAME_error holds standard errors that differ from line to line. Missing values are empty, nan, NA or -. Units stand in
+brackets, as in psi (rad) or vx_1 [cm/s]. For instance:
 
   # numbers made up
   psi,delta_1,delta_2,delta_2_error
@@ -38,14 +49,15 @@ from impact to impact. For instance:
 
   ifrdem fit data.csv --pair "1 pta" "1 pta" --error 0.7
   ifrdem fit data.csv --M 1.3 --error 0.5 --error psi=1 --picture fit --write-material coins.toml
+  ifrdem fit hits.csv --disk-1 1.19e-3,10.5e-3,2 --disk-2 wall --set nx=0 --set ny=-1 --robust
+  ifrdem fit data.csv --M 1 --error estimate --model all --design 10
   ifrdem fit --example > data.csv     writes synthetic data to try it on
 """
 
-NAMES = ("psi", "delta_1", "delta_2", "Rw_2", "sqrt_d2_d1", "e_t_apparent")
-
-DISKS = Group("The disks; --M or --pair is needed", sort_key=1)
-HOW = Group("The fit", sort_key=2)
-FILES = Group("Files to write", sort_key=3)
+DISKS = Group("The disks; --M or --pair for angles, --disk-1 and --disk-2 for collisions", sort_key=1)
+TABLE = Group("The table", sort_key=2)
+HOW = Group("The fit", sort_key=3)
+FILES = Group("Files to write", sort_key=4)
 POSITIVE = "a positive finite number"
 
 
@@ -57,7 +69,8 @@ def fit(
     *,
     example: Annotated[bool, flag("print a synthetic CSV file and do nothing else")] = False,
     M: Annotated[
-        str | None, option("M", "mass ratio m_1 / m_2; disk 1 is the one that moves", "--M", group=DISKS)
+        str | None,
+        option("M", "mass ratio m_1 / m_2; disk 1 is the one that moves; 0 for a wall", "--M", group=DISKS),
     ] = None,
     k_1: Annotated[
         str | None,
@@ -65,8 +78,7 @@ def fit(
     ] = None,
     k_2: Annotated[str | None, option("K", "the same of disk 2", group=DISKS)] = None,
     R_1: Annotated[
-        str | None,
-        option("R", "radius of disk 1 [length]; only --rolling needs radii", "--R-1", group=DISKS),
+        str | None, option("R", "radius of disk 1 [length]; only --rolling needs radii", "--R-1", group=DISKS)
     ] = None,
     R_2: Annotated[
         str | None, option("R", "radius of disk 2 [the same length]", "--R-2", group=DISKS)
@@ -75,28 +87,108 @@ def fit(
         tuple[str, str] | None,
         option("COIN COIN", "two coins of the paper instead, in SI units", group=DISKS),
     ] = None,
+    disk_1: Annotated[
+        str | None,
+        option("MASS,RADIUS,K", "disk 1 of whole collisions; K is 2 unless told", "--disk-1", group=DISKS),
+    ] = None,
+    disk_2: Annotated[str | None, option("MASS,RADIUS,K", "disk 2, or wall", "--disk-2", group=DISKS)] = None,
+    column: Annotated[
+        list[str] | None,
+        option(
+            "NAME=TEXT",
+            'the column that NAME stands for, such as psi="impact angle"; repeatable',
+            group=TABLE,
+        ),
+    ] = None,
+    unit: Annotated[
+        list[str] | None,
+        option(
+            "NAME=UNIT",
+            "unit of a column, such as psi=rad or vx_1=cm/s, or a factor; repeatable. Angles of a table "
+            "of angles become "
+            "degrees, all else SI units",
+            group=TABLE,
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        option(
+            "NAME=VALUE",
+            "a value that every line has exactly, such as spin_1=0; repeatable",
+            "--set",
+            group=TABLE,
+        ),
+    ] = None,
+    delimiter: Annotated[
+        str | None, option("C", "separates columns: a character, or tab (default: ,)", group=TABLE)
+    ] = None,
+    decimal: Annotated[
+        str | None, option("C", "separates decimals: . or , (default: .)", group=TABLE)
+    ] = None,
     error: Annotated[
         list[str] | None,
         option(
             "E",
-            "standard error of all angles [degrees], or NAME=E of one column; repeatable. Columns such as "
-            "delta_2_error come first, then NAME=E",
+            "standard error of all angles [degrees], or NAME=E of a column or of positions, velocities, "
+            "spins, normal [rad]; "
+            "estimate: those not given, by the residuals; repeatable. Columns such as delta_2_error come first",
             group=HOW,
         ),
+    ] = None,
+    model: Annotated[
+        list[str] | None,
+        option(
+            "LAW",
+            "ifr-percussion, ifr-contact, walton, brach, smooth or all; repeatable (default: both kinds of IFR)",
+            group=HOW,
+        ),
+    ] = None,
+    law: Annotated[
+        str | None,
+        option("FILE.py:CLASS", "a law of one's own beside them, see own-law in the manual", group=HOW),
+    ] = None,
+    range_: Annotated[
+        list[str] | None,
+        option("NAME=LOW:HIGH", "range of a coefficient of that law; repeatable", "--range", group=HOW),
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        option("NAME=VALUE", "a coefficient that is not fitted, such as e_t=-1; repeatable", group=HOW),
+    ] = None,
+    robust: Annotated[bool, flag("Student-t likelihood: outliers have little weight", group=HOW)] = False,
+    level: Annotated[
+        str | None, option("PERCENT", "confidence of the intervals (default: 95)", group=HOW)
+    ] = None,
+    cross_validate: Annotated[
+        bool, flag("predict each tenth of the impacts from the others", group=HOW)
+    ] = False,
+    design: Annotated[
+        str | None, option("N", "expected gain of N further impacts by angle: the next experiment", group=HOW)
     ] = None,
     rolling: Annotated[
         bool, flag("fit rolling friction rho too, from Rw_2 or e_t_apparent", group=HOW)
     ] = False,
-    sticking: Annotated[
-        str | None, option("KIND", "percussion_center or contact_point only (default: both)", group=HOW)
-    ] = None,
     bootstrap: Annotated[
         str | None, option("N", "intervals by N synthetic data sets beside the others", group=HOW)
     ] = None,
-    seed: Annotated[str | None, option("N", "seed of the bootstrap (default: 1)", group=HOW)] = None,
+    seed: Annotated[
+        str | None, option("N", "seed of the bootstrap and of --draw (default: 1)", group=HOW)
+    ] = None,
     json: Annotated[str | None, option("FILE", "everything that was found", group=FILES)] = None,
     picture: Annotated[
-        str | None, option("NAME", "NAME.png and NAME.pdf: data, curves, residuals", group=FILES)
+        str | None,
+        option(
+            "NAME",
+            "NAME.png and NAME.pdf: data, laws, residuals; NAME_corner: coefficients in pairs",
+            group=FILES,
+        ),
+    ] = None,
+    draw: Annotated[
+        str | None,
+        option("N", "N sets of coefficients drawn with their covariance, into --draws", group=FILES),
+    ] = None,
+    draws: Annotated[
+        str | None, option("FILE", "CSV file for --draw (default: draws.csv)", group=FILES)
     ] = None,
     write_material: Annotated[
         str | None, option("FILE", "a [[material]] table for case files (TOML)", group=FILES)
@@ -106,11 +198,10 @@ def fit(
     ] = None,
     force: Force = False,
 ) -> int:
-    """Fit the law's coefficients to measured impacts.
+    """Fit the coefficients of collision laws to measured impacts.
 
-    Fits e_n, e_t, mu (and rho) to measured impacts of one disk on another at rest, neither of which spins before:
-    maximum likelihood with errors in every angle, for both kinds of sticking, with 95 % intervals by profile
-    likelihood. Prints a table.
+    Takes tables of angles, or whole collisions with velocities and spins before and after: maximum likelihood
+    with errors in every value, intervals by profile likelihood, laws compared. Prints a table.
     """
     if example:
         if data is not None:
@@ -125,13 +216,26 @@ def fit(
     if data is None:
         wrong.append("DATA is missing: a CSV file is needed; `ifrdem fit --example` prints one")
     given = {"M": M, "k_1": k_1, "k_2": k_2, "R_1": R_1, "R_2": R_2}
-    disks = _disks({name: text for name, text in given.items() if text is not None}, pair, rolling, wrong)
+    whole_collisions = disk_1 is not None or disk_2 is not None
+    disks = _disks({k: v for k, v in given.items() if v is not None}, pair, rolling, wrong, whole_collisions)
+    both = _collision_disks(disk_1, disk_2, wrong)
+    form = _form(column, unit, set_, delimiter, decimal, wrong)
     errors = _errors(error or [], wrong)
-    kinds = _sticking(sticking, wrong)
+    fixed = _pairs("--fix", fix, wrong)
+    ranges = _ranges(range_, wrong)
+    if range_ and law is None:
+        wrong.append("--range: only beside --law")
+    confidence = wrong.take(
+        95.0, number, "--level", level, "a percentage between 0 and 100", lambda value: 0.0 < value < 100.0
+    )
+    further = wrong.take(0, whole, "--design", design, 1, 1_000_000)
+    drawn = wrong.take(0, whole, "--draw", draw, 1, 1_000_000)
     sets = wrong.take(0, whole, "--bootstrap", bootstrap, 40, 1_000_000)
     start = wrong.take(1, whole, "--seed", seed, 0, 2**63 - 1)
-    if seed is not None and bootstrap is None:
-        wrong.append("--seed: only beside --bootstrap")
+    if seed is not None and bootstrap is None and draw is None:
+        wrong.append("--seed: only beside --bootstrap or --draw")
+    if draws is not None and draw is None:
+        wrong.append("--draws: only beside --draw")
     if material_name is not None and write_material is None:
         wrong.append("--material-name: only beside --write-material")
     source = Path(data or "data.csv")
@@ -140,30 +244,65 @@ def fit(
         wrong.append(f"--material-name {name!r}: 1 to 100 characters are needed")
     stem = None if picture is None else picture.removesuffix(".png").removesuffix(".pdf")
     record = [] if json is None else [Path(json)]
-    pictures = [] if stem is None else [Path(f"{stem}.png"), Path(f"{stem}.pdf")]
+    pictures = (
+        []
+        if stem is None
+        else [Path(f"{stem}{end}") for end in (".png", ".pdf", "_corner.png", "_corner.pdf")]
+    )
+    sample = [Path(draws or "draws.csv")] if drawn else []
     material = [] if write_material is None else [Path(write_material)]
-    _check_files([*record, *pictures, *material], source, force, wrong)
+    _check_files([*record, *pictures, *material, *sample], source, force, wrong)
     wrong.end()
 
-    from ..fit import maximum
+    from ..fit import laws as of_laws
+    from ..fit import maximum, report
 
-    measured = maximum.read(source, errors)
-    with _progress(sets * len(kinds)) as bar:
+    kinds = list(model or (of_laws.IFR if law is None else ()))
+    own = [] if law is None else [of_laws.own_from_file(law, ranges)]
+    number_of_laws = len(of_laws.chosen(kinds, fixed, own))
+    measured = maximum.read(source, errors, form=form, **both)
+    if not isinstance(measured, maximum.Data) and disks:
+        raise InputError(
+            f"{', '.join(_dashed(each) for each in disks)}: of tables of angles; collisions need --disk-1 and --disk-2"
+        )
+    if isinstance(measured, maximum.Data) and "M" not in disks:
+        raise InputError(
+            "--M is missing: the mass ratio m_1 / m_2 is needed, 0 for a wall, or --pair with two coins of the paper"
+        )
+    with _progress(sets * number_of_laws) as bar:
         found = maximum.fit(
             measured,
-            **disks,
+            **dict[str, Any](disks),
+            model=kinds,
+            own=own,
+            fix=fixed,
             rolling=rolling,
-            sticking=kinds,
+            robust=robust,
+            level=0.01 * confidence,
+            cross_validate=cross_validate,
             bootstrap=sets,
             seed=start,
             progress=None if bar is None else bar.update,
         )
-    say(maximum.table(found))
-    return _write(found, record, pictures, material, name)
+    say(report.table(found))
+    if further:
+        from ..fit.next_experiment import design as designed
+
+        say("\n" + designed(found, further).table())
+    if sample:
+        from ..tools.files import write_text
+    for path in sample:
+        write_text(path, report.draws(found, drawn, start))
+    return _write(found, record, pictures, material, name, sample)
 
 
 def _write(
-    found: Fit, record: Sequence[Path], pictures: Sequence[Path], material: Sequence[Path], name: str
+    found: Fit,
+    record: Sequence[Path],
+    pictures: Sequence[Path],
+    material: Sequence[Path],
+    name: str,
+    sample: Sequence[Path],
 ) -> int:
     """Write the files that are asked for; FAILED if the material is one that no case would take."""
     from ..fit import report
@@ -173,16 +312,17 @@ def _write(
     for path in record:
         write_text(path, report.as_json(found))
     if pictures:
-        from ..fit.figure import draw
+        from ..fit import figure
 
-        draw(found, pictures)
+        figure.draw(found, pictures[:2])
+        figure.corner(found, pictures[2:])
     try:
         for path in material:
             write_text(path, report.material(found, name))
     except InputError as error:
         complain(str(error))
         status, material = FAILED, ()
-    if written := [*record, *pictures, *material]:
+    if written := [*record, *pictures, *material, *sample]:
         note(f"\nwrote {', '.join(map(str, written))}")
     return status
 
@@ -213,11 +353,27 @@ def _positive(option: str, text: str) -> float:
     return number(option, text, POSITIVE, lambda value: 0.0 < value < math.inf)
 
 
+def _mass_ratio(option: str, text: str) -> float:
+    return number(
+        option, text, "a finite number of 0 (a wall) or more", lambda value: 0.0 <= value < math.inf
+    )
+
+
+def _dashed(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
+
+
 def _disks(
-    texts: dict[str, str], pair: tuple[str, str] | None, rolling: bool, wrong: Wrong
+    texts: dict[str, str], pair: tuple[str, str] | None, rolling: bool, wrong: Wrong, collisions: bool
 ) -> dict[str, float]:
-    """Mass ratio, moments of inertia and radii."""
-    option: Callable[[str], str] = lambda name: f"--{name.replace('_', '-')}"  # noqa: E731
+    """Mass ratio, moments of inertia and radii of a table of angles."""
+    option = _dashed
+    if collisions:
+        wrong += [
+            f"{option(name)}: not beside --disk-1 and --disk-2"
+            for name in (*texts, *(["pair"] if pair else []))
+        ]
+        return {}
     if pair is not None:
         from ..model.coin_table import coins
 
@@ -230,38 +386,120 @@ def _disks(
             return {"M": 1.0}
         a, b = (coins[coin] for coin in pair)
         return {"M": a.mass / b.mass, "k_1": a.k, "k_2": b.k, "R_1": a.radius, "R_2": b.radius}
-    if "M" not in texts:
-        wrong.append(
-            "--M is missing: the mass ratio m_1 / m_2 is needed, or --pair with two coins of the paper"
-        )
     if rolling:
         missing = [name for name in ("R_1", "R_2") if name not in texts]
         wrong += [f"{option(name)} is missing: --rolling needs it" for name in missing]
     elif ("R_1" in texts) != ("R_2" in texts):
         wrong.append("--R-1, --R-2: both radii are needed, or none")
-    return {name: wrong.take(1.0, _positive, option(name), text) for name, text in texts.items()}
+    return {
+        name: wrong.take(1.0, _mass_ratio if name == "M" else _positive, option(name), text)
+        for name, text in texts.items()
+    }
+
+
+def disk_of(option: str, text: str, wrong: Wrong, also: str = "") -> Any:
+    """The disk that MASS,RADIUS,K says; None if it does not."""
+    from ..fit.data import Disk
+
+    parts = text.split(",")
+    if len(parts) not in (2, 3):
+        wrong.append(f"{option}: MASS,RADIUS or MASS,RADIUS,K{also} is needed")
+        return None
+    values = [wrong.take(1.0, _positive, f"{option}:", part) for part in parts]
+    return Disk(mass=values[0], radius=values[1], k=values[2] if len(values) == 3 else 2.0)
+
+
+def _collision_disks(disk_1: str | None, disk_2: str | None, wrong: Wrong) -> dict[str, Any]:
+    """The disks of whole collisions."""
+    found: dict[str, Any] = {}
+    if disk_1 is not None:
+        found["disk_1"] = disk_of(f"--disk-1 {disk_1}", disk_1, wrong)
+    if disk_2 is not None and disk_2.strip() == "wall":
+        from ..fit.data import WALL
+
+        found["disk_2"] = WALL
+    elif disk_2 is not None:
+        found["disk_2"] = disk_of(f"--disk-2 {disk_2}", disk_2, wrong, " or wall")
+    return found
+
+
+def _split(option: str, texts: list[str] | None, wrong: Wrong) -> dict[str, str]:
+    """NAME=TEXT."""
+    found: dict[str, str] = {}
+    for text in texts or ():
+        name, equals, value = text.partition("=")
+        name = name.strip()
+        if not equals or not name or not value.strip():
+            wrong.append(f"{option} {text}: NAME=VALUE is needed")
+        elif name in found:
+            wrong.append(f"{option} {text}: {name} is given twice")
+        else:
+            found[name] = value.strip().strip("\"'")
+    return found
+
+
+def _pairs(option: str, texts: list[str] | None, wrong: Wrong) -> dict[str, float]:
+    """NAME=NUMBER."""
+    return {
+        name: wrong.take(0.0, number, f"{option} {name} =", value, "a finite number", math.isfinite)
+        for name, value in _split(option, texts, wrong).items()
+    }
+
+
+def _ranges(texts: list[str] | None, wrong: Wrong) -> dict[str, tuple[float, float]]:
+    """NAME=LOW:HIGH."""
+    found = {}
+    for name, value in _split("--range", texts, wrong).items():
+        low, colon, high = value.partition(":")
+        if not colon:
+            wrong.append(f"--range {name}={value}: NAME=LOW:HIGH is needed")
+            continue
+        ends = [
+            wrong.take(0.0, number, f"--range {name} =", each, "a finite number", math.isfinite)
+            for each in (low, high)
+        ]
+        found[name] = (ends[0], ends[1])
+    return found
+
+
+def _form(
+    column: list[str] | None,
+    unit: list[str] | None,
+    known: list[str] | None,
+    delimiter: str | None,
+    decimal: str | None,
+    wrong: Wrong,
+) -> Any:
+    """The writing of the table."""
+    from ..fit.tabular import Form
+
+    separator = {"tab": "\t", "\\t": "\t"}.get(delimiter or ",", delimiter or ",")
+    columns, units, values = (
+        _split("--column", column, wrong), _split("--unit", unit, wrong), _pairs("--set", known, wrong)
+    )  # fmt: skip
+    try:
+        return Form(columns, units, values, separator, decimal or ".")
+    except InputError as error:
+        wrong += [f"--{line}" for line in str(error).splitlines()]
+        return Form()
 
 
 def _errors(texts: list[str], wrong: Wrong) -> dict[str, float]:
-    """Standard errors by column, or of all angles."""
+    """Standard errors by column, by group, of all angles, or to be estimated."""
+    from ..fit.data import COLLISION_COLUMNS, COLUMNS, GROUPS
+
+    names = (*COLUMNS, *COLLISION_COLUMNS, *GROUPS, "normal")
     found: dict[str, float] = {}
     for text in texts:
         name, equals, value = text.rpartition("=")
         name = name.strip() if equals else "angles"
-        if name not in (*NAMES, "angles"):
-            wrong.append(f"--error {text}: no column is called '{name}'{there_are(name, NAMES)}")
+        if value.strip() == "estimate":
+            found[name if equals else "rest"] = math.nan
+            continue
+        if name not in names:
+            wrong.append(f"--error {text}: no column is called '{name}'{there_are(name, names)}")
             continue
         if name in found:
             wrong.append(f"--error {text}: given twice")
         found[name] = wrong.take(1.0, _positive, f"--error {name} =" if equals else "--error", value)
     return found
-
-
-def _sticking(text: str | None, wrong: Wrong) -> tuple[str, ...]:
-    from ..model.ifr import STICKING
-
-    if text is None:
-        return STICKING
-    if text not in STICKING:
-        wrong.append(f"--sticking {text}: must be one of {', '.join(STICKING)}{nearest(text, STICKING)}")
-    return (text,)

@@ -24,7 +24,7 @@ from cyclopts import (
 
 from ..errors import EngineError, InputError, nearest, there_are
 from ..tools.versions import __version__
-from . import analyse, bench, cases, console, fit, run, study, trajectory, validate
+from . import analyse, bench, cases, console, experiment, fit, run, study, trajectory, validate
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
 from .options import flag
 
@@ -76,10 +76,12 @@ COMMANDS = {
         trajectory.info, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history, trajectory.export,
         trajectory.views, trajectory.repair,
     ),
-    LAW: (fit.fit, validate.validate, bench.bench, cases.backends, docs),
+    LAW: (experiment.collisions, fit.fit, experiment.compare, validate.validate, bench.bench, cases.backends, docs),
 }  # fmt: skip
 MORE = {
     fit.fit: fit.FORMAT,
+    experiment.collisions: experiment.FORMAT,
+    experiment.compare: experiment.COMPARE,
     analyse.plot: f"WHAT is drawn into a PNG file:\n\n{_lines(analyse.PICTURE_LIST)}",
 }
 """Text that `--help` of a command shows behind its docstring."""

@@ -1,28 +1,29 @@
-"""Measured impacts: a CSV file of angles, or arrays, checked line by line."""
+"""Measured impacts: tables of angles, or whole collisions with velocities and spins before and after."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError, listed, nearest
-from ..tools import csv as csv_rows
-from .model import MEASURED
+from . import tabular
+from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
+from .tabular import Form
 
 Array = NDArray[np.float64]
 
 ANGLES = ("psi", *(name for name, each in MEASURED.items() if each.unit == "deg"))
 COLUMNS = ("psi", *MEASURED)
 
-# Other spellings of the columns, without signs, blanks and units; see `_plain`.
+# Other spellings of the columns, without signs, blanks and units; see `tabular.plain`.
 _SPELLINGS: Mapping[str, str] = {
-    **{name.replace("_", "").lower(): name for name in COLUMNS},
+    **{tabular.plain(name): name for name in COLUMNS},
     **dict.fromkeys(("ψ", "impactangle", "angleofimpact"), "psi"),
     **dict.fromkeys(("δ1", "deltaone"), "delta_1"),
     **dict.fromkeys(("δ2", "deltatwo"), "delta_2"),
@@ -33,33 +34,61 @@ _SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("d2d112", "sqrtd2d", "d2d105", "d2d1sqrt", "sqrtd2overd1"), "sqrt_d2_d1"),
     **dict.fromkeys(("et*", "etstar", "etapp", "apparentet"), "e_t_apparent"),
 }
-MOST_BYTES = 10_000_000  # some 100,000 impacts
-LEAST_ERROR = 1e-6  # below it, chi2 is so steep that rounding hides its minimum
-_ERROR = ("error", "err", "sigma", "uncertainty", "std")
-_DEGREES = ("deg", "degree", "degrees", "°")
-_RADIANS = ("rad", "radian", "radians", "mrad")
 
+MOTION = ("vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
+AFTER = tuple(f"{name}_after" for name in MOTION)
+PLACES = ("x_1", "y_1", "x_2", "y_2")
+NORMAL = ("nx", "ny")
+_DISKS = ("mass_1", "radius_1", "k_1", "mass_2", "radius_2", "k_2")
+_KINDS: Mapping[str, str] = {
+    **dict.fromkeys(PLACES, "length"),
+    **dict.fromkeys(NORMAL, "number"),
+    **{name: "spin" if name.startswith("spin") else "velocity" for name in (*MOTION, *AFTER)},
+    **{name: {"m": "mass", "r": "length", "k": "number"}[name[0]] for name in _DISKS},
+}
+COLLISION_COLUMNS = (*PLACES, *NORMAL, *MOTION, *AFTER)
+"""Columns of whole collisions; mass_1, radius_1, k_1 and those of disk 2 may stand beside them."""
+
+_COLLISION_SPELLINGS: Mapping[str, str] = {
+    **{tabular.plain(name): name for name in _KINDS},
+    **{f"{new}{i}{end}": f"spin_{i}{'_after' * bool(end)}" for new in ("w", "omega", "ω") for i in "12" for end in ("", "after", "'")},  # noqa: E501
+    **{f"v{axis}{i}'": f"v{axis}_{i}_after" for axis in "xy" for i in "12"},
+}  # fmt: skip
+GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "angles": ANGLES,
+        "positions": PLACES,
+        "velocities": tuple(name for name in (*MOTION, *AFTER) if name[0] == "v"),
+        "spins": tuple(name for name in (*MOTION, *AFTER) if name[0] == "s"),
+    }
+)
+"""Columns that one error may stand for, and that share one error where it is estimated."""
+
+UNUSED = "columns not used"
+LEAST_ERROR = 1e-6  # below it, chi2 is so steep that rounding hides its minimum
 EXAMPLE_LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
 EXAMPLE_ERROR = 0.7  # [deg]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Data:
-    """Impacts of disk 1 on disk 2, both without spin before and disk 2 at rest.
+    """Impacts of disk 1 on disk 2 or on a wall: nothing spins before, and disk 2 is at rest.
 
     Attributes
     ----------
     psi : array (n,)
         Impact angles from the line of centres [deg], from 0 to below 90.
     measured : mapping of str to array (n,)
-        What was measured after the impact, by the names of `model.MEASURED`; angles in degrees.
+        Values after the impact, by the names of `model.MEASURED`; angles in degrees; NaN where one is missing.
     errors : mapping of str to array (n,)
         Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A
-        single number stands for all impacts.
+        single number stands for all impacts; NaN for an error that the residuals are to tell.
     source : str
         Where they come from, for messages and titles.
     line : array (n,) of int, optional
         Lines of the file they come from; without it messages count the impacts from 1.
+    notes : tuple of str
+        Values that are missing and columns that are not used.
 
     Raises
     ------
@@ -72,6 +101,7 @@ class Data:
     errors: Mapping[str, Array]
     source: str = "data"
     line: NDArray[np.int64] | None = field(default=None)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         wrong = [
@@ -82,36 +112,18 @@ class Data:
         if not self.measured:
             wrong.append(f"nothing was measured: at least one is needed of {', '.join(MEASURED)}")
         values = {"psi": self.psi, **self.measured}
-        wrong += [
-            f"{name}: no error is given; {_how_to_give(name)}" for name in values if name not in self.errors
-        ]
-        wrong += [
-            f"error of {name}: {name} was not measured{nearest(name, values)}"
-            for name in self.errors
-            if name not in values
-        ]
+        wrong += _wrong_names(values, self.errors)
         if wrong:
             raise InputError("\n".join(f"{self.source}: {each}" for each in wrong))
         n = np.size(self.psi)
         arrays = {name: _column(self.source, name, value, n) for name, value in values.items()}
-        errors = {
-            name: _column(
-                self.source,
-                f"error of {name}",
-                np.broadcast_to(value, n) if np.ndim(value) == 0 else value,
-                n,
-            )
-            for name, value in self.errors.items()
-        }
-        where = (
-            [f"impact {i + 1}" for i in range(n)] if self.line is None else [f"line {i}" for i in self.line]
-        )
+        errors = {name: _errors(self.source, name, value, n) for name, value in self.errors.items()}
         found: list[tuple[int, str]] = []
         for name in values:
-            found += _wrong_values(name, arrays[name]) + _wrong_errors(name, errors[name])
-        if found:
-            found.sort(key=lambda each: each[0])
-            raise InputError(listed([f"{self.source}: {where[i]}: {text}" for i, text in found]))
+            found += _wrong_values(name, arrays[name]) + _wrong_errors(name, errors[name], arrays[name])
+        empty = np.all([np.isnan(arrays[name]) for name in self.measured], axis=0)
+        found += [(int(i), "nothing was measured after the impact") for i in np.flatnonzero(empty)]
+        _end(self.source, found, self.line)
         object.__setattr__(self, "psi", arrays.pop("psi"))
         object.__setattr__(self, "measured", arrays)
         object.__setattr__(self, "errors", {name: errors[name] for name in values})
@@ -125,28 +137,243 @@ class Data:
         """The quantities measured, in the order of `model.MEASURED`."""
         return tuple(name for name in MEASURED if name in self.measured)
 
+    def where(self, i: int) -> str:
+        """Place of an impact in its file, for messages."""
+        return f"impact {i + 1}" if self.line is None else f"line {self.line[i]}"
 
-def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
-    """Read a CSV file of measured impacts.
+    def problem(self, pair: Pair) -> Problem:
+        """The impacts of a pair as a fit sees them."""
+        names = ("psi", *self.names)
+        y = np.stack([self.psi, *(self.measured[name] for name in self.names)], axis=-1)
+        s = np.stack([self.errors[name] for name in names], axis=-1)
+        return AngleProblem(names, y, s, [_group(name) for name in names], pair)
 
-    The first line that is not a comment names the columns, separated by commas: psi and at least one of
-    delta_1, delta_2, Rw_2, sqrt_d2_d1, e_t_apparent, each with a column such as delta_2_error if its errors
-    differ from impact to impact. Angles and their errors are in degrees. Empty lines and lines that begin with #
-    are skipped.
+
+@dataclass(frozen=True, kw_only=True)
+class Disk:
+    """A disk of whole collisions, or disks that differ from collision to collision.
+
+    Attributes
+    ----------
+    mass : float or array (n,)
+        Mass [mass]; infinite for a wall or a fixed disk.
+    radius : float or array (n,)
+        Radius [length].
+    k : float or array (n,)
+        Shape number in I = m R^2 / k.
+    """
+
+    mass: ArrayLike
+    radius: ArrayLike
+    k: ArrayLike = 2.0
+
+
+WALL = Disk(mass=math.inf, radius=1.0)
+"""A wall or a fixed disk as disk 2."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Collisions:
+    """Whole collisions of two disks, or of a disk with a wall, in any frame of reference.
+
+    Attributes
+    ----------
+    disk_1, disk_2 : Disk
+        The disks; `WALL` as disk 2.
+    measured : mapping of str to array (n,)
+        Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal
+        nx, ny from disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins,
+        counter-clockwise [rad/time], before and, with _after, after. Any subset; NaN where a value is
+        missing. Of a wall, velocities are 0 unless given, and exact.
+    errors : mapping of str to array (n,)
+        Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
+        value that is known exactly. Those of nx, ny may be of `normal` [rad] instead.
+    covariance : mapping of (str, str) to array (n,), optional
+        Covariances of two quantities of the motion, or of one and "normal" [rad].
+    source, line, notes
+        As in `Data`.
+
+    Raises
+    ------
+    InputError
+        With a line for each thing that is wrong; also for pairs that separate before the impact.
+    """
+
+    disk_1: Disk
+    disk_2: Disk
+    measured: Mapping[str, Array]
+    errors: Mapping[str, Array]
+    covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    source: str = "data"
+    line: NDArray[np.int64] | None = field(default=None)
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        allowed = set(COLLISION_COLUMNS)
+        wrong = [
+            f"{name}: no such quantity{nearest(name, allowed)}; there are {', '.join(COLLISION_COLUMNS)}"
+            for name in self.measured
+            if name not in allowed
+        ]
+        normal, places = (all(name in self.measured for name in names) for names in (NORMAL, PLACES))
+        if not normal and not places:
+            wrong.append("the normal is missing: columns nx, ny or x_1, y_1, x_2, y_2 are needed")
+        if not any(name in self.measured for name in AFTER):
+            wrong.append(
+                f"nothing was measured after the impact: at least one is needed of {', '.join(AFTER)}"
+            )
+        with_normal = {name: value for name, value in self.errors.items() if name != "normal"}
+        if "normal" in self.errors:
+            with_normal |= dict.fromkeys(
+                (name for name in NORMAL if name in self.measured), self.errors["normal"]
+            )
+        if wrong and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
+            wrong.append(f"{unused[0]}; --column {MOTION[0]}='HEADER' says what one is")
+        wrong += _wrong_names(self.measured, with_normal)
+        wrong += [
+            f"covariance of {a} and {b}: both must be velocities or spins that were measured, or one the normal"
+            for a, b in self.covariance
+            if not {a, b} <= {"normal", *({*MOTION, *AFTER} & set(self.measured))} or a == b
+        ]
+        if wrong:
+            raise InputError("\n".join(f"{self.source}: {each}" for each in wrong))
+        n = max(np.size(value) for value in self.measured.values())
+        arrays = {name: _errors(self.source, name, value, n) for name, value in self.measured.items()}
+        errors = {
+            name: _errors(self.source, f"error of {name}", value, n) for name, value in with_normal.items()
+        }
+        found: list[tuple[int, str]] = []
+        for name, error in errors.items():
+            bad = ~(np.isnan(error) | (np.isfinite(error) & (error >= 0.0))) & ~np.isnan(arrays[name])
+            found += [
+                (int(i), f"error of {name} = {error[i]:g}: a number of 0 or more is needed")
+                for i in np.flatnonzero(bad)
+            ]
+            infinite = np.isinf(arrays[name])
+            found += [
+                (int(i), f"{name} = {arrays[name][i]:g}: a finite number is needed")
+                for i in np.flatnonzero(infinite)
+            ]
+        disks = []
+        for number, disk in ((1, self.disk_1), (2, self.disk_2)):
+            numbers = {
+                key: np.broadcast_to(np.asarray(getattr(disk, key), dtype=np.float64), (n,))
+                for key in ("mass", "radius", "k")
+            }
+            for key, value in numbers.items():
+                good = (value > 0.0) & (np.isfinite(value) | ((number == 2) & (key == "mass")))
+                found += [
+                    (int(i), f"{key}_{number} = {value[i]:g}: a positive finite number is needed")
+                    for i in np.flatnonzero(~good)
+                ]
+            disks.append(Disk(**numbers))
+        walls = np.isinf(np.asarray(disks[1].mass))
+        if walls.any() and not walls.all():
+            found.append(
+                (int(np.argmax(walls)), "mass_2 is infinite: walls and disks cannot stand in one table")
+            )
+        x, y = (arrays[NORMAL[i]] if normal else arrays[PLACES[i + 2]] - arrays[PLACES[i]] for i in (0, 1))
+        found += [(int(i), "the normal has no length") for i in np.flatnonzero((x == 0.0) & (y == 0.0))]
+        _end(self.source, found, self.line)
+        object.__setattr__(self, "measured", arrays)
+        object.__setattr__(self, "errors", errors)
+        object.__setattr__(self, "disk_1", disks[0])
+        object.__setattr__(self, "disk_2", disks[1])
+        try:
+            apart = self.problem().separating
+        except RowError as error:
+            raise InputError(f"{self.source}: {self.where(error.row)}: {error.text}") from None
+        _end(
+            self.source,
+            [(int(i), "the disks separate before the impact, or rest: the normal must point from disk 1 to disk 2, and spins be counter-clockwise") for i in np.flatnonzero(apart)],  # noqa: E501
+            self.line,
+        )  # fmt: skip
+
+    def __len__(self) -> int:
+        """The number of collisions."""
+        return len(next(iter(self.measured.values())))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The quantities measured."""
+        return tuple(name for name in COLLISION_COLUMNS if name in self.measured)
+
+    @property
+    def wall(self) -> bool:
+        """True if disk 2 is a wall or a fixed disk."""
+        return bool(np.isinf(np.asarray(self.disk_2.mass)).all())
+
+    def where(self, i: int) -> str:
+        """Place of a collision in its file, for messages."""
+        return f"collision {i + 1}" if self.line is None else f"line {self.line[i]}"
+
+    def normal(self) -> tuple[Array, Array]:
+        """Direction of the normal and its standard error [rad], (n,): by nx, ny if given, else by the places."""
+        if all(name in self.measured for name in NORMAL):
+            x, y = (self.measured[name] for name in NORMAL)
+            variance = [self.errors[name] ** 2 for name in NORMAL]
+        else:
+            (x_1, y_1, x_2, y_2), e = (self.measured[name] for name in PLACES), self.errors
+            x, y = x_2 - x_1, y_2 - y_1
+            variance = [e["x_1"] ** 2 + e["x_2"] ** 2, e["y_1"] ** 2 + e["y_2"] ** 2]
+        length = np.hypot(x, y)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.arctan2(y, x), np.sqrt(y**2 * variance[0] + x**2 * variance[1]) / length**2
+
+    def problem(self, pair: Pair | None = None) -> CollisionProblem:
+        """The collisions as a fit sees them."""
+        phi, s_phi = self.normal()
+        moving = MOTION[:3] if self.wall else MOTION
+        names = ("normal", *moving, *(f"{name}_after" for name in moving))
+        none = np.full(len(self), math.nan)
+        y = np.stack([phi, *(self.measured.get(name, none) for name in names[1:])], axis=-1)
+        s = np.stack([s_phi, *(self.errors.get(name, none) for name in names[1:])], axis=-1)
+        covariance = {
+            (names.index(a), names.index(b)): np.broadcast_to(
+                np.asarray(value, dtype=np.float64), (len(self),)
+            )
+            for (a, b), value in self.covariance.items()
+            if a in names and b in names
+        }
+        walls = [np.nan_to_num(self.measured.get(name, none)) for name in MOTION[3:]] if self.wall else []
+        return CollisionProblem(
+            names, y, s, [_group(name) for name in names], self.disk_1, self.disk_2, walls, covariance
+        )
+
+
+def read(
+    path: Path | str,
+    errors: Mapping[str, float] | None = None,
+    *,
+    disk_1: Disk | None = None,
+    disk_2: Disk | None = None,
+    form: Form = Form(),  # noqa: B008  (frozen)
+) -> Data | Collisions:
+    """Read a table of measured impacts.
+
+    The first line that is not a comment names the columns. With psi it is a table of angles, see `Data`; with
+    velocities a table of whole collisions, see `Collisions`. NAME_error holds standard errors where they
+    differ from line to line, cov:NAME:NAME covariances. Units in brackets, such as (deg) or [cm/s], are
+    converted: angles of a table of angles to degrees, all else to SI units. Missing values are left empty or
+    are written nan, NA or -.
 
     Parameters
     ----------
     path : path
         The file.
     errors : mapping of str to float, optional
-        Errors of whole columns, by their names; "angles" stands for all angles. A column of errors in the file
-        comes first, then the error by name, then that of all angles.
+        Errors of whole columns, by their names or those of `GROUPS`; "normal" [rad] for that of nx, ny. NaN
+        for one that the residuals are to tell, "rest" for all columns that have none. A column of errors
+        comes first, then the error by name, then that of the group.
+    disk_1, disk_2 : Disk, optional
+        Of whole collisions, unless columns mass_1, radius_1, k_1, ... give them.
+    form : Form, optional
+        Names, units and signs of the file.
 
     Raises
     ------
     InputError
-        With a line for each thing that is wrong: columns first, then values by line and column, then errors that
-        are missing.
+        With a line for each thing that is wrong.
 
     Examples
     --------
@@ -157,73 +384,122 @@ def read(path: Path | str, errors: Mapping[str, float] | None = None) -> Data:
     >>> sorted(data.measured)
     ['delta_1', 'delta_2']
     """
-    path = Path(path)
-    try:
-        rows, lines = csv_rows.read(path, most=MOST_BYTES)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-    if not rows:
+    kinds = {**{name: "angle" if name in ANGLES else "number" for name in COLUMNS}, **_KINDS}
+    spellings = {**_SPELLINGS, **_COLLISION_SPELLINGS}
+    moving = ("normal", *MOTION, *AFTER)
+    covariances = {f"cov:{a}:{b}": (a, b) for a in moving for b in moving if a != b}
+    kinds |= dict.fromkeys(covariances, "number")
+    spellings |= {tabular.plain(name): name for name in covariances}
+    found = tabular.read(path, kinds, spellings, form)
+    columns = dict(found.columns)
+    notes = []
+    if found.missing:
+        notes.append(f"{found.missing} value{'s are' if found.missing > 1 else ' is'} missing and left out")
+    if found.unused:
+        notes.append(f"{UNUSED}: {', '.join(found.unused)}")
+    present = [name for name in columns if not name.endswith("_error")]
+    whole = [name for name in present if name in _KINDS]
+    angles = [name for name in present if name in COLUMNS]
+    source = found.source
+    if whole and angles:
         raise InputError(
-            f"{path}: is empty: a first line with the names of the columns is needed, such as psi,delta_2"
+            f"{source}: columns of angles ({', '.join(angles)}) and of whole collisions "
+            f"({', '.join(whole)}) cannot stand in one table"
         )
-    header, body, at = rows[0], rows[1:], lines[1:]
-    columns = _columns(path, lines[0], header)
-    if not body:
-        raise InputError(f"{path}: no impact follows the names of the columns")
-    wrong: list[str] = []
-    values: dict[str, Array] = {name: np.full(len(body), math.nan) for name in columns}
-    for i, (row, line) in enumerate(zip(body, at, strict=True)):
-        if len(row) != len(columns):
-            count = f"{len(row)} value{'s' * (len(row) != 1)}"
-            wrong.append(
-                f"{path}: line {line}: {count}, and {len(columns)} are needed ({', '.join(columns)})"
-            )
-            continue
-        texts = dict(zip(columns, row, strict=True))
-        for name, text in texts.items():
-            if csv_rows.is_number(text):
-                values[name][i] = float(text)
-        numbers = {name: values[name][i : i + 1] for name in columns}
-        found = [
-            f"{name} = {text.strip() or 'nothing'}: a number is needed"
-            for name, text in texts.items()
-            if not csv_rows.is_number(text)
-        ]
-        for name in columns:
-            if csv_rows.is_number(texts[name]):
-                of, is_error = (name.removesuffix("_error"), name not in COLUMNS)
-                found += [
-                    text for _, text in (_wrong_errors if is_error else _wrong_values)(of, numbers[name])
-                ]
-        wrong += [f"{path}: line {line}: {text}" for text in found]
-    whole = dict(errors or {})
-    all_angles = whole.pop("angles", None)
-    given: dict[str, Array] = {}
-    for name in (each for each in columns if each in COLUMNS):
-        if f"{name}_error" in columns:
-            given[name] = values[f"{name}_error"]
-        elif name in whole:
-            given[name] = np.full(len(body), whole[name])
-        elif all_angles is not None and name in ANGLES:
-            given[name] = np.full(len(body), all_angles)
-        else:
-            wrong.append(f"{path}: {name}: no error is given; {_how_to_give(name)}")
-    present = [each for each in columns if each in COLUMNS]
-    wrong += [
-        f"{path}: an error of {name} is given, and the file has no column {name}{nearest(name, present)}; "
-        f"it has {', '.join(present)}"
-        for name in whole
-        if name not in present
-    ]
+    if not whole and "psi" not in angles:
+        raise InputError(
+            f"{source}: missing column psi; there are {', '.join(angles) or 'none that is known'}"
+        )
+    if not whole and len(angles) == 1:
+        raise InputError(
+            f"{source}: missing column delta_2, or another that was measured: {', '.join(MEASURED)}; there is psi only"
+        )
+    quantities = [name for name in (angles or whole) if name not in _DISKS]
+    given, wrong = _given_errors(quantities, columns, dict(errors or {}), form, len(found))
     if wrong:
-        raise InputError(listed(wrong))
-    return Data(
-        psi=values["psi"],
-        measured={name: values[name] for name in columns if name in MEASURED},
-        errors=given,
-        source=str(path),
-        line=np.array(at, dtype=np.int64),
+        raise InputError(listed([f"{source}: {each}" for each in wrong]))
+    measured = {name: columns[name] for name in quantities}
+    if whole:
+        disks = [_disk(source, i, columns, disk) for i, disk in ((1, disk_1), (2, disk_2))]
+        if sum(isinstance(each, str) for each in disks):
+            raise InputError("\n".join(each for each in disks if isinstance(each, str)))
+        first, second = (each for each in disks if isinstance(each, Disk))
+        return Collisions(
+            disk_1=first,
+            disk_2=second,
+            measured=measured,
+            errors=given,
+            covariance={pair: columns[name] for name, pair in covariances.items() if name in columns},
+            source=source,
+            line=found.line,
+            notes=tuple(notes),
+        )
+    keep = ~np.isnan(columns["psi"]) & np.any(
+        [~np.isnan(measured[name]) for name in quantities if name != "psi"], axis=0
     )
+    if not keep.all():
+        lost = ", ".join(str(line) for line in found.line[~keep][:10]) + ", ..." * bool(np.sum(~keep) > 10)
+        notes.append(
+            f"{np.sum(~keep)} lines without psi or without a value after the impact are left out: {lost}"
+        )
+    psi = measured.pop("psi")[keep]
+    return Data(
+        psi=psi,
+        measured={name: value[keep] for name, value in measured.items()},
+        errors={name: value[keep] for name, value in given.items()},
+        source=source,
+        line=found.line[keep],
+        notes=tuple(notes),
+    )
+
+
+def _given_errors(
+    quantities: Iterable[str], columns: Mapping[str, Array], errors: dict[str, float], form: Form, n: int
+) -> tuple[dict[str, Array], list[str]]:
+    """The error of each quantity, and what is wrong."""
+    quantities = list(quantities)
+    rest = errors.pop("rest", None)
+    given: dict[str, Array] = {}
+    wrong = []
+    for name in quantities:
+        groups = [group for group, names in GROUPS.items() if name in names]
+        by = [each for each in (name, *(["normal"] if name in NORMAL else []), *groups) if each in errors]
+        if f"{name}_error" in columns:
+            given[name] = columns[f"{name}_error"]
+            gaps = np.isnan(given[name]) & ~np.isnan(columns[name])
+            if gaps.any():
+                wrong.append(f"{name}_error: missing beside {int(gaps.sum())} values of {name}")
+        elif name in form.known:
+            given[name] = np.zeros(n)
+        elif by:
+            given[name] = np.full(n, errors[by[0]])
+        elif rest is not None:
+            given[name] = np.full(n, rest)
+        else:
+            wrong.append(f"{name}: no error is given; {_how_to_give(name)}")
+    if "normal" in errors and not all(
+        f"{name}_error" in columns or name in errors for name in NORMAL if name in quantities
+    ):
+        for name in NORMAL:  # an error [rad] of the direction, whatever the length of the normal
+            if name in quantities and f"{name}_error" not in columns:
+                length = np.hypot(columns["nx"], columns["ny"])
+                given[name] = given[name] * length
+    wrong += [
+        f"an error of {name} is given, and the file has no column {name}{nearest(name, quantities)}; it "
+        f"has {', '.join(quantities)}"
+        for name in errors
+        if name not in quantities and not set(quantities) & set({**GROUPS, "normal": NORMAL}.get(name, ()))
+    ]
+    return given, wrong
+
+
+def _disk(source: str, i: int, columns: Mapping[str, Array], disk: Disk | None) -> Disk | str:
+    values = {key: columns[f"{key}_{i}"] for key in ("mass", "radius", "k") if f"{key}_{i}" in columns}
+    if disk is not None:
+        return replace(disk, **values)
+    if not {"mass", "radius"} <= set(values):
+        return f"{source}: disk {i} is not known: --disk-{i} MASS,RADIUS,K{' or wall' * (i == 2)}, or columns mass_{i} and radius_{i}, are needed"  # noqa: E501
+    return Disk(**values)
 
 
 def example(seed: int = 1) -> str:
@@ -235,14 +511,16 @@ def example(seed: int = 1) -> str:
     >>> fit.example(seed=1).splitlines()[0][:1]
     '#'
     """
-    from .model import Model, Pair
+    from .laws import LAWS
 
     rng = np.random.default_rng(seed)
     psi = np.linspace(4.0, 72.0, 18)
-    coefficients = np.array([*EXAMPLE_LAW.values(), 0.0])
-    model = Model(Pair(M=1.0), "percussion_center")
-    exact = model.predict(coefficients, np.radians(psi), ("delta_1", "delta_2"))
-    shown = np.column_stack([psi, exact]) + rng.normal(0.0, EXAMPLE_ERROR, (len(psi), 3))
+    none = np.zeros((len(psi), 3))
+    problem = AngleProblem(("psi", "delta_1", "delta_2"), none, none + 1.0, ["angles"] * 3, Pair(M=1.0))
+    exact = problem.predict(
+        LAWS["ifr-percussion"], np.array([*EXAMPLE_LAW.values()]), np.radians(psi)[:, None]
+    )
+    shown = exact + rng.normal(0.0, EXAMPLE_ERROR, (len(psi), 3))
     shown = np.abs(shown)  # a measured angle next to the line of centres is counted from it to either side
     law = ", ".join(f"{name} = {value}" for name, value in EXAMPLE_LAW.items())
     head = (
@@ -254,76 +532,29 @@ def example(seed: int = 1) -> str:
     return head + "".join(f"{a:.2f},{b:.2f},{c:.2f}\n" for a, b, c in shown)
 
 
-def _columns(path: Path, line: int, header: Sequence[str]) -> list[str]:
-    """The standard names of the columns of a file."""
-    if all(csv_rows.is_number(text) for text in header):
-        raise InputError(
-            f"{path}: line {line}: there is no header: the first line must name the columns, such as psi,delta_2, "
-            "and here it holds numbers"
-        )
-    if len(header) == 1 and (found := re.search(r"[;\t]", header[0])):
-        kind = "semicolons" if found[0] == ";" else "tabs"
-        raise InputError(
-            f"{path}: line {line}: columns must be separated by commas, and decimals by points; here are {kind}"
-        )
-    names, wrong = [], []
-    for text in header:
-        name, problem = _standard(text)
-        names.append(name)
-        if problem:
-            wrong.append(f"line {line}: {problem}")
-    wrong += [
-        f"line {line}: column '{name}' stands twice"
-        for name in dict.fromkeys(names)
-        if name and names.count(name) > 1
+def _group(name: str) -> str:
+    """The columns that share an estimated error."""
+    return next((group for group, names in GROUPS.items() if name in names), name)
+
+
+def _wrong_names(values: Iterable[str], errors: Iterable[str]) -> list[str]:
+    values = list(values)
+    wrong = [f"{name}: no error is given; {_how_to_give(name)}" for name in values if name not in errors]
+    return wrong + [
+        f"error of {name}: {name} was not measured{nearest(name, values)}"
+        for name in errors
+        if name not in values
     ]
-    if not wrong:
-        if "psi" not in names:
-            wrong.append(f"line {line}: missing column psi; there are {', '.join(names)}")
-        if not any(name in MEASURED for name in names):
-            wrong.append(
-                f"line {line}: missing column delta_2, or another that was measured: {', '.join(MEASURED)}; "
-                f"there are {', '.join(names)}"
-            )
-        wrong += [
-            f"line {line}: column '{name}' needs a column '{name.removesuffix('_error')}' beside it"
-            for name in names
-            if name not in COLUMNS and name.removesuffix("_error") not in names
-        ]
-    if wrong:
-        raise InputError("\n".join(f"{path}: {each}" for each in wrong))
-    return names
-
-
-def _standard(text: str) -> tuple[str, str]:
-    """The standard name of a column, and what is wrong with it if something is."""
-    words = [word for word in re.split(r"[^\w*°]+|_", text.strip().lower()) if word]
-    unit = next((word for word in words if word in (*_DEGREES, *_RADIANS)), None)
-    is_error = any(word in _ERROR for word in words)
-    rest = "".join(word for word in words if word not in (*_DEGREES, *_RADIANS, *_ERROR))
-    if rest not in _SPELLINGS and not is_error:  # such as delta2err or sigmapsi
-        for ending in _ERROR:
-            for other in (rest.removesuffix(ending), rest.removeprefix(ending)):
-                if other != rest and other in _SPELLINGS:
-                    rest, is_error = other, True
-    if rest not in _SPELLINGS:
-        allowed = [*COLUMNS, *(f"{name}_error" for name in COLUMNS)]
-        hint = nearest(text.strip(), allowed) or nearest(rest, _SPELLINGS)
-        return (
-            "",
-            f"unknown column '{text.strip()}'{hint}; allowed are {', '.join(COLUMNS)}, each with _error",
-        )
-    name = _SPELLINGS[rest]
-    if unit in _RADIANS:
-        return name, f"column '{text.strip()}': angles must be in degrees, not in {unit}"
-    if unit in _DEGREES and name not in ANGLES:
-        return name, f"column '{text.strip()}': {name} is a pure number, not an angle"
-    return (f"{name}_error" if is_error else name), ""
 
 
 def _how_to_give(name: str) -> str:
-    angle = " (or --error DEGREES for all angles)" if name in ANGLES else ""
-    return f"a column {name}_error or --error {name}=VALUE{angle} is needed"
+    group = next((group for group, names in GROUPS.items() if name in names), None)
+    all_of = {"angles": " (or --error DEGREES for all angles)", None: ""}.get(
+        group, f" (or --error {group}=VALUE)"
+    )
+    if name in NORMAL:
+        all_of = " (or --error normal=RADIANS)"
+    return f"a column {name}_error or --error {name}=VALUE{all_of} is needed, or --error estimate"
 
 
 def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:
@@ -333,6 +564,18 @@ def _column(source: str, name: str, value: ArrayLike, n: int) -> Array:
     return array
 
 
+def _errors(source: str, name: str, value: ArrayLike, n: int) -> Array:
+    return _column(source, name, np.broadcast_to(value, n) if np.ndim(value) == 0 else value, n)
+
+
+def _end(source: str, found: list[tuple[int, str]], line: NDArray[np.int64] | None) -> None:
+    """Raise InputError with every complaint, in the order of the lines."""
+    if found:
+        found.sort(key=lambda each: each[0])
+        where = (lambda i: f"impact {i + 1}") if line is None else (lambda i: f"line {line[i]}")
+        raise InputError(listed([f"{source}: {where(i)}: {text}" for i, text in found], 100))
+
+
 def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
     """Index and complaint of each value that cannot be."""
     if name == "psi":
@@ -340,7 +583,7 @@ def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
         need = "an impact angle from 0 to below 90 degrees is needed"
     else:
         low, high = MEASURED[name].low, MEASURED[name].high
-        right = (
+        right = np.isnan(values) | (
             np.isfinite(values) & (values > low if name == "sqrt_d2_d1" else values >= low) & (values <= high)
         )
         need = "a finite number is needed"
@@ -351,7 +594,7 @@ def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
     return [(int(i), f"{name} = {values[i]:g}: {need}") for i in np.flatnonzero(~right)]
 
 
-def _wrong_errors(name: str, values: Array) -> list[tuple[int, str]]:
-    right = np.isfinite(values) & (values >= LEAST_ERROR)
-    need = f"a finite number, {LEAST_ERROR:g} or more, is needed; every measured value has an error"
-    return [(int(i), f"error of {name} = {values[i]:g}: {need}") for i in np.flatnonzero(~right)]
+def _wrong_errors(name: str, errors: Array, values: Array) -> list[tuple[int, str]]:
+    least = f"a finite number of at least {LEAST_ERROR:g} is needed"
+    wrong = ~np.isnan(errors) & ~((errors >= LEAST_ERROR) & (errors < math.inf)) & ~np.isnan(values)
+    return [(int(i), f"error of {name} = {errors[i]:g}: {least}") for i in np.flatnonzero(wrong)]

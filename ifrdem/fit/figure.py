@@ -1,38 +1,60 @@
-"""The picture of a fit: data and both fitted curves, residuals beneath."""
+"""Pictures of a fit: data and laws with residuals and marked outliers; coefficients in pairs."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.ifr import STICKING
-from .model import MEASURED, Array, Model
-from .result import Fit
+from .data import Collisions, Data
+from .likelihood import Array
+from .model import MEASURED, CollisionProblem
+from .result import Fit, Fitted
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-# Okabe and Ito's blue and vermilion, told apart with every kind of colour blindness; and by line and marker too.
-STYLE = {STICKING[0]: ("#0072B2", "-", "o"), STICKING[1]: ("#D55E00", "--", "s")}
-LABEL = {STICKING[0]: "percussion centre", STICKING[1]: "contact point"}
-_DATA = "#222222"
+# Okabe and Ito's colours, told apart with every kind of colour blindness; and by line and marker too.
+STYLES = (("#0072B2", "-", "o"), ("#D55E00", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "v"), ("#56B4E9", (0, (5, 1, 1, 1)), "D"), ("#E69F00", "-", "P"))  # fmt: skip  # noqa: E501
+_DATA, _OUT = "#222222", "#CC0000"
+SYMBOLS = {"e_n": "$e_n$", "e_t": "$e_t$", "mu": r"$\mu$", "rho": r"$\rho$", "beta": r"$\beta$"}
+
+
+@dataclass(frozen=True, eq=False)
+class _Panel:
+    """One quantity against the angle of incidence."""
+
+    label: str
+    psi: Array
+    value: Array
+    psi_error: Array
+    error: Array
+
+    @property
+    def there(self) -> NDArray[np.bool_]:
+        return np.isfinite(self.value) & np.isfinite(self.psi)
 
 
 def draw(fit: Fit, paths: Sequence[Path]) -> None:
-    """Draw every measured quantity against psi, and below it the residuals over their errors.
+    """Draw every measured quantity against psi with all laws, and below it the residuals of each law over their errors.
 
-    A residual is measured minus predicted at the measured psi; its error has that of psi in it, by the slope of the
-    curve. Vertical lines mark the fitted transitions, bands their 95 % intervals.
+    A residual is measured minus predicted at the measured psi; its error has that of psi in it, by the slope
+    of the curve. Vertical lines mark the fitted transitions, bands their intervals, red rings suspicious
+    impacts. Of whole collisions, normal restitution and the slip after the impact over the speed of approach
+    are drawn against the angle of incidence at the contact.
 
     Parameters
     ----------
     fit : Fit
-        What was found.
+        The result.
     paths : sequence of Path
         Files to write, each in the format of its ending.
 
@@ -43,25 +65,145 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
     """
     from matplotlib.figure import Figure
 
-    names = fit.data.names
-    figure = Figure(figsize=(1.0 + 4.4 * len(names), 6.6), dpi=200, layout="constrained")
-    grid = figure.subplots(2, len(names), sharex=True, squeeze=False, height_ratios=(3.0, 1.2))
-    for column, name in enumerate(names):
-        upper, lower = grid[0, column], grid[1, column]
-        _curves(upper, fit, column)
-        _residuals(lower, fit, column)
-        unit = " (degrees)" if MEASURED[name].unit == "deg" else ""
-        upper.set_ylabel(MEASURED[name].symbol + unit)
-        lower.set_ylabel("residual / error")
-        lower.set_xlabel(r"impact angle $\psi$ (degrees)")
-        for axes in (upper, lower):
-            _transitions(axes, fit)
+    panels = _panels(fit)
+    laws = list(fit.laws.items())
+    heights = (3.0, *[1.0] * len(laws))
+    figure = Figure(figsize=(1.4 + 4.2 * len(panels), 4.6 + 1.3 * len(laws)), dpi=200, layout="constrained")
+    grid = figure.subplots(1 + len(laws), len(panels), sharex=True, squeeze=False, height_ratios=heights)
+    for column, panel in enumerate(panels):
+        upper = grid[0, column]
+        there = panel.there
+        upper.errorbar(
+            panel.psi[there], panel.value[there], panel.error[there], panel.psi_error[there],
+            fmt="o", ms=4, color=_DATA, elinewidth=1.0, zorder=3,
+        )  # fmt: skip
+        _rings(upper, fit.laws[fit.best], panel.psi, panel.value)
+        angles = np.linspace(0.05, min(89.9, 1.06 * float(np.nanmax(panel.psi + panel.psi_error))), 400)
+        largest = 3.0
+        for row, (_, fitted) in enumerate(laws, start=1):
+            colour, line, marker = STYLES[(row - 1) % len(STYLES)]
+            curve = _curve(fit, fitted, column, angles)
+            upper.plot(angles, curve, ls=line, color=colour, lw=1.8, zorder=2)
+            slope = np.gradient(curve, angles)
+            at = np.interp(panel.psi, angles, curve)
+            error = np.hypot(panel.error, np.interp(panel.psi, angles, slope) * panel.psi_error)
+            residual = (panel.value - at) / error
+            lower = grid[row, column]
+            lower.plot(panel.psi, residual, ls="none", marker=marker, ms=3.5, color=colour)
+            _rings(lower, fitted, panel.psi, residual)
+            largest = max(largest, float(np.nanmax(np.abs(residual), initial=0.0)))
+            _transition(upper, fitted, colour, line)
+            _transition(lower, fitted, colour, line)
+        for row in range(1, 1 + len(laws)):
+            lower = grid[row, column]
+            lower.set_ylim(-1.15 * largest, 1.15 * largest)
+            lower.axhline(0.0, color=_DATA, lw=0.8)
+            for level in (-2.0, 2.0):
+                lower.axhline(level, color=_DATA, lw=0.8, ls=":")
+        _limit(upper, panel)
+        upper.set_ylabel(panel.label)
+        grid[-1, column].set_xlabel(r"impact angle $\psi$ (degrees)")
+        for axes in grid[:, column]:
             axes.grid(True, lw=0.4, alpha=0.5)
-    figure.legend(handles=_legend(fit), loc="outside lower center", frameon=False)
-    last = max(np.max(fit.data.psi + fit.data.errors["psi"]), 1.0)
-    grid[0, 0].set_xlim(0.0, min(1.05 * last, 90.0))
-    title = f"{Path(fit.data.source).name}: {len(fit.data)} impacts, M = {fit.pair.M:.4g}"
-    figure.suptitle(title, parse_math=False)
+    for row, (name, _) in enumerate(laws, start=1):
+        grid[row, 0].set_ylabel(
+            f"{name}\nresidual / error" if len(laws) > 1 else "residual / error", fontsize="small"
+        )
+    last = max(float(np.nanmax(panel.psi + panel.psi_error)) for panel in panels)
+    grid[0, 0].set_xlim(0.0, min(1.05 * max(last, 1.0), 90.0))
+    figure.legend(
+        handles=_legend(fit, len(panels)), loc="outside lower center", frameon=False, fontsize="small"
+    )
+    noun = "impacts" if isinstance(fit.data, Data) else "collisions"
+    figure.suptitle(f"{Path(fit.data.source).name}: {len(fit.data)} {noun}", parse_math=False)
+    save(figure, paths)
+
+
+def corner(fit: Fit, paths: Sequence[Path]) -> None:
+    """Draw the coefficients of every law in pairs: ellipses of 68 and 95 %, from the covariance, and profile intervals.
+
+    Parameters
+    ----------
+    fit : Fit
+        The result.
+    paths : sequence of Path
+        Files to write.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be written, or no law has a coefficient that is determined.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    laws = [
+        (i, name, each)
+        for i, (name, each) in enumerate(fit.laws.items())
+        if np.isfinite(each.covariance).all()
+    ]
+    if not laws:
+        raise InputError("no picture of coefficients: none is determined by itself")
+    names = list(dict.fromkeys(name for _, _, each in laws for name in each.law.free))
+    n = len(names)
+    figure = Figure(figsize=(1.5 + 2.1 * n, 1.8 + 2.1 * n), dpi=200, layout="constrained")
+    grid = figure.subplots(n, n, squeeze=False)
+    turn = np.linspace(0.0, 2.0 * math.pi, 200)
+    circle = np.stack([np.cos(turn), np.sin(turn)])
+    for row, a in enumerate(names):
+        for column, b in enumerate(names):
+            axes = grid[row, column]
+            if column > row:
+                axes.set_axis_off()
+                continue
+            for i, _, each in laws:
+                colour, line, marker = STYLES[i % len(STYLES)]
+                free = each.law.free
+                if a not in free or b not in free:
+                    continue
+                x, y = free.index(b), free.index(a)
+                if a == b:
+                    sigma = math.sqrt(each.covariance[x, x])
+                    at = np.linspace(each.values[x] - 4.0 * sigma, each.values[x] + 4.0 * sigma, 200)
+                    axes.plot(at, np.exp(-0.5 * ((at - each.values[x]) / sigma) ** 2), ls=line, color=colour)
+                    interval = each.estimates[a].interval
+                    axes.axvspan(interval.low, interval.high, color=colour, alpha=0.12, lw=0.0)
+                    axes.set_yticks([])
+                    continue
+                part = each.covariance[np.ix_([x, y], [x, y])]
+                root = np.linalg.cholesky(part + 1e-15 * np.trace(part) * np.eye(2))
+                for content in (0.68, 0.95):
+                    radius = math.sqrt(-2.0 * math.log(1.0 - content))
+                    ellipse = each.values[[x, y], None] + radius * root @ circle
+                    axes.plot(*ellipse, ls=line, color=colour, lw=1.2)
+                axes.plot(each.values[x], each.values[y], marker=marker, ms=4, color=colour)
+            if row == n - 1:
+                axes.set_xlabel(SYMBOLS.get(b, b))
+            if column == 0 and row > 0:
+                axes.set_ylabel(SYMBOLS.get(a, a))
+            axes.tick_params(labelsize="x-small")
+            axes.locator_params(axis="x", nbins=3)
+    handles = [
+        Line2D([], [], color=STYLES[i % len(STYLES)][0], ls=STYLES[i % len(STYLES)][1], marker=STYLES[i % len(STYLES)][2], ms=4, label=name)  # noqa: E501
+        for i, name, _ in laws
+    ]  # fmt: skip
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=min(len(handles), 3),
+        frameon=False,
+        fontsize="small",
+    )
+    figure.suptitle(
+        f"{Path(fit.data.source).name}: 68 and 95 % ellipses, {100 * fit.level:g} % profile intervals (bands)",
+        fontsize="small",
+        parse_math=False,
+    )
+    save(figure, paths)
+
+
+def save(figure: Figure, paths: Sequence[Path]) -> None:
+    """Write a figure into files; InputError if one cannot be written."""
     for path in paths:
         try:
             figure.savefig(path)
@@ -69,73 +211,108 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
             raise InputError(f"picture {path} cannot be written: {error.strerror}") from error
 
 
-def _legend(fit: Fit) -> list[Artist]:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
+def _panels(fit: Fit) -> list[_Panel]:
+    data = fit.data
+    problem = fit.laws[fit.best].problem
+    if isinstance(data, Data):
+        found = []
+        for i, name in enumerate(data.names, start=1):
+            unit = " (degrees)" if MEASURED[name].unit == "deg" else ""
+            label = MEASURED[name].symbol + unit
+            found.append(_Panel(label, data.psi, data.measured[name], problem.s[:, 0], problem.s[:, i]))
+        return found
+    return _of_collisions(data, problem)
 
-    narrow = len(fit.data.names) == 1
-    handles: list[Artist] = [
-        Line2D([], [], ls="none", marker="o", ms=4, color=_DATA, label="measured, with standard errors")
+
+def _of_collisions(data: Collisions, problem: object) -> list[_Panel]:
+    """-g_n'/g_n and g_t'/g_n of collisions whose motion was measured whole, with errors to first order."""
+    assert isinstance(problem, CollisionProblem)
+    blank = np.full(problem.y.shape[1], np.nan)
+    y = np.where(np.isnan(problem.y), blank, problem.y)
+    base = _derived(problem, y)
+    variance = np.zeros_like(base)
+    for i in range(y.shape[1]):
+        step = 1e-4 * np.nan_to_num(problem.s[:, i], nan=1.0)
+        moved = y.copy()
+        moved[:, i] += step
+        variance += ((_derived(problem, moved) - base) / step * np.nan_to_num(problem.s[:, i])) ** 2
+    error = np.sqrt(variance)
+    sign = np.where(base[0] < 0.0, -1.0, 1.0)
+    psi = sign * base[0]
+    return [
+        _Panel("$-g_n' / g_n$", psi, base[1], error[0], error[1]),
+        _Panel("$g_t' / g_n$", psi, sign * base[2], error[0], error[2]),
     ]
-    for kind, closure in fit.closures.items():
-        colour, line, marker = STYLE[kind]
-        symbols = {"e_n": "e_n", "e_t": "e_t", "mu": r"\mu", "rho": r"\rho"}
-        values = (f"${symbols[key]} = {closure.estimates[key].value:.4g}$" for key in closure.coefficients)
-        text = f"{LABEL[kind]}: {', '.join(values)};" + ("\n" if narrow else " ")
-        text += f"$\\chi^2 = {closure.chi2:.1f}$ for {closure.dof} degrees of freedom"
-        filled = colour if marker == "o" else "none"
-        handles.append(Line2D([], [], color=colour, ls=line, marker=marker, ms=4, mfc=filled, label=text))
-    text = "transition from sticking to sliding, with its 95 % interval"
-    return [*handles, Patch(color=_DATA, alpha=0.15, lw=0.0, label=text)]
 
 
-def _curves(axes: Axes, fit: Fit, column: int) -> None:
-    data, name = fit.data, fit.data.names[column]
-    axes.errorbar(
-        data.psi, data.measured[name], data.errors[name], data.errors["psi"],
-        fmt="o", ms=4, color=_DATA, elinewidth=1.0, zorder=3, label="measured, with standard errors",
-    )  # fmt: skip
-    psi = np.linspace(0.01, min(90.0 - 1e-3, 1.06 * np.max(data.psi + data.errors["psi"])), 800)
-    for kind in fit.closures:
-        colour, line, _ = STYLE[kind]
-        axes.plot(psi, fit.predict(kind, psi)[:, column], line, color=colour, lw=1.8, zorder=2)
-    low, high = axes.get_ylim()  # a curve may leave the data; what was measured is what is to be seen
-    values, error = data.measured[name], data.errors[name]
-    seen_low, seen_high = np.min(values - error), np.max(values + error)
+def _derived(problem: CollisionProblem, y: Array) -> Array:
+    """Angle of incidence [deg], -g_n'/g_n and g_t'/g_n, (3, n), of observed values (n, q)."""
+    columns = dict(zip(problem.names, y.T, strict=True))
+    _, R_1, _, _, R_2, _, *wall = problem.of_disks
+    n_x, n_y = np.cos(columns["normal"]), np.sin(columns["normal"])
+    g = []
+    for end in ("", "_after"):
+        v_2x, v_2y, w_2 = (
+            wall if problem.wall else (columns[f"{name}{end}"] for name in ("vx_2", "vy_2", "spin_2"))
+        )
+        x, y_ = columns[f"vx_1{end}"] - v_2x, columns[f"vy_1{end}"] - v_2y
+        g.append((x * n_x + y_ * n_y, y_ * n_x - x * n_y + R_1 * columns[f"spin_1{end}"] + R_2 * w_2))
+    (g_n, g_t), (g_n_after, g_t_after) = g
+    return np.stack([np.degrees(np.arctan2(g_t, g_n)), -g_n_after / g_n, g_t_after / g_n])
+
+
+def _curve(fit: Fit, fitted: Fitted, column: int, psi: Array) -> Array:
+    exact = fitted.problem.at(fitted.law, fitted.values, np.radians(psi))
+    if isinstance(fit.data, Data):
+        return np.asarray(exact.y[:, 1 + column])
+    assert isinstance(exact, CollisionProblem)
+    x = exact.start.copy()
+    x[:, 0] = np.radians(psi)
+    whole = exact.predict(fitted.law, fitted.values, x, np.arange(len(psi)))
+    return np.asarray(_derived(exact, whole)[1 + column])
+
+
+def _rings(axes: Axes, fitted: Fitted, psi: Array, value: Array) -> None:
+    rows = [each.index for each in fitted.suspects]
+    if rows:
+        axes.plot(
+            psi[rows], value[rows], ls="none", marker="o", ms=11, mfc="none", mec=_OUT, mew=1.4, zorder=4
+        )
+
+
+def _limit(axes: Axes, panel: _Panel) -> None:
+    """A curve may leave the data; what was measured is what is to be seen."""
+    there = panel.there
+    low, high = axes.get_ylim()
+    seen_low = float(np.min((panel.value - panel.error)[there]))
+    seen_high = float(np.max((panel.value + panel.error)[there]))
     margin = 0.12 * (seen_high - seen_low)
     axes.set_ylim(max(low, seen_low - margin), min(high, seen_high + margin))
 
 
-def _residuals(axes: Axes, fit: Fit, column: int) -> None:
-    data, name = fit.data, fit.data.names[column]
-    psi = np.radians(data.psi)
-    largest = 2.0
-    for shift, (kind, closure) in zip((-0.25, 0.25), fit.closures.items(), strict=False):
-        colour, _, marker = STYLE[kind]
-        predicted, slope = _with_slope(Model(fit.pair, closure.sticking), closure.values, psi, name)
-        error = np.hypot(data.errors[name], slope * np.radians(data.errors["psi"]))
-        residual = (data.measured[name] - predicted) / error
-        largest = max(largest, float(np.max(np.abs(residual))))
-        axes.plot(
-            data.psi + shift, residual, marker, ms=4, color=colour, mfc=colour if marker == "o" else "none"
-        )
-    axes.axhline(0.0, color=_DATA, lw=0.8)
-    for level in (-2.0, 2.0):
-        axes.axhline(level, color=_DATA, lw=0.8, ls=":")
-    axes.set_ylim(-1.15 * largest, 1.15 * largest)
-
-
-def _with_slope(model: Model, coefficients: Array, psi: Array, name: str) -> tuple[Array, Array]:
-    """Prediction of one quantity and its derivative by psi [1/rad]."""
-    step = 1e-4
-    angles = np.clip(np.stack([psi, psi + step, psi - step]), 1e-6, 0.5 * np.pi - 1e-6)
-    f = model.predict(coefficients, angles, [name])[..., 0]
-    return f[0], (f[1] - f[2]) / (angles[1] - angles[2])
-
-
-def _transitions(axes: Axes, fit: Fit) -> None:
-    for kind, closure in fit.closures.items():
-        colour, line, _ = STYLE[kind]
-        found = closure.estimates["psi_transit"]
+def _transition(axes: Axes, fitted: Fitted, colour: str, line: object) -> None:
+    if "psi_transit" in fitted.estimates:
+        found = fitted.estimates["psi_transit"]
         axes.axvline(found.value, color=colour, ls=line, lw=0.9, alpha=0.8)
         axes.axvspan(found.interval.low, found.interval.high, color=colour, alpha=0.10, lw=0.0)
+
+
+def _legend(fit: Fit, columns: int) -> list[Artist]:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Artist] = [
+        Line2D([], [], ls="none", marker="o", ms=4, color=_DATA, label="measured, with standard errors")
+    ]
+    for i, (name, fitted) in enumerate(fit.laws.items()):
+        colour, line, marker = STYLES[i % len(STYLES)]
+        values = (f"{SYMBOLS.get(key, key)} = {fitted.estimates[key].value:.4g}" for key in fitted.law.free)
+        text = f"{name}: {', '.join(values)};" + ("\n" if columns == 1 else " ")
+        text += f"$\\chi^2 = {fitted.chi2:.1f}$ for {fitted.dof} degrees of freedom"
+        handles.append(Line2D([], [], color=colour, ls=line, marker=marker, ms=4, label=text))
+    if any("psi_transit" in each.estimates for each in fit.laws.values()):
+        text = f"transition from sticking to sliding, with its {100 * fit.level:g} % interval"
+        handles.append(Patch(color=_DATA, alpha=0.15, lw=0.0, label=text))
+    if any(each.suspects for each in fit.laws.values()):
+        handles.append(Line2D([], [], ls="none", marker="o", ms=9, mfc="none", mec=_OUT, label="suspicious"))
+    return handles

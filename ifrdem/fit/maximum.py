@@ -1,103 +1,93 @@
-"""The inverse problem: the law's coefficients from measured impacts of one disk on another at rest.
-
-    data = fit.read("data.csv", {"angles": 0.7})
-    found = fit.fit(data, M=1.0)
-    print(fit.table(found))
-
-Maximum likelihood with Gaussian errors in all measured values and in the impact angle, whose true values are nuisance
-parameters (`likelihood` derives it), for both kinds of sticking; intervals by profile likelihood. Equations: A.
-Domenech-Carbo, "Independent friction-restitution modeling of two-disk collisions".
-
-Notes
------
-delta_2 alone, or delta_1 alone, cannot tell the two kinds of sticking apart. tan(delta_2) against tan(psi) is a line
-with the intercept mu above the transition and one through the origin below it (Eqs. 19, 21, 23): three numbers, which
-e_n, e_t and mu reproduce with either, unless e_n or e_t would leave its range. Two quantities measured together do.
-"""
+"""Maximum likelihood and profile likelihood, by SciPy's least squares from several starts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from functools import lru_cache
-from typing import cast
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import InputError, nearest
-from ..model.ifr import STICKING
-from .data import Data, example, read
-from .doubts import admissibility, doubts, doubts_of_both
-from .intervals import covariance_of, intervals
-from .likelihood import Array, Likelihood, Points
-from .model import Model, Pair, Sticking
-from .report import as_json, material, table
-from .result import CONFIDENCE, TELLING, Closure, Estimate, Fit, Interval
-from .search import Optimum, Search
+from ..errors import InputError
+from . import laws as of_laws
+from .data import Collisions, Data
+from .data import read as read
+from .doubts import admissibility, doubts, doubts_of_all
+from .laws import IFR, Law
+from .likelihood import NU, Array, Likelihood, Points
+from .model import AngleProblem, Pair, Problem
+from .result import CONFIDENCE, TELLING, Estimate, Fit, Fitted, Interval, Suspect
 
-__all__ = [
-    "CONFIDENCE",
-    "TELLING",
-    "Closure",
-    "Data",
-    "Estimate",
-    "Fit",
-    "Interval",
-    "Pair",
-    "as_json",
-    "example",
-    "fit",
-    "material",
-    "read",
-    "table",
-]
+SPINNING = ("Rw_1", "Rw_2", "e_t_apparent", "rebound_contact", "spin_1_after", "spin_2_after")
+"""Quantities that tell rolling friction."""
 
-SPINNING = ("Rw_2", "e_t_apparent")  # what rolling friction changes
-_CHUNK = 100  # bootstrap data sets at a time
+TRANSIT = "psi_transit"
+_STARTS, _DESCENTS = (
+    32,
+    6,
+)  # points where the likelihood is looked at, and the best of them, from which it is climbed
+_AGREE = 2  # descents that end in the lowest minimum are enough
+_PRECISE = 3e-4  # of the distance of an end from the best value
+_TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly
+_BETTER = 1e-5  # a loss lower by this is another minimum
+_SUSPICIOUS = 0.01  # probability, among all impacts, of one as far off
+_FOLDS = 10
 
 
 def fit(
-    data: Data,
+    data: Data | Collisions,
     *,
-    M: float,
+    M: float | None = None,
     k_1: float = 2.0,
     k_2: float = 2.0,
     R_1: float | None = None,
     R_2: float | None = None,
+    model: Iterable[str] = IFR,
+    own: Iterable[Law] = (),
+    fix: Mapping[str, float] | None = None,
     rolling: bool = False,
-    sticking: Sequence[str] = STICKING,
+    robust: bool = False,
+    level: float = CONFIDENCE,
+    profile: bool = True,
+    cross_validate: bool = False,
     bootstrap: int = 0,
     seed: int = 1,
     progress: Callable[[int], object] | None = None,
 ) -> Fit:
-    """Fit e_n, e_t, mu, and rho if asked, to measured impacts.
+    """Fit the coefficients of laws to measured impacts.
 
     Parameters
     ----------
-    data : Data
-        See `read`.
-    M : float
-        Mass ratio m_1 / m_2 [1]; disk 1 is the one that moves.
-    k_1, k_2 : float
-        Shape numbers in I = m R^2 / k: 2 homogeneous disk, 1 hoop.
-    R_1, R_2 : float, optional
-        Radii [length]; needed for `rolling`, and the unit of rho.
+    data : Data or Collisions
+        A table of angles, or whole collisions.
+    M, k_1, k_2, R_1, R_2 : float
+        The disks of a table of angles, see `Pair`; M is needed there. `Collisions` have their own.
+    model : iterable of str
+        Names of `LAWS`, or "all".
+    own : iterable of Law
+        Further laws, see `own`.
+    fix : mapping of str to float, optional
+        Coefficients that are not fitted.
     rolling : bool
-        Fit rolling friction too. Needs Rw_2 or e_t_apparent among the data.
-    sticking : sequence of str
-        Which kinds to fit.
+        Fit rolling friction rho of IFR laws too.
+    robust : bool
+        A Student-t likelihood, which outliers move little.
+    level : float
+        Of confidence of the intervals.
+    profile : bool
+        Intervals by profile likelihood; without it from the standard errors, in a tenth of the time.
+    cross_validate : bool
+        Predict each tenth of the impacts from the others.
     bootstrap : int
-        Number of synthetic data sets for a parametric bootstrap: impacts at the fitted true angles with the fitted
-        law and the given errors, fitted again. 0 for none; otherwise 40 or more.
+        Number of synthetic data sets of a parametric bootstrap; 0 for none.
     seed : int
-        Of the bootstrap's random numbers.
+        Of the bootstrap.
     progress : callable, optional
-        Called with the number of bootstrap data sets done since its last call.
+        Gets 1 for each of these data sets that is fitted.
 
     Raises
     ------
     InputError
-        If the pair is impossible, the data are too few, or what rolling friction needs is missing.
+        If an option is wrong, or the values are too few for the coefficients.
 
     Examples
     --------
@@ -107,100 +97,492 @@ def fit(
     >>> data = fit.read("data.csv", {"angles": 0.7})
     >>> found = fit.fit(data, M=1.0)
     >>> found.best
-    'percussion_center'
+    'ifr-percussion'
     """
-    pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
-    _check(data, pair, rolling, sticking, bootstrap)
-    closures = {}
-    for kind in sticking:
-        likelihood = Likelihood(data, Model(pair, cast(Sticking, kind)), rolling=rolling)
-        closures[kind] = _closure(likelihood, bootstrap, seed, progress)
-    order = sorted(closures, key=lambda kind: closures[kind].AIC)
-    decided = len(order) == 1 or closures[order[1]].AIC - closures[order[0]].AIC >= TELLING
-    best = order[0] if decided else STICKING[0]  # the paper's choice
-    return Fit(data, pair, closures, best, decided, tuple(doubts_of_both(data, closures)))
-
-
-def _check(data: Data, pair: Pair, rolling: bool, sticking: Sequence[str], bootstrap: int) -> None:
-    wrong = [
-        f"sticking = {kind!r}: must be one of {', '.join(map(repr, STICKING))}{nearest(str(kind), STICKING)}"
-        for kind in sticking
-        if kind not in STICKING
-    ]
-    if not sticking:
-        wrong.append(f"sticking: at least one is needed of {', '.join(map(repr, STICKING))}")
-    if rolling and not set(SPINNING) & set(data.names):
-        wrong.append(
-            f"{data.source}: rolling friction changes spins only: a column {' or '.join(SPINNING)} is needed to fit "
-            f"rho; there are {', '.join(data.names)}"
-        )
-    if rolling and not pair.has_radii:
-        wrong.append("R_1, R_2: the radii are needed to fit rho")
-    values, p = len(data) * len(data.names), 3 + rolling
-    if values <= p:
-        wrong.append(
-            f"{data.source}: {values} values measured after the impact: more than {p} are needed for {p} coefficients"
-        )
+    fixed = dict(fix or {})
+    chosen = of_laws.chosen(model, fixed, own)
+    pair: Pair | None = None
+    wrong = []
+    if isinstance(data, Data):
+        if M is None:
+            raise InputError("M: the mass ratio m_1 / m_2 of the disks is needed, 0 for a wall")
+        pair = Pair(M=M, k_1=k_1, k_2=k_2, R_1=R_1, R_2=R_2)
+        problem: Problem = data.problem(pair)
+        if (rolling or fixed.get("rho", 0.0) > 0.0) and not pair.has_radii:
+            wrong.append("R_1, R_2: the radii are needed for rolling friction")
+    else:
+        problem = data.problem()
+    if rolling:
+        if not set(SPINNING) & set(data.names):
+            wrong.append(
+                f"{data.source}: rolling friction changes spins only: a column {' or '.join(SPINNING)} "
+                "is needed to fit "
+                f"rho; there are {', '.join(data.names)}"
+            )
+        r = float(np.max(problem.reach()))
+        chosen = {name: _rolling(law, r) if "rho" in law.ranges else law for name, law in chosen.items()}
     if bootstrap != 0 and bootstrap < 40:
-        wrong.append(f"bootstrap = {bootstrap}: 0, or 40 data sets and more, are needed for 95 % intervals")
+        wrong.append(f"bootstrap = {bootstrap}: 0, or 40 data sets and more, are needed for intervals")
+    if not 0.0 < level < 1.0:
+        wrong.append(f"level = {level:g}: a number between 0 and 1 is needed, such as 0.95")
     if wrong:
         raise InputError("\n".join(wrong))
+    nu = NU if robust else None
+    found = {}
+    for name, law in chosen.items():
+        climb = _Climb(data, problem, law, nu, level, profile)
+        found[name] = climb.fitted(bootstrap, seed, progress, cross_validate)
+    lowest = min(each.AIC for each in found.values())
+    near = [name for name, each in found.items() if each.AIC - lowest < TELLING]
+    best = near[0]
+    return Fit(data, pair, found, best, len(near) == 1, level, nu, tuple(doubts_of_all(data, found)))
 
 
-def _closure(
-    likelihood: Likelihood, bootstrap: int, seed: int, progress: Callable[[int], object] | None
-) -> Closure:
-    from scipy.special import chdtrc, chdtri  # tail of the chi-square distribution, and its inverse
-
-    search = Search(likelihood)
-    rise = float(chdtri(1, 1.0 - CONFIDENCE))
-    found = intervals(search, _polished(search, search.best()), rise)
-    optimum = found.optimum
-    by_angle, by_mu = np.zeros(1, dtype=bool), np.ones(1, dtype=bool)
-    angle_covariance = covariance_of(search.points(optimum.at, by_angle, likelihood).information)[0]
-    points = search.points(optimum.free, by_mu, likelihood)
-    information = points.information[0]
-    covariance = covariance_of(information)
-    variance = dict(zip(likelihood.free, np.diag(covariance), strict=True))
-    variance["psi_transit"] = angle_covariance[2, 2]
-    value = dict(zip(likelihood.free, optimum.free[0], strict=True))
-    value["psi_transit"] = optimum.at[0, 2]
-    again = _bootstrap(search, found.ends[0], optimum, bootstrap, seed, progress) if bootstrap else {}
-    estimates = {}
-    for name, ends, opened in zip(found.quantities, found.ends[0], found.open[0], strict=True):
-        unit = np.degrees if name == "psi_transit" else float
-        low, high = (float(unit(end)) for end in ends)
-        estimates[name] = Estimate(
-            value=float(unit(value[name])),
-            standard_error=float(unit(np.sqrt(variance[name]))),
-            interval=Interval(low, high, bool(opened[0]), bool(opened[1])),
-            bootstrap=Interval(float(unit(again[name][0])), float(unit(again[name][1]))) if again else None,
-        )
-    with np.errstate(invalid="ignore"):
-        correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    p, count, chi2 = len(likelihood.free), likelihood.y.size, float(optimum.chi2[0])
-    full = likelihood.full(optimum.free)[0]
-    closure = Closure(
-        sticking=likelihood.model.sticking,
-        estimates=estimates,
-        correlation=correlation,
-        coefficients=likelihood.free,
-        flat=_flat(information, likelihood.free),
-        chi2=chi2,
-        dof=count - p,
-        probability=float(chdtrc(count - p, chi2)),
-        AIC=chi2 + 2.0 * p,
-        BIC=chi2 + p * float(np.log(count)),
-        psi=np.degrees(points.psi[0]),
-        regimes=likelihood.model.regimes(full, points.psi[0]),
-        admissibility=admissibility(likelihood.model, full),
+def _rolling(law: Law, r: float) -> Law:
+    fixed = {name: value for name, value in law.fixed.items() if name != "rho"}
+    return replace(
+        law, fixed=fixed, ranges={**law.ranges, "rho": (0.0, r)}, tried={**law.tried, "rho": (0.0, 0.1 * r)}
     )
-    others = search.others(optimum, found.ends[0], rise)
-    return replace(closure, warnings=tuple(doubts(closure, others)))
 
 
-def _flat(information: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """Names of the coefficients along a combination of which chi2 does not change, if there is one."""
+class Search:
+    """Descents of the loss of one likelihood, with a coefficient or the angle of transition held if wished."""
+
+    def __init__(self, likelihood: Likelihood) -> None:
+        self.likelihood, self.law = likelihood, likelihood.law
+        self.lowest: tuple[Array, float] | None = None
+        self._last: tuple[bytes, Points] | None = None
+
+    def points(self, values: Array) -> Points:
+        """Nearest points of coefficients (p,)."""
+        key = values.tobytes()  # SciPy asks for residuals and derivatives at one place one after the other
+        if self._last is None or self._last[0] != key:
+            self._last = key, self.likelihood.at(values)
+        return self._last[1]
+
+    @property
+    def transits(self) -> bool:
+        """True if all impacts have one angle of transition, which then is a quantity."""
+        law, problem = self.law, self.likelihood.problem
+        if not law.has_transition or "mu" not in law.free:
+            return False
+        c = law.stick(law.start_points(2)[1], problem.probe())
+        return float(np.ptp(c)) <= 1e-9 * float(np.max(c))
+
+    def transition(self, values: Array) -> float:
+        """Angle of incidence [rad] at which sliding begins."""
+        problem = self.likelihood.problem
+        return float(self.law.transitions(values, problem.probe(), problem.reach())[0].flat[0])
+
+    def transition_error(self, values: Array, covariance: Array) -> float:
+        """Standard error [rad] of the angle of transition; infinite where a coefficient's is."""
+        if not np.isfinite(covariance).all():
+            return float("inf")
+        at = self.transition(values)
+        by = np.array([(self.transition(values + 1e-6 * one) - at) / 1e-6 for one in np.eye(len(values))])
+        return float(np.sqrt(by @ covariance @ by))
+
+    def _mu(self, values: Array, transition: float) -> float:
+        """The mu with which the transition is there."""
+        c = float(np.ravel(self.law.stick(values, self.likelihood.problem.probe()))[0])
+        return float(c * np.tan(transition) / (1.0 + self.law.full(values)["e_n"][0]))
+
+    def descend(self, start: Array, held: Mapping[str, float] | None = None) -> tuple[Array, float]:
+        """Where the loss is least, and it, from a start (p,), with quantities held."""
+        from scipy.optimize import least_squares
+
+        law, held = self.law, dict(held or {})
+        kind = "held" if held else "robust" if self.likelihood.robust is not None else "plain"
+        tolerance = _TOLERANCE[kind]
+        names = list(law.free)
+        by_transit = held.pop(TRANSIT, None)
+        moving = [
+            i
+            for i, name in enumerate(names)
+            if name not in held and not (by_transit is not None and name == "mu")
+        ]
+        base = start.copy()
+        for name, value in held.items():
+            base[names.index(name)] = value
+        mu = names.index("mu") if by_transit is not None else -1
+
+        def whole(free: Array) -> Array:
+            values = base.copy()
+            values[moving] = free
+            if by_transit is not None:
+                values[mu] = self._mu(values, by_transit)
+            return values
+
+        def jacobian(free: Array) -> Array:
+            J = self.points(whole(free)).as_least_squares()[1]
+            found = J[:, moving]
+            if by_transit is not None:
+                by = np.array(
+                    [(whole(free + 1e-6 * one)[mu] - whole(free)[mu]) / 1e-6 for one in np.eye(len(moving))]
+                )
+                found = found + J[:, [mu]] * by
+            return found
+
+        if moving:
+            low, high = law.low[moving], law.high[moving]
+            begin = np.clip(start[moving], low, high)
+            ended = least_squares(
+                lambda free: self.points(whole(free)).as_least_squares()[0], begin, jacobian,
+                bounds=(low, np.where(high > low, high, low + 1.0)), method="dogbox", x_scale="jac",
+                ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=60,
+            )  # fmt: skip
+            values = whole(ended.x)
+        else:
+            values = whole(np.empty(0))
+        loss = self.points(values).loss
+        if self.lowest is None or loss < self.lowest[1] - _BETTER:
+            self.lowest = (values, loss)
+        return values, loss
+
+    def best(self, start: Array | None = None) -> tuple[Array, float]:
+        """The lowest minimum that several starts lead to, and its loss."""
+        points = self.law.start_points(_STARTS)
+        order = np.argsort([self.likelihood.rough(each) for each in points])
+        starts = [points[i] for i in order[:_DESCENTS]] + ([] if start is None else [start])
+        self.ends: list[tuple[Array, float]] = []
+        for each in starts:
+            self.ends.append(self.descend(each))
+            lowest = min(loss for _, loss in self.ends)
+            if sum(loss - lowest < _BETTER for _, loss in self.ends) == _AGREE:
+                break
+        beside = self.near(self._lowest(self.ends)[0])[1:]
+        if "mu" in self.law.free:  # without friction data below the transition look alike with another e_t
+            smooth = points[:: _STARTS // 8].copy()
+            smooth[:, self.law.free.index("mu")] = 0.0
+            beside.append(min(smooth, key=self.likelihood.rough))
+        self.ends += [self.descend(each) for each in beside]
+        return self._lowest(self.ends)
+
+    @staticmethod
+    def _lowest(ends: Iterable[tuple[Array, float]]) -> tuple[Array, float]:
+        """The lowest of minima; the first of those that are equally low."""
+        ends = list(ends)
+        least = min(loss for _, loss in ends)
+        return next(each for each in ends if each[1] - least < _BETTER)
+
+    def near(self, best: Array) -> list[Array]:
+        """The best values, and with less and more friction: every impact that changes sides can make a minimum."""
+        if "mu" not in self.law.free:
+            return [best]
+        by = np.array([float(name == "mu") for name in self.law.free])
+        return [best, best * (1.0 - 0.3 * by), best * (1.0 + 0.4 * by)]
+
+    def others(self, loss: float, ends: Mapping[str, Interval], rise: float) -> list[tuple[Array, float]]:
+        """Minima outside of the intervals that are lower than their ends, the best one first."""
+        free = self.law.free
+        found = []
+        for values, other in sorted(self.ends, key=lambda each: each[1]):
+            out = any(
+                not ends[name].low - 1e-3 * (1e-3 + abs(value))
+                <= value
+                <= ends[name].high + 1e-3 * (1e-3 + abs(value))
+                for name, value in zip(free, values, strict=True)
+            )
+            if out and other - loss < rise:
+                found.append((values, other))
+        return found
+
+
+@dataclass
+class _Climb:
+    """The way to the fit of one law."""
+
+    data: Data | Collisions
+    problem: Problem
+    law: Law
+    robust: float | None
+    level: float
+    profile: bool
+
+    def fitted(
+        self, bootstrap: int, seed: int, progress: Callable[[int], object] | None, cross_validate: bool
+    ) -> Fitted:
+        """The fit with its intervals."""
+        problem, search = self._search()
+        rise = self._rise(problem, search)
+        while True:  # until no lower minimum shows while its surroundings are searched
+            assert search.lowest is not None
+            best, loss = search.descend(search.lowest[0])
+            ends = intervals(search, best, rise, profile=self.profile)
+            if search.lowest[1] > loss - _BETTER:
+                break
+        points = search.points(best)
+        covariance = covariance_of(points.information)
+        p, dof = len(best), int(np.sum(problem.redundancy)) - len(best)
+        value = dict(zip(self.law.free, map(float, best), strict=True))
+        error = dict(zip(self.law.free, np.sqrt(np.diag(covariance)), strict=True))
+        if search.transits:
+            value[TRANSIT], error[TRANSIT] = (
+                search.transition(best),
+                search.transition_error(best, covariance),
+            )
+        again = self._bootstrap(problem, best, points, bootstrap, seed, progress) if bootstrap else {}
+        estimates = {}
+        for name in value:
+            unit: Callable[[float], float] = (lambda x: float(np.degrees(x))) if name == TRANSIT else float
+            end = ends[name]
+            estimates[name] = Estimate(
+                value=unit(value[name]),
+                standard_error=unit(error[name]),
+                interval=Interval(unit(end.low), unit(end.high), end.low_open, end.high_open),
+                bootstrap=Interval(unit(again[name][0]), unit(again[name][1])) if again else None,
+            )
+        loss, chi2 = points.loss, float(np.sum(points.distance))
+        given = not self.problem.estimated
+        minus_2_ln_L = loss + self._normalisation(problem, points)
+        q = p + len(self.problem.estimated)
+        suspects = self._suspects(problem, points)
+        verdict = None
+        if self.law.sticking is not None:
+            verdict = admissibility(self.law, {**self.law.fixed, **value}, self._pairs())
+        from scipy.special import chdtrc  # tail of the chi-square distribution
+
+        found = Fitted(
+            law=self.law,
+            estimates=estimates,
+            covariance=covariance,
+            flat=_flat(points.information, self.law.free),
+            chi2=chi2,
+            dof=dof,
+            probability=float(chdtrc(dof, chi2)) if given else float("nan"),
+            log_likelihood=-0.5 * minus_2_ln_L,
+            AIC=minus_2_ln_L + 2.0 * q,
+            BIC=minus_2_ln_L + q * float(np.log(max(np.sum(problem.redundancy), 1.0))),
+            cross_validation=self._cross_validated(problem, best) if cross_validate else float("nan"),
+            x=points.x,
+            psi=np.degrees(points.x[:, 0]),
+            regimes=problem.regimes(self.law, best, points.x),
+            residuals=_own_residuals(problem, self.law, best, points.x),
+            distance=points.distance,
+            weight=points.weight,
+            problem=problem,
+            errors={} if given else _group_errors(problem, self.problem.estimated),
+            suspects=suspects,
+            without=self._without(problem, best, suspects),
+            admissibility=verdict,
+        )
+        others = search.others(loss, ends, rise)
+        return replace(found, warnings=tuple(doubts(found, others, robust=self.robust is not None)))
+
+    def _search(self) -> tuple[Problem, Search]:
+        """The problem, with errors as its residuals tell them, and a search that has found the minimum."""
+        problem, start = self.problem, None
+        for _ in range(30):
+            search = Search(Likelihood(problem, self.law, self.robust))
+            p = len(self.law.free)
+            redundancy = int(np.sum(problem.redundancy))
+            if redundancy <= p + len(problem.estimated):
+                raise InputError(
+                    f"{self.data.source}: {redundancy} value{'s' * (redundancy != 1)} measured after "
+                    "the impact: more than "
+                    f"{p + len(problem.estimated)} are needed for {p} coefficients"
+                    + f" and {len(problem.estimated)} errors"
+                    * bool(problem.estimated)
+                )
+            best, _ = search.best() if start is None else search.descend(start)
+            if not problem.estimated:
+                return problem, search
+            factors = _factors(problem, search.points(best), problem.estimated)
+            if all(abs(each - 1.0) < 1e-3 for each in factors.values()):
+                search.best(best)
+                return problem, search
+            problem, start = problem.scaled(factors), best
+        raise InputError(
+            f"{self.data.source}: the residuals do not tell the errors of {' and '.join(problem.estimated)} apart: "
+            f"give one of them, as by --error {'positions' if 'x_1' in self.data.names else problem.estimated[0]}=VALUE"
+        )
+
+    def _rise(self, problem: Problem, search: Search) -> float:
+        """Rise of the loss at the ends of an interval: of chi-square, or of F where the errors are estimated."""
+        from scipy.special import chdtri, fdtri
+
+        if not self.problem.estimated:
+            return float(chdtri(1, 1.0 - self.level))
+        return float(fdtri(1, max(np.sum(problem.redundancy) - len(self.law.free), 1.0), self.level))
+
+    def _normalisation(self, problem: Problem, points: Points) -> float:
+        """The constant of -2 ln L; where errors are estimated, of what is left beside the latent coordinates."""
+        with np.errstate(invalid="ignore"):
+            size = np.log(2.0 * np.pi * problem.s**2)
+        size = np.where(np.isnan(problem.y) | problem.known, 0.0, size)
+        if not self.problem.estimated:
+            return float(np.sum(size))
+        return float(np.sum(_redundancies(points, with_coefficients=False) * size))
+
+    def _pairs(self) -> list[tuple[float, float, float, float]]:
+        """k_1, k_2, m_1, m_2 of every kind of pair."""
+        if isinstance(self.problem, AngleProblem):
+            pair = self.problem.pair
+            return [(pair.k_1, pair.k_2, pair.M, 1.0) if pair.M > 0.0 else (pair.k_1, pair.k_1, 1.0, np.inf)]
+        assert isinstance(self.data, Collisions)
+        one, two = self.data.disk_1, self.data.disk_2
+        return list(
+            dict.fromkeys(
+                zip(*(np.ravel(each).tolist() for each in (one.k, two.k, one.mass, two.mass)), strict=True)
+            )
+        )
+
+    def _suspects(self, problem: Problem, points: Points) -> tuple[Suspect, ...]:
+        from scipy.special import chdtrc
+
+        c, m = points.distance, np.maximum(problem.redundancy, 1)
+        probability = chdtrc(m, c)
+        own = points.residual
+        return tuple(
+            Suspect(
+                int(i), self.data.where(int(i)), float(c[i]), float(probability[i]),
+                problem.names[int(np.argmax(np.abs(own[i])))], float(own[i][np.argmax(np.abs(own[i]))]),
+            )
+            for i in np.argsort(probability, kind="stable")
+            if probability[i] < _SUSPICIOUS / len(c)
+        )  # fmt: skip
+
+    def _without(self, problem: Problem, best: Array, suspects: tuple[Suspect, ...]) -> dict[str, float]:
+        """Coefficients of the Gaussian fit beside a robust one, or of the fit without suspects beside a Gaussian one."""  # noqa: E501
+        if self.robust is None:
+            if not suspects:
+                return {}
+            kept = np.setdiff1d(problem.rows, [each.index for each in suspects])
+            if len(kept) * 2 < len(problem.rows):
+                return {}
+            problem = problem.take(kept)
+        likelihood = Likelihood(problem, self.law)
+        if np.sum(problem.redundancy) <= len(best):
+            return {}
+        search = Search(likelihood)
+        values, _ = min((search.descend(start) for start in search.near(best)), key=lambda each: each[1])
+        return dict(zip(self.law.free, map(float, values), strict=True))
+
+    def _cross_validated(self, problem: Problem, best: Array) -> float:
+        folds = min(_FOLDS, len(problem.rows))
+        total = 0.0
+        for fold in range(folds):
+            seen, unseen = (problem.rows[(problem.rows % folds == fold) == which] for which in (False, True))
+            values, _ = Search(Likelihood(problem.take(seen), self.law, self.robust)).descend(best)
+            total += Likelihood(problem.take(unseen), self.law, self.robust).at(values).loss
+        return total / len(problem.rows)
+
+    def _bootstrap(
+        self,
+        problem: Problem,
+        best: Array,
+        points: Points,
+        number: int,
+        seed: int,
+        progress: Callable[[int], object] | None,
+    ) -> dict[str, Array]:
+        """Percentiles (2,) of each quantity over synthetic data sets."""
+        rng = np.random.default_rng(seed)
+        exact = problem.predict(self.law, best, points.x)
+        spread = np.linalg.pinv(problem.white)
+        found = []
+        for _ in range(number):
+            noise = np.einsum("nab,nb->na", spread, rng.standard_normal(exact.shape))
+            other = Search(Likelihood(problem.of(exact + noise), self.law, self.robust))
+            values, _ = min((other.descend(start) for start in other.near(best)), key=lambda each: each[1])
+            found.append([*values, *([other.transition(values)] if other.transits else [])])
+            if progress is not None:
+                progress(1)
+        tail = 0.5 * (1.0 - self.level)
+        names = (*self.law.free, TRANSIT)
+        return dict(zip(names, np.quantile(found, [tail, 1.0 - tail], axis=0).T, strict=False))
+
+
+def intervals(search: Search, best: Array, rise: float, *, profile: bool = True) -> dict[str, Interval]:
+    """Profile-likelihood intervals of every quantity: where the least loss with it held has risen by `rise`.
+
+    Without `profile`, from the standard errors.
+    """
+    law = search.law
+    points = search.points(best)
+    covariance = covariance_of(points.information)
+    errors = dict(zip(law.free, np.sqrt(np.diag(covariance)), strict=True))
+    value = dict(zip(law.free, map(float, best), strict=True))
+    limits: dict[str, tuple[float, float]] = {name: law.ranges[name] for name in law.free}
+    if search.transits:
+        value[TRANSIT], errors[TRANSIT] = search.transition(best), search.transition_error(best, covariance)
+        steepest = best.copy()
+        steepest[law.free.index("mu")] = law.ranges["mu"][1]
+        limits[TRANSIT] = (0.0, search.transition(steepest))
+    found = {}
+    for name in value:
+        if not profile:
+            low, high = (value[name] + sign * np.sqrt(rise) * float(errors[name]) for sign in (-1.0, 1.0))
+            found[name] = Interval(
+                max(low, limits[name][0]),
+                min(high, limits[name][1]),
+                bool(low <= limits[name][0]),
+                bool(high >= limits[name][1]),
+            )
+            continue
+        ends = [
+            _end(search, best, name, value[name], float(errors[name]), limits[name][side], rise)
+            for side in (0, 1)
+        ]
+        found[name] = Interval(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+    return found
+
+
+def _end(
+    search: Search, best: Array, name: str, value: float, error: float, limit: float, rise: float
+) -> tuple[float, bool]:
+    """One end of an interval, and whether it is the limit, up to which the loss does not rise enough."""
+    from scipy.optimize import brentq
+
+    loss = search.points(best).loss
+    z = float(np.sqrt(rise))
+    room = abs(limit - value)
+    sign = 1.0 if limit > value else -1.0
+    if room < 1e-9:
+        return limit, True
+    seen: dict[float, tuple[float, Array]] = {
+        0.0: (-z, best)
+    }  # by distance: root of the rise less z, coefficients
+
+    def rest(distance: float) -> float:
+        if distance not in seen:
+            nearest = min(seen, key=lambda each: abs(each - distance))
+            start = seen[nearest][1]
+            if nearest:  # on along the way from the best values
+                start = best + (start - best) * distance / nearest
+            values, least = search.descend(start, {name: value + sign * distance})
+            over = float(np.sqrt(max(least - loss, 0.0))) - z
+            seen[distance] = over if abs(over) > _PRECISE * z else 0.0, values
+        return seen[distance][0]
+
+    width = z * error if np.isfinite(error) and error > 0.0 else 0.1 * (room if np.isfinite(room) else 1.0)
+    inside, outside = 0.0, min(width, room)
+    for _ in range(60):
+        over = rest(outside)
+        if over >= 0.0:
+            break
+        inside = outside
+        if outside >= room:
+            return limit, True
+        outside = min(1.5 * outside, room)
+    else:
+        return limit, True
+    found = brentq(rest, inside, outside, xtol=_PRECISE * max(outside, 1e-9), rtol=1e-10)
+    return value + sign * float(found), False
+
+
+def covariance_of(information: Array) -> Array:
+    """Inverse of (p, p), infinite if there is none."""
+    diagonal = np.diag(information)
+    unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    scaled = information * np.outer(unit, unit)
+    if np.any(diagonal <= 0.0) or np.linalg.cond(scaled) > 1e12:
+        return np.full_like(information, np.inf)
+    return np.asarray(np.linalg.inv(scaled) * np.outer(unit, unit))
+
+
+def _flat(information: Array, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the coefficients along a combination of which the loss does not change, if there is one."""
     diagonal = np.diag(information)
     unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
@@ -209,64 +591,46 @@ def _flat(information: Array, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(name for name, part in zip(names, vectors[:, 0], strict=True) if abs(part) > 0.05)
 
 
-def _polished(search: Search, optimum: Optimum) -> Optimum:
-    """The end of SciPy's least squares from the minimum that was found, if it gets any lower."""
-    from scipy.optimize import least_squares
-
-    by_mu = np.zeros(1, dtype=bool)
-
-    @lru_cache(maxsize=2)  # SciPy asks for residuals and derivatives at the same place one after the other
-    def points(at: bytes) -> Points:
-        return search.points(np.frombuffer(at)[None], by_mu, search.likelihood)
-
-    def residual(at: Array) -> Array:
-        return points(at.tobytes()).residual.ravel()
-
-    def jacobian(at: Array) -> Array:
-        return points(at.tobytes()).jacobian.reshape(-1, search.p)
-
-    found = least_squares(
-        residual, optimum.at[0], jacobian, bounds=(search.low, search.high), method="dogbox", x_scale="jac",
-        ftol=1e-14, xtol=1e-14, gtol=1e-14, max_nfev=50,
-    )  # fmt: skip
-    chi2 = 2.0 * float(found.cost)
-    if not chi2 < optimum.chi2[0]:
-        return optimum
-    return Optimum(found.x[None], search.free(found.x[None], by_mu), np.array([chi2]))
+def _redundancies(points: Points, *, with_coefficients: bool = True) -> Array:
+    """Redundancy (n, q) of each value: 1 less what its own residual is taken up by the fit."""
+    A = points.slope
+    there = np.any(A != 0.0, axis=2) | np.any(points.jacobian != 0.0, axis=2) | (points.residual != 0.0)
+    hat = np.einsum("nqd,ndq->nq", A, np.linalg.pinv(A, rcond=1e-9))
+    if with_coefficients:
+        covariance = covariance_of(points.information)
+        if np.isfinite(covariance).all():
+            hat = hat + points.weight[:, None] * np.einsum(
+                "nqa,ab,nqb->nq", points.jacobian, covariance, points.jacobian
+            )
+    return np.where(there, np.clip(1.0 - hat, 0.0, 1.0), 0.0)
 
 
-def _bootstrap(
-    search: Search,
-    ends: Array,
-    optimum: Optimum,
-    number: int,
-    seed: int,
-    progress: Callable[[int], object] | None,
-) -> dict[str, Array]:
-    """Percentiles (2,) of each quantity over synthetic data sets."""
-    likelihood = search.likelihood
-    points = likelihood.at(optimum.free)
-    psi = points.psi[0]
-    fitted = likelihood.model.predict(likelihood.full(optimum.free), psi, likelihood.names)
-    rng = np.random.default_rng(seed)
-    # Other transitions to start from: twice the interval, as synthetic data can scatter beyond it.
-    low, high = ends[3]
-    transitions = np.clip(np.linspace(1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low, 6), 0.0, search.high[2])
-    starts = np.repeat(optimum.at, 1 + len(transitions), axis=0)
-    starts[1:, 2] = transitions
-    found: list[Array] = []
-    for begin in range(0, number, _CHUNK):
-        sets = min(_CHUNK, number - begin)
-        synthetic = likelihood.of(
-            psi + likelihood.s_psi * rng.standard_normal((sets, len(psi))),
-            fitted + likelihood.s * rng.standard_normal((sets, *fitted.shape)),
-        )
-        rows = np.repeat(np.arange(sets), len(starts))
-        ended = search.descend(np.tile(starts, (sets, 1)), likelihood=synthetic.take(rows))
-        best = np.argmin(ended.chi2.reshape(sets, -1), axis=1) + np.arange(sets) * len(starts)
-        found.append(np.column_stack([ended.free[best], ended.at[best, 2]]))
-        if progress is not None:
-            progress(sets)
-    tail = 0.5 * (1.0 - CONFIDENCE)
-    percentiles = np.quantile(np.concatenate(found), [tail, 1.0 - tail], axis=0)
-    return dict(zip((*likelihood.free, "psi_transit"), percentiles.T, strict=True))
+def _factors(problem: Problem, points: Points, groups: tuple[str, ...]) -> dict[str, float]:
+    """By what to multiply the errors of groups, so that their squared residuals are as many as their redundancy."""
+    redundancy = _redundancies(points)
+    squares = points.weight[:, None] * points.residual**2
+    found = {}
+    for group in groups:
+        members = [i for i, each in enumerate(problem.groups) if each == group]
+        share = float(np.sum(redundancy[:, members]))
+        ratio = float(np.sum(squares[:, members])) / max(share, 1e-12)
+        if share < 0.5:
+            raise InputError(
+                f"the residuals do not tell the error of {group}: give it, as by --error {group}=VALUE"
+            )
+        found[group] = float(np.clip(np.sqrt(max(ratio, 1e-12)), 0.05, 20.0))
+    return found
+
+
+def _group_errors(problem: Problem, groups: tuple[str, ...]) -> dict[str, float]:
+    of = {}
+    for group in groups:
+        members = [i for i, each in enumerate(problem.groups) if each == group]
+        values = np.where(problem.known[:, members], np.nan, problem.s[:, members])
+        of[group] = float(np.nanmedian(values))
+    return of
+
+
+def _own_residuals(problem: Problem, law: Law, values: Array, x: Array) -> Array:
+    """Residuals (n, q) over their errors, at the true motion; 0 where a value is missing."""
+    return np.nan_to_num((problem.y - problem.predict(law, values, x)) / problem.s)

@@ -1,94 +1,61 @@
-"""What a law predicts for an impact of one disk on another at rest: the forward model of `ifrdem.fit`.
+"""Measured quantities as functions of the true motion before an impact: the forward models of `ifrdem.fit`.
 
-The numbers come from `ifrdem.kernels.law.collide_pair`, for many coefficients and angles in one call.
+Every impact has latent coordinates x, its true motion before, from which a law gives everything that was
+measured. The first is the angle of incidence chi at the contact, tan chi = g_t / g_n: at fixed coefficients a
+law of friction changes its regime at fixed chi, so that predictions are smooth between these angles in all
+coordinates. A table of angles has no other.
 """
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..model.ifr import STICKING
+from ..model.ifr import Regime
+from .laws import LARGEST, SMALLEST, Law
 
 Array = NDArray[np.float64]
-Sticking = Literal["percussion_center", "contact_point"]
+Index = NDArray[np.int64]
 
 
 class Quantity(NamedTuple):
-    """A measured quantity: its symbol in a picture, its unit, what it is, and the values it can have.
-
-    `unit` is "deg" or "1". A value lies from `low` to `high`, above 0 if `low` is 0.
-    """
+    """A measured quantity: its symbol in a picture, its unit, "deg" or "1", and its lowest and highest values."""
 
     symbol: str
     unit: str
-    about: str
-    low: float
-    high: float
+    low: float = -math.inf
+    high: float = math.inf
 
 
 MEASURED: Mapping[str, Quantity] = {
-    "delta_1": Quantity(
-        r"$\delta_1$",
-        "deg",
-        "direction of disk 1 after the impact, from the line of centres; above 90 where it bounces back",
-        -180.0,
-        180.0,
-    ),
-    "delta_2": Quantity(
-        r"$\delta_2$",
-        "deg",
-        "direction of disk 2 after the impact, from the line of centres",
-        -90.0,
-        90.0,
-    ),
-    "Rw_2": Quantity(
-        r"$R_2 \omega_2 / v_o$",
-        "1",
-        "rim speed of disk 2 after the impact, clockwise positive, over the speed before",
-        -math.inf,
-        math.inf,
-    ),
-    "sqrt_d2_d1": Quantity(
-        r"$\sqrt{d_2 / d_1}$",
-        "1",
-        "square root of the ratio of the stopping distances, taken as v_2 / v_1 (Eq. 29)",
-        0.0,
-        math.inf,
-    ),
-    "e_t_apparent": Quantity(
-        r"$e_t^*$",
-        "1",
-        "apparent tangential restitution: slip of the contact after the impact over that before, times -1",
-        -math.inf,
-        math.inf,
-    ),
+    "delta_1": Quantity(r"$\delta_1$", "deg", -180.0, 180.0),
+    "delta_2": Quantity(r"$\delta_2$", "deg", -90.0, 90.0),
+    "Rw_2": Quantity(r"$R_2 \omega_2 / v_o$", "1"),
+    "sqrt_d2_d1": Quantity(r"$\sqrt{d_2 / d_1}$", "1", 0.0),
+    "rebound": Quantity(r"$\delta_r$", "deg", -180.0, 180.0),
+    "rebound_contact": Quantity(r"$\delta_c$", "deg", -90.0, 90.0),
+    "v_t_ratio": Quantity(r"$v_{1t}'/v_{1t}$", "1"),
+    "Rw_1": Quantity(r"$R_1 \omega_1 / v_o$", "1"),
+    "e_t_apparent": Quantity(r"$e_t^*$", "1"),
 }
 """The quantities that can be fitted, by the names of their columns."""
-
-COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
-"""The order of coefficients in every array of them."""
-
-# At psi = 0 nothing slips, and e_t*, a ratio of slips, has only a limit: this [rad] is as good as 0.
-SMALLEST, LARGEST = 1e-7, 0.5 * math.pi - 1e-7
-_STEEP = 1e12  # a friction coefficient with which every impact sticks
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """The two disks: disk 1 hits disk 2, which is at rest; neither spins.
+    """The two disks of a table of angles: disk 1 hits disk 2, which is at rest; neither spins.
 
     Attributes
     ----------
     M : float
-        Mass ratio m_1 / m_2 [1].
+        Mass ratio m_1 / m_2 [1]; 0 for a wall or a fixed disk 2.
     k_1, k_2 : float
         Shape numbers in I = m R^2 / k: 2 homogeneous disk, 1 hoop.
     R_1, R_2 : float or None
@@ -118,7 +85,7 @@ class Pair:
         wrong = [
             f"{name} = {value}: a positive finite number is needed"
             for name, value in values.items()
-            if value is not None and not 0.0 < value < math.inf
+            if value is not None and not (0.0 < value < math.inf or (name == "M" and value == 0.0))
         ]
         if (self.R_1 is None) != (self.R_2 is None):
             wrong.append("R_1, R_2: both radii are needed, or none")
@@ -127,7 +94,7 @@ class Pair:
 
     @property
     def has_radii(self) -> bool:
-        """Whether the radii are known."""
+        """True if the radii are known."""
         return self.R_1 is not None
 
     @property
@@ -135,105 +102,385 @@ class Pair:
         """R_1 and R_2 [length]; 1 and 1 if unknown, which nothing but rolling friction notices."""
         return (1.0, 1.0) if self.R_1 is None or self.R_2 is None else (self.R_1, self.R_2)
 
-    @property
-    def r(self) -> float:
-        """2 R_1 R_2 / (R_1 + R_2) [length], below Eq. 32."""
-        R_1, R_2 = self.radii
-        return 2.0 * R_1 * R_2 / (R_1 + R_2)
+
+class RowError(InputError):
+    """An impact that is wrong: its index, and the complaint."""
+
+    def __init__(self, row: int, text: str) -> None:
+        super().__init__(f"row {row + 1}: {text}")
+        self.row, self.text = row, text
 
 
-@dataclass(frozen=True)
-class Model:
-    """Predictions for a pair of disks with one kind of sticking.
+_EXACT = 1e-4  # an error of a known value, over the least one of its kind: its part of chi2 is 1e-8
+
+
+class Problem:
+    """Impacts as a fit sees them: n of them, with q quantities and d latent coordinates.
 
     Attributes
     ----------
-    pair : Pair
-        The disks.
-    sticking : {"percussion_center", "contact_point"}
-        As in `IFRLaw`.
+    names : tuple of str
+        The quantities, of which the first is the angle of impact or the direction of the normal.
+    y : array (n, q)
+        Measured values, NaN where one is missing.
+    white : array (n, q, q)
+        W with W^T W the inverse of the covariance; rows of 0 for what is missing. A residual is W (y - h).
+    start : array (n, d)
+        Latent coordinates by what was measured before the impact.
+    spread : array (n,)
+        Standard error of the first of them, as far as measured before the impact; infinite if it was not.
+    step : array (d,)
+        Of a one-sided difference.
+    redundancy : array (n,)
+        Number of values measured beyond those that the latent coordinates take.
+    estimated : tuple of str
+        Groups of quantities whose error the residuals are to tell.
     """
 
-    pair: Pair
-    sticking: Sticking
+    start: Array
+    spread: Array
+    step: Array
+    low, high = -LARGEST, LARGEST
 
-    @cached_property
-    def stick(self) -> float:
-        """c: the impulse of friction that sticks, over m_n g_t; 1/2 (Eq. 15) or m_t/m_n (Eq. 12)."""
-        # At 45 degrees, where g_t = g_n, with e_n = 0 (P_n = m_n g_n) and e_t = -1 (P_t = P_f).
-        out = _collide(self, np.array([0.0, -1.0, _STEEP, 0.0]), np.array(0.25 * math.pi))
-        return float(out[7] / out[6])
+    def __init__(
+        self,
+        names: Sequence[str],
+        y: Array,
+        s: Array,
+        groups: Sequence[str],
+        covariance: Mapping[tuple[int, int], Array] | None = None,
+    ) -> None:
+        self.names, self.y, self.groups = tuple(names), y, tuple(groups)
+        there = ~np.isnan(y)
+        unknown = np.isnan(s) & there
+        self.estimated = tuple(
+            dict.fromkeys(g for g, each in zip(groups, unknown.T, strict=True) if each.any())
+        )
+        for group in self.estimated:  # of any size at first; then `scaled`
+            members = [i for i, each in enumerate(groups) if each == group]
+            s[:, members] = np.where(unknown[:, members], self.first_guess(group), s[:, members])
+        self.known = there & (s == 0.0)
+        for i, group in enumerate(groups):
+            alike = s[:, [j for j, each in enumerate(groups) if each == group]]
+            alike = alike[(alike > 0.0)]
+            least = np.min(alike) if alike.size else self.first_guess(group) * 1e-2
+            s[:, i] = np.where(self.known[:, i], _EXACT * least, s[:, i])
+        self.s = np.where(there, s, np.nan)
+        self.white = _whitening(self.s, covariance or {}, self.names)
+        self.rows: Index = np.arange(len(y))
 
-    def predict(self, coefficients: Array, psi: Array, names: Sequence[str]) -> Array:
-        """Predicted values.
+    def first_guess(self, group: str) -> float:
+        """An error to begin with, where it is to be estimated."""
+        raise NotImplementedError
 
-        Parameters
-        ----------
-        coefficients : array (..., 4)
-            e_n, e_t, mu [1] and rho [length]. They are not examined: a fit has to pass through any values.
-        psi : array (...)
-            Impact angles [rad], above 0 and below pi/2; its axes broadcast against those of `coefficients`.
-        names : sequence of str
-            Keys of `MEASURED`.
+    def motion(self, x: Array, rows: Index) -> tuple[Any, ...]:
+        """Arguments of `relative_motion` at latent coordinates (..., m, d) of the impacts `rows` (m,)."""
+        raise NotImplementedError
 
-        Returns
-        -------
-        array (..., len(names))
-            In the order of `names`; angles in degrees.
-        """
-        v_1n, v_1t, w_1, v_2n, v_2t, w_2, *_ = _collide(self, coefficients, psi)
-        R_1, R_2 = self.pair.radii
+    def observe(self, x: Array, out: Sequence[Array], motion: Sequence[Array]) -> list[Array]:
+        """Values of every quantity, each (..., m)."""
+        raise NotImplementedError
+
+    def predict(self, law: Law, values: Array, x: Array, rows: Index | None = None) -> Array:
+        """Values (..., m, q) of all quantities by a law with free coefficients (..., p)."""
+        where = self.rows if rows is None else rows
+        motion = self.motion(x, where)
+        found = self.observe(x, law.collide(values, motion), motion)
+        return np.stack(np.broadcast_arrays(*found), axis=-1)
+
+    def probe(self) -> tuple[Any, ...]:
+        """A motion of each impact with g_n = g_t = 1."""
+        raise NotImplementedError
+
+    def reach(self) -> Array:
+        """r = 2 R_1 R_2 / (R_1 + R_2) of each impact, (n,) or (1,)."""
+        motion = self.probe()
+        return np.asarray(2.0 * motion[3] * motion[9] / (motion[3] + motion[9]))
+
+    def edges(self, law: Law, values: Array) -> Array:
+        """Angles of incidence [rad] between which predictions are smooth, ascending: (..., n, e)."""
+        inner = law.transitions(values, self.probe(), self.reach())
+        if self.low < 0.0:
+            inner = [*inner, *(-each for each in inner)]
+        shape = (*values.shape[:-1], len(self.y))
+        ends = [
+            np.full(shape, self.low),
+            *(np.broadcast_to(each, shape) for each in inner),
+            np.full(shape, self.high),
+        ]
+        return np.clip(np.sort(np.stack(ends, axis=-1), axis=-1), self.low, self.high)
+
+    def regimes(self, law: Law, values: Array, x: Array) -> NDArray[np.int8]:
+        """Values of `Regime` at latent coordinates (n, d)."""
+        *_, sticks, rolls = law.collide(values, self.motion(x, self.rows))
+        regime = 1 + np.asarray(sticks, dtype=np.int8)
+        if float(law.full(values).get("rho", np.zeros(1))[0]) > 0.0:
+            regime = np.where(rolls > 0.0, regime + 2, regime + 4)
+        if not law.has_transition:
+            regime = np.full(len(self.y), Regime.SEPARATING)
+        elif law.sticking is None:
+            chi, (edge, *_) = x[:, 0], law.transitions(values, self.probe(), self.reach())
+            regime = np.where(np.abs(chi) < edge, Regime.STICKING, Regime.SLIDING)
+        return np.asarray(regime, dtype=np.int8)
+
+    def take(self, rows: Index) -> Problem:
+        """Some of the impacts."""
+        other = copy.copy(self)
+        for name in ("y", "s", "white", "known", "start", "spread", "redundancy"):
+            setattr(other, name, getattr(self, name)[rows])
+        other.rows = np.arange(len(rows))
+        return other
+
+    def of(self, y: Array) -> Problem:
+        """Other measured values (n, q), with the same errors."""
+        other = copy.copy(self)
+        other.y = np.where(np.isnan(self.y), np.nan, y)
+        other.begin()
+        return other
+
+    def scaled(self, factors: Mapping[str, float]) -> Problem:
+        """Errors of groups of quantities multiplied by factors."""
+        other = copy.copy(self)
+        by = np.array([factors.get(group, 1.0) for group in self.groups])
+        other.s, other.white = self.s * by, self.white / by
+        other.begin()
+        return other
+
+    def begin(self) -> None:
+        """Set `start`, `spread` and `step` from the values and errors."""
+        raise NotImplementedError
+
+    def at(self, law: Law, values: Array, psi: Array) -> Problem:
+        """Impacts without error at angles of incidence [rad], otherwise as typical ones of these."""
+        raise NotImplementedError
+
+    def set_redundancy(self, law: Law, values: Array) -> None:
+        """Count, by the rank of the derivatives, the values beyond those that latent coordinates take."""
+        x = np.clip(self.start, [self.low + 0.1, *[-np.inf] * (self.start.shape[1] - 1)], np.inf)
+        slope = self.white @ latent_slope(self, law, values, x, self.rows, np.ones(len(x)))[1]
+        scale = np.sqrt(np.sum(slope**2, axis=1, keepdims=True))
+        rank = np.linalg.matrix_rank(slope / np.where(scale > 0.0, scale, 1.0), tol=1e-7)
+        self.redundancy = np.sum(~np.isnan(self.y), axis=1) - rank
+
+
+def latent_slope(
+    problem: Problem, law: Law, values: Array, x: Array, rows: Index, side: Array
+) -> tuple[Array, Array]:
+    """The prediction (m, q), and its derivatives (m, q, d) by the latent coordinates.
+
+    Differences are one-sided, those of the first coordinate to the side `side` (m,) = +-1.
+    """
+    d = x.shape[-1]
+    steps = np.eye(d)[:, None, :] * problem.step * np.where(np.arange(d) == 0, side[:, None], 1.0)
+    f = problem.predict(law, values, np.concatenate([x[None], x + steps]), rows)
+    found = (f[1:] - f[0]) / np.sum(steps, axis=-1)[..., None]
+    return f[0], np.moveaxis(found, 0, -1)
+
+
+def _whitening(s: Array, covariance: Mapping[tuple[int, int], Array], names: Sequence[str]) -> Array:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.where(np.isnan(s), 0.0, 1.0 / s)
+    white = inverse[..., None] * np.eye(s.shape[1])
+    if not covariance:
+        return np.asarray(white)
+    correlation = np.tile(np.eye(s.shape[1]), (len(s), 1, 1))
+    for (a, b), value in covariance.items():
+        part = np.nan_to_num(value) * inverse[:, a] * inverse[:, b]
+        correlation[:, a, b] = correlation[:, b, a] = part
+    least = np.linalg.eigvalsh(correlation)[:, 0]
+    if np.any(least <= 1e-9):
+        pairs = ", ".join(f"{names[a]} and {names[b]}" for a, b in covariance)
+        text = f"covariance of {pairs}: larger than the errors allow, no covariance matrix is so"
+        raise RowError(int(np.argmin(least)), text)
+    return np.linalg.inv(np.linalg.cholesky(correlation)) @ white
+
+
+class AngleProblem(Problem):
+    """A table of angles; the latent coordinate is the true impact angle psi [rad]."""
+
+    low, high = SMALLEST, LARGEST
+
+    def __init__(self, names: Sequence[str], y: Array, s: Array, groups: Sequence[str], pair: Pair) -> None:
+        self.pair = pair
+        if pair.M == 0.0 and (gone := {"delta_2", "Rw_2", "sqrt_d2_d1"} & set(names)):
+            raise InputError(f"{', '.join(sorted(gone))}: not of a wall (M = 0), which does not move")
+        super().__init__(names, y, s, groups)
+        self.begin()
+
+    def first_guess(self, group: str) -> float:
+        """A degree, or a fiftieth."""
+        return 1.0 if group == "angles" else 0.02
+
+    def begin(self) -> None:
+        """The measured impact angle."""
+        self.start = np.clip(np.radians(self.y[:, :1]), SMALLEST, LARGEST)
+        self.spread = np.radians(self.s[:, 0])
+        self.step = np.array([1e-6])
+
+    def motion(self, x: Array, rows: Index) -> tuple[Any, ...]:
+        """m_1 = 1, v_o = 1, and the line of centres along x."""
+        pair, (R_1, R_2), psi = self.pair, self.pair.radii, x[..., 0]
+        return (
+            *(1.0, 0.0),
+            *(1.0, R_1, pair.k_1, np.cos(psi), np.sin(psi), 0.0),
+            *(pair.M, R_2, pair.k_2, 0.0, 0.0, 0.0),  # 1/m_2 = M for m_1 = 1
+        )
+
+    def probe(self) -> tuple[Any, ...]:
+        """At 45 degrees."""
+        return self.motion(np.full((1, 1), 0.25 * math.pi), self.rows[:1])
+
+    def observe(self, x: Array, out: Sequence[Array], motion: Sequence[Array]) -> list[Array]:
+        """Values of every quantity."""
+        v_1n, v_1t, w_1, v_2n, v_2t, w_2, *_ = out
+        psi, (R_1, R_2) = x[..., 0], self.pair.radii
+        slip = v_1t + R_1 * w_1 - v_2t + R_2 * w_2
         given = {
+            "psi": lambda: np.degrees(psi),
             "delta_1": lambda: np.degrees(np.arctan2(v_1t, v_1n)),
             "delta_2": lambda: np.degrees(np.arctan2(v_2t, v_2n)),
             "Rw_2": lambda: -R_2 * w_2,
             "sqrt_d2_d1": lambda: np.hypot(v_2n, v_2t) / np.hypot(v_1n, v_1t),
-            "e_t_apparent": lambda: -(v_1t + R_1 * w_1 - v_2t + R_2 * w_2) / np.sin(psi),
+            "rebound": lambda: np.degrees(np.arctan2(v_1t, -v_1n)),
+            "rebound_contact": lambda: np.degrees(np.arctan2(slip, v_2n - v_1n)),
+            "v_t_ratio": lambda: v_1t / np.sin(psi),
+            "Rw_1": lambda: -R_1 * w_1,
+            "e_t_apparent": lambda: -slip / np.sin(psi),
         }
-        return np.stack([given[name]() for name in names], axis=-1)
+        return [given[name]() for name in self.names]
 
-    def tan_transition(self, coefficients: Array) -> Array:
-        """tan psi where sliding turns into sticking (Eqs. 24, 25, for any k), of coefficients (..., 4)."""
-        return np.asarray(coefficients[..., 2] * (1.0 + coefficients[..., 0]) / self.stick)
-
-    def mu_of_transition(self, e_n: Array, tan_psi: Array) -> Array:
-        """The mu whose `tan_transition` is `tan_psi`."""
-        return np.asarray(tan_psi * self.stick / (1.0 + e_n))
-
-    def edges(self, coefficients: Array, *, rolling: bool) -> Array:
-        """Angles [rad] between which predictions are smooth, ascending: (..., 3), with rolling friction (..., 4).
-
-        The first and the last are `SMALLEST` and `LARGEST`; between them the change from sticking to sliding
-        and, with `rolling`, that from nonrolling to rolling (Eqs. 31 and 32 equal).
-        """
-        inner = [np.arctan(self.tan_transition(coefficients))]
-        if rolling:
-            rho = coefficients[..., 3]
-            m_t = Model(self.pair, "contact_point").stick  # over m_n, by Eq. 12
-            inner.append(np.arctan(rho * (1.0 + coefficients[..., 0]) / (self.pair.r * m_t)))
-        inside = np.clip(np.sort(np.stack(inner, axis=-1), axis=-1), SMALLEST, LARGEST)
-        ends = np.broadcast_to([SMALLEST, LARGEST], (*inside.shape[:-1], 2))
-        return np.concatenate([ends[..., :1], inside, ends[..., 1:]], axis=-1)
-
-    def regimes(self, coefficients: Array, psi: Array) -> NDArray[np.int8]:
-        """Values of `Regime` at impact angles (n,) [rad] for one set of coefficients (4,)."""
-        *_, sticks, rolls = _collide(self, coefficients, psi)
-        regime = 1 + np.asarray(sticks, dtype=np.int8)
-        if coefficients[3] > 0.0:
-            regime = np.where(rolls > 0.0, regime + 2, regime + 4)
-        return regime.astype(np.int8)
+    def at(self, law: Law, values: Array, psi: Array) -> AngleProblem:
+        """Impacts without error at angles of incidence [rad], of the typical errors of these."""
+        s = np.broadcast_to(np.nanmedian(self.s, axis=0), (len(psi), len(self.names))).copy()
+        blank = AngleProblem(self.names, np.zeros_like(s), s, self.groups, self.pair)
+        return AngleProblem(self.names, blank.predict(law, values, psi[:, None]), s, self.groups, self.pair)
 
 
-def _collide(model: Model, coefficients: Array, psi: Array) -> tuple[Array, ...]:
-    """The output of `collide_pair` for m_1 = 1, v_o = 1, and the line of centres along x."""
-    from ..kernels.law import collide_pair  # imports Taichi, which is slow
+class CollisionProblem(Problem):
+    """Whole collisions; latent coordinates are
 
-    e_n, e_t, mu, rho = (coefficients[..., i] for i in range(4))
-    pair, (R_1, R_2) = model.pair, model.pair.radii
-    contact_point = float(model.sticking == STICKING[1])
-    found: tuple[Array, ...] = collide_pair(
-        *(e_n, e_t, mu, contact_point, rho, 1.0, 0.0),
-        *(1.0, R_1, pair.k_1, np.cos(psi), np.sin(psi), 0.0),
-        *(pair.M, R_2, pair.k_2, 0.0, 0.0, 0.0),  # 1/m_2 = M for m_1 = 1
-    )
-    return found
+    chi, direction of the normal [rad], |g| [length/time], velocity of the centre of mass (2) and both spins;
+    of a wall chi, direction of the normal, |g| and the spin of disk 1.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        y: Array,
+        s: Array,
+        groups: Sequence[str],
+        disk_1: Any,
+        disk_2: Any,
+        wall: Sequence[Array],
+        covariance: Mapping[tuple[int, int], Array],
+    ) -> None:
+        n = len(y)
+        one, two = (
+            [
+                np.broadcast_to(np.asarray(getattr(disk, key), dtype=np.float64), (n,))
+                for key in ("mass", "radius", "k")
+            ]
+            for disk in (disk_1, disk_2)
+        )
+        self.wall = bool(wall)
+        zero = np.zeros(n)
+        v_x, v_y, w = wall if wall else (zero, zero, zero)
+        R_2 = one[1] if self.wall else two[1]
+        self.of_disks = np.stack([1.0 / one[0], one[1], one[2], 1.0 / two[0], R_2, two[2], v_x, v_y, w])
+        speeds = np.abs(y[:, [i for i, name in enumerate(names) if name[0] == "v"]])
+        self.speed = float(np.nanmedian(speeds[speeds > 0.0])) if np.any(speeds > 0.0) else 1.0
+        super().__init__(names, y, s, groups, covariance)
+        self.begin()
+
+    def first_guess(self, group: str) -> float:
+        """A hundredth, of a speed of the table."""
+        typical = {"velocities": self.speed, "spins": self.speed / float(np.median(self.of_disks[1]))}
+        return 0.01 * typical.get(group, 1.0)
+
+    def take(self, rows: Index) -> Problem:
+        """Some of the collisions."""
+        other = super().take(rows)
+        assert isinstance(other, CollisionProblem)
+        other.of_disks = self.of_disks[:, rows]
+        return other
+
+    def begin(self) -> None:
+        """By the motion before; what was not measured is taken from after, or is 0."""
+        columns = dict(zip(self.names, self.y.T, strict=True))
+        errors = dict(zip(self.names, self.s.T, strict=True))
+        im_1, R_1, _, im_2, R_2, _, *wall = self.of_disks
+
+        def before(name: str) -> Array:
+            value = columns[name]
+            return np.nan_to_num(np.where(np.isnan(value), columns[f"{name}_after"], value))
+
+        v_1x, v_1y, w_1 = (before(name) for name in ("vx_1", "vy_1", "spin_1"))
+        v_2x, v_2y, w_2 = wall if self.wall else [before(name) for name in ("vx_2", "vy_2", "spin_2")]
+        phi = np.nan_to_num(columns["normal"])
+        n_x, n_y = np.cos(phi), np.sin(phi)
+        g_n = (v_1x - v_2x) * n_x + (v_1y - v_2y) * n_y
+        g_t = (v_1y - v_2y) * n_x - (v_1x - v_2x) * n_y + R_1 * w_1 + R_2 * w_2
+        G = np.maximum(np.hypot(g_n, g_t), 1e-6 * self.speed)
+        measured = [
+            name
+            for name in ("normal", "vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
+            if name in self.names
+        ]
+        whole = np.all([~np.isnan(columns[name]) for name in measured], axis=0)
+        apart = g_n < -4.0 * np.nan_to_num(errors["vx_1"] + errors["vy_1"]) - 0.05 * G
+        self.separating = whole & (apart | ((g_n == 0.0) & (g_t == 0.0)))
+        chi = np.clip(np.arctan2(g_t, np.maximum(g_n, 0.05 * G)), -LARGEST, LARGEST)
+        share = im_1 / (im_1 + im_2)  # m_2 / (m_1 + m_2)
+        if self.wall:
+            self.start = np.stack([chi, phi, G, w_1], axis=-1)
+        else:
+            x, y = v_1x - share * (v_1x - v_2x), v_1y - share * (v_1y - v_2y)
+            self.start = np.stack([chi, phi, G, x, y, w_1, w_2], axis=-1)
+        variance = sum(np.nan_to_num(errors[name], nan=np.inf) ** 2 * by**2 for name, by in
+                       [(name, {"spin_1": R_1, "spin_2": R_2}.get(name, 1.0)) for name in measured[1:]])  # fmt: skip
+        self.spread = np.where(whole, np.sqrt(variance) / G + errors["normal"], np.inf)
+        spin = self.speed / float(np.median(R_1))
+        scale = [1.0, 1.0, self.speed, spin] if self.wall else [1.0, 1.0, *[self.speed] * 3, spin, spin]
+        self.step = 1e-6 * np.array(scale)
+
+    def motion(self, x: Array, rows: Index) -> tuple[Any, ...]:
+        """n, and each disk's mass, radius, k, velocity and spin before the impact."""
+        im_1, R_1, k_1, im_2, R_2, k_2, v_x, v_y, w_2 = self.of_disks[:, rows]
+        chi, phi, G = (x[..., i] for i in range(3))
+        w_1 = x[..., -1] if self.wall else x[..., 5]
+        w_2 = w_2 if self.wall else x[..., 6]
+        n_x, n_y = np.cos(phi), np.sin(phi)
+        dv_n, dv_t = G * np.cos(chi), G * np.sin(chi) - R_1 * w_1 - R_2 * w_2
+        dv_x, dv_y = dv_n * n_x - dv_t * n_y, dv_n * n_y + dv_t * n_x
+        if self.wall:
+            ends = (v_x + dv_x, v_y + dv_y, v_x, v_y)
+        else:
+            share = im_1 / (im_1 + im_2)
+            X, Y = x[..., 3], x[..., 4]
+            ends = (X + share * dv_x, Y + share * dv_y, X - (1.0 - share) * dv_x, Y - (1.0 - share) * dv_y)
+        return (n_x, n_y, im_1, R_1, k_1, ends[0], ends[1], w_1, im_2, R_2, k_2, ends[2], ends[3], w_2)
+
+    def probe(self) -> tuple[Any, ...]:
+        """g_n = g_t = 1, without spins."""
+        one = np.zeros_like(self.start)
+        one[:, 0], one[:, 2] = 0.25 * math.pi, math.sqrt(2.0)
+        return self.motion(one, self.rows)
+
+    def observe(self, x: Array, out: Sequence[Array], motion: Sequence[Array]) -> list[Array]:
+        """Direction of the normal, motion before and after."""
+        before = (*motion[5:8], *(() if self.wall else motion[11:14]))
+        return [x[..., 1], *before, *out[: len(before)]]
+
+    def at(self, law: Law, values: Array, psi: Array) -> CollisionProblem:
+        """Collisions without error at angles of incidence [rad], otherwise as a typical one of these."""
+        fullest = int(np.argmax(np.sum(~np.isnan(self.y), axis=1)))
+        other = self.take(np.full(len(psi), fullest))
+        assert isinstance(other, CollisionProblem)
+        x = other.start.copy()
+        x[:, 0], x[:, 2] = psi, np.median(self.start[:, 2])
+        there = ~np.isnan(other.y)
+        other.s = np.where(there, np.nanmedian(self.s, axis=0), np.nan)
+        other.white = _whitening(other.s, {}, self.names)
+        other.y = np.where(there, other.predict(law, values, x), np.nan)
+        other.begin()
+        return other

@@ -1,4 +1,4 @@
-"""A fit as text, as JSON and as a material of a case file."""
+"""A fit as text, as JSON, as a material of a case file and as drawn coefficients."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import json
 import math
 import textwrap
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from ..errors import InputError
-from ..model.ifr import STICKING
+from .data import Data
 from .model import MEASURED
-from .result import Closure, Estimate, Fit, Interval
+from .result import Estimate, Fit, Fitted, Interval
 
-KIND = {STICKING[0]: "percussion centre (Eq. 15)", STICKING[1]: "contact point (Eq. 12)"}
 _UNITS = {"psi_transit": "deg", "rho": "length"}
 _DIGITS = 6  # of the coefficients in a material, after the point
 
 
 def table(fit: Fit) -> str:
-    """The figures of both kinds of sticking as text.
+    """The figures of every law as text.
 
     Examples
     --------
@@ -29,67 +29,128 @@ def table(fit: Fit) -> str:
     >>> from pathlib import Path
     >>> _ = Path("data.csv").write_text(fit.example())
     >>> data = fit.read("data.csv", {"angles": 0.7})
-    >>> fit.table(fit.fit(data, M=1.0)).splitlines()[0]
+    >>> fit.table(fit.fit(data, M=1.0, model=["smooth"])).splitlines()[0]
     'data.csv: 18 impacts, psi 4.24 to 71.43 degrees; fitted: delta_1, delta_2'
     """
-    data, pair = fit.data, fit.pair
-    angles = "" if not pair.has_radii else f", R_1 = {pair.R_1:g}, R_2 = {pair.R_2:g}"
+    data, first = fit.data, next(iter(fit.laws.values()))
+    noun = "impacts" if isinstance(data, Data) else "collisions with a wall" if data.wall else "collisions"
+    psi = np.abs(data.psi if isinstance(data, Data) else first.psi)
     lines = [
-        f"{data.source}: {len(data)} impacts, psi {np.min(data.psi):.4g} to {np.max(data.psi):.4g} degrees; fitted: "
+        f"{data.source}: {len(data)} {noun}, psi {np.min(psi):.4g} to {np.max(psi):.4g} degrees; fitted: "
         f"{', '.join(data.names)}",
-        f"M = {pair.M:.6g}, k_1 = {pair.k_1:g}, k_2 = {pair.k_2:g}{angles}",
-        f"errors (one sigma): {', '.join(_errors(fit))}",
+        *_disks(fit),
     ]
-    for kind, closure in fit.closures.items():
-        mark = (
-            "   <- preferred by the data"
-            if kind == fit.best and fit.decided and len(fit.closures) > 1
-            else ""
-        )
-        lines += ["", f"sticking: {KIND[kind]}{mark}", *_closure(closure)]
+    likelihood = "" if fit.robust is None else f"; Student-t likelihood with nu = {fit.robust:g}"
+    if not first.errors:
+        lines.append(f"errors (one sigma): {', '.join(_errors(fit))}{likelihood}")
+    if len(fit.laws) > 1:
+        lines += ["", *_comparison(fit)]
+    for name, fitted in fit.laws.items():
+        mark = "   <- preferred by the data" if name == fit.best and fit.decided and len(fit.laws) > 1 else ""
+        lines += ["", f"{name}: {fitted.law.about}{mark}"]
+        if fitted.errors:
+            told = ", ".join(
+                f"{group} {each:.3g}{_unit(fit, group)}" for group, each in fitted.errors.items()
+            )
+            lines.append(f"  errors by the residuals (one sigma): {told}{likelihood}")
+        lines += _fitted(fit, fitted)
     if fit.warnings:
         lines += ["", *_wrapped(fit.warnings)]
     return "\n".join(lines)
 
 
+def _disks(fit: Fit) -> Iterator[str]:
+    if fit.pair is not None:
+        pair = fit.pair
+        radii = "" if not pair.has_radii else f", R_1 = {pair.R_1:g}, R_2 = {pair.R_2:g}"
+        wall = " (a wall)" if pair.M == 0.0 else ""
+        yield f"M = {pair.M:.6g}{wall}, k_1 = {pair.k_1:g}, k_2 = {pair.k_2:g}{radii}"
+        return
+    assert not isinstance(fit.data, Data)
+    for number, disk in ((1, fit.data.disk_1), (2, fit.data.disk_2)):
+        if number == 2 and fit.data.wall:
+            yield "disk 2: a wall or fixed disk"
+            continue
+        each = (
+            f"{key} {np.min(value):.6g}" + (f" to {np.max(value):.6g}" if np.ptp(value) else "")
+            for key, value in (("mass", disk.mass), ("radius", disk.radius), ("k", disk.k))
+        )
+        yield f"disk {number}: {', '.join(each)}"
+
+
+def _unit(fit: Fit, name: str) -> str:
+    if name in ("angles", "psi") or (name in MEASURED and MEASURED[name].unit == "deg"):
+        return " deg"
+    return {"normal": " rad", "spins": " [rad/time]", "velocities": " [length/time]"}.get(name, "")
+
+
 def _errors(fit: Fit) -> Iterator[str]:
-    for name in ("psi", *fit.data.names):
-        error = fit.data.errors[name]
-        unit = " deg" if name == "psi" or MEASURED[name].unit == "deg" else ""
-        low, high = np.min(error), np.max(error)
-        yield f"{name} {low:.3g}{unit}" if low == high else f"{name} {low:.3g} to {high:.3g}{unit}"
+    problem = next(iter(fit.laws.values())).problem
+    for i, name in enumerate(problem.names):
+        error = np.where(problem.known[:, i], np.nan, problem.s[:, i])
+        if np.isnan(error).all():
+            continue
+        low, high = np.nanmin(error), np.nanmax(error)
+        alike = high - low <= 1e-6 * high
+        yield (
+            f"{name} {low:.3g}{_unit(fit, name)}"
+            if alike
+            else f"{name} {low:.3g} to {high:.3g}{_unit(fit, name)}"
+        )
 
 
-def _closure(closure: Closure) -> Iterator[str]:
-    boot = any(each.bootstrap for each in closure.estimates.values())
-    heading = (
-        f"  {'':<18}{'value':>10}{'std. error':>12}   {'95 % interval':<24}{'bootstrap' if boot else ''}"
-    )
+def _comparison(fit: Fit) -> Iterator[str]:
+    """Laws side by side."""
+    lowest = min(each.AIC for each in fit.laws.values())
+    lowest_BIC = min(each.BIC for each in fit.laws.values())
+    crossed = any(math.isfinite(each.cross_validation) for each in fit.laws.values())
+    last = "  -2 ln L of an unseen impact" if crossed else ""
+    yield f"  {'law':<18}{'p':>3}{'log-likelihood':>16}{'AIC - best':>12}{'BIC - best':>12}{'chi2 / dof':>18}{last}"
+    for name, each in fit.laws.items():
+        ratio = f"{each.chi2:.4g} / {each.dof}"
+        end = f"  {each.cross_validation:>12.4f}" if crossed else ""
+        yield (
+            f"  {name:<18}{len(each.law.free):>3}{each.log_likelihood:>16.2f}{each.AIC - lowest:>12.2f}"
+            f"{each.BIC - lowest_BIC:>12.2f}{ratio:>18}{end}"
+        )
+
+
+def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
+    boot = any(each.bootstrap for each in fitted.estimates.values())
+    heading = f"  {'':<18}{'value':>10}{'std. error':>12}   {f'{100.0 * fit.level:g} % interval':<24}{'bootstrap' if boot else ''}"  # noqa: E501
     yield heading.rstrip()
-    for name, each in closure.estimates.items():
+    for name, each in fitted.estimates.items():
         unit = f" [{_UNITS[name]}]" if name in _UNITS else ""
         row = f"  {name + unit:<18}{_short(each.value):>10}{_short(each.standard_error):>12}   "
         row += f"{_interval(each.interval):<24}" + (_interval(each.bootstrap) if each.bootstrap else "")
         yield row.rstrip()
-    if any(_at_limit(each) for each in closure.estimates.values()):
+    if any(_at_limit(each) for each in fitted.estimates.values()):
         yield "  *: a limit of what is allowed; the data set no end there"
-    names = closure.coefficients
+    held = {name: value for name, value in fitted.law.fixed.items() if name != "rho" or value}
+    if held:
+        yield "  fixed: " + ", ".join(f"{name} = {value:g}" for name, value in held.items())
+    names = fitted.law.free
     pairs = [(i, j) for i in range(len(names)) for j in range(i + 1, len(names))]
-    yield "  correlation: " + ", ".join(
-        f"{names[i]} {names[j]} {closure.correlation[i, j]:.2f}" for i, j in pairs
+    if pairs:
+        yield "  correlation: " + ", ".join(
+            f"{names[i]} {names[j]} {fitted.correlation[i, j]:.2f}" for i, j in pairs
+        )
+    tested = (
+        f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else " (by the errors)"
     )
     yield (
-        f"  chi2 = {closure.chi2:.4g} for {closure.dof} degrees of freedom, probability {closure.probability:.3g}; "
-        f"AIC = {closure.AIC:.2f}, BIC = {closure.BIC:.2f}"
+        f"  chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}; "
+        f"AIC = {fitted.AIC:.2f}, BIC = {fitted.BIC:.2f}"
     )
-    yield "  impacts: " + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in closure.count().items())
-    verdict = closure.admissibility
-    if verdict.strict:
+    if counted := fitted.count():
+        yield "  impacts: " + ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counted.items())
+    verdict = fitted.admissibility
+    if verdict is not None and verdict.strict:
         yield "  energy: no collision adds energy, nor do its tangential impulses alone"
-    else:
+    elif verdict is not None:
         words = "no collision adds energy" if verdict.admissible else "SOME COLLISIONS ADD ENERGY"
         yield f"  energy: {words}, see below"
-    yield from _wrapped(closure.warnings)
+    yield from _wrapped(fitted.warnings)
 
 
 def _wrapped(warnings: tuple[str, ...]) -> Iterator[str]:
@@ -122,51 +183,49 @@ def _at_limit(each: Estimate) -> bool:
 def figures(fit: Fit) -> dict[str, Any]:
     """Everything that was found as plain dictionaries, lists and numbers; what is not finite becomes None."""
 
-    def interval(each: Interval | None) -> dict[str, Any] | None:
-        if each is None:
-            return None
-        return {"low": each.low, "high": each.high, "low_open": each.low_open, "high_open": each.high_open}
-
-    def closure(each: Closure) -> dict[str, Any]:
+    def one(each: Fitted) -> dict[str, Any]:
+        verdict, free = each.admissibility, list(each.law.free)
+        residuals = dict(zip(each.problem.names, each.residuals.T.tolist(), strict=True))
+        plain = ("coefficients", "chi2", "probability", "log_likelihood", "AIC", "BIC", "cross_validation")
+        arrays = ("distance", "weight")
         return {
-            "estimates": {
-                name: {
-                    "value": found.value,
-                    "standard_error": found.standard_error,
-                    "interval_95": interval(found.interval),
-                    "bootstrap_95": interval(found.bootstrap),
-                }
-                for name, found in each.estimates.items()
-            },
+            "estimates": {name: asdict(found) for name, found in each.estimates.items()},
+            "sticking": each.law.sticking,
             "flat": list(each.flat),
-            "correlation": {"of": list(each.coefficients), "matrix": each.correlation.tolist()},
-            "chi2": each.chi2,
+            "covariance": {"of": free, "matrix": each.covariance.tolist()},
+            "correlation": {"of": free, "matrix": each.correlation.tolist()},
             "degrees_of_freedom": each.dof,
-            "probability": each.probability,
-            "AIC": each.AIC,
-            "BIC": each.BIC,
+            **{name: getattr(each, name) for name in plain},
+            "errors_by_residuals": dict(each.errors),
             "impacts": each.count(),
             "psi_fitted": each.psi.tolist(),
-            "adds_energy": not each.admissibility.admissible,
-            "tangential_impulses_alone_add_energy": not each.admissibility.strict,
-            "energy": each.admissibility.message,
+            "residuals": residuals,
+            **{name: getattr(each, name).tolist() for name in arrays},
+            "suspects": [asdict(suspect) for suspect in each.suspects],
+            "without": dict(each.without),
+            "adds_energy": None if verdict is None else not verdict.admissible,
+            "tangential_impulses_alone_add_energy": None if verdict is None else not verdict.strict,
+            "energy": "" if verdict is None else verdict.message,
             "warnings": list(each.warnings),
         }
 
     data, pair = fit.data, fit.pair
+    measured = {name: values.tolist() for name, values in data.measured.items()}
     return _finite(
         {
             "source": data.source,
-            "units": {"angles": "deg", "rho": "unit of the radii"},
-            "pair": {name: getattr(pair, name) for name in ("M", "k_1", "k_2", "R_1", "R_2")},
+            "units": {"angles": "deg", "normal": "rad", "rho": "unit of the radii"},
+            "pair": None if pair is None else asdict(pair),
             "data": {
-                "psi": data.psi.tolist(),
-                **{name: values.tolist() for name, values in data.measured.items()},
+                **({"psi": data.psi.tolist()} if isinstance(data, Data) else {}),
+                **measured,
                 "errors": {name: values.tolist() for name, values in data.errors.items()},
             },
+            "level": fit.level,
+            "robust": fit.robust,
             "best": fit.best,
             "decided": fit.decided,
-            "closures": {kind: closure(each) for kind, each in fit.closures.items()},
+            "laws": {name: one(each) for name, each in fit.laws.items()},
             "warnings": list(fit.warnings),
         }
     )
@@ -182,8 +241,8 @@ def as_json(fit: Fit) -> str:
     >>> _ = Path("data.csv").write_text(fit.example())
     >>> data = fit.read("data.csv", {"angles": 0.7})
     >>> import json
-    >>> sorted(json.loads(fit.as_json(fit.fit(data, M=1.0))))[:3]
-    ['best', 'closures', 'data']
+    >>> sorted(json.loads(fit.as_json(fit.fit(data, M=1.0, model=["smooth"]))))[:3]
+    ['best', 'data', 'decided']
     """
     return json.dumps(figures(fit), indent=2, allow_nan=False) + "\n"
 
@@ -197,7 +256,7 @@ def _finite(value: Any) -> Any:
 
 
 def material(fit: Fit, name: str) -> str:
-    """A `[[material]]` table of the better kind of sticking, for a case file.
+    """A `[[material]]` table of the best law, for a case file.
 
     Parameters
     ----------
@@ -215,32 +274,71 @@ def material(fit: Fit, name: str) -> str:
     >>> from pathlib import Path
     >>> _ = Path("data.csv").write_text(fit.example())
     >>> data = fit.read("data.csv", {"angles": 0.7})
-    >>> fit.material(fit.fit(data, M=1.0), "coins").splitlines()[0]
-    '# Fitted to 18 impacts of data.csv (delta_1, delta_2) by `ifrdem fit`; M = 1, k = 2 and 2.'
+    >>> fit.material(fit.fit(data, M=1.0, model=["brach"]), "coins").splitlines()[0]
+    '# Fitted to 18 impacts of data.csv (delta_1, delta_2) by `ifrdem fit`; M = 1, k_1 = 2, k_2 = 2.'
     """
-    closure = fit.closures[fit.best]
-    if not closure.admissibility.admissible:
+    fitted = fit.laws[fit.best]
+    if fitted.law.sticking is None:
         raise InputError(
-            f"no material is written, because no case would take it: {closure.admissibility.message}"
+            f"no material is written: a case knows the IFR law only, and {fit.best} fits best; --model chooses"
         )
+    verdict = fitted.admissibility
+    assert verdict is not None
+    if not verdict.admissible:
+        raise InputError(f"no material is written, because no case would take it: {verdict.message}")
     chosen = (
         "preferred by the data"
-        if fit.decided
-        else "not told from the other kind by the data: the paper's choice"
+        if fit.decided and len(fit.laws) > 1
+        else "as asked for"
+        if len(fit.laws) == 1
+        else "not told from other laws by the data: the first of these"
     )
+    tested = f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else ""
+    disks = "; ".join(_disks(fit))
     lines = [
-        f"# Fitted to {len(fit.data)} impacts of {fit.data.source} ({', '.join(fit.data.names)}) by `ifrdem fit`; M = "
-        f"{fit.pair.M:.6g}, k = {fit.pair.k_1:g} and {fit.pair.k_2:g}.",
-        f"# chi2 = {closure.chi2:.4g} for {closure.dof} degrees of freedom, probability {closure.probability:.3g}.",
-        *(f"# Warning: {each}" for each in closure.warnings),
-        "[[material]]",
-        f"name = {json.dumps(name, ensure_ascii=False)}",
+        f"# Fitted to {len(fit.data)} impacts of {fit.data.source} ({', '.join(fit.data.names)}) by "
+        f"`ifrdem fit`; {disks}.",
+        f"# {fit.best}, {chosen}. chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}.",
+        *(f"# Warning: {each}" for each in fitted.warnings),
+        *_material(name, fitted.coefficients, fitted),
     ]
-    for key in closure.coefficients:
-        each = closure.estimates[key]
-        unit = "[length, in the unit of the fitted radii]" if key == "rho" else "[1]"
-        value = float(round(each.value, _DIGITS)) if key != "rho" else float(f"{each.value:.{_DIGITS}g}")
-        ends = f"{_short(each.interval.low)} to {_short(each.interval.high)}"
-        lines.append(f"{key} = {value!r}  # {unit}, 95 % interval {ends}")
-    lines.append(f'sticking = "{closure.sticking}"  # {chosen}')
     return "\n".join(lines) + "\n"
+
+
+def _material(name: str, coefficients: dict[str, float], fitted: Fitted) -> list[str]:
+    lines = ["[[material]]", f"name = {json.dumps(name, ensure_ascii=False)}"]
+    for key, number in coefficients.items():
+        if key == "rho" and number == 0.0:
+            continue
+        unit = "[length, in the unit of the fitted radii]" if key == "rho" else "[1]"
+        value = float(round(number, _DIGITS)) if key != "rho" else float(f"{number:.{_DIGITS}g}")
+        about = "fixed"
+        if key in fitted.estimates:
+            each = fitted.estimates[key]
+            about = f"interval {_short(each.interval.low)} to {_short(each.interval.high)}"
+        lines.append(f"{key} = {value!r}  # {unit}, {about}")
+    return [*lines, f'sticking = "{fitted.law.sticking}"']
+
+
+def draws(fit: Fit, number: int, seed: int = 1) -> str:
+    """A CSV table of coefficients of the best law, drawn from their joint distribution: a line a draw.
+
+    Parameters
+    ----------
+    number, seed : int
+        Of draws, and of the random numbers.
+
+    Raises
+    ------
+    InputError
+        As `Fitted.draw`.
+    """
+    fitted = fit.laws[fit.best]
+    rows = fitted.draw(number, seed)
+    head = [
+        f"# {number} draws of the coefficients of {fit.best} fitted to {fit.data.source}: Gaussian, "
+        "with their covariance",
+        f"# sticking: {fitted.law.sticking}",
+        ",".join(rows[0]),
+    ]
+    return "\n".join((*head, *(",".join(f"{value:.8g}" for value in row.values()) for row in rows))) + "\n"

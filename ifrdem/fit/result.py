@@ -1,29 +1,31 @@
-"""What a fit found: estimates with intervals, for each kind of sticking."""
+"""The result of a fit: estimates with intervals, for each law."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..model.ifr import Admissibility, EnergyWarning, IFRLaw, Regime
-from .data import Data
-from .model import COEFFICIENTS, Array, Model, Pair, Sticking
+from .data import Collisions, Data
+from .laws import Law
+from .likelihood import Array
+from .model import Pair, Problem
 
 CONFIDENCE = 0.95
-"""Of every interval."""
+"""Of every interval, unless told."""
 
 TELLING = 2.0
-"""Difference in AIC from which on the data prefer a kind of sticking."""
+"""Difference in AIC from which on the data prefer a law."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A 95 % interval.
+    """An interval of confidence.
 
     Attributes
     ----------
@@ -44,7 +46,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted quantity: e_n, e_t, mu [1], psi_transit [deg] or rho [length].
+    """A fitted quantity: a coefficient [1; rho: length], or psi_transit [deg].
 
     Attributes
     ----------
@@ -64,114 +66,236 @@ class Estimate:
     bootstrap: Interval | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Closure:
-    """The fit with one kind of sticking.
+@dataclass(frozen=True)
+class Suspect:
+    """An impact that hardly belongs to the others.
 
     Attributes
     ----------
-    sticking : str
-        "percussion_center" or "contact_point".
-    estimates : mapping of str to Estimate
-        e_n, e_t, mu, psi_transit, and rho if it was fitted.
-    correlation : array (p, p)
-        Of the coefficients `coefficients`; NaN where the likelihood is flat.
-    coefficients : tuple of str
-        e_n, e_t, mu, and rho if it was fitted.
-    flat : tuple of str
-        Coefficients along a combination of which chi2 does not change at all; empty if there is none.
-    chi2, dof, probability : float, int, float
-        Sum of squares, degrees of freedom, and the probability of a larger sum if law and errors hold.
-    AIC, BIC : float
-        chi2 + 2 p and chi2 + p ln(number of values).
-    psi : array (n,)
-        Fitted true impact angles [deg].
-    regimes : array (n,) of int8
-        Values of `Regime` at these angles.
-    admissibility : Admissibility
-        Whether the fitted law can add energy in collisions of this pair: the necessary and sufficient set, and the
-        strict one.
-    warnings : tuple of str
-        What to know before the figures are used.
+    index : int
+        Its place among the impacts, from 0.
+    where : str
+        Its line in the file.
+    distance : float
+        Squared distance from the law, in units of its errors.
+    probability : float
+        Of such a distance or a larger one.
+    quantity : str
+        The quantity that is furthest off.
+    residual : float
+        Of that quantity at the best true motion, over its error.
     """
 
-    sticking: Sticking
+    index: int
+    where: str
+    distance: float
+    probability: float
+    quantity: str
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """The fit of one law.
+
+    Attributes
+    ----------
+    law : Law
+    estimates : mapping of str to Estimate
+        The free coefficients, and psi_transit where the law has one transition for all impacts.
+    covariance : array (p, p)
+        Of the free coefficients, from the curvature; infinite where the likelihood is flat.
+    flat : tuple of str
+        Coefficients along a combination of which the likelihood does not change at all; empty if there is none.
+    chi2, dof, probability : float, int, float
+        Sum of squares, degrees of freedom, and the probability of a larger sum if law and errors hold; the probability
+        is NaN if errors were estimated.
+    log_likelihood, AIC, BIC : float
+    cross_validation : float
+        Mean of -2 ln L of an impact that the fit did not see, without its constant; NaN if not asked for.
+    x : array (n, d)
+        Fitted true motion before the impacts; of a table of angles psi [rad].
+    psi : array (n,)
+        Angles of incidence at the contact [deg], of the true motion.
+    regimes : array (n,) of int8
+        Values of `Regime` there.
+    residuals : array (n, q)
+        Residuals of the problem's quantities over their errors, at the true motion.
+    distance, weight : array (n,)
+        Squared distance of each impact in units of its errors, and its weight in a robust fit.
+    problem : Problem
+        With the errors as they were estimated.
+    errors : mapping of str to float
+        Estimated errors by group of quantities, in standard units (angles of a table of angles in degrees).
+    suspects : tuple of Suspect
+    without : mapping of str to float
+        Coefficients of the other fit: of the Gaussian one beside a robust one; of the one without suspects beside a
+        Gaussian one. Empty if there is none.
+    admissibility : Admissibility or None
+        The verdict on added energy: the necessary and sufficient set, and the strict one. None for another
+        law than IFR.
+    warnings : tuple of str
+        Doubts about the figures.
+    """
+
+    law: Law
     estimates: Mapping[str, Estimate]
-    correlation: Array
-    coefficients: tuple[str, ...]
+    covariance: Array
     flat: tuple[str, ...]
     chi2: float
     dof: int
     probability: float
+    log_likelihood: float
     AIC: float
     BIC: float
+    cross_validation: float
+    x: Array
     psi: Array
     regimes: NDArray[np.int8]
-    admissibility: Admissibility
+    residuals: Array
+    distance: Array
+    weight: Array
+    problem: Problem
+    errors: Mapping[str, float] = field(default_factory=dict)
+    suspects: tuple[Suspect, ...] = ()
+    without: Mapping[str, float] = field(default_factory=dict)
+    admissibility: Admissibility | None = None
     warnings: tuple[str, ...] = ()
 
     @property
+    def coefficients(self) -> dict[str, float]:
+        """Every coefficient of the law, fitted and fixed."""
+        return {
+            name: self.estimates[name].value if name in self.estimates else self.law.fixed[name]
+            for name in self.law.ranges
+        }
+
+    @property
     def values(self) -> Array:
-        """e_n, e_t, mu, rho: shape (4,)."""
-        return np.array(
-            [self.estimates[name].value if name in self.estimates else 0.0 for name in COEFFICIENTS]
-        )
+        """The free coefficients (p,)."""
+        return np.array([self.estimates[name].value for name in self.law.free])
+
+    @property
+    def correlation(self) -> Array:
+        """Of the free coefficients (p, p); NaN where the likelihood is flat."""
+        with np.errstate(invalid="ignore"):
+            scale = np.sqrt(np.diag(self.covariance))
+            return np.asarray(self.covariance / np.outer(scale, scale))
 
     def count(self) -> dict[str, int]:
         """Number of impacts in each regime that the law can have, by the names of `Regime` in small letters."""
-        kinds = list(Regime)[3:] if self.values[3] > 0.0 else list(Regime)[1:3]
+        if not self.law.has_transition:
+            return {}
+        kinds = list(Regime)[3:] if self.coefficients.get("rho", 0.0) > 0.0 else list(Regime)[1:3]
         return {kind.name.lower(): int(np.sum(self.regimes == kind)) for kind in kinds}
 
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Both kinds of sticking fitted to one set of impacts.
-
-    Attributes
-    ----------
-    data : Data
-    pair : Pair
-    closures : mapping of str to Closure
-        By kind of sticking.
-    best : str
-        The kind with the lower AIC; the paper's percussion centre if they differ by less than `TELLING`.
-    decided : bool
-        Whether they differ by more, or only one was fitted.
-    warnings : tuple of str
-        What concerns both.
-    """
-
-    data: Data
-    pair: Pair
-    closures: Mapping[str, Closure]
-    best: str
-    decided: bool
-    warnings: tuple[str, ...] = ()
-
-    def predict(self, sticking: str, psi: Array) -> Array:
-        """Fitted values (n, q) of `data.names` at impact angles (n,) [deg]; angles in degrees."""
-        model = Model(self.pair, self.closures[sticking].sticking)
-        return model.predict(self.closures[sticking].values, np.radians(psi), self.data.names)
-
-    def law(self, sticking: str | None = None) -> IFRLaw:
-        """The fitted law, of the better kind unless told.
+    def ifr(self, k: float = 2.0) -> IFRLaw:
+        """The fitted law for disks of shape number k.
 
         Raises
         ------
         InputError
-            If it can add energy in collisions of this pair.
+            If it is another law, or can add energy in collisions of the fitted disks.
         """
-        closure = self.closures[self.best if sticking is None else sticking]
-        if not closure.admissibility.admissible:
-            raise InputError(closure.admissibility.message)
-        e_n, e_t, mu, rho = closure.values
+        if self.law.sticking is None or self.admissibility is None:
+            raise InputError(f"{self.law.about}: is not an IFR law")
+        if not self.admissibility.admissible:
+            raise InputError(self.admissibility.message)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnergyWarning)  # `admissibility.strict` says the same
-            return IFRLaw(
-                e_n=e_n,
-                e_t=e_t,
-                mu=mu,
-                rho=rho,
-                sticking=closure.sticking,
-                k=min(self.pair.k_1, self.pair.k_2),
+            return IFRLaw(**self.coefficients, sticking=self.law.sticking, k=k)  # type: ignore[arg-type]
+
+    def draw(self, number: int, seed: int = 1) -> list[dict[str, float]]:
+        """Coefficients drawn from their joint distribution, Gaussian with the covariance, within what the law allows.
+
+        Parameters
+        ----------
+        number : int
+            Of draws.
+        seed : int
+            Of the random numbers.
+
+        Raises
+        ------
+        InputError
+            If the likelihood is flat, or one draw in a thousand at most is one that the law allows.
+        """
+        if not np.all(np.isfinite(self.covariance)):
+            raise InputError(
+                f"{', '.join(self.flat) or 'the coefficients'}: not determined, nothing can be drawn"
             )
+        rng = np.random.default_rng(seed)
+        found: list[dict[str, float]] = []
+        for _ in range(1000):
+            drawn = rng.multivariate_normal(self.values, self.covariance, size=number)
+            inside = np.all((drawn >= self.law.low) & (drawn <= self.law.high), axis=1)
+            for row in drawn[inside]:
+                whole = {**self.law.fixed, **dict(zip(self.law.free, map(float, row), strict=True))}
+                if self.law.sticking is None or _allowed(whole, self.law.sticking):
+                    found.append({name: whole[name] for name in self.law.ranges})
+            if len(found) >= number:
+                return found[:number]
+        raise InputError(
+            "the fitted coefficients lie so far outside of what the law allows that none can be drawn"
+        )
+
+
+def _allowed(coefficients: Mapping[str, float], sticking: str) -> bool:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EnergyWarning)
+        try:
+            IFRLaw(**coefficients, sticking=sticking)  # type: ignore[arg-type]
+        except InputError:
+            return False
+    return True
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Laws fitted to one set of impacts.
+
+    Attributes
+    ----------
+    data : Data or Collisions
+    pair : Pair or None
+        The disks of a table of angles.
+    laws : mapping of str to Fitted
+        By name, as `--model` has it.
+    best : str
+        The law with the lowest AIC; of those within `TELLING` of it, the first that was asked for.
+    decided : bool
+        True if all others are further off, or only one was fitted.
+    level : float
+        Of confidence of the intervals.
+    robust : float or None
+        nu of a Student-t likelihood.
+    warnings : tuple of str
+        Those of the data and of the choice between laws.
+    """
+
+    data: Data | Collisions
+    pair: Pair | None
+    laws: Mapping[str, Fitted]
+    best: str
+    decided: bool
+    level: float = CONFIDENCE
+    robust: float | None = None
+    warnings: tuple[str, ...] = ()
+
+    def law(self, name: str | None = None) -> IFRLaw:
+        """The fitted IFR law, the best one unless told.
+
+        Raises
+        ------
+        InputError
+            If it is another law, or can add energy in collisions of these disks.
+        """
+        return self.laws[self.best if name is None else name].ifr(self.smallest_k)
+
+    @property
+    def smallest_k(self) -> float:
+        """The smaller k of the disks."""
+        if isinstance(self.data, Collisions):
+            return float(min(np.min(self.data.disk_1.k), np.min(self.data.disk_2.k)))
+        assert self.pair is not None
+        return min(self.pair.k_1, self.pair.k_2)

@@ -142,3 +142,68 @@ def check_no_overlap(
             f"disks {first} and {second} overlap by {overlap[worst]:.6g} "
             f"(distance {distance[worst]:.6g}, sum of radii {contact[worst]:.6g}){others}"
         )
+
+
+_APART = 1e-7  # of the contact distance: left between disks that were moved apart, so that none overlaps by rounding
+_MOST_PASSES = 10_000
+_MOST_NAMED = 20
+
+
+def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) -> NDArray[np.float64]:
+    """Move disks apart that overlap by a little, as measured places do.
+
+    Of each overlapping pair both disks move by half of the overlap, along the line of centres, until none overlaps.
+
+    Parameters
+    ----------
+    radius : array_like (n,)
+        Radii [length].
+    position : array_like (n, 2)
+        Centres [length].
+    tolerance : float
+        Largest overlap that is taken as an error of measurement [length], and largest way of a disk.
+
+    Returns
+    -------
+    array (n, 2)
+        Centres without overlaps.
+
+    Raises
+    ------
+    InputError
+        Names every pair that overlaps by more, or the disk that would have to move further.
+    """
+    radii, centres = checked_radii(radius), np.array(position, dtype=np.float64)
+    begun = centres.copy()
+    for attempt in range(_MOST_PASSES):
+        i, j = close_pairs(box, radii, box.wrap(centres)).T
+        apart = box.minimum_image(centres[j] - centres[i])
+        distance = np.linalg.norm(apart, axis=-1)
+        contact = radii[i] + radii[j]
+        overlap = contact - distance
+        if attempt == 0 and np.any(overlap > tolerance):
+            order = [k for k in np.argsort(-overlap) if overlap[k] > tolerance]
+            named = [
+                f"disks {min(i[k], j[k])} and {max(i[k], j[k])} overlap by {overlap[k]:.6g}, more than "
+                f"relax = {tolerance:g}"
+                for k in order[:_MOST_NAMED]
+            ]
+            more = [f"and {len(order) - len(named)} more pairs"] if len(order) > len(named) else []
+            raise InputError("\n".join((*named, *more)))
+        wrong = overlap > 0.0
+        if not wrong.any():
+            return centres
+        i, j, overlap = i[wrong], j[wrong], overlap[wrong] + _APART * contact[wrong]
+        line = np.where(
+            distance[wrong, None] > 0.0, apart[wrong] / np.maximum(distance[wrong, None], 1e-300), [1.0, 0.0]
+        )
+        np.add.at(centres, i, -0.5 * overlap[:, None] * line)
+        np.add.at(centres, j, 0.5 * overlap[:, None] * line)
+        way = np.linalg.norm(centres - begun, axis=-1)
+        if np.any(way > tolerance * (1.0 + 1e-6) + _APART * float(radii.max())):
+            worst = int(np.argmax(way))
+            raise InputError(
+                f"disk {worst} would have to move by {way[worst]:.6g}, more than relax = {tolerance:g}, "
+                "to overlap with none"
+            )
+    raise InputError(f"disks still overlap after {_MOST_PASSES} passes of relax = {tolerance:g}")

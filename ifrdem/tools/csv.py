@@ -10,15 +10,15 @@ from ..errors import InputError
 from . import text_file
 
 
-def read(path: Path, *, most: int) -> tuple[list[list[str]], list[int]]:
+def read(path: Path, *, most: int, delimiter: str = ",") -> tuple[list[list[str]], list[int]]:
     """Rows of texts and their line numbers, from 1; empty lines and those that begin with # are left out.
 
-    The file has `most` bytes at most.
+    The file has `most` bytes at most; `delimiter` separates its columns.
 
     Raises InputError as `text_file.read`, or if it is not CSV. The message does not name the file.
     """
     text = text_file.read(path, most=most, bom=True)
-    reader = csv.reader(io.StringIO(text, newline=""))
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
     try:
         numbered = [
             (row, reader.line_num)

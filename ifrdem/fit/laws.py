@@ -1,0 +1,371 @@
+"""Collision laws that a fit chooses among: their coefficients, the ranges of these, and the angle of transition.
+
+The IFR law is `ifrdem.kernels.law.collide_pair` itself, called with arrays; other laws are `CollisionLaw`
+classes, whose `collide` gives the impulses between the same two steps that every collision has.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, nearest
+from ..model.ifr import STICKING, IFRLaw
+from ..model.law import CollisionLaw
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+
+RANGES: Mapping[str, Range] = MappingProxyType(
+    {"e_n": (0.0, 1.0), "e_t": (-1.0, 1.0), "mu": (0.0, 10.0), "beta": (-1.0, 1.0)}
+)
+"""Lowest and highest values of coefficients by name; a real mu is well below 10."""
+
+_TRIED: Mapping[str, Range] = {
+    "e_n": (0.3, 0.98),
+    "e_t": (-0.98, 0.1),
+    "mu": (0.02, 0.7),
+    "beta": (-0.5, 0.8),
+}
+_STEEP = 1e12  # a friction coefficient with which every impact sticks
+SMALLEST, LARGEST = 1e-7, 0.5 * math.pi - 1e-7
+"""Angles of incidence [rad] as good as 0 and 90 degrees, where ratios of slips have only a limit."""
+
+_PAIR = (
+    "g_n", "g_t", "m_n", "m_t", "inverse_mass_i", "radius_i", "k_i", "spin_i",
+    "inverse_mass_j", "radius_j", "k_j", "spin_j",
+)  # fmt: skip
+
+
+class Walton(CollisionLaw):
+    """Constant restitution beta of the slip, up to Coulomb's limit.
+
+    P_n = (1 + e_n) m_n g_n, |P_t| = min(mu P_n, (1 + beta) m_t |g_t|): O. R. Walton, in Particulate Two-Phase Flow
+    (1993), chapter 25. beta = 0 stops the slip, which is Brach's law; beta = -1 leaves it, a smooth disk.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> fit.Walton(e_n=0.9, beta=0.4, mu=0.2).coefficients
+    ('e_n', 'beta', 'mu')
+    """
+
+    coefficients = ("e_n", "beta", "mu")
+
+    @staticmethod
+    def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+        """Impulses P_n, P_t and no rolling friction."""
+        from ..kernels.language import ti
+
+        P_n = (1.0 + coefficients[0]) * pair.m_n * pair.g_n
+        P_stick = (1.0 + coefficients[1]) * pair.m_t * ti.abs(pair.g_t)
+        direction = 1.0 * (pair.g_t > 0.0) - 1.0 * (pair.g_t < 0.0)
+        return P_n, direction * ti.min(coefficients[2] * P_n, P_stick), 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A law with its free and fixed coefficients.
+
+    Attributes
+    ----------
+    name, about : str
+        As `--model` has it, and in words.
+    kind : type of CollisionLaw
+        The law itself.
+    ranges : mapping of str to (float, float)
+        Lowest and highest value of every coefficient.
+    fixed : mapping of str to float
+        Coefficients that are not fitted.
+    tried : mapping of str to (float, float)
+        Values from which searches start.
+    sticking : str or None
+        Of an IFR law.
+    """
+
+    name: str
+    about: str
+    kind: type[CollisionLaw]
+    ranges: Mapping[str, Range]
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    tried: Mapping[str, Range] = field(default_factory=dict)
+    sticking: str | None = None
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the coefficients that are fitted, the last axis of every array of them."""
+        return tuple(name for name in self.ranges if name not in self.fixed)
+
+    @property
+    def low(self) -> Array:
+        """Lowest values (p,)."""
+        return np.array([self.ranges[name][0] for name in self.free])
+
+    @property
+    def high(self) -> Array:
+        """Highest values (p,)."""
+        return np.array([self.ranges[name][1] for name in self.free])
+
+    def full(self, values: Array) -> dict[str, Array]:
+        """Every coefficient by name, each (..., 1), from the free ones (..., p)."""
+        found = {name: np.asarray(values[..., i, None]) for i, name in enumerate(self.free)}
+        return {name: found.get(name, np.array([self.fixed.get(name, math.nan)])) for name in self.ranges}
+
+    def start_points(self, number: int) -> Array:
+        """Starts (number, p) of searches, spread evenly over `tried`."""
+        from scipy.stats import qmc
+
+        low, high = (np.array([self.tried[name][i] for name in self.free]) for i in (0, 1))
+        points = qmc.Sobol(len(self.free), scramble=False).random(number)
+        return np.asarray(low + (high - low) * points)
+
+    def with_fixed(self, fixed: Mapping[str, float]) -> Law:
+        """The law with further coefficients fixed; those that it does not have are left out."""
+        return replace(self, fixed={**self.fixed, **{k: v for k, v in fixed.items() if k in self.ranges}})
+
+    def collide(self, values: Array, motion: Sequence[Array]) -> tuple[Array, ...]:
+        """Velocities and spins after (vx_i, vy_i, w_i, vx_j, vy_j, w_j), P_n, P_t, sticking, rolling.
+
+        `values` (..., p) are not examined: a fit passes through any. `motion` has the arguments of `relative_motion`,
+        each (..., n).
+        """
+        return self._collide(self.full(values), motion)
+
+    def _collide(self, of: Mapping[str, Array], motion: Sequence[Array]) -> tuple[Array, ...]:
+        from ..kernels import law  # imports Taichi, which is slow
+
+        if self.sticking is not None:
+            contact = float(self.sticking == STICKING[1])
+            row = (of["e_n"], of["e_t"], of["mu"], contact, of["rho"])
+            found: tuple[Array, ...] = law.collide_pair(*row, *motion)
+            return found
+        g_n, g_t, m_n, m_t = law.relative_motion(*motion)
+        _, _, im_i, R_i, k_i, _, _, w_i, im_j, R_j, k_j, _, _, w_j = motion
+        pair = (g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j)
+        P_n, P_t, T = self._impulses(pair, tuple(of[name] for name in self.kind.coefficients))
+        none = np.zeros(np.shape(P_n))
+        return (*law.after_impulses(P_n, P_t, T, *motion), P_n, P_t, none, none)
+
+    def _impulses(self, pair: Sequence[Array], row: Sequence[Array]) -> tuple[Array, ...]:
+        if self.kind is Walton:
+            found: tuple[Array, ...] = Walton.collide(
+                SimpleNamespace(**dict(zip(_PAIR, pair, strict=True))), row
+            )
+            return found
+        function = inspect.unwrap(self.kind.impulses())  # that of Python, also of a function of Taichi
+
+        def one(*numbers: float) -> tuple[float, ...]:
+            P_n, P_t, T = function(
+                SimpleNamespace(**dict(zip(_PAIR, numbers, strict=False))), numbers[len(_PAIR) :]
+            )
+            return float(P_n), float(P_t), float(T)
+
+        try:
+            impulses = tuple(np.vectorize(one, otypes=[float] * 3)(*pair, *row))
+        except (TypeError, ValueError, ArithmeticError, AttributeError) as error:
+            raise InputError(
+                f"{self.kind.__name__}.collide cannot be called with numbers: {error}"
+            ) from error
+        if not all(np.isfinite(each).all() for each in impulses):
+            raise InputError(f"{self.kind.__name__}.collide gives impulses that are not finite")
+        return impulses
+
+    def stick(self, values: Array, probe: Sequence[Array]) -> Array:
+        """c = P_stick / (m_n |g_t|) of friction that stops the slip, (..., n): by the law itself.
+
+        `probe` is a motion with g_n = g_t = 1. Transition: mu (1 + e_n) = c tan(angle of incidence).
+        """
+        of = {**self.full(values), "e_n": np.zeros(1), "mu": np.array([_STEEP])}
+        if "e_t" in of:
+            of |= {"e_t": np.array([-1.0]), "rho": np.zeros(1)}
+        *_, P_n, P_t, _, _ = self._collide(of, probe)
+        return np.asarray(P_t / P_n)
+
+    @property
+    def has_transition(self) -> bool:
+        """True for a law with Coulomb friction that another impulse bounds."""
+        return self.sticking is not None or self.kind is Walton
+
+    def transitions(self, values: Array, probe: Sequence[Array], reach: Array) -> list[Array]:
+        """Angles of incidence [rad], each (..., n), at which the law changes its regime.
+
+        `reach` is r (..., n), which rolling friction rho is compared with.
+        """
+        if not self.has_transition:
+            return []
+        of = self.full(values)
+        found = [np.arctan(of["mu"] * (1.0 + of["e_n"]) / self.stick(values, probe))]
+        if "rho" in self.free or self.fixed.get("rho", 0.0) > 0.0:
+            c = replace(self, sticking=STICKING[1]).stick(values, probe)  # m_t / m_n, by Eq. 12
+            found.append(np.arctan(of["rho"] * (1.0 + of["e_n"]) / (reach * c)))  # Eqs. 31 and 32 equal
+        return found
+
+
+def _ifr(name: str, about: str, sticking: str, **fixed: float) -> Law:
+    ranges = {**{key: RANGES[key] for key in ("e_n", "e_t", "mu")}, "rho": (0.0, math.inf)}
+    return Law(name, about, IFRLaw, ranges, {"rho": 0.0, **fixed}, dict(_TRIED), sticking)
+
+
+LAWS: Mapping[str, Law] = MappingProxyType(
+    {
+        law.name: law
+        for law in (
+            _ifr("ifr-percussion", "IFR, percussion centre (Eq. 15)", STICKING[0]),
+            _ifr("ifr-contact", "IFR, contact point (Eq. 12)", STICKING[1]),
+            Law("walton", "Walton: constant restitution of the slip", Walton, {k: RANGES[k] for k in Walton.coefficients}, tried=dict(_TRIED)),  # noqa: E501
+            _ifr("brach", "Brach: sliding until the slip stops (IFR, contact point, e_t = -1)", STICKING[1], e_t=-1.0),
+            _ifr("smooth", "smooth disks (IFR, e_t = -1, mu = 0)", STICKING[1], e_t=-1.0, mu=0.0),
+        )
+    }
+)  # fmt: skip
+"""The laws of `--model`, by name."""
+
+IFR = ("ifr-percussion", "ifr-contact")
+
+
+def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> Law:
+    """A law of one's own to fit.
+
+    Parameters
+    ----------
+    kind : type of CollisionLaw
+        With a `collide` that can be called with numbers.
+    ranges : mapping of str to (float, float), optional
+        Lowest and highest finite value of each coefficient, also where searches start; not needed for e_n,
+        e_t, mu, beta.
+
+    Raises
+    ------
+    InputError
+        If it is no law, a range is missing, of an unknown coefficient, or empty.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> fit.own(fit.Walton).free
+    ('e_n', 'beta', 'mu')
+    """
+    if (
+        not (isinstance(kind, type) and issubclass(kind, CollisionLaw))
+        or kind.impulses() is CollisionLaw.collide
+    ):
+        raise InputError(
+            f"law = {kind!r}: a class derived from ifrdem.CollisionLaw with a method collide is needed"
+        )
+    if not kind.coefficients:
+        raise InputError(f"{kind.__name__}: has no coefficients to fit")
+    given = dict(ranges or {})
+    wrong = [
+        f"{kind.__name__}: no coefficient '{name}'{nearest(name, kind.coefficients)}; it has "
+        f"{', '.join(kind.coefficients)}"
+        for name in given
+        if name not in kind.coefficients
+    ]
+    wrong += [
+        f"{kind.__name__}: range of {name} = {low:g}:{high:g}: two finite numbers, the lower first, are needed"
+        for name, (low, high) in given.items()
+        if not (low < high and math.isfinite(low) and math.isfinite(high))
+    ]
+    wrong += [
+        f"{kind.__name__}: a range of {name} is needed (--range {name}=LOW:HIGH)"
+        for name in kind.coefficients
+        if name not in given and name not in RANGES
+    ]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    whole = {name: given.get(name, RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
+    tried = {name: given.get(name, _TRIED.get(name, (0.0, 0.0))) for name in kind.coefficients}
+    return Law(kind.__name__, f"{kind.__name__}, a law of one's own", kind, whole, {}, tried)
+
+
+def own_from_file(text: str, ranges: Mapping[str, Range] | None = None) -> Law:
+    """`own` of FILE.py:CLASS.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or class.
+    """
+    name, colon, title = text.rpartition(":")
+    path = Path(name)
+    if not colon or path.suffix != ".py":
+        raise InputError(f"--law {text}: FILE.py:CLASS is needed")
+    if not path.is_file():
+        raise InputError(f"--law {text}: there is no file {path}")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except (ImportError, SyntaxError, NameError) as error:
+        raise InputError(f"--law {text}: the file cannot be imported: {error}") from error
+    kinds = [
+        key
+        for key, value in vars(module).items()
+        if isinstance(value, type) and issubclass(value, CollisionLaw)
+    ]
+    if title not in kinds:
+        raise InputError(
+            f"--law {text}: no law '{title}'{nearest(title, kinds)}; there are {', '.join(kinds) or 'none'}"
+        )
+    return own(getattr(module, title), ranges)
+
+
+def chosen(
+    names: Iterable[str], fixed: Mapping[str, float] | None = None, own_laws: Iterable[Law] = ()
+) -> dict[str, Law]:
+    """Laws by name, "all" for every one of `LAWS`, with coefficients fixed; of laws that become one, the first.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or a value to fix is outside of what a law allows, or of no law.
+    """
+    found: dict[str, Law] = {}
+    wrong = []
+    for name in names:
+        if name == "all":
+            found |= LAWS
+        elif name in LAWS:
+            found[name] = LAWS[name]
+        else:
+            wrong.append(
+                f"model = {name!r}: must be one of {', '.join(LAWS)}, all{nearest(str(name), (*LAWS, 'all'))}"
+            )
+    found |= {law.name: law for law in own_laws}
+    if not found and not wrong:
+        wrong.append(f"model: at least one is needed of {', '.join(LAWS)}, all")
+    fixed = dict(fixed or {})
+    known = {name for law in found.values() for name in law.ranges}
+    for name, value in fixed.items():
+        if found and name not in known:
+            wrong.append(
+                f"{name} = {value:g} cannot be fixed: no such coefficient{nearest(name, known)}; there "
+                f"are {', '.join(sorted(known))}"
+            )
+        elif any(
+            name in law.ranges and not law.ranges[name][0] <= value <= law.ranges[name][1]
+            for law in found.values()
+        ):
+            low, high = next(law.ranges[name] for law in found.values() if name in law.ranges)
+            wrong.append(f"{name} = {value:g} cannot be fixed: a value from {low:g} to {high:g} is needed")
+    if wrong:
+        raise InputError("\n".join(wrong))
+    laws = {
+        name: law.with_fixed({k: v for k, v in fixed.items() if k not in law.fixed or k == "rho"})
+        for name, law in found.items()
+    }
+    empty = [name for name, law in laws.items() if not law.free]
+    if empty:
+        raise InputError(f"model {empty[0]}: every coefficient is fixed, nothing is left to fit")
+    return laws

@@ -1,0 +1,120 @@
+"""Design of the next experiment: what further impacts at an angle would tell of the coefficients and of the law."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .likelihood import Array, Likelihood
+from .maximum import Search, covariance_of
+from .result import Fit, Fitted
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Expected outcome of `number` further impacts at each angle, with the errors of those that were fitted.
+
+    Attributes
+    ----------
+    psi : array (a,)
+        Angles of incidence [deg].
+    number : int
+        Impacts that are added at one angle.
+    errors : mapping of str to array (a,)
+        Standard errors of the coefficients of the best law with them, by the expected information.
+    now : mapping of str to float
+        Standard errors as they are.
+    against : mapping of str to array (a,)
+        For each other law, by how much its -2 ln L would exceed that of the best law, beyond what it does
+        now, if the best law is true; its coefficients fitted again.
+    """
+
+    psi: Array
+    number: int
+    errors: Mapping[str, Array]
+    now: Mapping[str, float]
+    against: Mapping[str, Array]
+
+    def table(self) -> str:
+        """The figures as text, with the best angle of each column marked by *."""
+        names = [*self.errors, *(f"vs {name}" for name in self.against)]
+        columns = [*self.errors.values(), *self.against.values()]
+        best = [int(np.argmin(each)) for each in self.errors.values()] + [
+            int(np.argmax(each)) for each in self.against.values()
+        ]
+        width = max(12, *(len(name) + 2 for name in names))
+        lines = [
+            f"{self.number} further impacts at one angle: expected standard errors, and expected gain "
+            "in -2 ln L over other laws",
+            f"  {'psi [deg]':>10}" + "".join(f"{name:>{width}}" for name in names),
+            f"  {'now':>10}" + "".join(f"{self.now[name]:>{width}.4f}" for name in self.errors),
+        ]
+        for i, psi in enumerate(self.psi):
+            cells = (
+                f"{column[i]:.4f}{'*' if i == at else ' '}" for column, at in zip(columns, best, strict=True)
+            )
+            lines.append(f"  {psi:>10.0f}" + "".join(f"{cell:>{width}}" for cell in cells))
+        return "\n".join(lines)
+
+
+def design(fit: Fit, number: int = 10, psi: Array | None = None) -> Design:
+    """Expected information of further impacts.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit so far.
+    number : int
+        Impacts that are added at one angle.
+    psi : array (a,), optional
+        Angles of incidence [deg]; every 5 degrees from 5 to 85 without it.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> from pathlib import Path
+    >>> _ = Path("data.csv").write_text(fit.example())
+    >>> data = fit.read("data.csv", {"angles": 0.7})
+    >>> found = fit.fit(data, M=1.0, model=["brach"])
+    >>> list(fit.design(found).errors)
+    ['e_n', 'mu']
+    """
+    angles = np.arange(5.0, 86.0, 5.0) if psi is None else np.asarray(psi, dtype=np.float64)
+    best = fit.laws[fit.best]
+    problem = best.problem.at(best.law, best.values, np.radians(angles))
+    known = Likelihood(best.problem, best.law, fit.robust).at(best.values).information
+    new = Likelihood(problem, best.law).at(best.values).jacobian
+    information = known + number * np.einsum("nqa,nqb->nab", new, new)
+    errors = np.array([np.sqrt(np.diag(covariance_of(each))) for each in information])
+    others = {name: each for name, each in fit.laws.items() if name != fit.best}
+    return Design(
+        psi=angles,
+        number=number,
+        errors={name: errors[:, i] for i, name in enumerate(best.law.free)},
+        now={name: best.estimates[name].standard_error for name in best.law.free},
+        against={name: _gain(best, each, angles, number) for name, each in others.items()},
+    )
+
+
+def _gain(best: Fitted, other: Fitted, angles: Array, number: int) -> Array:
+    """Gain (a,) of -2 ln L over another law, fitted again to what is known and to exact further impacts."""
+    known = Likelihood(other.problem, other.law)
+    search = Search(known)
+    before = search.points(other.values)
+    found = []
+    for angle in np.radians(angles):
+        one = best.problem.at(best.law, best.values, np.array([angle]))
+        points = Likelihood(one, other.law).at(other.values)
+        # One step of Gauss and Newton on both together: a refit that costs nothing.
+        information = before.information + number * points.information
+        gradient = number * np.einsum("nqp,nq->p", points.jacobian, points.residual)
+        step = (
+            -covariance_of(information) @ gradient
+            if np.isfinite(covariance_of(information)).all()
+            else np.zeros_like(gradient)
+        )
+        change = number * points.loss + gradient @ step
+        found.append(max(float(change), 0.0))
+    return np.array(found)

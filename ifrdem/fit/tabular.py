@@ -1,0 +1,315 @@
+"""Tables of measured values as experimentalists keep them: other names, units, decimal commas, gaps, comments."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, nearest, printable
+from ..tools import csv as csv_rows
+
+Array = NDArray[np.float64]
+
+MOST_BYTES = 100_000_000
+UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "angle": {"deg": 1.0, "degree": 1.0, "degrees": 1.0, "°": 1.0, "rad": math.degrees(1.0), "radian": math.degrees(1.0), "radians": math.degrees(1.0), "mrad": math.degrees(1e-3)},  # noqa: E501
+        "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
+        "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+        "spin": {"rad/s": 1.0, "1/s": 1.0, "deg/s": math.radians(1.0), "rpm": math.pi / 30.0, "rev/s": 2.0 * math.pi},
+        "time": {"s": 1.0, "ms": 1e-3},
+        "mass": {"kg": 1.0, "g": 1e-3},
+        "number": {"1": 1.0},
+    }
+)  # fmt: skip
+"""Factor of each unit by the kind of a column: angles become degrees, everything else SI units."""
+
+ERROR_WORDS = ("error", "err", "sigma", "uncertainty", "std")
+_MISSING = ("", "nan", "na", "n/a", "-", "none", "null")
+_EVERY_UNIT = {unit for units in UNITS.values() for unit in units}
+_NEARLY_ALIKE = 0.8  # of a column that is rather misspelt than another
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Columns of a file.
+
+    Attributes
+    ----------
+    columns : mapping of str to array (n,)
+        Values in standard units by standard names, NaN where one is missing; errors as NAME_error.
+    line : array (n,) of int
+        Lines of the file.
+    missing : int
+        Number of values that are missing.
+    unused : tuple of str
+        Columns of the file that no name stands for.
+    source : str
+        The file.
+    """
+
+    columns: Mapping[str, Array]
+    line: NDArray[np.int64]
+    missing: int
+    unused: tuple[str, ...]
+    source: str
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+
+@dataclass(frozen=True)
+class Form:
+    """The writing of a file, where it differs from commas, points and the standard names.
+
+    Attributes
+    ----------
+    columns : mapping of str to str
+        Header of the file for a standard name.
+    units : mapping of str to str
+        Unit of a column by its standard name, or a factor.
+    known : mapping of str to float
+        Values that every line has, exactly, in standard units.
+    delimiter, decimal : str
+        One character that separates columns, and one that separates decimals.
+    """
+
+    columns: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    known: Mapping[str, float] = field(default_factory=dict)
+    delimiter: str = ","
+    decimal: str = "."
+
+    def __post_init__(self) -> None:
+        wrong = [
+            f"{name} = {value!r}: one character is needed{more}"
+            for name, value, more in (
+                ("delimiter", self.delimiter, ""),
+                ("decimal", self.decimal, ", . or ,"),
+            )
+            if len(value) != 1 or (name == "decimal" and value not in ".,")
+        ]
+        if not wrong and self.delimiter == self.decimal:
+            wrong.append(f"delimiter and decimal are both {self.delimiter!r}: they must differ")
+        if wrong:
+            raise InputError("\n".join(wrong))
+
+
+def read(
+    path: Path | str,
+    kinds: Mapping[str, str],
+    spellings: Mapping[str, str],
+    form: Form = Form(),
+    *,
+    most: int = MOST_BYTES,
+) -> Table:
+    """Read a table.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file; its first line that is no comment names the columns.
+    kinds : mapping of str to str
+        Kind of unit, a key of `UNITS`, of each standard name.
+    spellings : mapping of str to str
+        Standard name of other spellings, in small letters and without signs and blanks.
+    form : Form, optional
+        The writing of the file.
+    most : int
+        Largest size of the file [bytes].
+
+    Raises
+    ------
+    InputError
+        With a line for each column or value that is wrong.
+    """
+    path = Path(path)
+    source = str(path)
+    _check_form(source, form, kinds)
+    try:
+        rows, lines = csv_rows.read(path, most=most, delimiter=form.delimiter)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+    if not rows:
+        raise InputError(f"{source}: is empty: a first line with the names of the columns is needed")
+    names, factors, unused = _header(source, lines[0], rows[0], kinds, spellings, form)
+    if len(rows) == 1:
+        raise InputError(f"{source}: no line of values follows the names of the columns")
+    n = len(rows) - 1
+    values = {name: np.full(n, math.nan) for name in names if name}
+    wrong: list[str] = []
+    missing = 0
+    for i, (row, line) in enumerate(zip(rows[1:], lines[1:], strict=True)):
+        if len(row) != len(names):
+            count = f"{len(row)} value{'s' * (len(row) != 1)}"
+            wrong.append(
+                f"{source}: line {line}: {count}, and {len(names)} are needed ({', '.join(rows[0])})"
+            )
+            continue
+        for name, factor, text in zip(names, factors, row, strict=True):
+            if not name:
+                continue
+            text = text.strip()
+            number = text.replace(",", ".") if form.decimal == "," else text
+            if text.lower() in _MISSING:
+                missing += 1
+            elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
+                hint = (
+                    "; --decimal , reads a comma"
+                    if form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
+                    else ""
+                )
+                wrong.append(f"{source}: line {line}: {name} = {printable(text)}: a number is needed{hint}")
+            elif not math.isfinite(float(number)) and not name.startswith("mass_"):
+                wrong.append(f"{source}: line {line}: {name} = {text}: a finite number is needed")
+            else:
+                values[name][i] = factor * float(number)
+    if wrong:
+        raise InputError(_at_once(wrong))
+    for name, value in form.known.items():
+        values[name] = np.full(n, value)
+    return Table(values, np.array(lines[1:], dtype=np.int64), missing, tuple(unused), source)
+
+
+def _at_once(wrong: Sequence[str], most: int = 100) -> str:
+    """Every wrong line, as these are to be put right one by one; of more than 100, the first."""
+    more = [f"and {len(wrong) - most} more mistakes like these"] if len(wrong) > most else []
+    return "\n".join([*wrong[:most], *more])
+
+
+def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:
+    wrong = []
+    for what, given in (("column", form.columns), ("unit", form.units), ("known value", form.known)):
+        for name in given:
+            if name.removesuffix("_error") not in kinds:
+                wrong.append(
+                    f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(each for each in kinds if ':' not in each)}"  # noqa: E501
+                )
+    for name, unit in form.units.items():
+        kind = kinds.get(name.removesuffix("_error"))
+        if kind and unit not in UNITS[kind] and not _factor(unit):
+            wrong.append(
+                f"unit {name}={unit}: {', '.join(UNITS[kind])} or a positive factor is "
+                f"needed{nearest(unit, UNITS[kind])}"
+            )
+    wrong += [
+        f"known value {name} = {value}: a finite number is needed"
+        for name, value in form.known.items()
+        if not math.isfinite(value)
+    ]
+    wrong += [
+        f"{name}: is named as a column and as a known value" for name in form.known if name in form.columns
+    ]
+    if wrong:
+        raise InputError("\n".join(f"{source}: {each}" for each in wrong))
+
+
+def _factor(text: str) -> float | None:
+    if csv_rows.is_number(text) and 0.0 < float(text) < math.inf:
+        return float(text)
+    return None
+
+
+def _header(
+    source: str,
+    line: int,
+    header: Sequence[str],
+    kinds: Mapping[str, str],
+    spellings: Mapping[str, str],
+    form: Form,
+) -> tuple[list[str], list[float], list[str]]:
+    """Standard names ("" for an unused one) and factors of the columns, and those that are not used."""
+    if all(csv_rows.is_number(text) for text in header):
+        raise InputError(
+            f"{source}: line {line}: there is no header: the first line must name the columns, and here "
+            "it holds numbers"
+        )
+    if len(header) == 1 and (found := re.search(r"[;\t]", header[0])):
+        kind, key = ("semicolons", ";") if found[0] == ";" else ("tabs", "tab")
+        raise InputError(
+            f"{source}: line {line}: columns must be separated by '{form.delimiter}', and here are {kind}; "
+            f"--delimiter {key!r} reads them"
+        )
+    asked = {text.strip(): name for name, text in form.columns.items()}
+    present = [text.strip() for text in header]
+    wrong = [
+        f"column {name}='{text}': the file has no such column{nearest(text, present)}; it has {', '.join(present)}"
+        for text, name in asked.items()
+        if text not in present
+    ]
+    names, factors, unused = [], [], []
+    for text in present:
+        name, unit = _standard(text, spellings)
+        if text in asked:
+            name = asked[text]
+        elif name in form.columns:
+            name = ""  # another column stands for it
+        kind = kinds.get(name.removesuffix("_error"), "")
+        if not name:
+            close = difflib.get_close_matches(
+                text, [*kinds, *(f"{each}_error" for each in kinds)], 1, _NEARLY_ALIKE
+            )
+            if close and text not in asked and not _standard(text, spellings)[0]:
+                said = printable(text)
+                hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{said}' says that it is"
+                wrong.append(f"line {line}: unknown column '{said}' {hint}")
+            unused.append(text)
+            unit = None
+        unit = form.units.get(name) or form.units.get(name.removesuffix("_error")) or unit
+        factor = 1.0
+        if unit and kind and unit in UNITS[kind]:
+            factor = UNITS[kind][unit]
+        elif unit and kind and (given := _factor(unit)):
+            factor = given
+        elif unit and kind:
+            what = "a pure number" if kind == "number" else f"a{'n' * (kind[0] in 'a')} {kind}"
+            wrong.append(f"line {line}: column '{text}': {name} is {what}, not in {unit}")
+        names.append(name)
+        factors.append(factor)
+    wrong += [
+        f"line {line}: column '{name}' stands twice"
+        for name in dict.fromkeys(names)
+        if name and names.count(name) > 1
+    ]
+    wrong += [
+        f"line {line}: column '{name}' needs a column '{name.removesuffix('_error')}' beside it"
+        for name in names
+        if name.endswith("_error") and name.removesuffix("_error") not in names
+    ]
+    wrong += [f"{name}: is a column and a known value" for name in form.known if name in names]
+    if wrong:
+        raise InputError("\n".join(f"{source}: {each}" for each in wrong))
+    return names, factors, [each for each in unused if each]
+
+
+def _standard(text: str, spellings: Mapping[str, str]) -> tuple[str, str | None]:
+    """The standard name of a column, "" if it has none, and the unit beside it."""
+    unit = None
+    if (found := re.search(r"[\[(]([^\[(]*)[\])]\s*$", text)) and found[1].strip() in _EVERY_UNIT:
+        unit, text = found[1].strip(), text[: found.start()]
+    words = [word for word in re.split(r"[^\w*°']+|_", text.strip().lower()) if word]
+    angular = [word for word in words if word in UNITS["angle"]]
+    is_error = any(word in ERROR_WORDS for word in words)
+    rest = "".join(word for word in words if word not in (*ERROR_WORDS, *angular))
+    if rest not in spellings and not is_error:  # such as delta2err or sigmapsi
+        for ending in ERROR_WORDS:
+            for other in (rest.removesuffix(ending), rest.removeprefix(ending)):
+                if other != rest and other in spellings:
+                    rest, is_error = other, True
+    if rest not in spellings:
+        return "", unit
+    name = spellings[rest]
+    return (f"{name}_error" if is_error else name), unit or (angular[0] if angular else None)
+
+
+def plain(name: str) -> str:
+    """A name in small letters without signs, as spellings are looked up."""
+    return re.sub(r"[^\w*°']|_", "", name.lower())

@@ -1,0 +1,489 @@
+"""Collisions from tracks: impacts in positions per frame, with the flights before and after.
+
+Two disks have met where their distance has a minimum near the sum of their radii. There, the places of both
+are fitted by straight flights that meet at one time t_c,
+
+    x(t) = x_c + v (t - t_c) before, x_c + v' (t - t_c) after,   |x_c2 - x_c1| = R_1 + R_2,
+
+and so is, where it was tracked, the angle by which each has turned. All errors follow from the scatter of the
+places about the flights; normal and velocities share x_c and t_c, so that their errors are correlated, and
+the table says how.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError, listed
+from . import tabular
+from .data import Disk
+from .tabular import Form
+
+Array = NDArray[np.float64]
+
+KINDS = {"frame": "number", "t": "time", "id": "number", "x": "length", "y": "length", "angle": "angle"}
+_SPELLINGS = {
+    **{name: name for name in KINDS},
+    **dict.fromkeys(("time", "seconds"), "t"),
+    **dict.fromkeys(("disk", "particle", "track", "trackid", "particleid"), "id"),
+    **dict.fromkeys(("orientation", "theta"), "angle"),
+}
+WINDOW = 12
+"""Frames of a flight that are used at most."""
+
+LEAST = 3
+"""Frames of a flight that are needed at least."""
+
+_CONTACT = 5e-3  # how well the sum of the radii is known, over itself
+_SURE = 4.0  # errors by which the pair must separate after an impact
+_MOST_DISKS = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Tracks:
+    """Places of disks in the frames of a video.
+
+    Attributes
+    ----------
+    time : mapping of int to array (f,)
+        Times [time] of the frames that show a disk, by its id, ascending.
+    position : mapping of int to array (f, 2)
+        Its centre [length].
+    angle : mapping of int to array (f,)
+        The angle by which it has turned, counter-clockwise, unwrapped [rad]; empty if none was tracked.
+    source : str
+    missing : int
+        Lines without a place.
+    """
+
+    time: Mapping[int, Array]
+    position: Mapping[int, Array]
+    angle: Mapping[int, Array]
+    source: str
+    missing: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Collisions that were found.
+
+    Attributes
+    ----------
+    columns : mapping of str to array (n,)
+        A table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
+        and covariances, and mass, radius and k of the disks.
+    noise : float
+        Standard error of a coordinate of a place [length].
+    angle_noise : float
+        Of an angle [rad]; NaN if none was tracked.
+    left_out : tuple of str
+        Encounters that gave no collision, and why.
+    bent : int
+        Flights that are not straight within the noise.
+    """
+
+    columns: Mapping[str, Array]
+    noise: float
+    angle_noise: float
+    left_out: tuple[str, ...]
+    bent: int
+
+    def __len__(self) -> int:
+        """The number of collisions."""
+        return len(self.columns["t"])
+
+    def csv(self, about: str = "") -> str:
+        """The table as text."""
+        head = "".join(f"# {line}\n" for line in about.splitlines())
+        names = list(self.columns)
+        rows = np.stack([self.columns[name] for name in names], axis=-1)
+        lines = (",".join("" if math.isnan(value) else f"{value:.10g}" for value in row) for row in rows)
+        return head + "\n".join((",".join(names), *lines)) + "\n"
+
+
+def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> Tracks:  # noqa: B008  (frozen)
+    """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
+
+    Parameters
+    ----------
+    path : path
+        The file; other names, units and signs by `form`.
+    fps : float, optional
+        Frames per time, needed with a column frame.
+    form : Form, optional
+        The writing of the file.
+
+    Raises
+    ------
+    InputError
+        With a line for each thing that is wrong.
+    """
+    table = tabular.read(path, KINDS, _SPELLINGS, form)
+    columns, source = table.columns, table.source
+    missing = [name for name in ("id", "x", "y") if name not in columns]
+    if "t" not in columns and "frame" not in columns:
+        missing.append("t or frame")
+    wrong = (
+        [f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}"]
+        if missing
+        else []
+    )
+    if "t" not in columns and "frame" in columns and fps is None:
+        wrong.append("a column frame needs --fps, the frames per second")
+    if fps is not None and not 0.0 < fps < math.inf:
+        wrong.append(f"fps = {fps:g}: a positive finite number is needed")
+    if wrong:
+        raise InputError("\n".join(f"{source}: {each}" for each in wrong))
+    times = columns["t"] if "t" in columns else columns["frame"] / float(fps or 1.0)
+    ids = columns["id"]
+    whole = np.all([~np.isnan(each) for each in (times, ids, columns["x"], columns["y"])], axis=0)
+    bad = whole & (ids != np.round(ids))
+    found = [
+        f"{source}: line {table.line[i]}: id = {ids[i]:g}: a whole number is needed"
+        for i in np.flatnonzero(bad)
+    ]
+    time, position, angle = {}, {}, {}
+    for one in np.unique(ids[whole]) if not found else ():
+        rows = np.flatnonzero(whole & (ids == one))
+        rows = rows[np.argsort(times[rows], kind="stable")]
+        twice = np.flatnonzero(np.diff(times[rows]) <= 0.0)
+        found += [
+            f"{source}: line {table.line[rows[i + 1]]}: disk {one:g} stands twice at one time" for i in twice
+        ]
+        time[int(one)] = times[rows]
+        position[int(one)] = np.stack([columns["x"][rows], columns["y"][rows]], axis=-1)
+        if "angle" in columns:
+            angle[int(one)] = _unwrapped(np.radians(columns["angle"][rows]))
+    if len(time) > _MOST_DISKS:
+        found.append(f"{source}: {len(time)} disks: at most {_MOST_DISKS} are looked through")
+    if found:
+        raise InputError(listed(found, 100))
+    return Tracks(time, position, angle, source, int(np.sum(~whole)))
+
+
+def _unwrapped(angle: Array) -> Array:
+    """Without jumps of a turn; NaN where it was not seen."""
+    seen = ~np.isnan(angle)
+    found = angle.copy()
+    found[seen] = np.unwrap(angle[seen])
+    return found
+
+
+def find(
+    tracks: Tracks,
+    disks: Mapping[int, Disk] | Disk,
+    *,
+    wall: tuple[float, float, float, float] | None = None,
+    window: int = WINDOW,
+    noise: float | None = None,
+) -> Found:
+    """Find the impacts of two disks, or of disks with a wall, and the motion before and after.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        What was seen.
+    disks : Disk, or mapping of int to Disk
+        All disks, or each by its id: mass [mass], radius [length], k.
+    wall : (x_1, y_1, x_2, y_2), optional
+        Two points of a straight wall [length]: its impacts are looked for instead of those of pairs.
+    window : int
+        Frames of a flight that are used at most.
+    noise : float, optional
+        Standard error of a coordinate of a place [length]; by the scatter about the flights without it.
+
+    Raises
+    ------
+    InputError
+        If a disk is unknown, an option is wrong, or no impact was found.
+    """
+    wrong = []
+    if window < LEAST:
+        wrong.append(f"window = {window}: at least {LEAST} frames are needed")
+    if noise is not None and not 0.0 < noise < math.inf:
+        wrong.append(f"noise = {noise:g}: a positive finite number is needed")
+    if wall is not None and (wall[:2] == wall[2:] or not all(map(math.isfinite, wall))):
+        wrong.append(f"wall = {wall}: two different points are needed")
+    of = {one: disks if isinstance(disks, Disk) else disks.get(one) for one in tracks.time}
+    wrong += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
+    if wrong:
+        raise InputError("\n".join(wrong))
+    known = {one: disk for one, disk in of.items() if disk is not None}
+    meetings = _meetings(tracks, known, wall)
+    begun: dict[int, list[float]] = {}
+    for meeting in meetings:
+        for one in meeting.ids:
+            begun.setdefault(one, []).append(meeting.time)
+    fits, left_out = [], []
+    for meeting in meetings:
+        fitted = _fit(tracks, known, meeting, begun, wall, window)
+        if isinstance(fitted, str):
+            left_out.append(
+                f"disks {' and '.join(map(str, meeting.ids))} at t = {meeting.time:.6g}: {fitted}"
+            )
+        else:
+            fits.append(fitted)
+    if not fits:
+        why = f"; {len(left_out)} encounters were left out, the first: {left_out[0]}" if left_out else ""
+        raise InputError(f"{tracks.source}: no impact was found{why}")
+    # Least squares of the scatter, with all flights together.
+    sigma = noise or math.sqrt(sum(each.squares for each in fits) / max(sum(each.dof for each in fits), 1))
+    if sigma < 1e-9 * min(float(np.min(disk.radius)) for disk in known.values()):
+        raise InputError(
+            f"{tracks.source}: the places do not scatter about the flights: --noise has to say how exact they are"
+        )
+    turned = [each for each in fits if each.angle_dof > 0]
+    sigma_angle = (
+        math.sqrt(sum(each.angle_squares for each in turned) / sum(each.angle_dof for each in turned))
+        if turned
+        else math.nan
+    )
+    rows, kept = [], []
+    for each in fits:
+        row = each.row(sigma, sigma_angle)
+        if (
+            row["_approach"] > _SURE * row["_approach_error"]
+            and -row["_parting"] < _SURE * row["_approach_error"] + 0.02 * row["_approach"]
+        ):
+            rows.append(row)
+            kept.append(each)
+        else:
+            pair = " and ".join(map(str, each.meeting.ids))
+            left_out.append(f"disks {pair} at t = {each.time:.6g}: passed each other without an impact")
+    if not rows:
+        raise InputError(
+            f"{tracks.source}: no impact was found; {len(left_out)} encounters changed no velocity"
+        )
+    names = list(dict.fromkeys(name for row in rows for name in row if not name.startswith("_")))
+    columns = {name: np.array([row.get(name, math.nan) for row in rows]) for name in names}
+    bent = sum(each.squares > sigma**2 * (each.dof + 4.0 * math.sqrt(2.0 * each.dof)) for each in kept)
+    return Found(columns, sigma, sigma_angle, tuple(left_out), int(bent))
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    ids: tuple[int, ...]
+    time: float
+
+
+def _meetings(
+    tracks: Tracks, disks: Mapping[int, Disk], wall: tuple[float, float, float, float] | None
+) -> list[_Meeting]:
+    """Minima of the distance that are near contact."""
+    found = []
+    ids = sorted(tracks.time)
+    pairs: list[tuple[int, ...]] = (
+        [(a,) for a in ids] if wall else [(a, b) for i, a in enumerate(ids) for b in ids[i + 1 :]]
+    )
+    for pair in pairs:
+        times = tracks.time[pair[0]]
+        places = tracks.position[pair[0]]
+        if wall:
+            normal, offset = _wall_line(wall, places)
+            gap = np.abs(places @ normal - offset) - float(np.asarray(disks[pair[0]].radius))
+        else:
+            times, i, j = np.intersect1d(times, tracks.time[pair[1]], return_indices=True)
+            apart = tracks.position[pair[1]][j] - tracks.position[pair[0]][i]
+            gap = np.hypot(*apart.T) - sum(float(np.asarray(disks[one].radius)) for one in pair)
+        if len(times) < 2 * LEAST:
+            continue
+        step = np.abs(np.diff(gap))
+        near = np.maximum(np.concatenate([[0.0], step]), np.concatenate([step, [0.0]]))
+        scale = float(np.asarray(disks[pair[0]].radius))
+        # One meeting for each stretch of frames near contact: noise makes several minima of it.
+        near_contact = np.concatenate([[False], gap < 1.5 * near + 0.15 * scale, [False]])
+        begin, end = (
+            np.flatnonzero(near_contact[1:] & ~near_contact[:-1]),
+            np.flatnonzero(near_contact[:-1] & ~near_contact[1:]),
+        )
+        far = begin[1:] - end[:-1] >= 2 * LEAST
+        if len(begin):
+            begin, end = begin[np.concatenate([[True], far])], end[np.concatenate([far, [True]])]
+        for first, last in zip(begin, end, strict=True):
+            k = first + int(np.argmin(gap[first:last]))
+            if 0 < k < len(gap) - 1:
+                found.append(_Meeting(pair, float(times[k])))
+    return sorted(found, key=lambda each: each.time)
+
+
+def _wall_line(wall: Sequence[float], places: Array) -> tuple[Array, float]:
+    """Unit normal from the disk to the wall, and offset of the wall along it."""
+    x_1, y_1, x_2, y_2 = wall
+    along = np.array([x_2 - x_1, y_2 - y_1]) / math.hypot(x_2 - x_1, y_2 - y_1)
+    normal = np.array([-along[1], along[0]])
+    offset = float(normal @ [x_1, y_1])
+    return (normal, offset) if np.median(places @ normal) < offset else (-normal, -offset)
+
+
+@dataclass(frozen=True, eq=False)
+class _Flights:
+    """Flights of the disks of one meeting: t_c, then x_c, y_c, v_x, v_y, v_x', v_y' of each disk; angles apart."""
+
+    meeting: _Meeting
+    disks: tuple[Disk, ...]
+    parameters: Array
+    jacobian: Array
+    squares: float
+    dof: int
+    angles: tuple[tuple[Array, Array] | None, ...]  # a_c, w, w' and (A^T A)^-1 of each disk
+    angle_squares: float
+    angle_dof: int
+    wall: tuple[Array, float] | None
+
+    @property
+    def time(self) -> float:
+        return float(self.parameters[0])
+
+    def row(self, sigma: float, sigma_angle: float) -> dict[str, float]:
+        """A line of the table; also the speeds of approach and parting along the normal, names that begin with _."""
+        # The constraint on the distance has its own weight, the last line of the Jacobian.
+        weight = np.full(len(self.jacobian), 1.0 / sigma)
+        if self.wall is None:
+            weight[-1] = 1.0 / (_CONTACT * sum(float(np.asarray(each.radius)) for each in self.disks))
+        else:
+            weight[-1] = 1.0 / (_CONTACT * float(np.asarray(self.disks[0].radius)))
+        J = self.jacobian * weight[:, None]
+        size = np.sqrt(np.sum(J**2, axis=0))  # times, lengths and velocities
+        covariance = np.linalg.inv((J / size).T @ (J / size)) / np.outer(size, size)
+        p = self.parameters
+        names, outputs = [], []
+        row: dict[str, float] = {"t": self.time}
+        for i, one in enumerate(self.meeting.ids, start=1):
+            row[f"id_{i}"] = one
+        count = len(p)
+        if self.wall is None:
+            dx, dy = p[7] - p[1], p[8] - p[2]
+            D = math.hypot(dx, dy)
+            normal = np.array([dx, dy]) / D
+            by = np.zeros(count)
+            by[[1, 2, 7, 8]] = np.array([dy, -dx, -dy, dx]) / D**2
+            names.append("normal")
+            outputs.append(by)
+        else:
+            normal = self.wall[0]
+        row |= {"nx": float(normal[0]), "ny": float(normal[1])}
+        for i in range(len(self.disks)):
+            for end, offset in (("", 3), ("_after", 5)):
+                for axis in (0, 1):
+                    names.append(f"v{'xy'[axis]}_{i + 1}{end}")
+                    outputs.append(np.eye(count)[1 + 6 * i - 1 + offset + axis])
+                    row[names[-1]] = float(p[1 + 6 * i - 1 + offset + axis])
+        T = np.array(outputs)
+        C = T @ covariance @ T.T
+        error = np.sqrt(np.diag(C))
+        for name, each in zip(names, error, strict=True):
+            if name == "normal":
+                row |= {"nx_error": float(each), "ny_error": float(each)}
+            else:
+                row[f"{name}_error"] = float(each)
+        if self.wall is not None:
+            row |= {"nx_error": 1e-5, "ny_error": 1e-5}  # a straight wall is known much better than a flight
+        for i, a in enumerate(names):
+            for j, b in enumerate(names[:i]):
+                row[f"cov:{b}:{a}"] = float(C[i, j])
+        for i, angle in enumerate(self.angles, start=1):
+            if angle is not None:
+                value, inverse = angle
+                for end, k in (("", 1), ("_after", 2)):
+                    row[f"spin_{i}{end}"] = float(value[k])
+                    row[f"spin_{i}{end}_error"] = sigma_angle * math.sqrt(inverse[k, k])
+                row[f"cov:spin_{i}:spin_{i}_after"] = sigma_angle**2 * float(inverse[1, 2])
+        for i, disk in enumerate(self.disks, start=1):
+            row |= {f"{key}_{i}": float(np.asarray(getattr(disk, key))) for key in ("mass", "radius", "k")}
+        if self.wall is not None:
+            row |= {"mass_2": math.inf, "radius_2": row["radius_1"]}
+        approach = np.zeros(count)
+        parting = np.zeros(count)
+        for i, sign in zip(range(len(self.disks)), (1.0, -1.0), strict=False):
+            approach[3 + 6 * i : 5 + 6 * i] = sign * normal
+            parting[5 + 6 * i : 7 + 6 * i] = sign * normal
+        row["_approach"], row["_parting"] = float(approach @ p), float(-parting @ p)
+        row["_approach_error"] = math.sqrt(float(approach @ covariance @ approach))
+        return row
+
+
+def _fit(
+    tracks: Tracks,
+    disks: Mapping[int, Disk],
+    meeting: _Meeting,
+    begun: Mapping[int, Sequence[float]],
+    wall: tuple[float, float, float, float] | None,
+    window: int,
+) -> _Flights | str:
+    """The flights of a meeting, or why there are none."""
+    from scipy.optimize import least_squares
+
+    at = meeting.time
+    seen = []
+    for one in meeting.ids:
+        others = [each for each in begun[one] if each != at]
+        low = max((each for each in others if each < at), default=-math.inf)
+        high = min((each for each in others if each > at), default=math.inf)
+        t = tracks.time[one]
+        step = float(np.median(np.diff(t)))
+        inside = (t > low + 0.51 * step) & (t < high - 0.51 * step)
+        before, after = np.flatnonzero(inside & (t < at)), np.flatnonzero(inside & (t > at))
+        here = np.flatnonzero(inside & (t == at))
+        rows = np.concatenate([before[-window:], here, after[:window]])
+        if min(len(before), len(after)) < LEAST:
+            return f"disk {one} is seen in {len(before)} frames of its flight before and {len(after)} after, and {LEAST} are needed"  # noqa: E501
+        if len(rows) > 1 and float(np.max(np.diff(t[rows]))) > 3.5 * step:
+            return f"disk {one} was lost near the impact"
+        seen.append(rows)
+    contact = sum(float(np.asarray(disks[one].radius)) for one in meeting.ids)
+    line = None if wall is None else _wall_line(wall, tracks.position[meeting.ids[0]])
+    times = [tracks.time[one][rows] for one, rows in zip(meeting.ids, seen, strict=True)]
+    places = [tracks.position[one][rows] for one, rows in zip(meeting.ids, seen, strict=True)]
+    span = float(np.median(np.diff(times[0])))
+    start = [at]
+    for t, x in zip(times, places, strict=True):
+        before, after = t < at, t > at
+        v, w = ((x[some][-1] - x[some][0]) / (t[some][-1] - t[some][0]) for some in (before, after))
+        start += [*x[np.argmin(np.abs(t - at))], *v, *w]
+    scale = 0.01 * contact  # of the scatter, so far; its size changes nothing but the weight of the distance
+
+    def residual(p: Array) -> Array:
+        found = []
+        for i, (t, x) in enumerate(zip(times, places, strict=True)):
+            x_c, v, w = p[1 + 6 * i : 3 + 6 * i], p[3 + 6 * i : 5 + 6 * i], p[5 + 6 * i : 7 + 6 * i]
+            tau = (t - p[0])[:, None]
+            found.append((x - x_c - np.minimum(tau, 0.0) * v - np.maximum(tau, 0.0) * w).ravel())
+        if line is None:
+            found.append(np.array([(math.hypot(p[7] - p[1], p[8] - p[2]) - contact)]))
+        else:
+            found.append(np.array([line[1] - line[0] @ p[1:3] - contact]))
+        return np.concatenate(found)
+
+    ended = least_squares(
+        residual, start, x_scale=[span, *([contact] * 2 + [scale / span] * 4) * len(times)], method="trf"
+    )
+    if abs(ended.x[0] - at) > max(5.0, 0.5 * window) * span:
+        return "no time at which flights before and after meet"
+    angles: list[tuple[Array, Array] | None] = []
+    angle_squares, angle_dof = 0.0, 0
+    for one, rows, t in zip(meeting.ids, seen, times, strict=True):
+        if one not in tracks.angle:
+            angles.append(None)
+            continue
+        value = tracks.angle[one][rows]
+        good = ~np.isnan(value)
+        tau = (t - ended.x[0])[good]
+        if min(np.sum(tau < 0.0), np.sum(tau > 0.0)) < LEAST:
+            angles.append(None)
+            continue
+        A = np.stack([np.ones_like(tau), np.minimum(tau, 0.0), np.maximum(tau, 0.0)], axis=-1)
+        solved, *_ = np.linalg.lstsq(A, value[good], rcond=None)
+        angle_squares += float(np.sum((value[good] - A @ solved) ** 2))
+        angle_dof += int(np.sum(good)) - 3
+        angles.append((solved, np.linalg.inv(A.T @ A)))
+    squares = float(np.sum(ended.fun[:-1] ** 2))
+    return _Flights(
+        meeting, tuple(disks[one] for one in meeting.ids), ended.x, ended.jac, squares,
+        len(ended.fun) - len(ended.x), tuple(angles), angle_squares, angle_dof, line,
+    )  # fmt: skip

@@ -1,0 +1,501 @@
+"""A run held against what was measured: places, with the spread that errors of the start and of the law give."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..case import file as case_file
+from ..case.case import Case
+from ..case.gas import CaseGas
+from ..errors import InputError, listed
+from ..fit import tabular
+from ..fit.figure import save
+from ..fit.tabular import Form
+from ..model.ifr import EnergyWarning
+from ..model.overlaps import relax
+from ..model.state import State
+from ..simulation.simulation import Simulation
+from ..trajectory.reader import Trajectory
+
+Array = NDArray[np.float64]
+
+KINDS = {"id": "number", "t": "time", "x": "length", "y": "length", "angle": "angle"}
+_SPELLINGS = {
+    **{name: name for name in KINDS},
+    "time": "t",
+    "disk": "id",
+    "track": "id",
+    "orientation": "angle",
+}
+LEAST_MEMBERS = 4
+"""Runs with drawn start and law from which a covariance can be told."""
+
+_COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Places that were measured.
+
+    Attributes
+    ----------
+    id : array (m,) of int
+        Disks, by their number in the run.
+    time : array (m,)
+        Times [time]; infinite for the end.
+    position : array (m, 2)
+        Centres [length].
+    error : array (m, 2)
+        Their standard errors [length].
+    angle, angle_error : array (m,)
+        Angle by which a disk has turned [rad]; NaN where it was not measured.
+    """
+
+    id: NDArray[np.int64]
+    time: Array
+    position: Array
+    error: Array
+    angle: Array
+    angle_error: Array
+
+
+def read(path: Path | str, errors: Mapping[str, float], form: Form) -> Measured:
+    """Read measured places: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
+
+    Raises
+    ------
+    InputError
+        With a line for each thing that is wrong.
+    """
+    table = tabular.read(path, KINDS, _SPELLINGS, form)
+    columns, source, n = table.columns, table.source, len(table)
+    missing = [name for name in ("id", "x", "y") if name not in columns]
+    wrong = (
+        [f"{source}: missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}"]
+        if missing
+        else []
+    )
+    if wrong:
+        raise InputError("\n".join(wrong))
+    keep = np.all([~np.isnan(columns[name]) for name in ("id", "x", "y")], axis=0)
+    ids = columns["id"]
+    wrong += [
+        f"{source}: line {table.line[i]}: id = {ids[i]:g}: a whole number of 0 or more is needed"
+        for i in np.flatnonzero(keep & ((ids != np.round(ids)) | (ids < 0)))
+    ]
+    if not keep.any():
+        wrong.append(f"{source}: no line has id, x and y")
+    error = [columns.get(f"{name}_error", np.full(n, errors.get("positions", 0.0))) for name in ("x", "y")]
+    for name, each in zip("xy", error, strict=True):
+        wrong += [
+            f"{source}: line {table.line[i]}: error of {name} = {each[i]:g}: a number of 0 or more is needed"
+            for i in np.flatnonzero(keep & ~(each >= 0.0))
+        ]
+    if wrong:
+        raise InputError(listed(wrong, 100))
+    blank = np.full(n, math.nan)
+    angle = np.radians(columns.get("angle", blank))
+    angle_error = np.radians(columns.get("angle_error", np.full(n, errors.get("angles", 0.0))))
+    time = columns.get("t", np.full(n, math.inf))
+    return Measured(
+        ids[keep].astype(np.int64), np.where(np.isnan(time), math.inf, time)[keep],
+        np.stack([columns["x"], columns["y"]], axis=-1)[keep], np.stack(error, axis=-1)[keep], angle[keep], angle_error[keep],  # noqa: E501
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A run beside what was measured.
+
+    Attributes
+    ----------
+    measured : Measured
+    position : array (m, 2)
+        Places in the run [length].
+    angle : array (m,)
+        Angles in the run [rad]; NaN if it has none.
+    members : array (s, m, 2)
+        Places in the runs with drawn starts and laws; empty without them.
+    spread : array (m, 2)
+        Their standard deviation; NaN without them.
+    paths : array (f, n, 2)
+        Places of all disks in the frames of the run.
+    radius : array (n,)
+    unit : str
+        Of lengths, with a blank before it.
+    """
+
+    measured: Measured
+    position: Array
+    angle: Array
+    members: Array
+    spread: Array
+    paths: Array
+    radius: Array
+    unit: str
+
+    @property
+    def distance(self) -> Array:
+        """Distance of run and measurement (m,) [length]."""
+        return np.asarray(np.hypot(*(self.measured.position - self.position).T))
+
+    def _away(self) -> tuple[Array, Array, Array]:
+        """Offset (m, 2) of the measurement, and the covariances (m, 2, 2) of the runs and of the measurement."""
+        n = len(self.members)
+        centre = self.members.mean(axis=0) if n else self.position
+        offset = self.members - centre
+        # That of a further run about the mean of n; the truth is one more of them.
+        runs = np.einsum("sma,smb->mab", offset, offset) * (1.0 + 1.0 / max(n, 1)) / max(n - 1, 1)
+        return self.measured.position - centre, runs, self.measured.error[:, :, None] ** 2 * np.eye(2)
+
+    @property
+    def deviation(self) -> Array:
+        """Distance over its standard error of runs and measurement together (m,); NaN where there is none."""
+        away, runs, measurement = self._away()
+        whole = runs + measurement
+        good = np.linalg.det(whole) > 1e-12 * np.trace(whole, axis1=1, axis2=2) ** 2
+        squared = np.full(len(away), math.nan)
+        squared[good] = np.einsum("ma,ma->m", away[good], _solved(whole[good], away[good]))
+        return np.sqrt(squared)
+
+    @property
+    def probability(self) -> Array:
+        """Probability of a smaller deviation (m,), if the run is right: the ellipse on which the place lies.
+
+        A few runs tell their own spread badly. Their part of the variance along the offset, r, leaves
+        nu = (n - 1) / r^2 degrees of freedom (Y. Yao, Biometrika 52, 139, 1965), and in two dimensions Hotelling's
+        distribution of d^2 is P = 1 - (1 + d^2 / nu)^(-(nu - 1) / 2), which is 1 - exp(-d^2 / 2) for many runs.
+        """
+        away, runs, measurement = self._away()
+        squared = self.deviation**2
+        good = np.isfinite(squared) & (squared > 0.0)
+        part = np.zeros(len(away))
+        weight = _solved((runs + measurement)[good], away[good])
+        part[good] = np.einsum("ma,mab,mb->m", weight, runs[good], weight) / squared[good]
+        return _hotelling(squared, part**2 / max(len(self.members) - 1, 1))
+
+    def table(self) -> str:
+        """The figures as text."""
+        m, unit = self.measured, self.unit
+        drawn = len(self.members) > 0
+        lines = [
+            f"{len(m.id)} places" + (f", {len(self.members)} runs with drawn start and law" if drawn else "")
+            + f"; lengths in{unit or ' reduced units'}, angles in degrees"
+        ]  # fmt: skip
+        heads = (
+            ["disk", "t", "x", "y", "x run", "y run", "distance"]
+            + (["spread x", "spread y"] if drawn else [])
+            + ["/ error"]
+        )
+        turned = np.isfinite(m.angle) & np.isfinite(self.angle)
+        heads += ["turned", "turned run"] if turned.any() else []
+        lines.append("".join(f"{head:>12}" for head in heads))
+        for i in range(len(m.id)):
+            time = "end" if math.isinf(m.time[i]) else f"{m.time[i]:.4g}"
+            cells = [
+                f"{m.id[i]}",
+                time,
+                *(f"{value:.4g}" for value in (*m.position[i], *self.position[i], self.distance[i])),
+            ]
+            cells += [f"{value:.3g}" for value in self.spread[i]] if drawn else []
+            cells.append(f"{self.deviation[i]:.2f}" if np.isfinite(self.deviation[i]) else "-")
+            if turned.any():
+                cells += [
+                    f"{math.degrees(value):.1f}" if turned[i] else "-"
+                    for value in (m.angle[i], self.angle[i])
+                ]
+            lines.append("".join(f"{cell:>12}" for cell in cells))
+        rms = math.sqrt(float(np.mean(self.distance**2)))
+        lines.append(
+            f"root mean square distance {rms:.4g}{unit}, {rms / float(np.mean(self.radius)):.3g} radii"
+        )
+        known = self.probability[np.isfinite(self.probability)]
+        if len(known):
+            inside = [float(np.mean(known < part)) for part in (0.68, 0.95)]
+            lines.append(
+                f"within the 68 % ellipse {inside[0]:.0%}, within the 95 % ellipse {inside[1]:.0%} of "
+                f"{len(known)} places"
+            )
+        return "\n".join(lines)
+
+    def csv(self) -> str:
+        """The figures as a CSV table."""
+        m = self.measured
+        columns = {
+            "id": m.id, "t": m.time, "x": m.position[:, 0], "y": m.position[:, 1], "x_run": self.position[:, 0],
+            "y_run": self.position[:, 1], "distance": self.distance, "spread_x": self.spread[:, 0],
+            "spread_y": self.spread[:, 1], "deviation": self.deviation, "probability": self.probability, "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),  # noqa: E501
+        }  # fmt: skip
+        rows = np.stack([np.asarray(each, dtype=np.float64) for each in columns.values()], axis=-1)
+        lines = (
+            ",".join("" if not math.isfinite(value) else f"{value:.9g}" for value in row) for row in rows
+        )
+        return "\n".join((",".join(columns), *lines)) + "\n"
+
+    def draw(self, paths: Sequence[Path]) -> None:
+        """Draw the run and its paths, the measured places on top, and ellipses of 95 % of the drawn runs."""
+        from matplotlib.collections import EllipseCollection
+        from matplotlib.figure import Figure
+        from matplotlib.lines import Line2D
+
+        blue, orange = "#0072B2", "#D55E00"
+        figure = Figure(figsize=(8.0, 7.6), dpi=200, layout="constrained")
+        axes = figure.subplots()
+        shown = np.concatenate([self.paths[-1], self.position, self.measured.position])
+        for track in np.swapaxes(self.paths, 0, 1):
+            axes.plot(*track.T, color=blue, lw=0.5, alpha=0.35, zorder=1)
+        size = 2.0 * self.radius
+        axes.add_collection(
+            EllipseCollection(
+                size, size, 0.0, units="xy", offsets=self.paths[-1], transOffset=axes.transData,
+                facecolors="#0072B233", edgecolors=blue, linewidths=0.8, zorder=2,
+            )
+        )  # fmt: skip
+        if drawn := len(self.members) >= LEAST_MEMBERS:
+            turn = np.linspace(0.0, 2.0 * math.pi, 100)
+            nu = len(self.members) - 1
+            reach = math.sqrt(nu * (0.05 ** (-2.0 / (nu - 1)) - 1.0))  # `probability` 0.95 of the runs alone
+            circle = reach * np.stack([np.cos(turn), np.sin(turn)])
+            for centre, covariance in zip(self.members.mean(axis=0), self._away()[1], strict=True):
+                values, vectors = np.linalg.eigh(covariance)
+                ellipse = vectors * np.sqrt(np.maximum(values, 0.0)) @ circle
+                axes.plot(*(centre[:, None] + ellipse), color=blue, lw=0.9, ls="--", zorder=3)
+        m = self.measured
+        axes.errorbar(
+            m.position[:, 0],
+            m.position[:, 1],
+            xerr=m.error[:, 0],
+            yerr=m.error[:, 1],
+            fmt="x",
+            ms=6,
+            mew=1.6,
+            color=orange,
+            zorder=5,
+        )
+        for one, (x, y) in zip(m.id, m.position, strict=True):
+            axes.annotate(str(one), (x, y), textcoords="offset points", xytext=(4, 4), fontsize="x-small")
+        low, high = shown.min(axis=0), shown.max(axis=0)
+        margin = 0.06 * float(np.max(high - low)) + float(self.radius.max())
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
+        axes.set_aspect("equal")
+        of = self.unit.strip() or "reduced units"
+        axes.set_xlabel(f"$x$ ({of})")
+        axes.set_ylabel(f"$y$ ({of})")
+        handles = [
+            Line2D(
+                [],
+                [],
+                color=blue,
+                ls="none",
+                marker="o",
+                ms=9,
+                mfc="#0072B233",
+                label="run: disks at the end, and paths",
+            ),
+            Line2D([], [], color=orange, ls="none", marker="x", ms=7, mew=1.6, label="measured"),
+        ]
+        if drawn:
+            handles.append(
+                Line2D(
+                    [],
+                    [],
+                    color=blue,
+                    ls="--",
+                    label=f"95 % ellipses by {len(self.members)} runs with drawn start and law",
+                )
+            )
+        figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize="small")
+        save(figure, paths)
+
+
+def _solved(matrix: Array, vector: Array) -> Array:
+    return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0])
+
+
+def _hotelling(squared: Array, inverse: Array) -> Array:
+    """P of `Comparison.probability` for squared deviations, and 1 / nu."""
+    few = inverse > 1e-9
+    u = np.where(few, inverse, 0.5)
+    exponent = np.where(few, (1.0 - u) / (2.0 * u) * np.log1p(u * squared), 0.5 * squared)
+    return np.asarray(-np.expm1(-exponent))
+
+
+def compare(
+    run: Path | str,
+    measured: Measured,
+    *,
+    laws: Sequence[Mapping[str, float]] = (),
+    errors: Mapping[str, float] | None = None,
+    members: int = 0,
+    seed: int = 1,
+    case: Path | str | None = None,
+    progress: Callable[[Sequence[int]], object] | None = None,
+) -> Comparison:
+    """Hold a run against measured places, and against itself with drawn starts and laws.
+
+    Parameters
+    ----------
+    run : path
+        A trajectory with positions.
+    measured : Measured
+        What was seen.
+    laws : sequence of mapping, optional
+        Coefficients drawn from a fit, `Fitted.draw`; they replace those of every pair of materials, in turn.
+    errors : mapping of str to float, optional
+        Standard errors of the start: "positions" [length], "velocities" [length/time], "spins" [rad/time].
+    members : int
+        Number of runs with drawn starts and laws, at least 4; 0 for none.
+    seed : int
+        Of the drawn starts.
+    case : path, optional
+        Case file of the run, whose start file may have errors of its columns; without it the case that the run holds.
+    progress : callable, optional
+        Wraps the sequence of members, as `tqdm` does.
+
+    Raises
+    ------
+    InputError
+        If the run has no positions, a disk or time that it does not have was measured, or a start cannot be drawn.
+    """
+    errors = dict(errors or {})
+    with Trajectory(run) as trajectory:
+        n, radius, units = trajectory.disks.n, np.asarray(trajectory.disks.radius), trajectory.units
+        if "position" not in trajectory.fields:
+            raise InputError(f"{run}: holds no positions")
+        times = np.array([frame.time for frame in trajectory])
+        paths = np.stack([np.asarray(frame.position, dtype=np.float64) for frame in trajectory])
+        turned = "angle" in trajectory.fields
+        angles = (
+            np.stack([np.asarray(frame.angle) for frame in trajectory])
+            if turned
+            else np.full((len(times), n), math.nan)
+        )
+        text, overrides = (str(trajectory.parameters.get(key, "")) for key in ("case", "overrides"))
+        first = trajectory[0]
+        as_f64 = lambda each: np.asarray(each, dtype=np.float64)  # noqa: E731
+        start = State(as_f64(first.position), as_f64(first.velocity), as_f64(first.spin))
+    if 0 < members < LEAST_MEMBERS:
+        raise InputError(f"members = {members}: 0, or {LEAST_MEMBERS} runs and more, are needed for a spread")
+    wrong = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]
+    late = np.isfinite(measured.time) & (
+        (measured.time > times[-1] * (1.0 + 1e-9)) | (measured.time < times[0])
+    )
+    wrong += [
+        f"t = {t:g}: the run lasts from {times[0]:g} to {times[-1]:g}" for t in np.unique(measured.time[late])
+    ]
+    if wrong:
+        raise InputError(listed([f"{run}: {each}" for each in wrong]))
+    asked = np.minimum(measured.time, times[-1])
+    position = np.stack(
+        [
+            [np.interp(t, times, paths[:, one, axis]) for axis in (0, 1)]
+            for one, t in zip(measured.id, asked, strict=True)
+        ]
+    )
+    angle = np.array([np.interp(t, times, angles[:, one]) for one, t in zip(measured.id, asked, strict=True)])
+    found: list[Array] = []
+    if members:
+        file = _case_of(text, overrides) if case is None else case_file.read(case).case
+        gas = (
+            CaseGas.from_case(file, start=False)
+            if case is None
+            else CaseGas.from_case(file, Path(case).parent)
+        )
+        if gas.disks.n != n:
+            raise InputError(f"{case}: has {gas.disks.n} disks, and the run {n}: it is another case")
+        rng = np.random.default_rng(seed)
+        sequence = range(members)
+        each: Iterator[int] = iter(sequence if progress is None else progress(sequence))  # type: ignore[call-overload]
+        for k in each:
+            law = laws[k % len(laws)] if laws else None
+            state = _drawn(gas, start, errors, rng)
+            found.append(_places(_simulation(gas, file, law, state), measured.id, asked))
+    all_members = np.array(found).reshape(-1, len(measured.id), 2)
+    spread = all_members.std(axis=0, ddof=1) if len(found) > 1 else np.full_like(position, math.nan)
+    unit = f" {units['length']}" if "length" in units and units["length"] != "reduced" else ""
+    return Comparison(measured, position, angle, all_members, spread, paths, radius, unit)
+
+
+def _drawn(gas: CaseGas, start: State, errors: Mapping[str, float], rng: np.random.Generator) -> State:
+    """The start with errors; the errors of a start file's columns come first."""
+    own = {} if gas.given is None else gas.given.errors
+    n = len(start.spin)
+
+    def error(name: str, group: str) -> Array:
+        return np.asarray(own.get(f"{name}_error", np.full(n, errors.get(group, 0.0))))
+
+    s = np.stack([error("x", "positions"), error("y", "positions")], axis=-1)
+    position = start.position + s * rng.standard_normal((n, 2))
+    s_v = np.stack([error("vx", "velocities"), error("vy", "velocities")], axis=-1)
+    velocity = start.velocity + s_v * rng.standard_normal((n, 2))
+    spin = start.spin + error("spin", "spins") * rng.standard_normal(n)
+    size = float(np.max(s, initial=0.0))
+    position = relax(
+        gas.box, gas.disks.radius, position, 10.0 * size + 1e-5 * float(np.max(gas.disks.radius))
+    )
+    return State(gas.box.wrap(position), velocity, spin)
+
+
+def _case_of(text: str, overrides: str) -> Case:
+    """The case that a trajectory holds."""
+    if not text:
+        raise InputError("the run holds no case, because Python wrote it: no runs can be drawn")
+    raw = tomllib.loads(text)
+    for assignment in overrides.splitlines():
+        case_file.override(raw, assignment)
+    return Case.model_validate(raw)
+
+
+def _simulation(gas: CaseGas, case: Case, law: Mapping[str, float] | None, state: State) -> Simulation:
+    """The simulation of a state, with the coefficients `law` in place of those of every pair of materials."""
+    if law is not None:
+        numbers: dict[str, Any] = {name: float(law[name]) for name in _COEFFICIENTS if name in law}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnergyWarning)  # the case has said so of its own coefficients
+            gas = replace(
+                gas,
+                verdicts=tuple(
+                    each._replace(law=each.law and replace(each.law, **numbers)) for each in gas.verdicts
+                ),
+            )
+    return gas.simulation(case, state)
+
+
+def _places(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Array:
+    """Places (m, 2) of disks at times."""
+    found = np.empty((len(ids), 2))
+    for time in np.unique(times):
+        if time > simulation.time:
+            simulation.run(t_end=float(time))
+        rows = times == time
+        found[rows] = np.asarray(simulation.state.position)[ids[rows]]
+    return found
+
+
+def read_draws(path: Path | str) -> list[dict[str, float]]:
+    """Coefficients that `ifrdem fit --draw` wrote.
+
+    Raises
+    ------
+    InputError
+        If a column is unknown, a coefficient missing, or a value no number.
+    """
+    kinds = dict.fromkeys(_COEFFICIENTS, "number")
+    table = tabular.read(path, kinds, {tabular.plain(name): name for name in kinds}, Form())
+    missing = [name for name in _COEFFICIENTS[:3] if name not in table.columns]
+    if missing:
+        raise InputError(f"{path}: missing column {', '.join(missing)}; there are {', '.join(table.columns)}")
+    return [
+        dict(zip(table.columns, map(float, row), strict=True))
+        for row in zip(*table.columns.values(), strict=True)
+    ]

@@ -1,0 +1,287 @@
+"""Fits of whole collisions: any frame of reference, gaps, errors in everything, outliers, laws told apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import ifrdem
+from ifrdem import fit
+from ifrdem.errors import InputError
+from ifrdem.fit.data import AFTER, MOTION
+from ifrdem.fit.laws import LAWS, own
+from ifrdem.fit.likelihood import Likelihood
+
+TRUTH = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
+R = (10.5e-3, 8.75e-3)
+MASS = (1.19e-3, 3.0e-3)
+
+
+def seen(
+    n: int = 25,
+    noise: float = 0.01,
+    seed: int = 1,
+    *,
+    wall: bool = False,
+    frame: tuple[float, float] = (0.0, 0.0),
+) -> fit.Collisions:
+    """Collisions by the public `ifrdem.collide`, with errors of velocities and R w `noise`, of the normal `noise` rad."""  # noqa: E501
+    rng = np.random.default_rng(seed)
+    phi, psi = rng.uniform(0.0, 2.0 * np.pi, n), np.radians(rng.uniform(-75.0, 75.0, n))
+    normal = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
+    across = np.stack([-normal[:, 1], normal[:, 0]], axis=-1)
+    second = np.zeros((n, 2)) if wall else rng.normal(0.0, 0.5, (n, 2))
+    first = second + normal * np.cos(psi)[:, None] + across * np.sin(psi)[:, None]
+    spin = rng.normal(0.0, 10.0, (n, 2)) * ([1.0, 0.0] if wall else 1.0)
+    mass = (MASS[0], np.inf) if wall else MASS
+    radius = (R[0], np.inf) if wall else R
+    out = ifrdem.collide(
+        ifrdem.IFRLaw(**TRUTH), normal, mass, radius, [2, 2], np.stack([first, second], axis=1), spin
+    )
+    exact = {}
+    for end, v, w in (("", np.stack([first, second], axis=1), spin), ("_after", out.velocity, out.spin)):
+        for i in (0, 1)[: 1 if wall else 2]:
+            exact |= {
+                f"vx_{i + 1}{end}": v[:, i, 0] + frame[0],
+                f"vy_{i + 1}{end}": v[:, i, 1] + frame[1],
+                f"spin_{i + 1}{end}": w[:, i],
+            }
+    errors = {name: noise / R[0] if name.startswith("s") else noise for name in exact}
+    direction = phi + noise * rng.standard_normal(n)
+    return fit.Collisions(
+        disk_1=fit.Disk(mass=MASS[0], radius=R[0]),
+        disk_2=fit.WALL if wall else fit.Disk(mass=MASS[1], radius=R[1]),
+        measured={
+            "nx": np.cos(direction), "ny": np.sin(direction),
+            **{name: value + errors[name] * rng.standard_normal(n) for name, value in exact.items()},
+        },
+        errors={"normal": noise, **errors},
+    )  # fmt: skip
+
+
+def fitted(data: fit.Collisions, **options: object) -> fit.Fitted:
+    return fit.fit(data, model=["ifr-percussion"], profile=False, **options).laws["ifr-percussion"]  # type: ignore[arg-type]
+
+
+def values(found: fit.Fitted) -> list[float]:
+    return [found.estimates[name].value for name in TRUTH]
+
+
+@pytest.mark.parametrize("wall", [False, True])
+def test_collisions_without_noise_give_the_coefficients_back_in_any_frame(wall: bool) -> None:
+    data = seen(12, 1e-9, wall=wall, frame=(0.0, 0.0) if wall else (3.0, -7.0))
+    data = replace(data, errors=dict.fromkeys(data.errors, 0.01))
+    np.testing.assert_allclose(values(fitted(data)), list(TRUTH.values()), atol=1e-6)
+
+
+def test_noise_in_everything_gives_chi_square_and_honest_errors() -> None:
+    """13 values less 7 coordinates of the true motion: 6 degrees of freedom a collision, less 3 coefficients."""
+    found = [fitted(seen(seed=seed)) for seed in range(3)]
+    assert [each.dof for each in found] == [147] * 3
+    chi2 = np.array([each.chi2 for each in found])
+    assert np.all(np.abs(chi2 - 147.0) < 4.0 * np.sqrt(2.0 * 147.0))
+    pulls = np.array(
+        [
+            (np.array(values(each)) - list(TRUTH.values())) / np.sqrt(np.diag(each.covariance))
+            for each in found
+        ]
+    )
+    assert np.all(np.abs(pulls) < 3.7)  # of 9 Gaussian ones, by chance once in 500 times
+    assert 0.4 < np.sqrt(np.mean(pulls**2)) < 1.7
+
+
+def test_errors_are_told_by_the_residuals() -> None:
+    data = seen(40)
+    told = fitted(replace(data, errors=dict.fromkeys(data.errors, np.nan)))
+    assert told.errors["velocities"] == pytest.approx(
+        0.01, rel=0.15
+    )  # 360 degrees of freedom for three errors
+    assert told.errors["spins"] == pytest.approx(0.01 / R[0], rel=0.3)
+    assert told.errors["normal"] == pytest.approx(0.01, rel=0.5)
+    assert not np.isfinite(told.probability)
+
+
+def test_any_subset_of_columns_is_enough_if_it_tells_the_coefficients() -> None:
+    data = seen(20)
+    fewer = {
+        name: value
+        for name, value in data.measured.items()
+        if name not in ("vx_2_after", "vy_2_after", "spin_2_after")
+    }
+    found = fitted(replace(data, measured=fewer, errors={name: data.errors[name] for name in fewer}))
+    assert found.dof == 3 * 20 - 3
+    for name, true in TRUTH.items():
+        assert abs(found.estimates[name].value - true) < 4.0 * found.estimates[name].standard_error
+    gaps = {
+        name: np.where(np.arange(20) == 7, np.nan, value) if name == "spin_1_after" else value
+        for name, value in data.measured.items()
+    }
+    assert fitted(replace(data, measured=gaps)).dof == 6 * 20 - 3 - 1
+
+
+def test_covariance_between_columns_counts() -> None:
+    """A velocity measured twice over, with correlation c, is worth 2 / (1 + c) measurements."""
+    data = seen(20)
+    loose, tight = (
+        fitted(replace(data, covariance={("vx_1", "vx_1_after"): np.full(20, c * 1e-4)})).chi2
+        for c in (0.0, 0.5)
+    )
+    assert loose == pytest.approx(fitted(data).chi2, rel=1e-9)
+    assert abs(tight - loose) > 1.0
+    with pytest.raises(
+        InputError, match="collision 1: covariance of vx_1 and vx_1_after: larger than the errors allow"
+    ):
+        fitted(replace(data, covariance={("vx_1", "vx_1_after"): np.full(20, 2e-4)}))
+
+
+def test_outliers_are_named_and_a_robust_fit_hardly_moves() -> None:
+    data = seen(24)
+    measured = {name: value.copy() for name, value in data.measured.items()}
+    measured["vx_1_after"][[3, 17]] += [0.5, -0.6]
+    spoilt = replace(data, measured=measured)
+    plain, robust = fitted(spoilt), fitted(spoilt, robust=True)
+    clean = fitted(data)
+    assert {each.where for each in plain.suspects} == {"collision 4", "collision 18"}
+    assert {each.where for each in robust.suspects} == {"collision 4", "collision 18"}
+    error = np.sqrt(np.diag(clean.covariance))
+    assert np.max(np.abs(np.array(values(plain)) - values(clean)) / error) > 3.0
+    assert np.max(np.abs(np.array(values(robust)) - values(clean)) / error) < 1.0
+    assert robust.without == pytest.approx(dict(zip(TRUTH, values(plain), strict=True)), abs=1e-3)
+    assert any("suspicious lines: collision" in each for each in plain.warnings)
+    assert any("without --robust: e_n" in each for each in robust.warnings)
+
+
+def test_student_loss_is_that_of_the_density() -> None:
+    """-2 ln of (1 + c / nu)^-((nu + m)/2), and its derivative by differences."""
+    likelihood = Likelihood(seen(6).problem(), LAWS["ifr-percussion"], robust=4.0)
+    at = np.array([0.8, -0.8, 0.25])
+    points = likelihood.at(at)
+    assert points.loss == pytest.approx(
+        float(np.sum((4.0 + 6.0) * np.log(1.0 + points.distance / 4.0))), rel=1e-12
+    )
+    residual, jacobian = points.as_least_squares()
+    assert residual @ residual == pytest.approx(points.loss, rel=1e-12)
+    h = 1e-5 * np.eye(3)
+    slope = [(likelihood.at(at + one).loss - likelihood.at(at - one).loss) / 2e-5 for one in h]
+    np.testing.assert_allclose(2.0 * residual @ jacobian, slope, rtol=2e-3)
+
+
+class Mine(fit.Walton):
+    """Walton's law under another name, called with numbers."""
+
+    coefficients = ("e_n", "beta", "mu")
+
+
+def test_laws_are_told_apart_by_likelihood_and_by_collisions_not_seen() -> None:
+    data = seen(8)
+    found = fit.fit(data, model=["ifr-percussion", "brach", "smooth"], cross_validate=True, profile=False)
+    assert found.best == "ifr-percussion"
+    assert found.decided
+    assert max(found.laws, key=lambda name: found.laws[name].AIC) == "smooth"
+    crossed = {name: each.cross_validation for name, each in found.laws.items()}
+    assert min(crossed, key=lambda name: crossed[name]) == "ifr-percussion"
+    assert set(found.laws["brach"].estimates) == {"e_n", "mu", "psi_transit"}
+    held = fit.fit(data, model=["ifr-percussion"], fix={"e_t": -0.88}, profile=False).laws["ifr-percussion"]
+    assert held.coefficients["e_t"] == -0.88
+    assert held.law.free == ("e_n", "mu")
+
+
+def test_law_of_ones_own_is_fitted_as_the_law_it_repeats() -> None:
+    """Without its angle of transition the least distance is missed near the kink, never undercut."""
+    options = {"fix": {"beta": 0.4}, "profile": False}
+    walton = fit.fit(seen(10), model=["walton"], **options).laws["walton"]
+    mine = fit.fit(seen(10), model=[], own=[own(Mine)], **options).laws["Mine"]
+    assert 0.999 < mine.chi2 / walton.chi2 < 1.3
+    np.testing.assert_allclose(mine.values, walton.values, atol=0.02)
+
+
+def test_law_that_gives_no_numbers_is_refused() -> None:
+    class Broken(Mine):
+        @staticmethod
+        def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:
+            return pair.g_n * float("nan"), 0.0, 0.0
+
+    with pytest.raises(InputError, match=r"Broken\.collide gives impulses that are not finite"):
+        fit.fit(seen(5), model=[], own=[own(Broken)])
+
+
+def test_expected_information_is_what_further_impacts_bring() -> None:
+    """Ten impacts more at 40 degrees, simulated without noise and fitted together, have the expected errors."""
+    data = seen(25)
+    found = fit.fit(data, model=["ifr-percussion"], profile=False)
+    planned = fit.design(found, 10, np.array([40.0]))
+    one = found.laws["ifr-percussion"]
+    further = one.problem.at(one.law, one.values, np.full(10, np.radians(40.0)))
+    information = np.linalg.inv(one.covariance) + Likelihood(further, one.law).at(one.values).information
+    expected = np.sqrt(np.diag(np.linalg.inv(information)))
+    np.testing.assert_allclose([planned.errors[name][0] for name in TRUTH], expected, rtol=1e-3)
+    assert all(planned.errors[name][0] < planned.now[name] for name in TRUTH)
+
+
+def test_drawn_coefficients_have_the_covariance_of_the_fit() -> None:
+    found = fitted(seen(25))
+    drawn = np.array([[row[name] for name in TRUTH] for row in found.draw(4000, seed=3)])
+    np.testing.assert_allclose(
+        drawn.mean(axis=0), values(found), atol=4.0 * np.sqrt(np.diag(found.covariance).max() / 4000)
+    )
+    np.testing.assert_allclose(np.cov(drawn.T), found.covariance, atol=0.1 * np.diag(found.covariance).max())
+
+
+def test_a_table_of_collisions_is_read_with_units_and_known_values(tmp_path: Path) -> None:
+    data = seen(8, wall=True)
+    names = [name for name in data.measured if name not in ("nx", "ny")]
+    angle = np.arctan2(data.measured["ny"], data.measured["nx"])
+    lines = [
+        ",".join(
+            [
+                "x_1 (mm)",
+                "y_1 (mm)",
+                "x_2 (mm)",
+                "y_2 (mm)",
+                *(f"{n} (cm/s)" if n[0] == "v" else n for n in names),
+            ]
+        )
+    ]
+    for i in range(8):
+        row = [100.0, 50.0, 100.0 + 10.5 * np.cos(angle[i]), 50.0 + 10.5 * np.sin(angle[i])]
+        row += [(100.0 if n[0] == "v" else 1.0) * data.measured[n][i] for n in names]
+        lines.append(",".join(map(str, row)))
+    (tmp_path / "hits.csv").write_text("\n".join(lines), encoding="utf-8")
+    read = fit.read(
+        tmp_path / "hits.csv",
+        {"positions": 1e-4, "velocities": 0.01, "spins": 1.0},
+        disk_1=data.disk_1,
+        disk_2=fit.WALL,
+    )
+    assert isinstance(read, fit.Collisions)
+    np.testing.assert_allclose(read.measured["vx_1"], data.measured["vx_1"], rtol=1e-12)
+    phi, error = read.normal()
+    np.testing.assert_allclose(np.cos(phi - angle), 1.0, atol=1e-12)
+    np.testing.assert_allclose(error, np.sqrt(2.0) * 1e-4 / 10.5e-3, rtol=1e-9)
+
+
+def test_impossible_collisions_are_refused_by_line() -> None:
+    data = seen(5)
+    turned = {**data.measured, "nx": -data.measured["nx"], "ny": -data.measured["ny"]}
+    with pytest.raises(
+        InputError, match=r"collision 1: the disks separate before the impact|impact 1: the disks separate"
+    ):
+        replace(data, measured=turned)
+    still = {name: 0.0 * value if name in MOTION else value for name, value in data.measured.items()}
+    with pytest.raises(InputError, match="impact 1: the disks separate before the impact, or rest"):
+        replace(data, measured=still)
+    none = {name: 0.0 * value if name in ("nx", "ny") else value for name, value in data.measured.items()}
+    with pytest.raises(InputError, match="impact 5: the normal has no length"):
+        replace(data, measured=none)
+    with pytest.raises(InputError, match="the normal is missing"):
+        replace(
+            data,
+            measured={n: data.measured[n] for n in (*MOTION, *AFTER)},
+            errors=dict.fromkeys((*MOTION, *AFTER), 0.1),
+        )
+    with pytest.raises(InputError, match="impact 1: mass_1 = -1"):
+        replace(data, disk_1=fit.Disk(mass=-1.0, radius=1.0))

@@ -1,0 +1,107 @@
+"""Collisions from simulated videos, and back to a fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem import fit
+from ifrdem.cli.main import main
+from ifrdem.errors import InputError
+from ifrdem.fit import tracks
+from ifrdem.validation.fit_video import COIN
+from ifrdem.validation.fit_video import tracks as video
+
+DISK = fit.Disk(mass=COIN.mass, radius=COIN.radius)
+TRUTH = {"e_n": 0.87, "e_t": -0.88, "mu": 0.21}
+
+
+@pytest.mark.parametrize(("fps", "window"), [(120.0, 12), (1000.0, 40)])
+def test_video_with_pixel_noise_gives_the_coefficients_back(tmp_path: Path, fps: float, window: int) -> None:
+    """0.1 mm is a quarter of a pixel of a camera that sees 40 cm with 1,000 pixels."""
+    (tmp_path / "tracks.csv").write_text(video(fps, 1e-4, 12), encoding="utf-8")
+    found = tracks.find(tracks.read(tmp_path / "tracks.csv"), DISK, window=window)
+    assert len(found) == 12
+    assert found.noise == pytest.approx(1e-4, rel=0.1)
+    assert found.angle_noise == pytest.approx(0.01, rel=0.1)
+    assert found.bent == 0
+    np.testing.assert_allclose(found.columns["t"] % 1.0, 0.12, atol=6e-4)  # of the video's impacts
+    (tmp_path / "hits.csv").write_text(found.csv(), encoding="utf-8")
+    law = fit.fit(fit.read(tmp_path / "hits.csv"), model=["ifr-percussion"], profile=False).laws[
+        "ifr-percussion"
+    ]
+    assert abs(law.chi2 - law.dof) < 4.0 * np.sqrt(2.0 * law.dof)  # errors and their correlations are right
+    for name, true in TRUTH.items():
+        each = law.estimates[name]
+        assert abs(each.value - true) < 4.0 * each.standard_error
+        assert each.standard_error < 0.02
+
+
+def test_disks_that_pass_each_other_have_not_collided(tmp_path: Path) -> None:
+    t = np.arange(0.0, 0.3, 1e-3)
+    rows = [f"{s},0,{s - 0.15},0.0\n{s},1,{0.15 - s},{2.05 * COIN.radius}\n" for s in t]
+    (tmp_path / "pass.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
+    with pytest.raises(InputError, match="no impact was found"):
+        tracks.find(tracks.read(tmp_path / "pass.csv"), DISK, noise=1e-4)
+
+
+def test_places_without_scatter_need_their_error(tmp_path: Path) -> None:
+    t = np.arange(0.0, 0.3, 0.01)
+    rows = [f"{s},{i},{(2 * i - 1) * (COIN.radius + abs(0.15 - s))},0\n" for s in t for i in (0, 1)]
+    (tmp_path / "exact.csv").write_text("t,id,x,y\n" + "".join(rows), encoding="utf-8")
+    seen = tracks.read(tmp_path / "exact.csv")
+    with pytest.raises(InputError, match="do not scatter about the flights: --noise"):
+        tracks.find(seen, DISK)
+    assert len(tracks.find(seen, DISK, noise=1e-5)) == 1
+
+
+def test_bounce_off_a_wall_is_found(tmp_path: Path) -> None:
+    """Onto y = 0 at (1, -1), off at (0.8, 0.7), with noise; R = 10.5 mm above it."""
+    rng = np.random.default_rng(1)
+    t = np.arange(0.0, 0.2, 2e-3)
+    tau = t - 0.1
+    x = np.where(tau < 0.0, tau, 0.8 * tau)
+    y = COIN.radius + np.where(tau < 0.0, -tau, 0.7 * tau)
+    lines = [
+        f"{i},4,{a},{b}"
+        for i, (a, b) in enumerate(np.stack([x, y], axis=-1) + rng.normal(0.0, 1e-5, (len(t), 2)))
+    ]
+    (tmp_path / "wall.csv").write_text("frame,id,x,y\n" + "\n".join(lines), encoding="utf-8")
+    found = tracks.find(tracks.read(tmp_path / "wall.csv", fps=500.0), DISK, wall=(0.0, 0.0, 1.0, 0.0))
+    assert len(found) == 1
+    got = [found.columns[name][0] for name in ("nx", "ny", "vx_1", "vy_1", "vx_1_after", "vy_1_after")]
+    np.testing.assert_allclose(got, [0.0, -1.0, 1.0, -1.0, 0.8, 0.7], atol=2e-3)
+    assert found.columns["t"][0] == pytest.approx(0.1, abs=1e-4)
+    assert np.isinf(found.columns["mass_2"][0])
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "says"),
+    [
+        ("t,id,x\n0,1,2\n", [], "missing column y"),
+        ("frame,id,x,y\n0,1,2,3\n", [], "a column frame needs --fps"),
+        ("t,id,x,y\n0,1.5,2,3\n", [], "line 2: id = 1.5: a whole number is needed"),
+        ("t,id,x,y\n0,1,2,3\n0,1,2,3\n", [], "line 3: disk 1 stands twice at one time"),
+        ("t,id,x,y\n0,1,2,3\n", ["--disk", "1"], "--disk 1: MASS,RADIUS"),
+        ("t,id,x,y\n0,1,2,3\n", ["--wall", "1,2"], "--wall 1,2: X1,Y1,X2,Y2 is needed"),
+        ("t,id,x,y\n0,1,2,3\n", [], "no impact was found"),
+    ],
+)
+def test_wrong_tracks_are_refused(
+    text: str,
+    options: list[str],
+    says: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("tracks.csv").write_text(text, encoding="utf-8")
+    assert (
+        main(["collisions", "tracks.csv", *(["--disk", "1,1"] if "--disk" not in options else []), *options])
+        == 2
+    )
+    assert says in capsys.readouterr().err
+    assert not Path("tracks_collisions.csv").exists()

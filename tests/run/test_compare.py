@@ -1,0 +1,120 @@
+"""Runs held against measured places."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ifrdem.cli.main import main
+from ifrdem.errors import InputError
+from ifrdem.fit.tabular import Form
+from ifrdem.run import compare
+
+CASE = """\
+[run]
+name = "two"
+t_end = 2.0
+[box]
+open = true
+[[material]]
+name = "m"
+e_n = 0.8
+e_t = -1.0
+mu = 0.0
+[[species]]
+name = "a"
+number = 2
+material = "m"
+mass = 1.0
+radius = 0.5
+[start]
+file = "start.csv"
+[output]
+frames = 4
+"""
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Disk 0 at 1 m/s meets disk 1 at rest after 1 s, head-on: e_n = 0.8 leaves it 0.1 m/s, and gives 0.9 m/s."""
+    monkeypatch.chdir(tmp_path)
+    Path("two.toml").write_text(CASE, encoding="utf-8")
+    Path("start.csv").write_text("x,y,vx,vy,spin\n0,0,1,0,0\n2,0,0,0,0\n", encoding="utf-8")
+    assert main(["run", "two.toml", "--no-picture", "--quiet"]) == 0
+    return tmp_path / "two.h5"
+
+
+def test_places_distances_and_spread_are_those_of_the_mechanics(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("rest.csv").write_text("id,x,y,t\n0,1.1,0.3,\n1,2.9,0,\n0,0.5,0,0.5\n", encoding="utf-8")
+    seen = compare.read("rest.csv", {"positions": 0.1}, Form())
+    found = compare.compare(
+        run,
+        seen,
+        laws=[{"e_n": 0.6, "e_t": -1.0, "mu": 0.0}, {"e_n": 1.0, "e_t": -1.0, "mu": 0.0}],
+        members=4,
+    )
+    np.testing.assert_allclose(found.position, [[1.1, 0.0], [2.9, 0.0], [0.5, 0.0]], atol=1e-5)
+    np.testing.assert_allclose(found.distance, [0.3, 0.0, 0.0], atol=1e-5)
+    # e_n = 0.6, 1: disk 0 leaves at 0.2, 0 m/s and disk 1 at 0.8, 1 m/s, for one second
+    np.testing.assert_allclose(found.members[:2, :, 0], [[1.2, 2.8, 0.5], [1.0, 3.0, 0.5]], atol=1e-5)
+    spread = math.sqrt(4 * 0.1**2 / 3)
+    np.testing.assert_allclose(found.spread[:2, 0], spread, rtol=1e-3)
+    assert found.deviation[0] == pytest.approx(
+        3.0, rel=1e-3
+    )  # 0.3 across, where nothing but the error of 0.1 is
+    assert "within the 68 % ellipse 67%" in found.table()
+    found.draw([Path("two.png")])
+    assert Path("two.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["compare", "two.h5", "rest.csv", "-o", "out.csv"]) == 0
+    assert "root mean square distance 0.1732" in capsys.readouterr().out
+    assert Path("out.csv").read_text(encoding="utf-8").startswith("id,t,x,y,x_run")
+
+
+@pytest.mark.parametrize("error", [0.0, 1.0])
+@pytest.mark.parametrize("members", [5, 50])
+def test_ellipses_hold_the_part_of_the_places_that_they_say(members: int, error: float) -> None:
+    """The truth is one more of the runs, and 4,000 places make a statistical error of 0.007 and 0.003.
+
+    Chi-square limits instead of Hotelling's hold 49 and 75 % for five runs without errors of the measurement.
+    """
+    rng, m = np.random.default_rng(1), 4000
+    root = np.array([[2.0, 0.0], [1.5, 0.5]])
+    places = rng.standard_normal((members + 1, m, 2)) @ root.T
+    seen = compare.Measured(
+        np.arange(m), np.full(m, math.inf), places[-1] + error * rng.standard_normal((m, 2)),
+        np.full((m, 2), error), np.full(m, math.nan), np.full(m, math.nan),
+    )  # fmt: skip
+    found = compare.Comparison(
+        seen, places[0], seen.angle, places[:-1], np.ones((m, 2)), places[:1], np.ones(1), ""
+    )
+    assert np.mean(found.probability < 0.68) == pytest.approx(0.68, abs=0.03)
+    assert np.mean(found.probability < 0.95) == pytest.approx(0.95, abs=0.015)
+
+
+def test_start_errors_spread_the_runs(run: Path) -> None:
+    """Of 0.1 m/s: disk 0 flies 1 s at v, then a second or so at 0.1 v; disk 1 takes 0.9 v: spreads follow by differences."""  # noqa: E501
+    Path("rest.csv").write_text("id,x,y,t\n0,0.5,0,0.5\n", encoding="utf-8")
+    seen = compare.read("rest.csv", {}, Form())
+    found = compare.compare(run, seen, errors={"velocities": 0.1}, members=6, seed=3)
+    assert 0.02 < found.spread[0, 0] < 0.1  # 0.05 for 0.5 s, from six draws
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("id,x\n0,1\n", "missing column y"),
+        ("id,x,y\n0.5,1,1\n", "line 2: id = 0.5: a whole number"),
+        ("id,x,y\n7,1,1\n", "disk 7: the run has disks 0 to 1"),
+        ("id,x,y,t\n0,1,1,9\n", "t = 9: the run lasts from 0 to 2"),
+        ("id,x,y,x_error\n0,1,1,-1\n", "line 2: error of x = -1"),
+    ],
+)
+def test_wrong_places_are_refused(run: Path, text: str, says: str) -> None:
+    Path("rest.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=says):
+        compare.compare(run, compare.read("rest.csv", {}, Form()))

@@ -1,0 +1,162 @@
+"""Video data made by the program at known truth: tracks of coin collisions, and a table of coins before and after.
+
+`python -m ifrdem.validation.fit_video FOLDER` writes tracks.csv (25 collisions of two coins, 1,000 frames/s),
+start.csv and rest.csv (12 coins on a table: the measured start and where they came to rest). The case
+`coins_from_video` has these two. `... FOLDER ellipses` makes 20 such tables, compares each with 12 runs with drawn
+start and law, and prints the part of the places on the ellipses of `compare`.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import ifrdem
+from ifrdem.case.shipped import find
+from ifrdem.fit.tabular import Form
+from ifrdem.run import compare
+
+FITTED = {
+    "e_n": (0.8702, 8.0e-4),
+    "e_t": (-0.8801, 1.7e-3),
+    "mu": (0.2100, 8.2e-4),
+}  # to `tracks`, with errors
+LAW = ifrdem.IFRLaw(e_n=0.87, e_t=-0.88, mu=0.21)
+TABLE_FRICTION = 0.2
+COIN = ifrdem.coins["1 pta"]
+PLACE, VELOCITY, SPIN = 1.0e-4, 3.0e-3, 0.3  # errors of the start: [m], [m/s], [rad/s]
+MADE = "# SYNTHETIC: made by `python -m ifrdem.validation.fit_video` at e_n = 0.87, e_t = -0.88, mu = 0.21, table mu = 0.2\n"  # noqa: E501
+
+
+def tracks(fps: float, noise: float, number: int, seed: int = 1, angle_noise: float = 0.01) -> str:
+    """A CSV table of places in the frames of `number` collisions, one after the other, with pixel noise [m] and [rad].
+
+    Flights are straight: such videos are taken on an air table.
+    """
+    rng = np.random.default_rng(seed)
+    law = LAW
+    lines = [MADE + "t (s),id,x (mm),y (mm),angle (rad)"]
+    for k in range(number):
+        phi, psi, speed = (
+            rng.uniform(0.0, 2.0 * np.pi),
+            np.radians(rng.uniform(-75.0, 75.0)),
+            rng.uniform(0.5, 1.0),
+        )
+        n = np.array([np.cos(phi), np.sin(phi)])
+        t_ = np.array([-n[1], n[0]])
+        v = np.stack([speed * (np.cos(psi) * n + np.sin(psi) * t_), np.zeros(2)]) + rng.normal(0.0, 0.1, 2)
+        w = rng.normal(0.0, 8.0, 2)
+        out = ifrdem.collide(law, n, [COIN.mass] * 2, [COIN.radius] * 2, [2.0] * 2, v, w)
+        place = rng.uniform(0.0, 0.3, 2) + np.outer([0.0, 2.0 * COIN.radius], n)
+        t = np.arange(0.0, 0.24, 1.0 / fps) + rng.uniform(0.0, 1.0 / fps)
+        tau = t - 0.12
+        for i in (0, 1):
+            x = (
+                place[i]
+                + np.minimum(tau, 0.0)[:, None] * v[i]
+                + np.maximum(tau, 0.0)[:, None] * out.velocity[i]
+            )
+            angle = np.minimum(tau, 0.0) * w[i] + np.maximum(tau, 0.0) * out.spin[i]
+            x = 1e3 * (x + noise * rng.standard_normal(x.shape))
+            angle = (angle + angle_noise * rng.standard_normal(angle.shape) + np.pi) % (2.0 * np.pi) - np.pi
+            lines += [
+                f"{s + k:.6f},{2 * k + i},{a:.4f},{b:.4f},{c:.4f}"
+                for s, (a, b), c in zip(t, x, angle, strict=True)
+            ]
+    return "\n".join(lines) + "\n"
+
+
+def table(seed: int = 1) -> tuple[str, str]:
+    """CSV tables of the start and of the rest places of 12 coins, as a camera gives them.
+
+    Nine coins lie loosely around the middle, three come in.
+    """
+    rng = np.random.default_rng(seed)
+    R = COIN.radius
+    grid = np.array([[i, j] for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0)]) * 2.6 * R + rng.normal(
+        0.0, 0.15 * R, (9, 2)
+    )
+    grid[1] = grid[0] + 2.0 * R * np.array([0.1, 0.995]) / np.hypot(0.1, 0.995)  # these two touch
+    position = np.concatenate([grid, [[-0.2, 0.012], [0.19, -0.03], [0.01, 0.21]]])
+    velocity = np.concatenate([np.zeros((9, 2)), [[0.95, 0.0], [-0.9, 0.1], [0.0, -1.0]]])
+    spin = np.concatenate([np.zeros(9), [0.0, 25.0, -15.0]])
+    disks = ifrdem.Disks(12, mass=np.full(12, COIN.mass), radius=np.full(12, R))
+    forces = [ifrdem.forces.TableFriction(mu=TABLE_FRICTION, step=1.0e-3)]
+    gas = ifrdem.Simulation(
+        disks, ifrdem.Box.open(), LAW, ifrdem.State(position, velocity, spin), forces=forces
+    )
+    gas.run(t_end=1.5)
+    rest = np.asarray(gas.state.position) + PLACE * rng.standard_normal(position.shape)
+    seen = position + PLACE * rng.standard_normal(position.shape)
+    moving = np.any(velocity != 0.0, axis=1)
+    v = velocity + VELOCITY * rng.standard_normal(velocity.shape) * moving[:, None]
+    w = spin + SPIN * rng.standard_normal(12) * moving
+    start = [MADE + "pos x (mm),pos y (mm),u (mm/s),v (mm/s),turn (rad/s),du (mm/s),dv (mm/s),dturn (rad/s)"]
+    start += [
+        f"{1e3 * a:.2f},{1e3 * b:.2f},{1e3 * c:.1f},{1e3 * d:.1f},{e:.2f},{1e3 * VELOCITY * m:g},{1e3 * VELOCITY * m:g},{SPIN * m:g}"  # noqa: E501
+        for (a, b), (c, d), e, m in zip(seen, v, w, moving, strict=True)
+    ]
+    end = [MADE + "coin,rest x (mm),rest y (mm)"]
+    end += [f"{i},{1e3 * a:.2f},{1e3 * b:.2f}" for i, (a, b) in enumerate(rest)]
+    return "\n".join(start) + "\n", "\n".join(end) + "\n"
+
+
+def ellipses(folder: Path, tables: int = 20, members: int = 12) -> str:
+    """The part of rest places on the 68 and 95 % ellipses, over tables of other starts and errors."""
+    found, among, farthest = [], [], []
+    for seed in range(1, tables + 1):
+        start, rest = table(seed)
+        (folder / "coins_from_video.csv").write_text(start, encoding="utf-8")
+        (folder / "rest.csv").write_text(rest, encoding="utf-8")
+        case, run = folder / "coins_from_video.toml", folder / "run.h5"
+        case.write_bytes(find("coins_from_video").read_bytes())
+        command = [sys.executable, "-m", "ifrdem", "run", str(case), "--quiet", "--no-picture", "--force"]
+        subprocess.run([*command, "-o", str(folder / "run")], check=True)
+        names = {"id": "coin", "x": "rest x (mm)", "y": "rest y (mm)"}
+        measured = compare.read(folder / "rest.csv", {"positions": PLACE}, Form(names))
+        rng = np.random.default_rng(seed)
+        laws = [
+            dict(zip(FITTED, rng.normal(*zip(*FITTED.values(), strict=True)), strict=True))
+            for _ in range(members)
+        ]
+        compared = compare.compare(
+            run, measured, laws=laws, errors={"positions": PLACE}, members=members, seed=seed, case=case
+        )
+        found.append(compared.probability)
+        each = np.concatenate([compared.members, measured.position[None]])
+        one_left_out = [
+            replace(
+                compared,
+                measured=replace(measured, position=each[i], error=measured.error * (i == members)),
+                members=np.delete(each, i, axis=0),
+            ).probability
+            for i in range(members + 1)
+        ]
+        among.append(one_left_out[:-1])
+        farthest.append(np.argmax(one_left_out, axis=0) == members)
+    inside = [float(np.mean(np.array(found) < part)) for part in (0.68, 0.95)]
+    return (
+        f"{tables} tables of {len(found[0])} coins, {members} runs each: "
+        f"within 68 % {inside[0]:.3f}, within 95 % {inside[1]:.3f}; each run among the others and the measurement: "
+        f"{np.mean(np.array(among) < 0.68):.3f}, {np.mean(np.array(among) < 0.95):.3f}; "
+        f"the measured place is the farthest in {np.mean(farthest):.3f}"
+    )
+
+
+def main(folder: Path, what: str = "") -> None:
+    """Write the three files, or print the table of ellipses."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if what == "ellipses":
+        print(ellipses(folder))
+        return
+    start, rest = table()
+    for name, text in (("tracks", tracks(1000.0, 1.0e-4, 25)), ("start", start), ("rest", rest)):
+        (folder / f"{name}.csv").write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), *sys.argv[2:])
