@@ -31,12 +31,12 @@ WRITER_BYTES_PER_DISK = 200
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
 
 COST_OF_RATIO: Mapping[float, float] = {
-    1.0: 1.0, 2.0: 1.3, 5.0: 2.6, 10.0: 7.5, 20.0: 27.0, 50.0: 180.0,
+    1.0: 1.0, 2.0: 1.4, 5.0: 2.1, 10.0: 2.4, 20.0: 3.4, 50.0: 5.4,
 }  # fmt: skip
 """Processor time of a collision, relative to equal disks, by the ratio of the largest to the smallest radius.
 
 Measured 2026-11-23: 10,000 elastic disks of two sizes with equal areas, phi = 0.5, one thread
-(`results/size_ratio.md`). It grows with the number of small disks in a cell, which is as wide as the largest one."""
+(`results/size_ratio.md`). Among walls there is one layer of cells only, and the cost is higher from a ratio of 5 on."""
 
 
 def refuse_cadences(case: Case, gas: CaseGas, estimate: RunEstimate) -> None:
