@@ -80,7 +80,7 @@ SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
 ) = range(15)  # fmt: skip
 BY_COUNT = 2
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
-# clock, f64: begin and end of the window; where to stop (time, collisions of the launch), to pause, when a force
+# clock, f64: begin and end of the window; where to stop (time, collisions in all), to pause, when a force
 # acts; what sets the length of windows: a path, the side of a tile, the speed of walls; unit of squares of
 # speeds; path in a gas that fills the box, collisions in a window of that; root mean square of speeds at the beginning
 (

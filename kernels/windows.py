@@ -32,7 +32,7 @@ def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
     push = ti.sqrt(pull * path) + wall_speed
     speed = ti.sqrt(mean_square) + push
     fastest = ti.sqrt(fastest2) + push
-    length = FAR
+    length = FAR + 0.0 * path  # f64, in single precision too
     if speed > 0.0:
         length = ti.min(path / speed, LARGEST_WAY * tile_side / fastest)
     return length
@@ -110,7 +110,12 @@ def prepare(tile, lane, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def plan(gas: ti.template()):
-    """Set the next window of a gas in one tile, from the sums of the last one. A force ends it."""
+    """Set the next window of a gas in one tile, from the tally of the last one, which is added up. A force ends it."""
+    for column in range(TALLY):
+        gas.sums[column] = gas.sums[column] + gas.tally[0, AT_END, column]
+    if ti.static(gas.uses.thermal):
+        for column in range(gas.heat.shape[2]):
+            gas.sums[TALLY + column] = gas.sums[TALLY + column] + gas.heat[0, AT_END, column]
     way = gas.clock[SPEED] * (gas.clock[END] - gas.clock[BEGIN])
     gas.clock[PATH] = path_from(
         gas.clock[PATH], gas.clock[FREE_PATH], gas.clock[IN_WINDOW], way, gas.tally[0, AT_END, COLLISIONS]
@@ -138,18 +143,12 @@ def plan(gas: ti.template()):
 
 
 @ti.func
-def close_window(gas: ti.template()):
-    """Add the window of a gas in one tile to the sums of the launch; 1 if another one may follow at once, else 0.
+def may_go_on(gas: ti.template()):
+    """1 if another window of a gas in one tile may follow at once, else 0.
 
     None does where the run stops or pauses, a force acts, something is amiss, or the launch has lasted long enough.
     """
-    if gas.counter[FULL] == 0 and gas.counter[PAUSED] == 0:
-        for column in range(TALLY):
-            gas.sums[column] = gas.sums[column] + gas.tally[0, AT_END, column]
-        if ti.static(gas.uses.thermal):
-            for column in range(gas.heat.shape[2]):
-                gas.sums[TALLY + column] = gas.sums[TALLY + column] + gas.heat[0, AT_END, column]
-    end, collisions = gas.clock[END], gas.sums[COLLISIONS]
+    end, collisions = gas.clock[END], gas.sums[COLLISIONS] + gas.tally[0, AT_END, COLLISIONS]
     amiss = gas.counter[FULL] + gas.counter[STALLED] + gas.counter[RESTING] + gas.counter[PAUSED] > 0
     done = end >= gas.clock[STOP] or end >= gas.clock[KICK] or collisions >= gas.clock[WANTED]
     paused = end >= gas.clock[PAUSE] or collisions >= gas.clock[PAUSE_AFTER]
@@ -195,7 +194,7 @@ def run_windows(
                     going = 0
                     if gas.grid[ALONE] == 1:
                         gas.counter[N_WINDOWS] = gas.counter[N_WINDOWS] + 1
-                        if close_window(gas) and gas.counter[N_WINDOWS] < most_windows:
+                        if may_go_on(gas) and gas.counter[N_WINDOWS] < most_windows:
                             going = 1
                             plan(gas)
                             if ti.static(gas.uses.walled):

@@ -28,6 +28,7 @@ CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what roundin
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
 LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
+GPU_COLLISIONS, GPU_TILE = 0.4, 100  # the same for a GPU, a thread a tile: by a model, not measured
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
@@ -293,6 +294,8 @@ class DeviceArrays:
         self.area = float(np.prod(high - low))
         phi = self.packing_fraction = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
         collisions, tile_disks = division(phi)
+        if options.arch != "cpu":
+            collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
         free = self.area / max(n, 1)  # of a disk
         few = n <= ALONE
         sheared = self.uses.sheared

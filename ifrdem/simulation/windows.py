@@ -227,11 +227,9 @@ class Windows:
         if self._paused or not self._ahead:
             if a.alone or stop < self.end:
                 a.make_moment()
-            before = self._done[k.COLLISIONS]
-            far = math.inf
             a.clock[[k.STOP, k.PAUSE, k.KICK]] = stop, pause_at, kick
-            a.clock[k.WANTED] = far if wanted is None else wanted - before
-            a.clock[k.PAUSE_AFTER] = far if pause_after is None else pause_after - before
+            a.clock[k.WANTED] = math.inf if wanted is None else wanted
+            a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
             moment = stop - self.begin if stop < self.end else math.inf
             self._compute(moment, most if a.alone else 1, watching, pausing=a.alone and not watching)
         if self._paused:
@@ -262,10 +260,10 @@ class Windows:
         """When collision `count` = 1, 2, ... of the window was, since its beginning."""
         if count <= 0:
             return 0.0
-        kept, fresh = self._watched, self.fresh
+        kept = self._watched, self.fresh, self._watching
         self._compute(math.inf, 1, k.PAIRS)
         times = np.concatenate([real[:, k.AT] for real, _ in self._watched])
-        self._watched, self.fresh = kept, fresh
+        self._watched, self.fresh, self._watching = kept
         self.arrays.events(0)
         return float(np.partition(times, count - 1)[count - 1])
 
@@ -283,7 +281,9 @@ class Windows:
         """
         a = self.arrays
         resuming = self._paused and pausing
-        self._paused, self._watching = False, watching
+        self._paused = False
+        if watching or self.begin != self._counted:
+            self._watching = watching
         begin, end = self.begin, self.end
         a.clock[k.BEGIN], a.clock[k.END] = begin, end
         a.scale[k.WINDOW] = end - begin
@@ -303,9 +303,8 @@ class Windows:
         self.statistics.windows -= again
         if alone:
             self._paused = bool(a.counter[k.PAUSED])
-            last = 0.0 if self._paused else self._tally(k.AT_END)
             self.statistics.windows += int(a.counter[k.N_WINDOWS])
-            self._done += a.sums - last
+            self._done = a.sums.copy()
             self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
             self._collect(watching)
         else:
@@ -369,7 +368,7 @@ class Windows:
             a.counter[k.AGAIN], a.counter[k.PAUSING], a.counter[k.RESUMING] = again, pausing, resuming
             if again:
                 a.counter[k.N_CLAIMED] = self._claimed
-            a.sums[:] = 0.0
+            a.sums[:] = self._done  # one window after another, so that sums do not depend on launches
             a.launch(run_windows, tiles, most)
             self._claimed = int(a.counter[k.N_CLAIMED])
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
@@ -390,11 +389,9 @@ class Windows:
                 return
             if a.counter[k.N_WINDOWS] > 1:
                 # Windows before this one are good: go on from here.
-                self._done += a.sums
+                self._done = a.sums.copy()
                 self.statistics.windows += int(a.counter[k.N_WINDOWS]) - 1
                 clock = a.clock.copy()
-                for column in (k.WANTED, k.PAUSE_AFTER):
-                    clock[column] -= a.sums[k.COLLISIONS]
                 part = int(a.grid[k.PART])
                 resuming = False
             a.clock[:], a.grid[k.PART] = clock, part
