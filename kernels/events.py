@@ -4,9 +4,8 @@ Disks lie in cells at least as wide as the largest of them, so that disks that t
 event: its collision or, before that, its way into the next cell. Bins over the time of the window are the queue.
 
 Only the disk that predicts a collision stores it. A partner that has collided since makes it stale: then the disk
-predicts again. None is missed: whenever the motion of a disk changes it looks at all its neighbours, and when it
-enters a
-cell, at those that become neighbours; so of any two that will meet, the one that looked last knows of it, or has an
+predicts again. None is missed: whenever the motion of a disk changes it looks at all its neighbours, and when it enters
+a cell, at those that become neighbours; so of any two that will meet, the one that looked last knows of it, or has an
 earlier event, at which it looks again.
 
 Places and clocks of disks change at collisions only, never at crossings, and are rounded to the grid then. So histories

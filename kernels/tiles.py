@@ -15,10 +15,9 @@ its way are noted; for each copy of another tile's disk a *claim*: the hash of t
    touch with an own disk: circles around their first places with their ways as radii do not meet.
 
 Proof. Suppose all tiles are good, and let t be the first time at which the histories that tiles found for their own
-disks
-leave the true motion. Then an own disk i meets, or misses, some k wrongly at t. Until t, i and k moved truly, so by 1
-there is a copy of k in the tile of i, and it or k came into touch with i, so by 2 the copy has the history that k has
-in its own tile, which is true before t. The tile of i then computed the meeting from true motions: a contradiction.
+disks leave the true motion. Then an own disk i meets, or misses, some k wrongly at t. Until t, i and k moved truly, so
+by 1 there is a copy of k in the tile of i, and it or k came into touch with i, so by 2 the copy has the history that k
+has in its own tile, which is true before t. The tile of i then computed the meeting from true motions: a contradiction.
 
 Bad tiles are run again, from the same beginning, with wider halos. Nothing is ever undone.
 """
