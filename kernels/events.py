@@ -32,6 +32,7 @@ from .tiles import head_at, layer_of, scale_of, write
 from .walls import first_wall, hit_wall, other_image
 
 EMPTY = -1  # of bins and cells
+PARTING = 2.25  # square of a distance in contact distances: at it or less two disks have just collided
 NOT_QUEUED = -1  # as PREVIOUS; the first of bin b has -2 - b
 MANY_EVENTS = 200_000  # without progress of time: an inelastic collapse
 TOO_FAR = 1e6  # or a disk that would come so many times through its region in a window
@@ -346,7 +347,7 @@ def find(
                     j = gas.link[i][NEXT_IN_CELL]
                 while j >= 0:
                     following = gas.link[j][NEXT_IN_CELL]
-                    if j != i and (j != last or gas.link[j][LAST] != i):
+                    if j != i:
                         tau_j = gas.work[j][TAU]
                         start = ti.select(tau_j > tau, tau_j, tau)
                         vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
@@ -365,6 +366,10 @@ def find(
                             sigma = radius + radius_of(j, gas)
                         noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
                         t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
+                        if j == last and gas.link[j][LAST] == i:
+                            # They part, since this start; but round a narrow box another image may come.
+                            if rx * rx + ry * ry < PARTING * sigma * sigma:
+                                t = FAR
                         if sooner(t, j, best, partner, gas):
                             best = t
                             partner = j

@@ -68,6 +68,11 @@ def placed(s, tile, time, gas: ti.template()):
     return x, y, boxes_x, boxes_y, frame, flow
 
 
+def is_single(array):
+    """Tell if an array that a kernel was given has numbers of single precision."""
+    return array.get_type().element_type == ti.f32
+
+
 @ti.kernel
 def read_out(
     part: ti.i32, time: ti.f64, filled: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows,
@@ -87,19 +92,23 @@ def read_out(
     for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
         if item % SPREAD == 0:
             k = item // SPREAD
-            column = part
+            lists = part
             if part == TOLD:
-                column = 1 - gas.grid[PART]  # the lists at the moment are those at the end
-            first = part * gas.grid[ROOM] + gas.tile[k, START + column]
+                lists = 1 - gas.grid[PART]  # the lists at the moment are those at the end
+            first = part * gas.grid[ROOM] + gas.tile[k, START + lists]
             total = ti.Vector([0.0] * TOTALS, ti.f64)
-            for s in range(first, first + gas.tile[k, COUNT + column]):
+            for s in range(first, first + gas.tile[k, COUNT + lists]):
                 x, y, boxes_x, boxes_y, frame, flow = placed(s, k, time, gas)
                 count_in(s, x, y, flow, total, gas)
                 if filled == 1:
                     i = gas.meta[s][ID]
-                    real_out[i, 0], real_out[i, 1] = x, y
-                    real_out[i, 2] = ti.cast(gas.disk[s][VX], ti.f64) + frame
-                    real_out[i, 3], real_out[i, 4] = gas.disk[s][VY], gas.disk[s][SPIN]
+                    vx = ti.cast(gas.disk[s][VX], ti.f64) + frame
+                    row = ti.Vector([x, y, vx, gas.disk[s][VY], gas.disk[s][SPIN]], ti.f64)
+                    for column in ti.static(range(5)):
+                        if ti.static(is_single(real_out)):
+                            real_out[i, column] = ti.cast(row[column], ti.f32)
+                        else:
+                            real_out[i, column] = row[column]
                     int_out[i, 0] = gas.meta[s][EVENTS]
                     int_out[i, 1], int_out[i, 2] = (
                         gas.meta[s][IMAGE_X] + boxes_x,

@@ -304,7 +304,9 @@ class DeviceArrays:
         mean = 2.0 * float(disks.radius.mean()) if n else 1.0
         self.clock[k.PATH] = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
-        own = float((high - low).min()) if few and not sheared else math.sqrt(tile_disks * free)
+        own = float((high - low).min())
+        if sheared or not few:
+            own = min(own, math.sqrt(tile_disks * free))
         self.clock[k.TILE_SIDE] = own
         least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
         widest = CELL * self.widest

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture, partners, run, start
 from support.serial_reference import simulate
 
+from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation.engine import Engine
@@ -163,3 +164,16 @@ def test_a_disk_among_thousands_of_small_ones_loses_none() -> None:
     state = State(np.vstack(([[120.0, 120.0]], far)), velocity, np.zeros(n + 1))
     engine = Engine(disks, box, state, np.array([[ELASTIC]]))
     assert_same_as_serial(disks, box, state, ELASTIC, engine, per_disk=1)
+
+
+@pytest.mark.parametrize("n", [300, 25_000])
+def test_disks_in_a_strip_of_three_diameters_meet_by_every_image(n: int) -> None:
+    """Two disks that have just parted come together again round the box, without any other collision between."""
+    box = Box((3.0, 2.4 * n))
+    position = np.stack([np.full(n, 1.5), 2.4 * np.arange(n) + 0.3], axis=1)
+    velocity = placement.maxwellian(np.ones(n), temperature=1.0, seed=1)
+    engine = Engine(equal_disks(n), box, State(position, velocity, np.zeros(n)), np.array([[ELASTIC]]))
+    while engine.time < 2.0:
+        engine.advance(t_end=2.0)
+    position = engine.state().position % np.array(box.lengths)
+    assert not cKDTree(position, boxsize=box.lengths).query_pairs(1.0 - 1e-9)

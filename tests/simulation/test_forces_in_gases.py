@@ -218,3 +218,19 @@ def test_a_gas_at_rest_waits_for_a_force_but_not_for_ever(monkeypatch: pytest.Mo
     braked = Simulation(disks, box, SMOOTH, state, forces=[Drag(1.0, rate=1.0)])
     with pytest.raises(NoMoreCollisions, match="no disk can meet another"):
         braked.run(collisions_per_disk=0.1)
+
+
+def test_a_stop_within_rounding_of_a_force_changes_no_bit() -> None:
+    """The middle of the second step is 0.07500000000000001: a run to 0.075 ends before the force acts."""
+    disks = equal_disks(100)
+    box, state = start(disks, 0.3)
+    ends = []
+    for stops in ((0.6,), (0.075, 0.1249999999999999, 0.175, 0.6)):
+        gas = Simulation(
+            disks, box, IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), state, forces=[RandomKicks(0.05, power=0.1)]
+        )
+        for stop in stops:
+            gas.run(t_end=stop)
+        ends.append(gas.state)
+    assert np.array_equal(ends[0].velocity, ends[1].velocity)
+    assert np.array_equal(ends[0].position, ends[1].position)
