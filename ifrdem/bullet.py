@@ -474,7 +474,7 @@ class _Step:
         return min(((float(times[at]), int(near[at, 0]), int(near[at, 1])) for at in due), default=None)
 
     def _with_disks(self, pair: NDArray[np.int64]) -> Array:
-        """When disks of pairs (m, 2) touch; infinite where they do not."""
+        """Times at which disks of pairs (m, 2) touch; infinite where they do not."""
         i, j = pair.T
         began = np.maximum(self.since[i], self.since[j])
         v = self.v[j] - self.v[i]
@@ -487,7 +487,7 @@ class _Step:
             return np.where(meet, began + np.maximum(c, 0.0) / (np.sqrt(root) - b), np.inf)
 
     def _with_walls(self, pair: NDArray[np.int64]) -> Array:
-        """When disks and walls of pairs (m, 2) touch; infinite where they do not."""
+        """Times at which disks and walls of pairs (m, 2) touch; infinite where they do not."""
         i, wall = pair[:, 0], pair[:, 1] - self.n
         began = np.maximum(self.since[i], self.since[pair[:, 1]])
         n = self.normal[wall]

@@ -70,7 +70,7 @@ def coefficients(p, q, gas: ti.template()):
 def pair_of(
     g_n, g_t, m_n, m_t, im_i, R_i, k_i, w_i, im_j, R_j, k_j, w_j
 ):  # fmt: skip
-    """What a law is told of a pair (`law.CollisionLaw.collide`)."""
+    """All that a law is told of a pair (`law.CollisionLaw.collide`)."""
     return ti.Struct(
         # A pair that separates by rounding has no power 1/5 of its approach; its impulses do not count.
         g_n=ti.max(g_n, 0.0), g_t=g_t, m_n=m_n, m_t=m_t,

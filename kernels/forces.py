@@ -17,7 +17,7 @@ STEP_LOW, STEP_HIGH, INDEX, SEED_LOW, SEED_HIGH = range(5)
 
 @ti.func
 def told(s, tile, time, gas: ti.template()):
-    """What a force may know of a listed disk at `time`. Velocities are those in the mean flow, if there is one."""
+    """All that a force may know of a listed disk at `time`. Velocities are those in the mean flow, if there is one."""
     x, y, _boxes_x, _boxes_y, _frame, flow = placed(s, tile, time, gas)
     kind = 0
     if ti.static(gas.uses.mixed):

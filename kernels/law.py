@@ -26,7 +26,7 @@ def inverse_masses(im_i, k_i, im_j, k_j):
 
 @ti.pyfunc
 def relative_motion(n_x, n_y, im_i, R_i, k_i, vx_i, vy_i, w_i, im_j, R_j, k_j, vx_j, vy_j, w_j):
-    """How the contact moves, from the arguments of `collide_pair`: g_n, g_t, m_n, m_t.
+    """Motion of the contact, from the arguments of `collide_pair`: g_n, g_t, m_n, m_t.
 
     Returns
     -------

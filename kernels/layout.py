@@ -138,7 +138,7 @@ def plain(function):
 
 
 class Law(NamedTuple):
-    """What is compiled in of the law: its function of a pair, and the length of its rows of coefficients, 1 or more."""
+    """The compiled part of the law: its function of a pair, and the length of its rows of coefficients, 1 or more."""
 
     impulses: Any
     n_coefficients: int

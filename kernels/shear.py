@@ -18,7 +18,7 @@ from .layout import DRIFT, SHEAR, TILES_Y
 
 @ti.pyfunc
 def displacement(speed, time, tile_side, tiles):
-    """How far a row of tiles has come at `speed`, in double precision: whole boxes, whole tiles, and the rest."""
+    """Way of a row of tiles at `speed`, in double precision: whole boxes, whole tiles, and the rest."""
     way = speed * time
     whole = ti.floor(way / tile_side + 0.5)
     boxes = ti.floor(whole / tiles)

@@ -184,7 +184,7 @@ def wall_vector(w, x, y, s, gas: ti.template()):
 
 @ti.func
 def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
-    """When a disk, at (x, y) at time `tau` with the falling frame's velocity, first touches wall w; FAR if not in time.
+    """Time at which a disk, at (x, y) at `tau` with the falling frame's velocity, first touches wall w; FAR if too late.
 
     Returns the time, and 1 if the disk rests on the wall, which has no next collision.
     """
@@ -264,7 +264,7 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
 
 @ti.func
 def wall_reach(w, gas: ti.template()):
-    """How far from a wall, as the window begins, the centre of a disk may be that touches it in the window."""
+    """Distance from a wall, as the window begins, of the farthest centre of a disk that may touch it in the window."""
     window = gas.scale[WINDOW]
     _s, speed, bound, _until = wall_motion(w, 0.0 * window, gas)
     way = ti.abs(speed) * window + 0.5 * bound * window * window

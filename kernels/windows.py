@@ -25,7 +25,7 @@ LARGEST_WAY = 0.4  # of the side of a tile, that the fastest disk may come in a 
 
 @ti.pyfunc
 def window_length(mean_square, fastest2, path, tile_side, pull, wall_speed):
-    """How long a window is [time]: as long as disks take for a `path`, and none comes far into the next tile.
+    """Length of a window [time]: as long as disks take for a `path`, and none comes far into the next tile.
 
     Gravity and walls set disks at rest in motion.
     """

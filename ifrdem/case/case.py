@@ -298,7 +298,7 @@ class StartSection(Section):
 
     @property
     def form(self) -> Form | None:
-        """How the CSV file is written, where it differs."""
+        """Form of the CSV file, where it differs."""
         if (self.columns, self.units, self.delimiter, self.decimal) == (None,) * 4:
             return None
         return Form(self.columns or {}, self.units or {}, {}, self.delimiter or ",", self.decimal or ".")

@@ -1,4 +1,4 @@
-"""What the engine refuses before it makes any array, and why."""
+"""Input that the engine refuses before it makes any array, with the reason."""
 
 from __future__ import annotations
 

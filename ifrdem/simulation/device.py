@@ -37,7 +37,7 @@ class Device:
 
 @dataclass(frozen=True)
 class Running:
-    """What Taichi was started with."""
+    """Options with which Taichi was started."""
 
     arch: str
     threads: int
@@ -52,7 +52,7 @@ _most_threads: int | None = None
 
 
 def cpu_name() -> str:
-    """What the processor calls itself."""
+    """Name of the processor."""
     try:
         with open("/proc/cpuinfo") as info:
             for line in info:
@@ -157,7 +157,7 @@ def cuda_absence() -> str | None:
 
 
 def device(arch: str) -> Device:
-    """What a device is, whether it is there or not."""
+    """A device, which may be there or not."""
     return Device(arch, f"{cpu_name()}, {cores()} threads" if arch == "cpu" else "NVIDIA GPU (CUDA)")
 
 
@@ -216,7 +216,7 @@ def _remove_stale_lock(folder: Path) -> None:
 
 
 class User(Protocol):
-    """What holds arrays of Taichi's."""
+    """A holder of arrays of Taichi's."""
 
     def release(self) -> None:
         """Give the arrays up: Taichi ends."""

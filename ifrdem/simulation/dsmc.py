@@ -37,7 +37,7 @@ from .interrupts import Deferred
 
 @dataclass(frozen=True)
 class Relaxation:
-    """How a homogeneous gas changed; q samples, s species.
+    """Course of a homogeneous gas; q samples, s species.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ def sample(
     hits: NDArray[np.int32],
     species: NDArray[np.intp],
 ) -> dict[str, Any]:
-    """What `Relaxation` has of one time, but for that and what was put in.
+    """A sample: what `Relaxation` has of one time, but for that and what was put in.
 
     Parameters
     ----------

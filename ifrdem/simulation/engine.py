@@ -75,7 +75,7 @@ OPEN_WINDOWS = (
 
 @dataclass(frozen=True)
 class EngineOptions:
-    """How an engine runs.
+    """Options of an engine.
 
     Attributes
     ----------

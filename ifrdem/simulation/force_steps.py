@@ -82,14 +82,14 @@ class ForceSteps:
 
     @property
     def next_time(self) -> float:
-        """When the next force acts [time]; infinite without forces."""
+        """Time at which the next force acts [time]; infinite without forces."""
         return min(
             (_time(k, step) for k, step in zip(self.next_steps, self._steps, strict=True)), default=math.inf
         )
 
     @property
     def keeps_rest(self) -> bool:
-        """Whether none of the forces, if there are any, sets in motion what is at rest."""
+        """True if none of the forces, if there are any, sets in motion what is at rest."""
         return bool(self.forces) and all(force.keeps_rest for force in self.forces)
 
     def skip_to(self, time: float) -> None:
@@ -140,7 +140,7 @@ class ForceSteps:
 
 
 def _time(k: int, step: float) -> float:
-    """When a force acts for the k-th time: a product, because a sum of steps would gather rounding errors."""
+    """Time at which a force acts for the k-th time: a product, because a sum of steps would gather rounding errors."""
     return (k + 0.5) * step
 
 
@@ -157,6 +157,6 @@ def _first_after(now: float, step: float) -> int:
 
 
 def _words(k: int, index: int, seed: int) -> NDArray[np.uint32]:
-    """What keys the random numbers: see `kernels/forces.py`."""
+    """Key of the random numbers: see `kernels/forces.py`."""
     low = 2**32 - 1
     return np.array([k & low, k >> 32 & low, index, seed & low, seed >> 32], dtype=np.uint32)

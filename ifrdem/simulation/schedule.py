@@ -1,4 +1,4 @@
-"""When something is written during a run: evenly, at intervals of time or of collisions, or ever more rarely."""
+"""Times at which a run writes something: evenly, at intervals of time or of collisions, or ever more rarely."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Progress = Callable[[float, int], None]
 
 @dataclass
 class Course:
-    """How a run goes, and what of it is done.
+    """Course of a run, and what of it is done.
 
     Attributes
     ----------
@@ -46,19 +46,19 @@ class Course:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any], frames: Cadence, series: Cadence | None) -> Course:
-        """What `to_record` gave."""
+        """Go on from what `to_record` gave."""
         span = dict(record["span"])
         end = Due(**span.pop("end"))
         return cls(Span(**span, end=end), frames, series, record["next_frame"], record["next_row"])
 
     @property
     def frame_schedule(self) -> Schedule:
-        """When frames are due."""
+        """Times at which frames are due."""
         return Schedule(self.frames, self.span)
 
     @property
     def row_schedule(self) -> Schedule:
-        """When rows of series are due; only at the end if there are none."""
+        """Times at which rows of series are due; only at the end if there are none."""
         return Schedule(self.series or Cadence(number=1), self.span)
 
 
@@ -73,7 +73,7 @@ MOST = 10_000_000
 
 @dataclass(frozen=True)
 class Cadence:
-    """How often. Exactly one of `number`, `interval` and `collisions` is given.
+    """Interval of frames or rows. Exactly one of `number`, `interval` and `collisions` is given.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class Due:
     collisions: int | None = None
 
     def reached(self, time: float, collisions: int) -> bool:
-        """Whether a run that is at this time, after so many collisions, has come to it."""
+        """True if a run that is at this time, after so many collisions, has come to it."""
         return time >= self.time or (self.collisions is not None and collisions >= self.collisions)
 
 

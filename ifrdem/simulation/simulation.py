@@ -204,7 +204,7 @@ class Simulation(Sealed):
 
     @property
     def has_ledger(self) -> bool:
-        """Whether it adds up the energy that collisions take, by mechanism."""
+        """True if the energy that collisions take is added up, by mechanism."""
         return self._has_ledger
 
     @property
@@ -363,7 +363,7 @@ class Simulation(Sealed):
 
     @property
     def statistics(self) -> Statistics:
-        """What the engine did: windows, those left to one thread, tiles run again."""
+        """Counts of the engine: windows, those left to one thread, tiles run again."""
         return self._engine.statistics
 
     @property
@@ -713,5 +713,5 @@ class Simulation(Sealed):
         return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
 
     def _put_in(self) -> dict[str, Any]:
-        """What a state does not tell of its past, up to the latest settling."""
+        """The past that a state does not tell, up to the latest settling."""
         return {"energy_input": self.energy_input, "wall_work": self.wall_work, "wall_heat": self.wall_heat}

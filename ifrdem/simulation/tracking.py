@@ -26,7 +26,7 @@ UNKNOWN, ELASTIC = -1, 9
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """What happened to tracked disks, e rows in order of time, then id; a collision of two of them stands twice.
+    """Collisions of tracked disks, e rows in order of time, then id; a collision of two of them stands twice.
 
     Attributes
     ----------
@@ -247,7 +247,7 @@ class Tracking:
         velocity: tuple[NDArray[np.float64], NDArray[np.float64]],
         other: tuple[NDArray[np.float64], NDArray[np.float64]],
     ) -> NDArray[np.float64]:
-        """What the disk gave: its own loss of momentum, or the partner's gain where it cannot move itself."""
+        """Momentum that the disk gave: its own loss of momentum, or the partner's gain where it cannot move itself."""
         mass = self._disks.mass[ids]
         given = np.where(np.isfinite(mass), mass, 0.0)[:, None] * (velocity[0] - velocity[1])
         stuck = np.flatnonzero(~np.isfinite(mass) & (partner >= 0))
@@ -306,7 +306,7 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 @dataclass
 class Statistics:
-    """What the engine has done since it was made.
+    """Counts of the engine since it was made.
 
     Attributes
     ----------

@@ -16,7 +16,7 @@ MOST_COMPARED = 200_000
 
 
 def nobody_meets(state: State, disks: Disks) -> bool:
-    """Whether no two disks approach each other in a way that they could touch: nothing will happen without forces.
+    """True if no two disks approach each other in a way that they could touch: nothing will happen without forces.
 
     Every pair is looked at, until one is found; up to MOST_COMPARED disks. Imports the kernels.
     """

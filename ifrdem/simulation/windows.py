@@ -142,7 +142,7 @@ class Windows:
         }
 
     def put_back(self, found: dict[str, NDArray[np.float64]], watching: int = 0) -> None:
-        """What `snapshot` gave."""
+        """Go on from what `snapshot` gave."""
         a = self.arrays
         self._forget()
         (
@@ -257,7 +257,7 @@ class Windows:
             self._compute(moment, 1, 0)
 
     def _time_of(self, count: int) -> float:
-        """When collision `count` = 1, 2, ... of the window was, since its beginning."""
+        """Time of collision `count` = 1, 2, ... of the window, since its beginning."""
         if count <= 0:
             return 0.0
         kept = self._watched, self.fresh, self._watching
@@ -268,7 +268,7 @@ class Windows:
         return float(np.partition(times, count - 1)[count - 1])
 
     def watched(self) -> tuple[NDArray[Any], NDArray[Any]]:
-        """What was written down in the present window, in any order: rows of `event` and `event_int`."""
+        """Collisions that were written down in the present window, in any order: rows of `event` and `event_int`."""
         if not self._watched:
             return np.zeros((0, k.REALS)), np.zeros((0, k.INTEGERS), dtype=np.int32)
         real, whole = zip(*self._watched, strict=True)
