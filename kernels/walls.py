@@ -184,7 +184,7 @@ def wall_vector(w, x, y, s, gas: ti.template()):
 
 @ti.func
 def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
-    """Time at which a disk, at (x, y) at `tau` with the falling frame's velocity, first touches wall w; FAR if too late.
+    """Time at which a disk, at (x, y) at `tau` with the falling frame's velocity, first touches wall w; FAR if late.
 
     Returns the time, and 1 if the disk rests on the wall, which has no next collision.
     """
