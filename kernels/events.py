@@ -67,7 +67,7 @@ def put_in(i, t, present, bins, n_bins, rate, gas: ti.template()):
 
 @ti.func
 def next_event(i, gas: ti.template()):
-    """When the disk at place i collides or leaves its cell."""
+    """Time at which the disk at place i collides or leaves its cell."""
     hit, leaves = gas.work[i][T_HIT], gas.work[i][T_LEAVE]
     return ti.select(leaves < hit, leaves, hit)
 
@@ -87,7 +87,7 @@ def precedes(i, k, gas: ti.template()):
 
 @ti.func
 def leaving(i, region: ti.template(), gas: ti.template()):
-    """When the disk at place i leaves its cell, and over which side: 1 left, 2 right, 3 below, 4 above.
+    """Time at which the disk at place i leaves its cell, and the side: 1 left, 2 right, 3 below, 4 above.
 
     Cells at an end of the region that is no periodic side have no end there.
     """

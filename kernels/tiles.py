@@ -346,7 +346,7 @@ def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def inside(x, y, tile, gas: ti.template()):
-    """How far inside the sides of its tile a place is; negative outside. Ends of the box that are open are no sides."""
+    """Distance of a place from the sides of its tile; negative outside. Ends of the box that are open are no sides."""
     tx = tile // gas.grid[TILES_Y]
     ty = tile - tx * gas.grid[TILES_Y]
     width, height = sides_of(tile, gas)

@@ -58,7 +58,7 @@ def velocities(e_n: float) -> list[float]:
 
 
 def row(e_n: float) -> tuple[int, State]:
-    """What the engine makes of the row: how many collisions, and the state at the end."""
+    """The row as the engine runs it: number of collisions, and the state at the end."""
     x = np.array([5.0, 6.0 + GAPS[0], 7.0 + GAPS[0] + GAPS[1]])
     begin = State(
         np.column_stack((x, np.full(3, 3.0))), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]), np.zeros(3)

@@ -31,7 +31,7 @@ BAD_INPUT, FAILED = 2, 1
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run found.
+    """Findings of a run.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ def seeds_of(seed: int, replicas: int, begin: int = 0) -> range:
 
 
 def student(freedom: float) -> float:
-    """How many standard errors a mean may be off, with `CHANCE` of more: their own degrees of freedom decide."""
+    """Standard errors that a mean may be off, with `CHANCE` of more: their own degrees of freedom decide."""
     from scipy.stats import t
 
     return float(t.isf(0.5 * CHANCE, freedom))

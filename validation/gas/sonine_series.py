@@ -34,7 +34,7 @@ def cooling_sonine(e_n: float) -> tuple[float, float]:
 
 
 def brackets(e_n: float) -> tuple[Array, Array]:
-    """What a_j of one disk and a_k of the other contribute to mu_2p, and a_k to <c^2p>, p from 1 on."""
+    """Contribution of a_j of one disk and a_k of the other to mu_2p, and a_k to <c^2p>, p from 1 on."""
     x_1, x_2, y_1, y_2, weight = _pairs(e_n)
     S_1, S_2 = _polynomials(x_1), _polynomials(x_2)
     powers = np.arange(1, HIGHEST + 1)

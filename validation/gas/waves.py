@@ -1,4 +1,4 @@
-r"""What waves of velocity add to the temperature of a cooling gas, and how far that can be known.
+r"""The share of waves of velocity in the temperature of a cooling gas, and how well that can be known.
 
 A theory of homogeneous gases has thermal velocities only. A gas has waves, which its noise feeds and which lose energy
 by viscosity, not by collisions. With z the part of T that a collision of a disk takes, nu the collision rate,
@@ -61,14 +61,14 @@ class Streams(NamedTuple):
 
     @property
     def theta_error(self) -> Array:
-        """How far that may be off: half the difference, and what is uncertain of the share."""
+        """Its uncertainty: half the difference, and what is uncertain of the share."""
         return np.asarray(1.0 - self.theta + np.maximum(self.share_error, self.factor_error))
 
 
 def streams(
     collisions_per_disk: ArrayLike, law: IFRLaw, packing_fraction: float, n: int, *, theta: float = 0.0
 ) -> Streams:
-    """What waves hold in a square box of n disks of diameter 1, homogeneous at 0, after `collisions_per_disk` (steps,).
+    """Energy of the waves in a square box of n disks of diameter 1, homogeneous at 0, after `collisions_per_disk` (steps,).
 
     `theta` is T_rot / T, its mean if it changes: it decides how fast the gas cools.
     """

@@ -58,7 +58,7 @@ BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 
 def report(options: Options, rows: Sequence[Row]) -> dict[str, Any]:
-    """What `--json` prints."""
+    """The figures that `--json` prints."""
     ours = statistics.median(rows[0].rates)
     return {
         "date": datetime.now(UTC).isoformat(timespec="seconds"),

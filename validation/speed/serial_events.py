@@ -39,7 +39,7 @@ from ...model.state import State
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 COMPILED = importlib.util.find_spec("numba") is not None
-"""Whether Numba is here to compile this module; figures of speed mean something only then."""
+"""True if Numba is here to compile this module; figures of speed mean something only then."""
 
 
 def _compile(function: _Function) -> _Function:
@@ -102,7 +102,7 @@ def _schedule(i, contact, crossing, key, heap, place):
 
 @_compile
 def _contact_time(i, j, now, L, sigma, r, v, clock):
-    """When disks i and j touch, not before `now`; infinity if they do not.
+    """Time at which disks i and j touch, not before `now`; infinity if they do not.
 
     |d + u t| = sigma with separation d and relative velocity u: u^2 t^2 + 2 b t + c = 0, b = d.u, c = d^2 - sigma^2.
     The earlier root is c / (sqrt(b^2 - u^2 c) - b), without cancellation for b < 0.
@@ -145,7 +145,7 @@ def _search(
 
 @_compile
 def _predict_crossing(i, now, width, r, v, clock, cell, crossing, axis):
-    """When disk i leaves its cell, and through which side: axis 0 or 1."""
+    """Time at which disk i leaves its cell, and the side: axis 0 or 1."""
     crossing[i] = np.inf
     for a in range(2):
         if v[i, a] != 0.0:
@@ -295,7 +295,7 @@ def _run(
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a run led to.
+    """Outcome of a run.
 
     Attributes
     ----------

@@ -36,7 +36,7 @@ CONTACT_TOLERANCE = 5e-2
 
 @dataclass(frozen=True)
 class Options:
-    """What is compared; `collisions` and `soft_collisions` are per disk."""
+    """Figures that are compared; `collisions` and `soft_collisions` are per disk."""
 
     n: int
     phi: float

@@ -85,7 +85,7 @@ def absence() -> str | None:
 
 @dataclass(frozen=True, eq=False)
 class SoftRun:
-    """What one run of LAMMPS gave.
+    """Outcome of one run of LAMMPS.
 
     Attributes
     ----------
