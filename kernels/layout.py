@@ -146,7 +146,7 @@ class Law(NamedTuple):
 
 
 class Uses(NamedTuple):
-    """Features of a gas: code for the rest is not compiled. One template argument, `uses`, of every kernel that asks."""
+    """Features of a gas: code of others is not compiled. One template argument, `uses`, of every kernel that asks."""
 
     walled: bool = False
     thermal: bool = False  # some walls are

@@ -68,7 +68,7 @@ class Streams(NamedTuple):
 def streams(
     collisions_per_disk: ArrayLike, law: IFRLaw, packing_fraction: float, n: int, *, theta: float = 0.0
 ) -> Streams:
-    """Energy of the waves in a square box of n disks of diameter 1, homogeneous at 0, after `collisions_per_disk` (steps,).
+    """Waves in a square box of n disks of diameter 1, homogeneous at 0, after `collisions_per_disk` (steps,).
 
     `theta` is T_rot / T, its mean if it changes: it decides how fast the gas cools.
     """
