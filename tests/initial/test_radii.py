@@ -213,7 +213,7 @@ def test_check_prints_the_radii_their_ratio_and_what_it_costs() -> None:
     gas = CaseGas.from_case(case)
     text = summary.report(case, gas, RunEstimate.of(gas, case))
     assert "radii                  0.01 to 0.05 (mean 0.014) m, largest/smallest 5" in text
-    assert "2.6 times as long as among equal disks" in text  # measured at 5
+    assert "2.1 times as long as among equal disks" in text  # measured at 5
     assert "packing fraction       0.3\n" in text
     # Areal density 3.5: masses 3.5 pi R^2.
     assert "mass 0.0010996 to 0.027489 (mean 0.0037385) kg" in text
