@@ -23,7 +23,8 @@ FACES: list[ModuleType] = [ifrdem, initial, radii, forces, observables, theory, 
 MADE_BY_FUNCTIONS = {
     "Measure", "MixtureTemperatures", "Prediction", "ShearModes", "CoolingRatio", "Clusters", "ContactValue",
     "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "PairCorrelation", "Pressure", "RatioFit",
-    "SonineCoefficients", "StructureFactor", "VelocityDistribution", "Closure", "Data", "Estimate", "Fit", "Interval",
+    "SonineCoefficients", "StructureFactor", "VelocityDistribution", "Data", "Design", "Estimate", "Fit", "Fitted",
+    "Interval", "Law",
     "History", "Bodies", "Disk", "Hit", "Wall",
 }  # fmt: skip
 """Results: the function that returns one shows it."""

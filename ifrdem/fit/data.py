@@ -197,6 +197,17 @@ class Collisions:
     ------
     InputError
         With a line for each thing that is wrong; also for pairs that separate before the impact.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> motion = {"vx_1": [1.0, 0.7], "vy_1": [0.2, 0.7], "vx_1_after": [-0.9, -0.63]}
+    >>> normal = {"nx": [1.0, 1.0], "ny": [0.0, 0.0]}
+    >>> errors = {"vx_1": 0.01, "vy_1": 0.01, "vx_1_after": 0.01, "normal": 0.01}
+    >>> coin = fit.Disk(mass=1.0, radius=0.5)
+    >>> hits = fit.Collisions(disk_1=coin, disk_2=fit.WALL, measured={**motion, **normal}, errors=errors)
+    >>> hits.measured["vx_1_after"]
+    array([-0.9 , -0.63])
     """
 
     disk_1: Disk

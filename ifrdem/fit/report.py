@@ -332,6 +332,15 @@ def draws(fit: Fit, number: int, seed: int = 1) -> str:
     ------
     InputError
         As `Fitted.draw`.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> from pathlib import Path
+    >>> _ = Path("data.csv").write_text(fit.example())
+    >>> found = fit.fit(fit.read("data.csv", {"angles": 0.7}), M=1.0)
+    >>> fit.draws(found, 2).splitlines()[2]
+    'e_n,e_t,mu,rho'
     """
     fitted = fit.laws[fit.best]
     rows = fitted.draw(number, seed)

@@ -80,6 +80,15 @@ class Form:
         Values that every line has, exactly, in standard units.
     delimiter, decimal : str
         One character that separates columns, and one that separates decimals.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> from pathlib import Path
+    >>> _ = Path("winkel.csv").write_text("Winkel;delta_1\\n12,5;40,1\\n60;70,5\\n")
+    >>> form = fit.Form(columns={"psi": "Winkel"}, delimiter=";", decimal=",")
+    >>> fit.read("winkel.csv", {"angles": 0.5}, form=form).psi
+    array([12.5, 60. ])
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
