@@ -485,8 +485,8 @@ def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas
                     if t - checked_at < 1e-9 * window:
                         stalled = 1
                         for m in range(places, places + n):
-                            if largest_speed(m, gas) * window > TOO_FAR * (region.nx * region.side_x):
-                                stalled = 2
+                            if not (largest_speed(m, gas) * window <= TOO_FAR * (region.nx * region.side_x)):
+                                stalled = 2  # also of a speed that is no number
                         ti.atomic_max(gas.counter[STALLED], stalled)
                         going = 0
                     checked, checked_at = events, t

@@ -231,7 +231,7 @@ class Windows:
             a.clock[k.WANTED] = math.inf if wanted is None else wanted
             a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
             moment = stop - self.begin if stop < self.end else math.inf
-            self._compute(moment, most if a.alone else 1, watching, pausing=a.alone and not watching)
+            self._compute(moment, most if a.alone else 1, watching, pausing=a.alone and watching != k.TRACKED)
         if self._paused:
             self._moment_now = self._moment
             by_count = a.counter[k.PAUSED] == k.BY_COUNT
@@ -362,7 +362,7 @@ class Windows:
     ) -> None:
         """Run the windows of all tiles, or `again` of the listed ones; with more room where that was not enough."""
         a = self.arrays
-        part, clock = int(a.grid[k.PART]), a.clock.copy()
+        part, clock, told = int(a.grid[k.PART]), a.clock.copy(), float(a.scale[k.MOMENT_IN])
         while True:
             a.counter[:] = 0
             a.counter[k.AGAIN], a.counter[k.PAUSING], a.counter[k.RESUMING] = again, pausing, resuming
@@ -393,8 +393,9 @@ class Windows:
                 self.statistics.windows += int(a.counter[k.N_WINDOWS]) - 1
                 clock = a.clock.copy()
                 part = int(a.grid[k.PART])
-                resuming = False
-            a.clock[:], a.grid[k.PART] = clock, part
+                told = clock[k.STOP] - clock[k.BEGIN] if clock[k.STOP] < clock[k.END] else k.FAR
+            resuming = False  # from the beginning of the window
+            a.clock[:], a.grid[k.PART], a.scale[k.MOMENT_IN] = clock, part, told
             places, cells, bins, items = (int(a.grid[each]) for each in (k.PLACES, k.CELLS, k.BINS, k.ITEMS))
             if full & k.FULL_CLAIMS:
                 a.claims(int(SLACK * self._claimed) + 64)
