@@ -156,6 +156,9 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
             if column > row:
                 axes.set_axis_off()
                 continue
+            if not any({a, b} <= set(each.law.free) for _, _, each in laws):
+                axes.set(xticks=[], yticks=[])
+                axes.text(0.5, 0.5, "no law has both", ha="center", transform=axes.transAxes, color="0.5")
             for i, _, each in laws:
                 colour, line, marker = STYLES[i % len(STYLES)]
                 free = each.law.free
