@@ -134,7 +134,7 @@ def energies(seed: int, looks: int) -> Array:
 def _speeds(result: Result, quick: bool, seed: int, axes: Any) -> None:
     from scipy.special import kolmogi, kolmogorov
 
-    (phi, n), replicas, looks = SPEEDS, 18 if quick else 24, 2 if quick else 8
+    (phi, n), replicas, looks = SPEEDS, 24, 3 if quick else 8
     seeds = seeds_of(seed, replicas, 4000)
     x = np.array([energies(one, looks) for one in seeds])
     every = np.sort(x.ravel())
