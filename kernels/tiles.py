@@ -118,7 +118,7 @@ def scale_of(layer, region: ti.template(), gas: ti.template()):
 
 @ti.func
 def head_at(cx, cy, layer, region: ti.template(), gas: ti.template()):
-    """Where the list of a cell of a layer begins, in `head`."""
+    """Place in `head` of the first disk in a cell of a layer."""
     cell = region.cells + cx * region.ny + cy
     if ti.static(gas.uses.layered):
         if layer == 1:

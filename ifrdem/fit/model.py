@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -114,7 +115,7 @@ class RowError(InputError):
 _EXACT = 1e-4  # an error of a known value, over the least one of its kind: its part of chi2 is 1e-8
 
 
-class Problem:
+class Problem(ABC):
     """Impacts as a fit sees them: n of them, with q quantities and d latent coordinates.
 
     Attributes
@@ -169,17 +170,17 @@ class Problem:
         self.white = _whitening(self.s, covariance or {}, self.names)
         self.rows: Index = np.arange(len(y))
 
+    @abstractmethod
     def first_guess(self, group: str) -> float:
         """An error to begin with, where it is to be estimated."""
-        raise NotImplementedError
 
+    @abstractmethod
     def motion(self, x: Array, rows: Index) -> tuple[Any, ...]:
         """Arguments of `relative_motion` at latent coordinates (..., m, d) of the impacts `rows` (m,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def observe(self, x: Array, out: Sequence[Array], motion: Sequence[Array]) -> list[Array]:
         """Values of every quantity, each (..., m)."""
-        raise NotImplementedError
 
     def predict(self, law: Law, values: Array, x: Array, rows: Index | None = None) -> Array:
         """Values (..., m, q) of all quantities by a law with free coefficients (..., p)."""
@@ -188,9 +189,9 @@ class Problem:
         found = self.observe(x, law.collide(values, motion), motion)
         return np.stack(np.broadcast_arrays(*found), axis=-1)
 
+    @abstractmethod
     def probe(self) -> tuple[Any, ...]:
         """A motion of each impact with g_n = g_t = 1."""
-        raise NotImplementedError
 
     def reach(self) -> Array:
         """r = 2 R_1 R_2 / (R_1 + R_2) of each impact, (n,) or (1,)."""
@@ -246,13 +247,13 @@ class Problem:
         other.begin()
         return other
 
+    @abstractmethod
     def begin(self) -> None:
         """Set `start`, `spread` and `step` from the values and errors."""
-        raise NotImplementedError
 
+    @abstractmethod
     def at(self, law: Law, values: Array, psi: Array) -> Problem:
         """Impacts without error at angles of incidence [rad], otherwise as typical ones of these."""
-        raise NotImplementedError
 
     def set_redundancy(self, law: Law, values: Array) -> None:
         """Count, by the rank of the derivatives, the values beyond those that latent coordinates take."""

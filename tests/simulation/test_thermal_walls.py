@@ -175,14 +175,13 @@ def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float)
     engine = furnished("tiles", law=ELASTIC, precision=precision)
     begin = measure(engine.disks, engine.state(), gravity=engine.gravity)
     end = measure(
-        engine.disks, run_to(engine, 10.0), gravity=engine.gravity, wall_work=engine.wall_work,
+        engine.disks, run_to(engine, 12.0), gravity=engine.gravity, wall_work=engine.wall_work,
         wall_heat=float(engine.wall_heats.sum()),
     )  # fmt: skip
     heats = engine.wall_heats
     assert engine.wall_hits > 200
     assert abs(engine.wall_work) > 1.0
-    assert np.all(heats[:3] != 0.0)
-    assert np.abs(heats).sum() > 10.0
+    assert np.all(np.abs(heats[:3]) > 1.0)
     assert np.all(heats[3:] == 0.0)
     assert end.unspent == pytest.approx(begin.unspent, abs=error * np.abs(heats).sum())
 
@@ -190,10 +189,9 @@ def test_heat_and_work_are_what_elastic_disks_gain(precision: str, error: float)
 def test_a_rough_gas_between_walls_of_one_temperature_has_it_everywhere() -> None:
     """Rough elastic disks that start at half of it: T and T_rot of the walls, in five strips.
 
-    400 frames, 4 time units apart: most of a crossing time of 20 / sqrt(2). Of 900 disks' two velocity components and
-    one spin, each strip has 7e4: errors of 0.4 and 0.5 % if all were independent. But the energy of the whole gas
-    changes slowly: means over pieces of 20 frames, of three seeds, tell an error of 0.3 to 0.45 % of the mean of
-    all, and those of strips are some 0.6 %. Four of these errors are allowed.
+    1000 frames, 4 time units apart: most of a crossing time of 20 / sqrt(2). Of 900 disks' two velocity components and
+    one spin, each strip has 2e5: errors of 0.2 and 0.3 % if all were independent. The energy of the whole gas changes
+    slowly: means over pieces of 20 frames, of three seeds, tell an error of 0.2 to 0.3 % of the mean of all.
     """
     box = Box((20.0, 90.0), (False, True))
     n, T = 900, 2.0
@@ -201,17 +199,17 @@ def test_a_rough_gas_between_walls_of_one_temperature_has_it_everywhere() -> Non
     engine = between(T, T, box, disks, lattice(box, n, 1, T / 2.0), ROUGH)
     run_to(engine, 150.0)
     kinetic, turning, count = np.zeros(5), np.zeros(5), np.zeros(5)
-    for frame in range(1, 401):
+    for frame in range(1, 1001):
         state = run_to(engine, 150.0 + 4.0 * frame)
         strip = np.minimum((state.position[:, 0] / 4.0).astype(int), 4)
         count += np.bincount(strip, minlength=5)
         kinetic += np.bincount(strip, 0.5 * np.sum(state.velocity**2, axis=1), minlength=5)
         turning += np.bincount(strip, disks.inertia * state.spin**2, minlength=5)
     assert engine.wall_hits > 1e5
-    np.testing.assert_allclose(kinetic / count, T, rtol=0.025)
-    np.testing.assert_allclose(turning / count, T, rtol=0.025)
-    assert kinetic.sum() / count.sum() == pytest.approx(T, rel=0.015)
-    assert turning.sum() / count.sum() == pytest.approx(T, rel=0.015)
+    np.testing.assert_allclose(kinetic / count, T, rtol=0.015)
+    np.testing.assert_allclose(turning / count, T, rtol=0.015)
+    assert kinetic.sum() / count.sum() == pytest.approx(T, rel=0.007)
+    assert turning.sum() / count.sum() == pytest.approx(T, rel=0.007)
 
 
 def test_heat_flows_through_a_gas_without_collisions_as_kinetic_theory_says() -> None:
