@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,14 @@ from ..model.ifr import IFRLaw, Regime, collide
 from ..model.state import Disks
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from .run import save
+from .run import Place, Run, save
 from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+
+def impact_scan(run: Run, path_png: Place = None) -> Figure:
     """Draw the disks that were hit: the tangent of their angle from the line of centres against that of the impact.
 
     As `run.cooling`, of a case with start.positions = "impact_scan", with positions and velocities. Points are the
@@ -28,7 +32,7 @@ def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str
     """
     from matplotlib.figure import Figure
 
-    with Trajectory(path_h5) as trajectory:
+    with contextlib.nullcontext(run) if isinstance(run, Trajectory) else Trajectory(run) as trajectory:
         law, disks = _law(trajectory), trajectory.disks
         tan_psi, tan_delta = measured(trajectory)
         name = trajectory.parameters.get("name", trajectory.path.stem)
@@ -60,7 +64,9 @@ def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str
         f"{name}: {len(tan_psi)} impacts, $e_n$ = {law.e_n:g}, $e_t$ = {law.e_t:g}, $\\mu$ = {law.mu:g}; "
         f"largest deviation {np.abs(off).max():.1g}"
     )
-    save(figure, Path(path_png))
+    if path_png is not None:
+        save(figure, Path(path_png))
+    return figure
 
 
 def measured(trajectory: Trajectory) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ import numpy as np
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import HOT
-from .style import ACROSS, RATIO, ROTATION, TRANSLATION, grid, label
+from .style import ACROSS, RATIO, ROTATION, TRANSLATION, foreground, grid, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -190,7 +190,7 @@ def flow(axes: Axes, trajectory: Trajectory) -> None:
         middles = (np.arange(SLABS) + 0.5) * height / SLABS
         with np.errstate(invalid="ignore"):
             axes.plot(sum_ / count, middles, "o", ms=5, mfc="none", color=TRANSLATION, label="disks")
-    axes.plot(imposed, edges, "-", lw=1.0, color="black", label=r"$\dot\gamma (y - L_y / 2)$")
+    axes.plot(imposed, edges, "-", lw=1.0, color=foreground(axes), label=r"$\dot\gamma (y - L_y / 2)$")
     axes.set(ylim=(0.0, height), ylabel=label(trajectory, "$y$", "length"), title="mean flow, second half")
     axes.set_xlabel(label(trajectory, r"$\langle v_x \rangle$", "length/time"))
     grid(axes)

@@ -27,12 +27,12 @@ from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
+from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
 from ..trajectory.background import QueuedWriter
 from ..trajectory.views import write_views
 from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs
-from .progress import Progress, Stage
 from .recorder import Ledger, Recorder
 from .signals import Stops
 from .status import Status

@@ -236,6 +236,13 @@ def lanes() -> int:
     return _running.threads if _running.arch == "cpu" else GPU_LANES
 
 
+def kernels() -> int:
+    """Number of kernels compiled so far, or found in the cache."""
+    import taichi as ti
+
+    return int(ti.lang.impl.get_runtime().get_num_compiled_functions())
+
+
 def free_array(array: Any) -> None:
     """Give the memory of a Taichi array back, whoever still refers to it; the array cannot be used any more.
 

@@ -24,7 +24,9 @@ from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
 from ..model.walls import Wall, check_types, sides
 from ..tools import checked
-from ..tools.sealed import Sealed
+from ..tools.pictured import PicturedDisks
+from ..tools.progress import Progress as Bar
+from ..tools.progress import seen
 from . import checkpoint, checks
 from . import device as backend
 from .engine import Collisions, Engine
@@ -53,7 +55,7 @@ class _Stopped(Exception):
     """The end of a run that `Simulation.stop` has asked for."""
 
 
-class Simulation(Sealed):
+class Simulation(PicturedDisks):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
@@ -332,6 +334,11 @@ class Simulation(Sealed):
         return self._engine.box
 
     @property
+    def walls(self) -> tuple[Wall, ...]:
+        """Walls beside those at the sides of the box."""
+        return tuple(self._engine.walls[: self._engine.given_walls])
+
+    @property
     def time(self) -> float:
         """The present time [time]."""
         return self._engine.time
@@ -487,7 +494,7 @@ class Simulation(Sealed):
         observers: Iterable[Observer] = (),
         series: int | Cadence | None = None,
         samplers: Iterable[Sampler] = (),
-        progress: Progress | None = None,
+        progress: Progress | bool | None = None,
     ) -> None:
         """Run to a time, or until each disk has had so many collisions on average since the start.
 
@@ -508,8 +515,11 @@ class Simulation(Sealed):
             How often samplers are called, likewise.
         samplers : iterable of callables
             Each is called as `sampler(measure)` at the beginning, the end, and in between.
-        progress : callable
-            Called as `progress(time, collisions)` after every window; after some, where those of a small gas are short.
+        progress : bool or callable, optional
+            A bar in a notebook or on a terminal, which says how many kernels it has compiled until the gas moves; by
+            default only there, and not of a run below half a second. True writes lines elsewhere, False nothing
+            anywhere. A function is called as `progress(time, collisions)` after every window; after some, where those
+            of a small gas are short.
 
         Notes
         -----
@@ -539,7 +549,12 @@ class Simulation(Sealed):
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
-        self.follow(Course(span, frames, series), observers=observers, samplers=samplers, progress=progress)
+        course, bar = Course(span, frames, series), None
+        if progress is True or (progress is None and seen()):
+            ends = {"t_end": t_end, "collisions_per_disk": collisions_per_disk}
+            progress = bar = Bar(self.disks.n, **ends, unit="", kernels=backend.kernels, brief=True)
+        with bar or contextlib.nullcontext():
+            self.follow(course, observers=observers, samplers=samplers, progress=progress or None)
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.

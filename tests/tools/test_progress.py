@@ -12,7 +12,7 @@ import termios
 
 import pytest
 
-from ifrdem.run.progress import NARROWEST, Progress
+from ifrdem.tools.progress import NARROWEST, Progress
 
 
 class Clock:
