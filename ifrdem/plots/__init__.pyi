@@ -1,4 +1,4 @@
-from .impact_scan import impact_scan as impact_scan
+from .impact_angles import impact_scan as impact_scan
 from .pictures import figure as figure
 from .run import cooling as cooling
 from .run import driven as driven

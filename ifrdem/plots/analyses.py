@@ -72,8 +72,8 @@ def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Ev
     grid(left, right)
 
 
-MERGED = 8
-"""Bins of g(r) at most that are drawn as one."""
+WIDEST = 0.05
+"""Width, as part of r, that bins of g(r) have at most when they are drawn as one."""
 ENOUGH = 0.01
 """Relative standard error of g below which no more bins are merged."""
 CLEARLY = 0.01
@@ -89,7 +89,8 @@ def merged(found: analysis.PairCorrelation) -> tuple[Array, Array, Array]:
     for last in range(len(found.r)):
         some = slice(first, last + 1)
         area, count = found.r[some], found.pairs[some].sum()  # of rings of one width
-        if 0.0 < count < ENOUGH**-2 and last + 1 - first < MERGED and last + 1 < len(found.r):
+        width = (last + 2 - first) * (found.r[1] - found.r[0])  # with the next one
+        if 0.0 < count < ENOUGH**-2 and width < WIDEST * found.r[last] and last + 1 < len(found.r):
             continue
         error = np.sqrt(np.sum((area * found.g_error[some]) ** 2)) if count else 0.0
         rows.append([area.mean(), area @ found.g[some] / area.sum(), error / area.sum()])

@@ -162,9 +162,10 @@ class Scene:
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize, to_rgb
         from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, layout="constrained")
-        figure.get_layout_engine().set(w_pad=MARGIN, h_pad=MARGIN)  # type: ignore[union-attr]
+        layout: Any = ConstrainedLayoutEngine(w_pad=MARGIN, h_pad=MARGIN)
+        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, layout=layout)
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
         place_axes(axes, self._trajectory, self._region)
@@ -182,7 +183,7 @@ class Scene:
             text = "area fraction" if self._is_map or self._colour is None else self._colour.label(view)
             drawn = ScalarMappable(Normalize(self._low, self._high), map_)
             bar_beside(axes, drawn, text, "max" if self._is_map else plot_disks.extend(scale))
-        points = axes.title.get_fontsize()
+        points = float(axes.title.get_fontsize())
         look: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
         above = rcParams["axes.titlepad"]
         self._title = axes.annotate("$t$ = 0", (0.5, 1.0), (0.0, above), fontsize=points, **look)

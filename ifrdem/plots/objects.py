@@ -31,8 +31,7 @@ def disks(thing: Frame | Simulation, axes: Any, color: str) -> Axes:
     """Draw disks at one time; see `PicturedDisks.plot`."""
     view = plot_disks.View.of(thing)
     if axes is None:
-        (width, height) = np.ptp(plot_disks.shown_region(view, view.moving.position), axis=1)
-        axes = _new((6.4, 5.2) if width <= height else (7.2, 1.4 + 5.0 * height / width)).subplots()
+        axes = _new(plot_disks.figure_size(view, view.moving.position)).subplots()
     (one,) = given = pictures.as_list(axes)[:1]
     pictures.check_count("a picture of disks", given, 1, 1)
     plot_disks.draw(one, view, color)
@@ -67,11 +66,11 @@ def _one_or_all(axes: Any) -> Any:
     return axes[0] if len(axes) == 1 else axes
 
 
-def _new(figsize: tuple[float, float], layout: str = "constrained") -> Figure:
+def _new(size: tuple[float, float]) -> Figure:
     """A figure of `pyplot`, which notebooks show."""
     from matplotlib import pyplot
 
-    return pyplot.figure(figsize=figsize, layout=layout)  # type: ignore[arg-type]
+    return pyplot.figure(figsize=size, layout="constrained")
 
 
 @singledispatch
@@ -131,9 +130,8 @@ def _(thing: State) -> str:
 
     figure = Figure(figsize=THUMBNAIL, layout="constrained")
     axes = figure.subplots()
-    axes.scatter(
-        *thing.position.T, s=min(4e3 / thing.n, 30.0), lw=0.0, rasterized=True
-    )  # radii are not in a state
+    x, y = thing.position.T
+    axes.scatter(x, y, s=min(4e3 / thing.n, 30.0), lw=0.0, rasterized=True)  # radii are not in a state
     axes.set_aspect("equal")
     axes.tick_params(labelsize="x-small")
     return page("State", rows, figure)

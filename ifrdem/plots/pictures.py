@@ -56,7 +56,7 @@ def figure(
     color : str, optional
         Of the disks, as `Frame.plot` has it.
     make : callable, optional
-        Takes the place of `matplotlib.figure.Figure`.
+        Makes the figure of a size (width, height) [inches], instead of `matplotlib.figure.Figure`.
 
     Raises
     ------
@@ -74,14 +74,16 @@ def figure(
     from matplotlib.figure import Figure
 
     from ..analysis.result import span_text
+    from .disks import figure_size
     from .run import title
     from .style import ROTATION
 
     layout = _layout(trajectory, what)
     wide = layout.get("ncols", 1) > 1
-    drawn: Figure = (make or Figure)(
-        figsize=(12.0, 5.2) if wide else (7.5, 6.2), layout="constrained", **({} if make else {"dpi": 200})
-    )
+    size = (12.0, 5.2) if wide else (7.5, 6.2)
+    if what == "disks" and "position" in trajectory.fields:
+        size = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
+    drawn: Figure = make(size) if make is not None else Figure(size, dpi=200, layout="constrained")
     axes = drawn.subplots(squeeze=False, **layout).ravel()
     outcome = _draw([*axes], trajectory, what, frames, over, color)
     head = title(trajectory)

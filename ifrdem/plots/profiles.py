@@ -140,6 +140,8 @@ def _value_axis(axes: Axes, profile: Strips, text: str, *, from_zero: bool = Tru
     """Label the axis of the values, and let it begin at 0."""
     if profile.axis == 1:
         axes.set_xlabel(text)
+        axes.locator_params(axis="x", nbins=4)  # narrow panels
+        axes.ticklabel_format(axis="x", scilimits=(-2, 4))
         if from_zero:
             axes.set_xlim(left=0.0)
     else:

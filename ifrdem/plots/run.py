@@ -151,4 +151,5 @@ def gas(trajectory: Trajectory) -> str:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a picture; it appears whole or not at all."""
+    figure.draw_without_rendering()  # margins fit the labels that this layout has chosen from the next one on
     write_aside(path, lambda aside: figure.savefig(aside, format="png"))

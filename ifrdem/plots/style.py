@@ -86,7 +86,7 @@ def bar_beside(axes: Axes, drawn: Any, text: str, extend: str = "neither") -> An
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     part = min(max(1.0, abs((y1 - y0) / (x1 - x0))), 4.0) if axes.get_aspect() == 1.0 else 1.0
     place = axes.inset_axes((1.0 + 0.03 * part, 0.05, 0.035 * part, 0.9))
-    bar = axes.figure.colorbar(drawn, cax=place, extend=extend)  # type: ignore[attr-defined]
+    bar = axes.figure.colorbar(drawn, cax=place, extend=extend, format="%.3g")
     bar.set_label(text)
     if drawn.get_cmap().N < 20:  # kinds
         bar.locator = MaxNLocator(integer=True)

@@ -158,6 +158,7 @@ def drive(
         t_end=case.run.t_end,
         collisions_per_disk=case.run.collisions_per_disk,
         unit=UNITS[case.run.units]["time"] if case.run.units == "SI" else "",
+        kernels=backend.kernels,
     )
 
     def tell(time: float, collisions: int) -> None:
@@ -270,20 +271,19 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         say(f"  {path} ({check.size(bytes_there)})")
 
 
-def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], None]:
+def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], object]:
     """Function that draws the picture of a case."""
-    from ..plots import impact_scan, table_friction
-    from ..plots import run as plot  # Matplotlib takes a second, which no run need wait for at its beginning
+    from .. import plots  # Matplotlib takes a second, which no run need wait for at its beginning
 
     if case.start.file is None and case.start.positions == IMPACT_SCAN:
-        return impact_scan.impact_scan
+        return plots.impact_scan
     if any(each.kind == "table_friction" for each in case.force):
-        return table_friction.table
+        return plots.table
     if case.walled:
-        return plot.walled
+        return plots.walled
     if gas.box.shear_rate:
-        return plot.sheared
-    return plot.driven if case.force else plot.cooling
+        return plots.sheared
+    return plots.driven if case.force else plots.cooling
 
 
 def _one_line(text: str) -> str:

@@ -551,8 +551,10 @@ class Simulation(PicturedDisks):
                 refuse_endless(cadence, span)
         course, bar = Course(span, frames, series), None
         if progress is True or (progress is None and seen()):
-            ends = {"t_end": t_end, "collisions_per_disk": collisions_per_disk}
-            progress = bar = Bar(self.disks.n, **ends, unit="", kernels=backend.kernels, brief=True)
+            progress = bar = Bar(
+                self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="", kernels=backend.kernels,
+                brief=True,
+            )  # fmt: skip
         with bar or contextlib.nullcontext():
             self.follow(course, observers=observers, samplers=samplers, progress=progress or None)
 
