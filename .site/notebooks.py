@@ -21,7 +21,9 @@ def cells(text: str) -> list[tuple[bool, str]]:
     found = []
     for head, body in zip(parts[::2], parts[1::2], strict=True):
         prose = "[markdown]" in head
-        found.append((prose, re.sub(r"^# ?", "", body, flags=re.MULTILINE).strip() if prose else body.strip()))
+        found.append(
+            (prose, re.sub(r"^# ?", "", body, flags=re.MULTILINE).strip() if prose else body.strip())
+        )
     return found
 
 

@@ -28,4 +28,4 @@ gas.collisions, gas.dissipated_energy, gas.measure().temperature
 
 # %%
 axes = gas.plot(color="direction")
-axes.set_title("coins after 30 collisions each")
+_ = axes.set_title("coins after 30 collisions each")

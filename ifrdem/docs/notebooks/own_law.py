@@ -57,4 +57,4 @@ axes = pyplot.figure(layout="constrained").subplots()
 for name, (t, T) in cooling.items():
     axes.loglog(t[1:], T[1:], "o-", mfc="none", ms=4, label=name)
 axes.set(xlabel="time $t$", ylabel="temperature $T$")
-axes.legend()
+_ = axes.legend()

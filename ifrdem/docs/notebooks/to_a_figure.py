@@ -7,7 +7,16 @@
 from ifrdem.cli.main import main
 
 changes = ["species[0].number=2000", "run.collisions_per_disk=40", "output.frames=40"]
-main(["--quiet", "run", "cooling", "--no-picture", "--force", *(word for one in changes for word in ("--set", one))])
+status = main(
+    [
+        "--quiet",
+        "run",
+        "cooling",
+        "--no-picture",
+        "--force",
+        *(word for one in changes for word in ("--set", one)),
+    ]
+)
 
 # %%
 import ifrdem
@@ -27,7 +36,7 @@ run.plot("temperatures", ax=axes[0, 0], over="tau")
 run[-1].plot(ax=axes[0, 1], color="speed")
 run.plot("g", ax=axes[1, 0])
 run.plot("energy", ax=axes[1, 1])
-axes[0, 0].set_title("bands: two standard errors", fontsize="medium")
+_ = axes[0, 0].set_title("bands: two standard errors", fontsize="medium")
 
 # %% [markdown]
 # Results of `ifrdem.analysis`, which takes arrays from anywhere, draw themselves too.
@@ -36,7 +45,9 @@ axes[0, 0].set_title("bands: two standard errors", fontsize="medium")
 from ifrdem import analysis
 
 frame = run[-1]
-found = analysis.clusters(frame.position, run.box, radius=run.disks.radius, gap=0.1 * 2.0 * run.disks.radius[0])
+found = analysis.clusters(
+    frame.position, run.box, radius=run.disks.radius, gap=0.1 * 2.0 * run.disks.radius[0]
+)
 found.plot()
 found.largest, found.mean_size
 
