@@ -1,4 +1,4 @@
-"""Notebooks of the manual (py:percent files, as jupytext, VS Code and Spyder open them), run for the site and by a test."""
+"""Notebooks of the manual (py:percent files, which jupytext opens), run for the site and by a test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The manual's gallery: runs the shipped cases and writes `gallery.md`, with a small picture of each and twelve for a wall.
+"""The manual's gallery: runs the shipped cases and writes `gallery.md`, with a picture of each and twelve for a wall.
 
 `python -m ifrdem.cases.gallery RUNS` runs the cases into the folder RUNS, those whose picture is not there yet, and
 writes into `ifrdem/docs`, the moving picture of the README among it.
@@ -36,18 +36,54 @@ ORDER = (
 DARK = "--style dark_background"
 WALL_WIDTH, WALL_COLOURS = 600, 96
 WALL = {
-    "streams": ("clusters", f"disks --colour direction {DARK}", "Directions of motion: bands where streams meet."),
-    "cold": ("cooling", f"disks --colour speed {DARK}", "50,000 coins: the dense filaments are slow, coins between them fly on."),
-    "banks": ("wake", f"disks --frames 70 {DARK}", "A post ploughs through coins; those along the channel spin."),
-    "turn": ("drum", f"disks --colour direction {DARK}", "Up with the drum (blue), and down the slope (red and yellow)."),
-    "floating": ("vibrated", f"disks --frames 120 --colour speed {DARK}", "A few hot coins on a shaken floor carry all the others."),
-    "burst": ("coins_on_table", f"disks --frames 15 {DARK}", "400 coins burst from a patch; who is hit off-centre spins."),
-    "sizes": ("mixture", f"disks --colour radius {DARK}", "10,000 disks with lognormal radii, at 0.4 of the area."),
-    "break": ("coins_from_video", f"disks --frames 12 {DARK}", "A square of nine coins and three others: the start is what a camera saw."),
-    "pairs": ("impact_scan", f"disks --colour speed {DARK}", "321 impacts at 321 angles, each on its own."),
-    "sheared": ("shear", f"disks --colour direction {DARK}", "Directions of motion beside the flow that the sides impose."),
-    "heat": ("thermal_walls", f"disks --colour temperature {DARK}", "Heat goes from the hot wall on the left to the cold one."),
-    "maps": ("driven", f"fields {DARK}", "Density with the flow, and thermal temperature, of a gas that random kicks drive."),
+    "streams": (
+        "clusters", f"disks --colour direction {DARK}",
+        "Directions of motion: bands where streams meet.",
+    ),
+    "cold": (
+        "cooling", f"disks --colour speed {DARK}",
+        "50,000 coins: the dense filaments are slow, coins between them fly on.",
+    ),
+    "banks": (
+        "wake", f"disks --frames 70 {DARK}",
+        "A post ploughs through coins; those along the channel spin.",
+    ),
+    "turn": (
+        "drum", f"disks --colour direction {DARK}",
+        "Up with the drum (blue), and down the slope (red and yellow).",
+    ),
+    "floating": (
+        "vibrated", f"disks --frames 120 --colour speed {DARK}",
+        "A few hot coins on a shaken floor carry all the others.",
+    ),
+    "burst": (
+        "coins_on_table", f"disks --frames 15 {DARK}",
+        "400 coins burst from a patch; who is hit off-centre spins.",
+    ),
+    "sizes": (
+        "mixture", f"disks --colour radius {DARK}",
+        "10,000 disks with lognormal radii, at 0.4 of the area.",
+    ),
+    "break": (
+        "coins_from_video", f"disks --frames 12 {DARK}",
+        "A square of nine coins and three others: the start is what a camera saw.",
+    ),
+    "pairs": (
+        "impact_scan", f"disks --colour speed {DARK}",
+        "321 impacts at 321 angles, each on its own.",
+    ),
+    "sheared": (
+        "shear", f"disks --colour direction {DARK}",
+        "Directions of motion beside the flow that the sides impose.",
+    ),
+    "heat": (
+        "thermal_walls", f"disks --colour temperature {DARK}",
+        "Heat goes from the hot wall on the left to the cold one.",
+    ),
+    "maps": (
+        "driven", f"fields {DARK}",
+        "Density with the flow, and thermal temperature, of a gas that random kicks drive.",
+    ),
 }  # fmt: skip
 """Pictures for a wall: name -> case, words of `ifrdem plot`, caption."""
 MOVIE = f"clusters.h5 --frames ::3 --fps 10 --size 480x424 --colour direction {DARK} --quality 35"

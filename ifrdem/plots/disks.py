@@ -77,7 +77,7 @@ def spin_label(gas: Gas | None) -> str:
     text = "" if unit is None else f" (rad/{unit})"
     if gas is not None and gas.units == {}:
         text = " (reduced units)"
-    return rf"spin $\omega${text}, counter-clockwise positive"
+    return f"spin $\\omega${text}\ncounter-clockwise positive"
 
 
 def _temperature(view: View) -> Array:

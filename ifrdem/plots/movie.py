@@ -113,6 +113,8 @@ SAMPLES = 9  # frames that decide on the range of the colours
 DPI = 100
 LARGEST = (1200, 1080)
 """Width and height that a movie has at most, unless its size is given [pixels]."""
+SMALL = 480
+"""Width or height below which letters shrink [pixels]."""
 MARGIN = 0.08  # around everything [inches]
 FORMATS = (".mp4", ".webp", ".gif")
 
@@ -143,17 +145,21 @@ class Scene:
         regions = [plot_disks.shown_region(trajectory, trajectory[i].position) for i in samples]
         self._region = np.column_stack([np.min(regions, axis=0)[:, 0], np.max(regions, axis=0)[:, 1]])
         self._low, self._high = self._range(samples)
-        self._compose(size or self._fitting())
+        from matplotlib import rc_context, rcParams
+
+        small = min(*(size or LARGEST), SMALL) / SMALL  # letters shrink with a small picture
+        with rc_context({"font.size": small * rcParams["font.size"]}):
+            self._compose(size or self._fitting())
 
     def _fitting(self) -> tuple[int, int]:
         """The size of the picture without empty margins [pixels]: both even, as movies want them."""
         self._compose(LARGEST)
         needed = self._canvas.figure.get_tightbbox(self._canvas.get_renderer())
-        width, height = (
+        width, height = needed.width, needed.height + self._head
+        return tuple(
             min(most, 2 * int(0.5 * DPI * (side + 2.0 * MARGIN) + 1.0))
-            for most, side in zip(LARGEST, needed.size, strict=True)
-        )
-        return width, height
+            for most, side in zip(LARGEST, (width, height), strict=True)
+        )  # type: ignore[return-value]
 
     def _compose(self, size: tuple[int, int]) -> None:
         """Draw all but the disks, walls and time."""
@@ -164,8 +170,7 @@ class Scene:
         from matplotlib.figure import Figure
         from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-        layout: Any = ConstrainedLayoutEngine(w_pad=MARGIN, h_pad=MARGIN)
-        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, layout=layout)
+        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI)
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
         place_axes(axes, self._trajectory, self._region)
@@ -184,17 +189,25 @@ class Scene:
             drawn = ScalarMappable(Normalize(self._low, self._high), map_)
             bar_beside(axes, drawn, text, "max" if self._is_map else plot_disks.extend(scale))
         points = float(axes.title.get_fontsize())
-        look: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
         above = rcParams["axes.titlepad"]
-        self._title = axes.annotate("$t$ = 0", (0.5, 1.0), (0.0, above), fontsize=points, **look)
-        name = axes.annotate(
-            run.gas(self._trajectory), (0.5, 1.0), (0.0, above + 1.5 * points), fontsize=points, **look
+        # Two lines, which may be wider than the axes: the layout leaves room above, and does not know of them.
+        self._head = (above + 3.0 * points) / 72.0
+        figure.set_layout_engine(
+            ConstrainedLayoutEngine(
+                w_pad=MARGIN, h_pad=MARGIN, rect=(0.0, 0.0, 1.0, 1.0 - self._head * DPI / size[1])
+            )
         )
+        look: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
+        texts = (("$t$ = 0", above), (run.gas(self._trajectory), above + 1.5 * points))
+        self._title, name = (
+            axes.annotate(text, (0.5, 1.0), (0.0, up), fontsize=points, **look) for text, up in texts
+        )
+        for each in (self._title, name):
+            each.set_in_layout(False)
         self._canvas.draw()
         width = name.get_window_extent().width
         if width > 0.97 * size[0]:
             name.set_fontsize(points * 0.97 * size[0] / width)
-            self._canvas.draw()
         box = axes.get_window_extent()
         middle = 0.5 * name.get_window_extent().width / box.width  # of the title, kept on the picture
         at = np.clip(0.5, middle - box.x0 / box.width, (size[0] - box.x0) / box.width - middle)
@@ -222,6 +235,9 @@ class Scene:
         if self._colour is None or not self._trajectory.disks.n:
             return 0.0, 1.0
         each = [self._values(i) for i in samples]
+        if not any(np.any(values) for values in each):  # one colour says nothing
+            self._colour = None
+            return 0.0, 1.0
         if self._colour.scale in ("signed", "positive"):  # frames in which nothing moves say nothing
             each = [values for values in each if np.any(values)] or each[:1]
         return plot_disks.limits(self._colour.scale, np.concatenate(each))
