@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from .tracking import Statistics
 
 
+BAR_STEPS = 100
+"""Pauses of a run that shows a bar, unless its series asks for others."""
+
 Called = TypeVar("Called")
 
 
@@ -549,14 +552,20 @@ class Simulation(PicturedDisks):
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
-        course, bar = Course(span, frames, series), None
+        bar = None
         if progress is True or (progress is None and seen()):
             progress = bar = Bar(
                 self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="", kernels=backend.kernels,
                 brief=True,
             )  # fmt: skip
+            series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
         with bar or contextlib.nullcontext():
-            self.follow(course, observers=observers, samplers=samplers, progress=progress or None)
+            self.follow(
+                Course(span, frames, series),
+                observers=observers,
+                samplers=samplers,
+                progress=progress or None,
+            )
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.
@@ -640,9 +649,10 @@ class Simulation(PicturedDisks):
                 )  # fmt: skip
                 if progress is not None:
                     progress(self.time, self.collisions)
-                if sampling and row.reached(self.time, self.collisions):
+                if course.series is not None and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
-                    self._sample(samplers)
+                    if sampling:
+                        self._sample(samplers)
                 if between is not None and not frame.reached(self.time, self.collisions):
                     between()
                 self._stop_if_asked()
