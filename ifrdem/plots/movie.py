@@ -205,12 +205,12 @@ class Scene:
         for each in (self._title, name):
             each.set_in_layout(False)
         self._canvas.draw()
-        width = name.get_window_extent().width
-        if width > 0.97 * size[0]:
-            name.set_fontsize(points * 0.97 * size[0] / width)
+        while (width := name.get_window_extent().width) > 0.97 * size[0] and points > 3.0:
+            points *= 0.95 * size[0] / width  # letters are not of every size
+            name.set_fontsize(points)
         box = axes.get_window_extent()
         middle = 0.5 * name.get_window_extent().width / box.width  # of the title, kept on the picture
-        at = np.clip(0.5, middle - box.x0 / box.width, (size[0] - box.x0) / box.width - middle)
+        at = np.clip(0.5, middle + (5.0 - box.x0) / box.width, (size[0] - 5.0 - box.x0) / box.width - middle)
         name.xy = (float(at), 1.0)
         figure.set_layout_engine("none")  # it stays as it is now
         self._title.set_animated(True)

@@ -119,13 +119,13 @@ def _(thing: Trajectory) -> str:
 
 @html.register
 def _(thing: State) -> str:
+    if not thing.n:
+        return page("State", {"disks": 0})
     rms = [np.sqrt(np.mean(np.sum(one**2, axis=-1))) for one in (thing.velocity, thing.spin[:, None])]
     rows = {
         "disks": thing.n, "time": f"{thing.time:.6g}", "root mean square velocity": f"{rms[0]:.5g}",
         "root mean square spin": f"{rms[1]:.5g}",
-    } if thing.n else {"disks": 0}  # fmt: skip
-    if not thing.n:
-        return page("State", rows)
+    }  # fmt: skip
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=THUMBNAIL, layout="constrained")
