@@ -404,8 +404,8 @@ def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     made = {each.name for each in tmp_path.iterdir()} - {"cooling.h5"}
     # `repair` says that the last row of the series is not committed
     assert made == {
-        "cooling.vtkhdf", "cooling.nc", "cooling.gsd", "cooling.mp4", "seven.csv", "cooling.repaired.h5",
-        "cooling.repaired.vtkhdf", "cooling.repaired.nc",
+        "cooling.vtkhdf", "cooling.nc", "cooling.gsd", "cooling.mp4", "cooling.webp", "seven.csv",
+        "cooling.repaired.h5", "cooling.repaired.vtkhdf", "cooling.repaired.nc",
     }  # fmt: skip
 
 

@@ -190,7 +190,8 @@ def shown_region(gas: Gas, position: Array) -> Array:
 def figure_size(gas: Gas, position: Array) -> tuple[float, float]:
     """Size of a figure that the disks fill [inches]."""
     width, height = np.ptp(shown_region(gas, position), axis=1)
-    return (min(7.5, 1.6 + 5.2 * width / height), min(6.2, 1.2 + 5.9 * height / width))
+    room_for_a_title = 5.5
+    return max(min(7.5, 1.6 + 5.2 * width / height), room_for_a_title), min(6.2, 1.2 + 5.9 * height / width)
 
 
 def _disks(axes: Axes, view: View, position: Array, colour: Colour | None) -> None:

@@ -202,8 +202,8 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
             analysis.hexatic(last.position, box),
             analysis.coarse_grain(last.position, last.velocity, last.spin, box=box, cells=(4, 3), mass=run.disks.mass,
                                   radius=radius, inertia=run.disks.inertia),
-            analysis.velocity_autocorrelation(times, velocities),
-            analysis.mean_square_displacement(times, positions),
+            analysis.velocity_autocorrelation(times, np.array(velocities)),
+            analysis.mean_square_displacement(times, np.array(positions)),
             analysis.impacts(np.random.default_rng(1).uniform(0.0, 1.5, 200)),
         ]  # fmt: skip
     assert {type(one) for one in found} == set(analyses.RESULTS)
@@ -217,6 +217,7 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
         assert [each.get_xlabel() for each in given] == [each.get_xlabel() for each in axes]
         with pytest.raises(InputError, match="panel"):
             one.plot(ax=pyplot.figure().subplots(1, 3))
+        pyplot.close("all")
 
 
 def test_pictures_of_runs_take_an_open_trajectory_and_leave_it_open(tmp_path: Path) -> None:
@@ -314,3 +315,40 @@ def test_a_study_shows_its_keys_and_whether_it_has_results(tmp_path: Path) -> No
     assert "material[0].e_n" in page
     assert "0.7, 0.8" in page
     assert "none yet" in page
+
+
+def test_the_table_s_axis_ends_when_all_are_at_rest_and_its_legend_hides_no_curve(tmp_path: Path) -> None:
+    """Speeds and spins fall to 0 at t = 3; the file goes on to t = 9."""
+    with TrajectoryWriter(tmp_path / "table.h5", Disks(3, 1.0, 0.2), Box.open(), units={}) as writer:
+        for t in np.arange(10.0):
+            v = max(3.0 - t, 0.0)
+            state = State([[0.0, t], [2.0, t], [4.0, t]], [[0.0, v]] * 3, [v] * 3, time=t)
+            writer.write(state, {"translational_energy": 1.5 * v**2, "rotational_energy": 0.03 * v**2})
+    figure = plots.table(tmp_path / "table.h5")
+    figure.draw_without_rendering()
+    upper, lower = figure.axes[:2]
+    assert upper.get_xlim() == lower.get_xlim() == (0.0, 3.0)
+    assert upper.get_legend().get_window_extent().y0 >= upper.get_window_extent().y1
+
+
+@pytest.mark.parametrize("lengths", [(0.8, 0.5), (0.3, 2.0), (30.0, 20.0)])
+def test_pictures_of_disks_are_as_large_as_the_box_and_cut_nothing(
+    tmp_path: Path, lengths: tuple[float, float]
+) -> None:
+    with TrajectoryWriter(
+        tmp_path / "run.h5", Disks(2, 1.0, 0.05 * min(lengths)), Box(lengths), units={"length": "m"}
+    ) as w:
+        w.write(State(np.array([[0.3, 0.3], [0.7, 0.7]]) * lengths, np.zeros((2, 2)), [1.0, -2.0]))
+    with Trajectory(tmp_path / "run.h5") as run:
+        figure = pictures.figure(run, "disks")
+    for _ in range(2):  # as `run.save` does
+        figure.draw_without_rendering()
+    needed, size = figure.get_tightbbox(), figure.get_size_inches()
+    assert needed.x0 >= 0.0
+    assert needed.y0 >= 0.0
+    assert needed.x1 <= size[0]
+    assert needed.y1 <= size[1]
+    assert needed.height > 0.8 * size[1]
+    bar = figure.axes[0].child_axes[0]
+    # right beside the axes: nearer than a tenth of the figure
+    assert 0.0 < bar.get_window_extent().x0 - figure.axes[0].get_window_extent().x1 < 0.1 * figure.bbox.width
