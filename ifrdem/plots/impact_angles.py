@@ -29,6 +29,11 @@ def impact_scan(run: Run, path_png: Place = None) -> Figure:
     velocities of the last frame, seen from the line of centres that the first frame leads to; the line is the law,
     `ifrdem.collide`. Below, their difference. InputError also for fewer than two frames, or a pair that has not
     collided exactly once.
+
+    Examples
+    --------
+    >>> from ifrdem import plots
+    >>> figure = plots.impact_scan("impact_scan.h5")  # doctest: +SKIP
     """
     from matplotlib.figure import Figure
 

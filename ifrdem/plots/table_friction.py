@@ -24,7 +24,12 @@ def table(run: Run, path_png: Place = None) -> Figure:
     """Draw disks on a table: energies (logarithmic) and moving disks against time; paths and final places.
 
     As `run.cooling`, of a trajectory with positions, velocities, spins and the observables `translational_energy` and
-    `rotational_energy`.
+    `rotational_energy`. The axis of time ends when all are at rest.
+
+    Examples
+    --------
+    >>> from ifrdem import plots
+    >>> figure = plots.table("coins_on_table.h5")  # doctest: +SKIP
     """
     with drawing(run, path_png) as (trajectory, figure):
         figure.set_size_inches(13.5, 6.3)
