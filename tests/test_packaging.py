@@ -37,7 +37,7 @@ def files_on_disk() -> dict[str, Path]:
         for path in sorted((ROOT / folder).rglob("*")):
             name = path.relative_to(ROOT / folder)
             linked = any((ROOT / folder / parent).is_symlink() for parent in (name, *name.parents))
-            manual = path.suffix in (".md", ".png") and name.parts[0] == "docs"
+            manual = path.suffix in (".md", ".png", ".webp") and name.parts[0] == "docs"
             wanted = (
                 path.suffix in (".py", ".pyi", ".toml", ".csv", ".html") or path.name == "py.typed" or manual
             )
