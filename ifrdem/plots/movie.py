@@ -318,19 +318,19 @@ def write(
 ) -> int:
     """Write a movie, a picture for each of `frames` in their order, `fps` a second; returns its bytes.
 
-    H.264 in MP4, or an animation that web pages show, by the ending: .mp4, .webp, .gif. The file appears whole or not
-    at all, and replaces one that is there. `size` and `colour` as for `Scene`, both sides even; `quality` of WebP, 1 to
-    100; `progress` wraps the frames, to show how far it is. InputError if the ending is another one, imageio-ffmpeg is
-    not installed (.mp4), there is nothing to draw, or the file cannot be written: a folder, a device, the trajectory.
+    H.264 in MP4, or an animation that web pages show, by the ending: .mp4 (or none), .webp, .gif. The file appears
+    whole or not at all, and replaces one that is there. `size` and `colour` as for `Scene`, both sides even; `quality`
+    of WebP, 1 to 100; `progress` wraps the frames, to show how far it is. InputError if the ending is another one,
+    imageio-ffmpeg is not installed (.mp4), there is nothing to draw, or the file cannot be written: a folder, a device,
+    the trajectory.
     """
-    if place.suffix.lower() not in FORMATS:
+    kind = place.suffix.lower() or FORMATS[0]
+    if kind not in FORMATS:
         raise InputError(f"output {place}: a movie is a file with the ending {', '.join(FORMATS)}")
     if len(frames) == 0 or trajectory.disks.n == 0:
         raise InputError(f"{trajectory.path}: no {'disks' if len(frames) else 'frames'} to draw")
     check_apart(place, trajectory.path)
-    encode = (
-        _ffmpeg(fps) if place.suffix.lower() == ".mp4" else _pillow(place.suffix.lower()[1:], fps, quality)
-    )
+    encode = _ffmpeg(fps) if kind == FORMATS[0] else _pillow(kind[1:], fps, quality)
     scene = Scene(trajectory, frames, size, colour)
 
     def whole(aside: Path) -> None:

@@ -27,6 +27,7 @@ from ..tools import checked
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
 from ..tools.progress import seen
+from ..tools.sealed import Sealed
 from . import checkpoint, checks
 from . import device as backend
 from .engine import Collisions, Engine
@@ -58,7 +59,7 @@ class _Stopped(Exception):
     """The end of a run that `Simulation.stop` has asked for."""
 
 
-class Simulation(PicturedDisks):
+class Simulation(Sealed, PicturedDisks):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 from support.figures import texts
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, observables
@@ -463,6 +464,27 @@ def test_plot_writes_a_png_once(
     assert "exists already" in capsys.readouterr().err
     assert run("plot", "--list") == 0
     assert capsys.readouterr().out.count("\n") == len(pictures.PICTURES)
+
+
+def test_plots_have_colours_styles_and_an_axis_of_collisions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert run("plot", "run.h5", "disks", "--colour", "speed", "--style", "dark_background") == 0
+    assert imread("run-disks.png")[0, 0, :3].max() < 0.1
+    assert run("plot", "run.h5", "disks", "--color", "speed", "-o", "light") == 0
+    assert imread("light.png")[0, 0, :3].min() > 0.9
+    assert run("plot", "run.h5", "temperatures", "--over", "tau") == 0
+    for words, said in (
+        (("disks", "--colour", "sped"), "--colour sped: allowed are spin, speed"),
+        (("energy", "--colour", "speed"), "color = speed: only of disks, not of energy"),
+        (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
+        (("g", "--over", "tau"), "over = tau: only of temperatures, energy, ledger, mechanisms, not of g"),
+    ):
+        assert run("plot", "run.h5", *words, "-o", "no.png") == 2
+        assert said in capsys.readouterr().err
+    assert not Path("no.png").exists()
 
 
 @pytest.mark.parametrize(
