@@ -14,15 +14,15 @@ depend neither on the cells nor on the region: only on who is there.
 
 from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
-from .language import ti
+from .language import on_gpu, ti
 from .layout import (
     ASIDE, AT, AT_END, AT_MOMENT, BINS, BY_COUNT, BY_LAW, BY_REMEDY, CELL, COLLISIONS, DIRECTION, DRIFT,
-    ELASTICALLY, ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK, FULL,
-    FULL_WATCHED, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL,
-    MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS, N_WATCHED, OWN,
-    PAIRS, PARTNER, PARTNER_NUMBER, PAUSED, PAUSING, PLACES, PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS,
-    ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY, WANTED, WATCHING, WHO, WIDEST,
-    WINDOW, W_SPIN, K, X, Y,
+    ELASTICALLY, ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK,
+    FULL, FULL_WATCHED, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES,
+    MATERIAL, MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS,
+    N_WATCHED, OWN, PAIRS, PARTNER, PARTNER_NUMBER, PAUSED, PAUSING, PLACES, PREVIOUS, REGIMES,
+    RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY,
+    WANTED, WATCHING, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
 )  # fmt: skip
 from .places import (
     add, came_to, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
@@ -231,7 +231,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     note_speed(b, gas)
     gas.link[a][LAST] = b
     gas.link[b][LAST] = a
-    if gas.grid[WATCHING] == PAIRS and gas.link[a][OWN] == 1:
+    if gas.grid[WATCHING] == PAIRS and gas.link[a][OWN] > 0:
         row = ti.atomic_add(gas.counter[N_WATCHED], 1)
         if row < gas.grid[MOST_EVENTS]:
             gas.event[row][AT] = t
@@ -255,7 +255,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
                 write_motion(row, t, 3 * side, before, after, gas)
                 gas.event_int[row][EVENT_PARTNER] = gas.link[other][WHO]
                 gas.event_int[row][EVENT_HOW] = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
-    if gas.link[a][OWN] == 1:
+    if gas.link[a][OWN] > 0:
         add(tile, COLLISIONS, 1.0, gas)
         if how >= ELASTIC:
             add(tile, ELASTICS, 1.0, gas)
@@ -395,12 +395,38 @@ def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template
 
 
 @ti.func
-def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas: ti.template()):
-    """All events of a window in a region of n disks at places from `places` on, which gather has laid out.
+def predict(
+    i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
+):  # fmt: skip
+    """Find the next event of the disk at place i in the cells that `find` tells, or that which it `keeps`."""
+    window = gas.scale[WINDOW]
+    best, partner = window, NOBODY
+    if keeps == 1:
+        if gas.link[i][PARTNER] != NOBODY:
+            best, partner = gas.work[i][T_HIT], gas.link[i][PARTNER]
+    before = partner
+    best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
+    if ti.static(gas.uses.walled):
+        best, partner = first_wall(i, best, partner, region, gas)
+    if partner == NOBODY:
+        best = FAR + 0.0 * window
+    elif partner >= 0 and partner != before:
+        gas.link[i][PARTNER_NUMBER] = gas.link[partner][NUMBER]
+    gas.work[i][T_HIT] = best
+    gas.link[i][PARTNER] = partner
+    leaves, side = leaving(i, region, gas)
+    gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
 
-    Own disks are written to their slots, from `base` on, as they are at the moment that is asked for, and at the end. A
-    gas in one tile may pause at that moment, or after the last of so many collisions, and goes on when `resuming`.
+
+@ti.func
+def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
+    """All events of a window in a region of n disks at places from `places` on, which have been laid out.
+
+    Own disks are written as they are at the moment that is asked for, and, on a CPU, at the end; on a GPU a team does,
+    which has predicted their first events too. A gas in one tile may pause at that moment, or after the last of so many
+    collisions, and goes on when `resuming`.
     """
+    lane = region.lane
     places, bins = lane * gas.grid[PLACES], lane * gas.grid[BINS]
     window = gas.scale[WINDOW]
     moment = gas.scale[MOMENT_IN]
@@ -416,6 +442,10 @@ def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas
     events, checked, checked_at = 0, 0, 0.0 * window
     patience = MANY_EVENTS + 20 * n
     rate = n_bins / window
+    if ti.static(on_gpu()):
+        fresh = n
+        for i in range(places, places + n):
+            put_in(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
     while going == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
         looking, first, second, half = 0, 0, 0, 0
@@ -451,7 +481,11 @@ def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas
             elif i < 0:
                 writing, going = AT_END, 0
             if writing >= 0:
-                write(n, places, tile, base, writing, region, gas)
+                if ti.static(on_gpu()):
+                    if writing == AT_MOMENT:
+                        write(n, tile, writing, 0, 1, region, gas)
+                else:
+                    write(n, tile, writing, 0, 1, region, gas)
             else:
                 events += 1
                 take_out(i, bins, gas)
@@ -494,21 +528,6 @@ def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas
             i = first
             if q == 1:
                 i = second
-            best, partner = window, NOBODY
-            if keeps == 1:
-                if gas.link[i][PARTNER] != NOBODY:
-                    best, partner = gas.work[i][T_HIT], gas.link[i][PARTNER]
-            before = partner
-            best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
-            if ti.static(gas.uses.walled):
-                best, partner = first_wall(i, best, partner, region, gas)
-            if partner == NOBODY:
-                best = FAR + 0.0 * window
-            elif partner >= 0 and partner != before:
-                gas.link[i][PARTNER_NUMBER] = gas.link[partner][NUMBER]
-            gas.work[i][T_HIT] = best
-            gas.link[i][PARTNER] = partner
-            leaves, side = leaving(i, region, gas)
-            gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
-            put_in(i, ti.select(best < leaves, best, leaves), present, bins, n_bins, rate, gas)
+            predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
+            put_in(i, next_event(i, gas), present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter[N_EVENTS], events)

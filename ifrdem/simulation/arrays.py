@@ -28,7 +28,8 @@ CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what roundin
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
 LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
-GPU_COLLISIONS, GPU_TILE = 0.4, 100  # the same for a GPU, a thread a tile: by a model, not measured
+CHAINS, GPU_CHAINS = 4.0, 2.0  # halo for those who hit one another in chains, in largest diameters
+GPU_COLLISIONS, GPU_TILE = 0.4, 100  # the same for a GPU
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
@@ -151,7 +152,7 @@ class DeviceArrays:
         self.meta: Any = None
         self.past: Any = None
         self.hits: Any = None
-        self._lanes = 0
+        self._lanes = self.batch = 0
         self.trail = self._vectors(2, ti.i32, self.room)
         self.way = self._array(ti.f32, self.room)
         self.back = self._array(ti.i32, self.room)
@@ -222,7 +223,7 @@ class DeviceArrays:
         self._replace("link", self._vectors(16, ti.i32, rows))
         self._replace("mark", self._vectors(6, ti.i32, rows))
         self._replace("begun", self._vectors(2, self._type, rows))
-        self._replace("chosen", self._vectors(3, ti.i32, rows))
+        self._replace("chosen", self._vectors(4, ti.i32, rows))
         self._replace("since", self._array(self._type, rows if uses.remembers else 1))
         self._replace("turn", self._array(ti.f64, rows if uses.turned else 1))
         self._replace("head", self._array(ti.i32, lanes * cells))
@@ -268,12 +269,17 @@ class DeviceArrays:
         if self.uses.sheared:
             self.scale[k.DRIFT] = self.box.shear_rate * edges[1][1]
         total = self.tiles = tiles[0] * tiles[1]
-        self.edge_x, self.edge_y = edges
-        self.tile = np.zeros((total, 8), dtype=np.int32)
-        self.listed = np.zeros(total, dtype=np.int32)
-        self.reach = np.zeros((total, 4), dtype=self.real)
-        self.tally = np.zeros((total, 2, k.TALLY))
-        self.heat = np.zeros((total, 2, max(len(self.thermal), 1)))
+        heats = max(len(self.thermal), 1)
+        for axis, name in enumerate(("edge_x", "edge_y")):
+            self._replace(name, self._array(ti.f64, len(edges[axis])))
+            getattr(self, name).from_numpy(edges[axis])
+        self._replace("tile", self._array(ti.i32, total, 8))
+        self._replace("listed", self._array(ti.i32, total))
+        self._replace("reach", self._array(self._type, total, 5))
+        self._replace("tally", self._array(ti.f64, total, 2, k.TALLY))
+        self._replace("heat", self._array(ti.f64, total, 2, heats))
+        blocks = (total + k.BLOCK_OF_TILES - 1) // k.BLOCK_OF_TILES
+        self.found = np.zeros((blocks, k.FIRST_SUM + 2 * (k.TALLY + heats)))
         self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
             edges[0][-1] - edges[0][0],
             edges[1][-1] - edges[1][0],
@@ -294,6 +300,7 @@ class DeviceArrays:
         self.area = float(np.prod(high - low))
         phi = self.packing_fraction = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
         collisions, tile_disks = division(phi)
+        self.chains = CHAINS if options.arch == "cpu" else GPU_CHAINS
         if options.arch != "cpu":
             collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
         free = self.area / max(n, 1)  # of a disk
@@ -332,6 +339,7 @@ class DeviceArrays:
         self.clock[k.FREE_PATH], self.clock[k.IN_WINDOW] = self.clock[k.PATH], 0.5 * n * collisions
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
         self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
+        self.batch = lanes if options.arch != "cpu" else self.tiles  # tiles that one launch runs at most
         if self.alone:
             places, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
         else:
@@ -412,9 +420,14 @@ class DeviceArrays:
             hits[:n, k.WALL_HITS] = state.wall_hits[order]
             hits[:n, k.LAST_PARTNER] = state.last_partner[order]
             self.hits.from_numpy(hits)
-        count = np.bincount(tile, minlength=self.tiles)
-        self.tile[:, k.COUNT] = count
-        self.tile[:, k.START] = np.cumsum(count) - count
+        self.set_lists(0, np.bincount(tile, minlength=self.tiles))
+
+    def set_lists(self, part: int, count: NDArray[np.int64], start: NDArray[np.int64] | None = None) -> None:
+        """Say how many disks each tile lists, and where its list begins: one after another, if not told."""
+        tile = self.tile.to_numpy()
+        tile[:, k.COUNT + part] = count
+        tile[:, k.START + part] = np.cumsum(count) - count if start is None else start
+        self.tile.from_numpy(tile)
 
     def list_anew(self) -> None:
         """List the disks by the tiles they are in; places stay what they are, to the last bit."""
@@ -422,7 +435,8 @@ class DeviceArrays:
         rows = slice(part * self.room, part * self.room + n)
         held = {name: getattr(self, name).to_numpy() for name, kept in self.state_arrays().items() if kept}
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
-        first, count = self.tile[:, k.START + part], self.tile[:, k.COUNT + part]
+        lists = self.tile.to_numpy()
+        first, count = lists[:, k.START + part], lists[:, k.COUNT + part]
         listed = np.empty(n, dtype=np.int64)
         for tile in range(self.tiles):
             listed[first[tile] : first[tile] + count[tile]] = tile
@@ -444,10 +458,7 @@ class DeviceArrays:
         for name, values in held.items():
             values[rows] = values[rows][order]
             getattr(self, name).from_numpy(values)
-        found = np.bincount(tile, minlength=self.tiles)
-        self.tile[:, k.COUNT + part] = found
-        self.tile[:, k.START + part] = np.cumsum(found) - found
-        self.reach[:, k.PROTRUDES] = 0.0
+        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
 
     def state_arrays(self) -> dict[str, bool]:
         """Names of the arrays that hold a state, and whether this gas keeps them."""

@@ -23,7 +23,7 @@ from ..errors import EngineError, InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
-GPU_LANES = 16384  # threads with a tile each: some 128 on each multiprocessor of a large one
+GPU_LANES = 65536  # tiles that have scratch space at the same time
 LOG = logging.getLogger("ifrdem")
 
 
