@@ -30,7 +30,9 @@ from taichi.lang.expr import Expr
 
 __all__ = ["on_gpu", "round_products_by", "spread_of_loops", "ti"]
 
-_ZERO: dict[Any, tuple[Any, Any]] = {}  # by the kernel that is compiled: a variable of it, and numbers from 1 on
+_ZERO: dict[
+    Any, tuple[Any, Any]
+] = {}  # by the kernel that is compiled: a variable of it, and numbers from 1 on
 _WORDS = {ti.f64: ti.u64, ti.f32: ti.u32}
 
 

@@ -28,7 +28,8 @@ claim        (claims,) of 3       slot of a copy at the window's beginning; hash
 claim_at     (claims,) of 3       its place then, from the corner of the tile that made it; bound on how far it came
 event        (events,) of 17      what happened to watched disks (columns below)
 event_int    (events,) of 8       who was it
-found        (blocks, ...)        what the host reads after a launch (columns below), by blocks of tiles, f64
+found        (blocks, ...)        sums over BLOCK_OF_TILES tiles, f64 (columns below)
+total        (...)                the same over all
 watched      (n,)                 1 for disks whose collisions are written down, by id
 work, ...    (lanes * places,)    the scratch space of a lane, which runs one tile after another
 ===========  ===================  =====================================================================================
@@ -50,8 +51,8 @@ TOLD = 2  # the part that holds the moment asked for
 START, COUNT, CLAIMS, N_CLAIMS, BAD, GATHERED = 0, 2, 4, 5, 6, 7
 # reach
 HALO, BEYOND, FURTHEST, PROTRUDES, WIDER = range(5)
-# found: what the host reads after a launch, of each BLOCK_OF_TILES: largest of the square of a speed, and of `reach`;
-# then sums of the tally, and of the heat, to the end, and the same to the moment
+# found, and `total` of all: largest of the square of a speed, and of `reach`; then sums of the tally, and of the heat,
+# to the end, and the same to the moment
 MOST_SPEED, MOST_BEYOND, MOST_FURTHEST, MOST_PROTRUDES, FIRST_SUM = range(5)
 BLOCK_OF_TILES = 128
 # tally: whole numbers are exact up to 2^53
@@ -80,11 +81,11 @@ SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
 # rest on a wall, events without progress; bad tiles; events; windows; rows of
 # events; 1 where only the listed tiles are run; of a gas in one tile: 1 where it pauses at the moment that is told; 1
 # where it goes on from there; 1 where it has paused for the time, BY_COUNT for the number of collisions; bad tiles
-# with the widest halo
+# with the widest halo; 1 where no window of a launch may follow
 (
     NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN,
-    PAUSING, RESUMING, PAUSED, STUCK,
-) = range(16)  # fmt: skip
+    PAUSING, RESUMING, PAUSED, STUCK, HALTED,
+) = range(17)  # fmt: skip
 BY_COUNT = 2
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions in all), to pause, when a force
@@ -103,11 +104,12 @@ FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 ) = range(23)  # fmt: skip
 # scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off;
 # contact time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; the
-# largest radius of disks in small cells; the halo that tiles begin with, and the widest
+# largest radius of disks in small cells; the halo that tiles begin with, and the widest; the part of it for
+# those who hit one another in chains; the least side of a tile
 (
     LENGTH_X, LENGTH_Y, CELL_SIDE, WINDOW, MOMENT_IN, WIDEST, ROUNDER, GX, GY, CUTOFF, CONTACT_TIME, SHEAR, DRIFT,
-    ASIDE, SPLIT, USUAL_HALO, MOST_HALO,
-) = range(17)  # fmt: skip
+    ASIDE, SPLIT, USUAL_HALO, MOST_HALO, CHAIN, LEAST_SIDE,
+) = range(19)  # fmt: skip
 # event: time, place, normal, velocity before and after, spin before and after; the same of the partner
 AT, PLACE, NORMAL_X, V_BEFORE, V_AFTER, W_BEFORE, W_AFTER, U_BEFORE, U_AFTER, S_BEFORE, S_AFTER = (
     0, 1, 3, 5, 7, 9, 10, 11, 13, 15, 16,
@@ -209,4 +211,5 @@ class GasArrays(NamedTuple):
     event: Any = None
     event_int: Any = None
     found: Any = None
+    total: Any = None
     uses: Uses = Uses()

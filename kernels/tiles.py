@@ -25,11 +25,11 @@ Bad tiles are run again, from the same beginning, with wider halos. Nothing is e
 from .flights import on_grid
 from .language import on_gpu, ti
 from .layout import (
-    AGAIN, ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BOXES_ASIDE, CELL, CELLS,
-    CELL_SIDE, CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL, FULL_CLAIMS,
-    FURTHEST, GATHERED, GX, GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS, KIND, LAP_X,
-    LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS, MOST_HALO,
-    NARROWER, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, N_SLOTS, OWN, PART, PARTNER,
+    AGAIN, ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BINS, BOXES_ASIDE, CELL,
+    CELLS, CELL_SIDE, CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL,
+    FULL_CLAIMS, FURTHEST, GATHERED, GX, GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS,
+    KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS,
+    MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, N_SLOTS, OWN, PART, PARTNER,
     PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES,
     SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, USUAL_HALO, VX, VY,
     WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, X, Y,
@@ -298,27 +298,45 @@ def choose(tile, lane, thread, region: ti.template(), gas: ti.template()):
 
 
 @ti.func
-def order(tile, region: ti.template(), gas: ti.template()):
+def count_chunk(thread, region: ti.template(), gas: ti.template()):
+    """Count the disks in a thread's share of the cells, for `order`: into the bins, which are free until the events."""
+    cells = region.nx * region.ny
+    chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))
+    found = 0
+    for c in range(thread * chunk, ti.min((thread + 1) * chunk, cells)):
+        found += gas.head[region.cells + c]
+    gas.bin[region.lane * gas.grid[BINS] + thread] = found
+
+
+@ti.func
+def order(tile, thread, region: ti.template(), gas: ti.template()):
     """Say where the disks of each cell begin, and where the tile's list and its claims do."""
     part = 1 - gas.grid[PART]
+    cells = region.nx * region.ny
+    chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))
     before = 0
-    for c in range(region.nx * region.ny):
+    for other in range(thread):
+        before += gas.bin[region.lane * gas.grid[BINS] + other]
+    for c in range(thread * chunk, ti.min((thread + 1) * chunk, cells)):
         here = gas.head[region.cells + c]
         gas.head[region.cells + c] = ti.select(here > 0, before, -1)
         before += here
-    if gas.counter[AGAIN] == 0:
-        if gas.grid[ALONE] == 1:
-            for other in range(gas.grid[TILES_X] * gas.grid[TILES_Y]):
-                gas.tile[other, START + part] = gas.tile[other, START + 1 - part]
-                gas.tile[other, COUNT + part] = gas.tile[other, COUNT + 1 - part]
-        else:
-            gas.tile[tile, START + part] = ti.atomic_add(gas.counter[N_SLOTS], gas.tile[tile, COUNT + part])
-    claims = gas.tile[tile, N_CLAIMS]
-    if claims > 0:
-        claim = ti.atomic_add(gas.counter[N_CLAIMED], claims)
-        gas.tile[tile, CLAIMS] = claim
-        if claim + claims > gas.grid[MOST_CLAIMS]:
-            ti.atomic_or(gas.counter[FULL], FULL_CLAIMS)
+    if thread == 0:
+        if gas.counter[AGAIN] == 0:
+            if gas.grid[ALONE] == 1:
+                for other in range(gas.grid[TILES_X] * gas.grid[TILES_Y]):
+                    gas.tile[other, START + part] = gas.tile[other, START + 1 - part]
+                    gas.tile[other, COUNT + part] = gas.tile[other, COUNT + 1 - part]
+            else:
+                gas.tile[tile, START + part] = ti.atomic_add(
+                    gas.counter[N_SLOTS], gas.tile[tile, COUNT + part]
+                )
+        claims = gas.tile[tile, N_CLAIMS]
+        if claims > 0:
+            claim = ti.atomic_add(gas.counter[N_CLAIMED], claims)
+            gas.tile[tile, CLAIMS] = claim
+            if claim + claims > gas.grid[MOST_CLAIMS]:
+                ti.atomic_or(gas.counter[FULL], FULL_CLAIMS)
 
 
 @ti.func

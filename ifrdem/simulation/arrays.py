@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..kernels.language import ti
 from ..kernels.limits import ADDRESSABLE, ALONE, WALL
 from ..kernels.shear import displacement
 from ..kernels.walls import HEAT, TEMPERATURE
+from ..kernels.windows import exchange
 from ..model.box import Box
 from ..model.state import Disks, State
 from . import device
@@ -30,6 +32,8 @@ LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 CHAINS, GPU_CHAINS = 4.0, 2.0  # halo for those who hit one another in chains, in largest diameters
 GPU_COLLISIONS, GPU_TILE = 0.4, 100  # the same for a GPU
+BURST = 64  # windows of a gas in one tile that one launch runs at most
+GPU_BURST = 20_000_000  # disks times windows, of a GPU
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
@@ -124,8 +128,11 @@ class DeviceArrays:
             self.kind.from_numpy(self._kind.astype(np.int32))
         self.law = ti.ndarray(self._type, law_table.shape)
         self.law.from_numpy(law_table.astype(self.real))
-        # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
-        self.counter = np.zeros(16, dtype=np.int32)
+        # Small arrays that the host reads after every launch. Kernels on a CPU take NumPy arrays as they are; a GPU has
+        # arrays of its own for them (`launch`).
+        self.on_gpu = options.arch != "cpu"
+        self._twins: dict[str, Any] = {}
+        self.counter = np.zeros(20, dtype=np.int32)
         self.clock = np.zeros(16)
         self.grid = np.zeros(24, dtype=np.int32)
         self.scale = np.zeros(20, dtype=self.real)
@@ -279,7 +286,9 @@ class DeviceArrays:
         self._replace("tally", self._array(ti.f64, total, 2, k.TALLY))
         self._replace("heat", self._array(ti.f64, total, 2, heats))
         blocks = (total + k.BLOCK_OF_TILES - 1) // k.BLOCK_OF_TILES
-        self.found = np.zeros((blocks, k.FIRST_SUM + 2 * (k.TALLY + heats)))
+        columns = k.FIRST_SUM + 2 * (k.TALLY + heats)
+        self._replace("found", self._array(ti.f64, blocks, columns))
+        self.total = np.zeros(columns)
         self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
             edges[0][-1] - edges[0][0],
             edges[1][-1] - edges[1][0],
@@ -300,8 +309,7 @@ class DeviceArrays:
         self.area = float(np.prod(high - low))
         phi = self.packing_fraction = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
         collisions, tile_disks = division(phi)
-        self.chains = CHAINS if options.arch == "cpu" else GPU_CHAINS
-        if options.arch != "cpu":
+        if self.on_gpu:
             collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
         free = self.area / max(n, 1)  # of a disk
         few = n <= ALONE
@@ -339,7 +347,12 @@ class DeviceArrays:
         self.clock[k.FREE_PATH], self.clock[k.IN_WINDOW] = self.clock[k.PATH], 0.5 * n * collisions
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
         self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
-        self.batch = lanes if options.arch != "cpu" else self.tiles  # tiles that one launch runs at most
+        self.batch = lanes if self.on_gpu else self.tiles  # tiles that one launch runs at most
+        # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
+        self.burst = BURST if self.alone else 1
+        if self.on_gpu:
+            self.burst = 1 if sheared or self.alone else min(BURST, 1 + GPU_BURST // max(n, 1))
+        self.scale[k.CHAIN] = self.widest * ((GPU_CHAINS if self.on_gpu else CHAINS) + 3.0 * phi)
         if self.alone:
             places, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
         else:
@@ -470,6 +483,34 @@ class DeviceArrays:
 
     def launch(self, kernel: Callable[..., Any], *numbers: float, **given: Any) -> Any:
         """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or found here by their names."""
+        if not self.on_gpu:
+            return self._call(kernel, numbers, given)
+        with self.sent():
+            return self._call(kernel, numbers, given | self._twins)
+
+    @contextmanager
+    def sent(self) -> Iterator[Callable[..., Any]]:
+        """Run several kernels, by what this gives, before the host sees what became of the small arrays."""
+        if not self.on_gpu:
+            yield self.launch
+            return
+        if not self._twins:
+            for name in _SMALL:
+                kind = {np.dtype(np.int32): ti.i32, np.dtype(np.float32): ti.f32}.get(
+                    getattr(self, name).dtype, ti.f64
+                )
+                self._twins[name] = self._array(kind, len(getattr(self, name)))
+        own = [getattr(self, name) for name in _SMALL]
+        board = np.concatenate(own).astype(np.float64)
+        exchange(board, 1, *self._twins.values())
+        yield lambda kernel, *numbers, **given: self._call(kernel, numbers, given | self._twins)
+        exchange(board, 0, *self._twins.values())
+        at = 0
+        for array in own:
+            array[:] = board[at : at + len(array)]
+            at += len(array)
+
+    def _call(self, kernel: Callable[..., Any], numbers: tuple[float, ...], given: dict[str, Any]) -> Any:
         if kernel not in self._arguments:
             self._arguments[kernel] = list(inspect.signature(kernel).parameters)
         names = self._arguments[kernel][len(numbers) :]
@@ -507,6 +548,9 @@ class DeviceArrays:
         for name, array in self._on_device().items():
             device.free_array(array)
             setattr(self, name, None)
+        for value in self._twins.values():
+            device.free_array(value)
 
 
 _STATE = ("disk", "meta", "past", "hits")
+_SMALL = ("grid", "scale", "clock", "sums", "counter", "total")

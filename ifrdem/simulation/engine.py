@@ -454,7 +454,7 @@ class Engine:
         self, t_end: float, collisions: int | None, kick: float, pause_at: float, pause_after: int | None
     ) -> None:
         from ..kernels.layout import COLLISIONS, PAIRS, TRACKED
-        from .windows import BURST
+        from .arrays import BURST
 
         windows = self.windows
         watching = PAIRS if self.keep_collisions else TRACKED if self.tracking is not None else 0

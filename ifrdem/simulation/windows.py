@@ -14,13 +14,20 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
-from ..kernels.windows import LARGEST_WAY, path_from, run_windows, survey, verify, window_length
-from .arrays import SLACK, DeviceArrays
+from ..kernels.windows import (
+    LARGEST_WAY,
+    LEAST_HALO,
+    path_from,
+    run_windows,
+    survey,
+    usual_halo,
+    verify,
+    window_length,
+)
+from .arrays import BURST, SLACK, DeviceArrays
 from .tracking import Statistics
 
-LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
 MOST_HALVINGS = 40  # of the window of a sheared gas
-BURST = 64  # windows of a gas in one tile that one launch runs at most
 
 
 class Windows:
@@ -46,7 +53,9 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
-        self.protrudes = 0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
+        self.protrudes = (
+            0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
+        )
         self._claimed = 0  # claims of the tiles that ran last
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
@@ -226,13 +235,14 @@ class Windows:
         if self._ahead and watching and self._watching != watching:
             self._compute(self._moment_now, 1, watching)  # from its beginning, to see what happened in it
         if self._paused or not self._ahead:
-            if a.alone or stop < self.end:
+            if a.alone or stop < self.end or (a.burst > 1 and math.isfinite(stop)):
                 a.make_moment()
             a.clock[[k.STOP, k.PAUSE, k.KICK]] = stop, pause_at, kick
             a.clock[k.WANTED] = math.inf if wanted is None else wanted
             a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
             moment = stop - self.begin if stop < self.end else math.inf
-            self._compute(moment, most if a.alone else 1, watching, pausing=a.alone and watching != k.TRACKED)
+            pausing = a.alone and not a.on_gpu and watching != k.TRACKED
+            self._compute(moment, min(most, a.burst), watching, pausing=pausing)
         if self._paused:
             self._moment_now = self._moment
             by_count = a.counter[k.PAUSED] == k.BY_COUNT
@@ -276,7 +286,7 @@ class Windows:
         return np.concatenate(real), np.concatenate(whole)
 
     def _compute(self, moment: float, most: int, watching: int, *, pausing: bool = False) -> None:
-        """Run the window to its end; `most` of them, where one tile is the whole box.
+        """Run the window to its end; up to `most` of them.
 
         When `pausing`, which only a gas in one tile can, to the moment or to so many collisions, and on from there.
         """
@@ -302,15 +312,14 @@ class Windows:
         self._launch(1 if alone else a.tiles, most, pausing=pausing, resuming=resuming)
         again = bool(begin == self._counted)
         self.statistics.windows -= again
-        if alone:
-            self._paused = bool(a.counter[k.PAUSED])
-            self.statistics.windows += int(a.counter[k.N_WINDOWS])
-            self._done = a.sums.copy()
-            self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
-            self._collect(watching)
-        else:
-            self.statistics.windows += 1
-            self._collect(watching)
+        self._paused = bool(a.counter[k.PAUSED])
+        self.statistics.windows += int(a.counter[k.N_WINDOWS])
+        self._collect(watching)
+        self._done = a.sums.copy()
+        self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
+        if not alone:
+            if self.begin != begin:
+                self.protrudes = self._least_side() - float(a.scale[k.MOST_HALO])
             kept = replace(self.statistics)
             halvings = 0
             while True:
@@ -353,15 +362,12 @@ class Windows:
 
     def _tally(self, when: int) -> NDArray[np.float64]:
         """Sums over the tiles, one after another: the same for any number of threads."""
-        columns = k.TALLY + max(len(self.arrays.thermal), 1)
-        first = k.FIRST_SUM + when * columns
-        last = first + k.TALLY + len(self.arrays.thermal)
-        found: NDArray[np.float64] = np.ascontiguousarray(self.arrays.found[:, first:last].T).sum(axis=1)
-        return found
+        first = k.FIRST_SUM + when * (k.TALLY + max(len(self.arrays.thermal), 1))
+        return self.arrays.total[first : first + k.TALLY + len(self.arrays.thermal)].copy()
 
     def _most(self, column: int) -> float:
         """The largest of all tiles."""
-        return float(self.arrays.found[:, column].max())
+        return float(self.arrays.total[column])
 
     def _launch(
         self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
@@ -375,8 +381,13 @@ class Windows:
             if again:
                 a.counter[k.N_CLAIMED] = self._claimed
             a.sums[:] = self._done  # one window after another, so that sums do not depend on launches
-            for first in range(0, tiles, a.batch):
-                a.launch(run_windows, first, min(first + a.batch, tiles), most)
+            alone = bool(a.grid[k.ALONE])
+            with a.sent() as launch:
+                for _ in range(1 if alone else most):
+                    for first in range(0, tiles, a.batch):
+                        launch(run_windows, first, min(first + a.batch, tiles), most)
+                    if not alone:
+                        launch(verify)
             self._claimed = int(a.counter[k.N_CLAIMED])
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
             if a.counter[k.STALLED] == 2:
@@ -433,9 +444,12 @@ class Windows:
         a = self.arrays
         window = self.end - self.begin
         pull = float(np.hypot(a.scale[k.GX], a.scale[k.GY]))
-        way = (self.fastest + float(a.clock[k.WALL_SPEED])) * window + 0.5 * pull * window**2
         drift = abs(float(a.scale[k.DRIFT])) * window
-        halo = a.widest * (a.chains + 3.0 * a.packing_fraction) + 2.0 * way + drift
+        halo = (
+            usual_halo(float(a.scale[k.CHAIN]), self.fastest, pull, float(a.clock[k.WALL_SPEED]), window)
+            + drift
+        )
+        a.scale[k.LEAST_SIDE] = self._least_side()
         a.scale[k.USUAL_HALO], a.scale[k.MOST_HALO] = halo, self._widest_halo()
 
     def _least_side(self) -> float:
@@ -455,8 +469,6 @@ class Windows:
         most = float(a.scale[k.MOST_HALO])
         bad = 0
         while True:
-            a.counter[[k.NEXT_TILE, k.N_BAD, k.STUCK]] = 0
-            a.launch(verify)
             count = int(a.counter[k.N_BAD])
             reach = a.widest + self._most(k.MOST_BEYOND) + self._most(k.MOST_FURTHEST)
             if a.uses.sheared:
