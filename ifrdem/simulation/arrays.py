@@ -314,13 +314,17 @@ class DeviceArrays:
         free = self.area / max(n, 1)  # of a disk
         few = n <= ALONE
         sheared = self.uses.sheared
-        if few and not sheared:
+        if few and not sheared and not self.on_gpu:
             collisions *= FEWER_WINDOWS
+        if options.window_collisions is not None:  # whatever the device: windows decide the bits
+            collisions = options.window_collisions
         mean = 2.0 * float(disks.radius.mean()) if n else 1.0
         self.clock[k.PATH] = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min())
-        if sheared or not few:
+        if options.window_collisions is not None:
+            own = min(own, math.sqrt(GPU_TILE * free))
+        elif sheared or not few or self.on_gpu:
             own = min(own, math.sqrt(tile_disks * free))
         self.clock[k.TILE_SIDE] = own
         least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
