@@ -97,11 +97,11 @@ FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 ) = range(14)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on; small cells along
-# a large one; a 0 that no compiler knows
+# a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works
 (
     N, TILES_X, TILES_Y, LANES, PLACES, CELLS, BINS, ITEMS, PART, PERIODIC_X, PERIODIC_Y, WALLS, SEED_LOW, SEED_HIGH,
-    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE, NOTHING,
-) = range(23)  # fmt: skip
+    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE, NOTHING, STRIDE,
+) = range(24)  # fmt: skip
 # scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off;
 # contact time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; the
 # largest radius of disks in small cells; the halo that tiles begin with, and the widest; the part of it for

@@ -12,8 +12,8 @@ from .layout import (
     HALTED, IN_WINDOW, KICK, LANES, LEAST_SIDE, MOMENT_IN, MOST_BEYOND, MOST_FURTHEST, MOST_HALO,
     MOST_PROTRUDES, MOST_SPEED, NEEDED, NEXT_TILE, N_BAD, N_CLAIMED, N_EVENTS, N_SLOTS, N_WINDOWS, PART,
     PATH, PAUSE, PAUSED, PAUSE_AFTER, PLACES, RESTING, RESUMING, ROOM, SPEED, SQUARES, SQUARE_UNIT,
-    STALLED, START, STOP, STUCK, TALLY, TILES_X, TILES_Y, TILE_SIDE, USUAL_HALO, VX, VY, WALL_SPEED,
-    WANTED, WIDER, WIDEST, WINDOW, Cube, GasArrays, N, Rows, Table,
+    STALLED, START, STOP, STRIDE, STUCK, TALLY, TILES_X, TILES_Y, TILE_SIDE, USUAL_HALO, VX, VY,
+    WALL_SPEED, WANTED, WIDER, WIDEST, WINDOW, Cube, GasArrays, N, Rows, Table,
 )  # fmt: skip
 from .places import round_products
 from .tiles import (
@@ -360,9 +360,10 @@ def run_windows(
                 predict(lane * gas.grid[PLACES] + m, 0, 1, -1, 1, 1, 0, region, gas)
                 m += team
         ti.loop_config(block_dim=32)
-        for lane in range(n_listed - first):
+        for item in range((n_listed - first) * gas.grid[STRIDE]):
             round_products(gas)
-            if is_going(gas):
+            if item % gas.grid[STRIDE] == 0 and is_going(gas):
+                lane = item // gas.grid[STRIDE]
                 k = tile_of(first + lane, gas)
                 region = region_of(k, lane, gas)
                 n = gas.tile[k, GATHERED]

@@ -30,8 +30,9 @@ CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what roundin
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
 LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
-CHAINS, GPU_CHAINS = 4.0, 2.0  # halo for those who hit one another in chains, in largest diameters
+CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for those who hit one another in chains, in largest diameters
 GPU_COLLISIONS, GPU_TILE = 0.4, 100  # the same for a GPU
+GPU_STRIDE = 8
 BURST = 64  # windows of a gas in one tile that one launch runs at most
 GPU_BURST = 20_000_000  # disks times windows, of a GPU
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
@@ -351,6 +352,7 @@ class DeviceArrays:
         self.clock[k.FREE_PATH], self.clock[k.IN_WINDOW] = self.clock[k.PATH], 0.5 * n * collisions
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
         self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
+        self.grid[k.STRIDE] = GPU_STRIDE
         self.batch = lanes if self.on_gpu else self.tiles  # tiles that one launch runs at most
         # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
         self.burst = BURST if self.alone else 1

@@ -56,6 +56,7 @@ class Windows:
         self.protrudes = (
             0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
         )
+        self._burst = 1  # windows of a GPU that went well one after another
         self._claimed = 0  # claims of the tiles that ran last
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
@@ -242,7 +243,7 @@ class Windows:
             a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
             moment = stop - self.begin if stop < self.end else math.inf
             pausing = a.alone and not a.on_gpu and watching != k.TRACKED
-            self._compute(moment, min(most, a.burst), watching, pausing=pausing)
+            self._compute(moment, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing)
         if self._paused:
             self._moment_now = self._moment
             by_count = a.counter[k.PAUSED] == k.BY_COUNT
@@ -313,7 +314,9 @@ class Windows:
         again = bool(begin == self._counted)
         self.statistics.windows -= again
         self._paused = bool(a.counter[k.PAUSED])
-        self.statistics.windows += int(a.counter[k.N_WINDOWS])
+        done = int(a.counter[k.N_WINDOWS])
+        self._burst = max(2 * most, self._burst) if done >= most else max(done, 1)
+        self.statistics.windows += done
         self._collect(watching)
         self._done = a.sums.copy()
         self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
