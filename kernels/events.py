@@ -282,7 +282,7 @@ def sooner(t, j, best, partner, gas: ti.template()):
 
 @ti.func
 def meeting(i, j, shift_x, shift_y, best, radius, gas: ti.template()):
-    """Time at which the disk at place i, of this radius, meets the one at place j, which is shifted; FAR if not by `best`."""
+    """Time at which the disk at place i, of this radius, meets the one at place j, which is shifted; FAR if late."""
     t = FAR + 0.0 * best
     if j != i:
         tau, tau_j = gas.work[i][TAU], gas.work[j][TAU]
@@ -368,54 +368,21 @@ def find(
             low_x, high_x = ti.max(low_x, 0), ti.min(high_x, nx - 1)
         if region.wrap_y == 0:
             low_y, high_y = ti.max(low_y, 0), ti.min(high_y, ny - 1)
-        if ti.static(on_gpu()):
-            # Three cells at a time, so that their disks are fetched together.
-            column, row_of_cells = low_x, low_y
-            if halved == 1:
-                row_of_cells = own_y
-            while column <= high_x and row_of_cells <= high_y:
-                js = ti.Vector([NOBODY, NOBODY, NOBODY])
-                shifts_x, shifts_y = ti.Vector([0.0, 0.0, 0.0]), ti.Vector([0.0, 0.0, 0.0])
-                for r in ti.static(range(3)):
-                    if column <= high_x:
-                        ax, ay, shifts_x[r], shifts_y[r] = wrapped(column, row_of_cells, nx, ny, gas)
-                        js[r] = gas.head[head_at(ax, ay, layer, region, gas)]
-                        if halved == 1 and column == own_x and row_of_cells == own_y:
-                            js[r] = gas.link[i][NEXT_IN_CELL]
-                        row_of_cells += 1
-                        if row_of_cells > high_y:
-                            column, row_of_cells = column + 1, low_y
-                followings = ti.Vector([NOBODY, NOBODY, NOBODY])
-                for r in ti.static(range(3)):
-                    followings[r] = gas.link[ti.select(js[r] >= 0, js[r], i)][NEXT_IN_CELL]
-                for r in ti.static(range(3)):
-                    j = js[r]
-                    if j >= 0:
-                        t = meeting(i, j, shifts_x[r], shifts_y[r], best, radius, gas)
-                        if sooner(t, j, best, partner, gas):
-                            best, partner = t, j
-                        j = followings[r]
-                    while j >= 0:
-                        t = meeting(i, j, shifts_x[r], shifts_y[r], best, radius, gas)
-                        if sooner(t, j, best, partner, gas):
-                            best, partner = t, j
-                        j = gas.link[j][NEXT_IN_CELL]
-        else:
-            for column in range(low_x, high_x + 1):
-                first_y = low_y
-                if halved == 1 and column == own_x:
-                    first_y = own_y
-                for row_of_cells in range(first_y, high_y + 1):
-                    ax, ay, shift_x, shift_y = wrapped(column, row_of_cells, nx, ny, gas)
-                    j = gas.head[head_at(ax, ay, layer, region, gas)]
-                    if halved == 1 and column == own_x and row_of_cells == own_y:
-                        j = gas.link[i][NEXT_IN_CELL]
-                    while j >= 0:
-                        following = gas.link[j][NEXT_IN_CELL]
-                        t = meeting(i, j, shift_x, shift_y, best, radius, gas)
-                        if sooner(t, j, best, partner, gas):
-                            best, partner = t, j
-                        j = following
+        for column in range(low_x, high_x + 1):
+            first_y = low_y
+            if halved == 1 and column == own_x:
+                first_y = own_y
+            for row_of_cells in range(first_y, high_y + 1):
+                ax, ay, shift_x, shift_y = wrapped(column, row_of_cells, nx, ny, gas)
+                j = gas.head[head_at(ax, ay, layer, region, gas)]
+                if halved == 1 and column == own_x and row_of_cells == own_y:
+                    j = gas.link[i][NEXT_IN_CELL]
+                while j >= 0:
+                    following = gas.link[j][NEXT_IN_CELL]
+                    t = meeting(i, j, shift_x, shift_y, best, radius, gas)
+                    if sooner(t, j, best, partner, gas):
+                        best, partner = t, j
+                    j = following
     return best, partner
 
 

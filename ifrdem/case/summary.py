@@ -29,6 +29,8 @@ WRITER_BYTES_PER_DISK = 200
 """Frames that are being told, wait or are written.
 
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
+GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
+"""State and claims of a disk on a GPU; scratch space of all tiles that run at the same time; all of it, of few tiles."""
 
 COST_OF_RATIO: Mapping[float, float] = {
     1.0: 1.0, 2.0: 1.4, 5.0: 2.1, 10.0: 2.4, 20.0: 3.4, 50.0: 5.4,
@@ -100,10 +102,15 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
 
 
 def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
-    """Raise InputError if n disks need more memory than is free. Of a GPU's own memory it knows nothing.
+    """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
     `positions` is start.positions: growth needs more.
     """
+    if arch != "cpu":
+        name, memory = backend.gpu()
+        most = int(max((memory - GPU_SCRATCH) / GPU_BYTES_PER_DISK, memory / GPU_BYTES_OF_FEW))
+        if n > most:
+            raise InputError(f"{n} disks: {name} has {size(memory)} of memory, in which {most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
     needed = n * (host + WRITER_BYTES_PER_DISK + engine)

@@ -28,11 +28,11 @@ from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
-LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
+LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
 CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for those who hit one another in chains, in largest diameters
-GPU_COLLISIONS, GPU_TILE = 0.4, 100  # the same for a GPU
-GPU_STRIDE = 8
+GPU_COLLISIONS, GPU_TILE = 0.4, 64  # the same for a GPU
+GPU_THREADS = 32768  # of which some work on events, spread over all multiprocessors
 BURST = 64  # windows of a gas in one tile that one launch runs at most
 GPU_BURST = 20_000_000  # disks times windows, of a GPU
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
@@ -340,7 +340,8 @@ class DeviceArrays:
         self.alone = options.order == "alone" or (options.order is None and few and options.arch == "cpu")
         self.alone = self.alone and not sheared
         if not self.alone:
-            side = max(math.sqrt((options.tile_disks or tile_disks) * free), LEAST_TILE * self.widest)
+            least_tile = GPU_LEAST_TILE if self.on_gpu else LEAST_TILE
+            side = max(math.sqrt((options.tile_disks or tile_disks) * free), least_tile * self.widest)
             tiles = tuple(max(1, int(length / side)) for length in (high - low))  # type: ignore[assignment]
         self.divide((tiles[0], tiles[1]), low, high)
         if sheared:  # no last resort: windows are short enough for the tiles
@@ -352,7 +353,8 @@ class DeviceArrays:
         self.clock[k.FREE_PATH], self.clock[k.IN_WINDOW] = self.clock[k.PATH], 0.5 * n * collisions
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
         self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
-        self.grid[k.STRIDE] = GPU_STRIDE
+        spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
+        self.grid[k.STRIDE] = 1 << (spread.bit_length() - 1)
         self.batch = lanes if self.on_gpu else self.tiles  # tiles that one launch runs at most
         # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
         self.burst = BURST if self.alone else 1

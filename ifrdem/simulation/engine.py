@@ -124,7 +124,9 @@ class EngineOptions:
         if self.order not in (None, *ORDERS):
             raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
         if self.window_collisions is not None and not 0.0 < self.window_collisions <= 10.0:
-            raise InputError(f"window_collisions = {self.window_collisions!r}: allowed are numbers above 0, at most 10")
+            raise InputError(
+                f"window_collisions = {self.window_collisions!r}: allowed are numbers above 0, at most 10"
+            )
 
 
 @dataclass(frozen=True)

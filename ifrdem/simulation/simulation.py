@@ -78,8 +78,8 @@ class Simulation(Sealed):
     precision : {"f64", "f32"}
         Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
     window_collisions : float, optional
-        Collisions that a disk has in a window of the engine, at most 10; by default what is fastest on the device. Windows
-        decide the last bits: with the same number, a CPU and a GPU give the same (`ifrdem docs exactness`).
+        Collisions that a disk has in a window of the engine, at most 10; by default what is fastest on the device.
+        Windows decide the last bits: with the same number, a CPU and a GPU give the same (`ifrdem docs exactness`).
     walls : sequence of Wall
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
         first.
@@ -183,8 +183,8 @@ class Simulation(Sealed):
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, state, table, arch=arch, threads=threads, precision=precision,
-                window_collisions=window_collisions, walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
-                contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
+                window_collisions=window_collisions, walls=walls, gravity=gravity,
+                velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.

@@ -243,7 +243,9 @@ class Windows:
             a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
             moment = stop - self.begin if stop < self.end else math.inf
             pausing = a.alone and not a.on_gpu and watching != k.TRACKED
-            self._compute(moment, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing)
+            self._compute(
+                moment, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
+            )
         if self._paused:
             self._moment_now = self._moment
             by_count = a.counter[k.PAUSED] == k.BY_COUNT
