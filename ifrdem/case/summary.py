@@ -30,7 +30,7 @@ WRITER_BYTES_PER_DISK = 200
 
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
 GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
-"""State and claims of a disk on a GPU; scratch space of all tiles that run at the same time; all of it, of few tiles."""
+"""State and claims of a disk on a GPU; scratch space of the tiles that run at the same time; all of it, if few do."""
 
 COST_OF_RATIO: Mapping[float, float] = {
     1.0: 1.0, 2.0: 1.4, 5.0: 2.1, 10.0: 2.4, 20.0: 3.4, 50.0: 5.4,

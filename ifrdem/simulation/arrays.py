@@ -156,6 +156,8 @@ class DeviceArrays:
             rows[self.thermal, HEAT] = np.arange(len(self.thermal))
             self.walls.from_numpy(rows)
         self.sums = np.zeros(k.TALLY + len(self.thermal))
+        self.tile: Any = None
+        self.listed: Any = None
         self.disk: Any = None
         self.meta: Any = None
         self.past: Any = None

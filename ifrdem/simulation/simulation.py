@@ -184,7 +184,8 @@ class Simulation(Sealed):
             self._engine = Engine(
                 disks, box, state, table, arch=arch, threads=threads, precision=precision,
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
-                velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
+                velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
+                forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.

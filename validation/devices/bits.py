@@ -37,7 +37,7 @@ Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
 
 
 def _gas(n: int, packing_fraction: float, law: tuple[float, ...], radius: Any = 0.5) -> Gas:
-    disks = Disks(n, mass=1.0, radius=radius)
+    disks = Disks(n, mass=np.ones(n), radius=np.broadcast_to(radius, n))
     box = Box.from_packing_fraction(disks.radius, packing_fraction)
     position = placement.random_positions(box, disks.radius, seed=1)
     rng = np.random.default_rng(2)
@@ -62,14 +62,15 @@ def mixed(n: int) -> Gas:
 
 def walled(n: int) -> Gas:
     """Between walls at rest, under gravity, around a post."""
-    _disks, box, state, law, _ = _gas(n, 0.2, COIN)
+    _, box, state, law, _ = _gas(n, 0.2, COIN)
     middle = np.array(box.lengths) / 2.0
     free = np.linalg.norm(state.position - middle, axis=1) > 4.0
     free &= (np.abs(state.position - middle) < middle - 1.0).all(axis=1)
     state = State(state.position[free], state.velocity[free], state.spin[free])
     walls = [Wall.post((middle[0], middle[1]), 3.0)]
     box = Box(box.lengths, (False, False))
-    return Disks(state.n, mass=1.0, radius=0.5), box, state, law, {"walls": walls, "gravity": (0.0, -0.05)}
+    disks = Disks(state.n, mass=np.ones(state.n), radius=np.full(state.n, 0.5))
+    return disks, box, state, law, {"walls": walls, "gravity": (0.0, -0.05)}
 
 
 def shaken(n: int) -> Gas:
