@@ -399,9 +399,9 @@ def run_windows(
         sum_blocks(column, gas)
 
 
-def is_whole(array):
-    """Tell if an array that a kernel was given has whole numbers."""
-    return array.get_type().element_type == ti.i32
+def kind_of_numbers(array):
+    """Type of the numbers of an array that a kernel was given."""
+    return array.get_type().element_type
 
 
 @ti.kernel
@@ -476,10 +476,7 @@ def exchange(
         for array in ti.static((grid, scale, clock, sums, counter, total)):
             for i in range(array.shape[0]):
                 if sending == 1:
-                    if ti.static(is_whole(array)):
-                        array[i] = ti.cast(board[at + i], ti.i32)
-                    else:
-                        array[i] = board[at + i]
+                    array[i] = ti.cast(board[at + i], ti.static(kind_of_numbers(array)))
                 else:
                     board[at + i] = ti.cast(array[i], ti.f64)
             at += array.shape[0]
