@@ -63,10 +63,7 @@ def describe() -> str:
 def load() -> ModuleType:
     """Import PyBullet.
 
-    Raises
-    ------
-    InputError
-        If it is absent, with what to do. It is never compiled or installed on the way.
+    Raises InputError if it is absent, with what to do. It is never compiled or installed on the way.
 
     Examples
     --------
@@ -115,6 +112,8 @@ def add_disk(
 
     Its tilt is locked, by moments of inertia about x and y that PyBullet reads as infinite, and it has no damping.
 
+    Raises InputError if a number is not positive and finite, or PyBullet is absent.
+
     Parameters
     ----------
     client : int
@@ -125,11 +124,6 @@ def add_disk(
         Along z [length]; by default the radius. One height for all keeps their contacts in the plane.
     friction, restitution : float
         For Bullet's own response, in which those of two bodies are multiplied; `bullet.step` does not use them.
-
-    Raises
-    ------
-    InputError
-        If a number is not positive and finite, or PyBullet is absent.
 
     Examples
     --------
@@ -170,10 +164,7 @@ def add_wall(
 ) -> Wall:
     """Add an immovable plane through `point` [length]; disks are on the side to which `normal` points.
 
-    Raises
-    ------
-    InputError
-        If the normal has no direction, or PyBullet is absent.
+    Raises InputError if the normal has no direction, or PyBullet is absent.
 
     Examples
     --------
@@ -261,10 +252,8 @@ class Bodies:
         A plain id will do for a body that was made without `useMaximalCoordinates`: of the other kind PyBullet does
         not tell radius or plane, so it needs a `Disk` or a `Wall`.
 
-        Raises
-        ------
-        InputError
-            If a body is not there, is neither cylinder nor plane, does not stand upright, or cannot turn.
+        Raises InputError if a body is not there, is neither cylinder nor plane, does not stand upright, or cannot
+        turn.
         """
         p = load()
         known = [_recognized(p, client, body) if isinstance(body, int) else body for body in bodies]

@@ -67,10 +67,7 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
 def load(path: Path) -> tuple[str, dict[str, Any]]:
     """Text of a TOML file, and what it says.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is not TOML.
+    Raises InputError if it cannot be read, or is not TOML.
     """
     try:
         text = text_file.read(path, most=MOST_BYTES)

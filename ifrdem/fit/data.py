@@ -74,6 +74,9 @@ EXAMPLE_ERROR = 0.7  # [deg]
 class Data:
     """Impacts of disk 1 on disk 2 or on a wall: nothing spins before, and disk 2 is at rest.
 
+    Raises InputError with a line for each value that is wrong, error that is missing, or array that has another
+    length.
+
     Attributes
     ----------
     psi : array (n,)
@@ -89,11 +92,6 @@ class Data:
         Lines of the file they come from; without it messages count the impacts from 1.
     notes : tuple of str
         Values that are missing and columns that are not used.
-
-    Raises
-    ------
-    InputError
-        With a line for each value that is wrong, error that is missing, or array that has another length.
     """
 
     psi: Array
@@ -176,6 +174,8 @@ WALL = Disk(mass=math.inf, radius=1.0)
 class Collisions:
     """Whole collisions of two disks, or of a disk with a wall, in any frame of reference.
 
+    Raises InputError with a line for each thing that is wrong; also for pairs that separate before the impact.
+
     Attributes
     ----------
     disk_1, disk_2 : Disk
@@ -192,11 +192,6 @@ class Collisions:
         Covariances of two quantities of the motion, or of one and "normal" [rad].
     source, line, notes
         As in `Data`.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong; also for pairs that separate before the impact.
 
     Examples
     --------
@@ -368,6 +363,8 @@ def read(
     converted: angles of a table of angles to degrees, all else to SI units. Missing values are left empty or
     are written nan, NA or -.
 
+    Raises InputError with a line for each thing that is wrong.
+
     Parameters
     ----------
     path : path
@@ -380,11 +377,6 @@ def read(
         Of whole collisions, unless columns mass_1, radius_1, k_1, ... give them.
     form : Form, optional
         Names, units and signs of the file.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong.
 
     Examples
     --------

@@ -51,17 +51,14 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
     impacts. Of whole collisions, normal restitution and the slip after the impact over the speed of approach
     are drawn against the angle of incidence at the contact.
 
+    Raises InputError if a file cannot be written.
+
     Parameters
     ----------
     fit : Fit
         The result.
     paths : sequence of Path
         Files to write, each in the format of its ending.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -122,17 +119,14 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
 def corner(fit: Fit, paths: Sequence[Path]) -> None:
     """Draw the coefficients of every law in pairs: ellipses of 68 and 95 %, from the covariance, and profile intervals.
 
+    Raises InputError if a file cannot be written, or no law has a coefficient that is determined.
+
     Parameters
     ----------
     fit : Fit
         The result.
     paths : sequence of Path
         Files to write.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written, or no law has a coefficient that is determined.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D

@@ -235,6 +235,8 @@ IFR = ("ifr-percussion", "ifr-contact")
 def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> Law:
     """A law of one's own to fit.
 
+    Raises InputError if it is no law, a range is missing, of an unknown coefficient, or empty.
+
     Parameters
     ----------
     kind : type of CollisionLaw
@@ -242,11 +244,6 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
     ranges : mapping of str to (float, float), optional
         Lowest and highest finite value of each coefficient, also where searches start; not needed for e_n,
         e_t, mu, beta.
-
-    Raises
-    ------
-    InputError
-        If it is no law, a range is missing, of an unknown coefficient, or empty.
 
     Examples
     --------
@@ -290,10 +287,7 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
 def own_from_file(text: str, ranges: Mapping[str, Range] | None = None) -> Law:
     """`own` of FILE.py:CLASS.
 
-    Raises
-    ------
-    InputError
-        If there is no such file or class.
+    Raises InputError if there is no such file or class.
     """
     name, colon, title = text.rpartition(":")
     path = Path(name)
@@ -326,10 +320,7 @@ def chosen(
 ) -> dict[str, Law]:
     """Laws by name, "all" for every one of `LAWS`, with coefficients fixed; of laws that become one, the first.
 
-    Raises
-    ------
-    InputError
-        If a name is unknown, or a value to fix is outside of what a law allows, or of no law.
+    Raises InputError if a name is unknown, or a value to fix is outside of what a law allows, or of no law.
     """
     found: dict[str, Law] = {}
     wrong = []

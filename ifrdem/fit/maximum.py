@@ -55,6 +55,8 @@ def fit(
 ) -> Fit:
     """Fit the coefficients of laws to measured impacts.
 
+    Raises InputError if an option is wrong, or the values are too few for the coefficients.
+
     Parameters
     ----------
     data : Data or Collisions
@@ -83,11 +85,6 @@ def fit(
         Of the bootstrap.
     progress : callable, optional
         Gets 1 for each of these data sets that is fitted.
-
-    Raises
-    ------
-    InputError
-        If an option is wrong, or the values are too few for the coefficients.
 
     Examples
     --------

@@ -53,6 +53,8 @@ MEASURED: Mapping[str, Quantity] = {
 class Pair:
     """The two disks of a table of angles: disk 1 hits disk 2, which is at rest; neither spins.
 
+    Raises InputError with a line for each value that is not positive and finite, or if one radius is given alone.
+
     Attributes
     ----------
     M : float
@@ -61,11 +63,6 @@ class Pair:
         Shape numbers in I = m R^2 / k: 2 homogeneous disk, 1 hoop.
     R_1, R_2 : float or None
         Radii [length], needed for rolling friction only.
-
-    Raises
-    ------
-    InputError
-        With a line for each value that is not positive and finite, or if one radius is given alone.
 
     Examples
     --------

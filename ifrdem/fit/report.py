@@ -258,15 +258,12 @@ def _finite(value: Any) -> Any:
 def material(fit: Fit, name: str) -> str:
     """A `[[material]]` table of the best law, for a case file.
 
+    Raises InputError if the fitted law can add energy in collisions of the fitted pair: no case would take it.
+
     Parameters
     ----------
     name : str
         Of the material.
-
-    Raises
-    ------
-    InputError
-        If the fitted law can add energy in collisions of the fitted pair: no case would take it.
 
     Examples
     --------
@@ -323,15 +320,12 @@ def _material(name: str, coefficients: dict[str, float], fitted: Fitted) -> list
 def draws(fit: Fit, number: int, seed: int = 1) -> str:
     """A CSV table of coefficients of the best law, drawn from their joint distribution: a line a draw.
 
+    Raises InputError as `Fitted.draw`.
+
     Parameters
     ----------
     number, seed : int
         Of draws, and of the random numbers.
-
-    Raises
-    ------
-    InputError
-        As `Fitted.draw`.
 
     Examples
     --------

@@ -68,30 +68,14 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Suspect:
-    """An impact that hardly belongs to the others.
+    """An impact that hardly belongs to the others."""
 
-    Attributes
-    ----------
-    index : int
-        Its place among the impacts, from 0.
-    where : str
-        Its line in the file.
-    distance : float
-        Squared distance from the law, in units of its errors.
-    probability : float
-        Of such a distance or a larger one.
-    quantity : str
-        The quantity that is furthest off.
-    residual : float
-        Of that quantity at the best true motion, over its error.
-    """
-
-    index: int
-    where: str
-    distance: float
-    probability: float
-    quantity: str
-    residual: float
+    index: int  # its place among the impacts, from 0
+    where: str  # its line in the file
+    distance: float  # squared distance from the law, in units of its errors
+    probability: float  # of such a distance or a larger one
+    quantity: str  # the quantity that is furthest off
+    residual: float  # of that quantity at the best true motion, over its error
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,10 +176,7 @@ class Fitted:
     def ifr(self, k: float = 2.0) -> IFRLaw:
         """The fitted law for disks of shape number k.
 
-        Raises
-        ------
-        InputError
-            If it is another law, or can add energy in collisions of the fitted disks.
+        Raises InputError if it is another law, or can add energy in collisions of the fitted disks.
         """
         if self.law.sticking is None or self.admissibility is None:
             raise InputError(f"{self.law.about}: is not an IFR law")
@@ -208,17 +189,14 @@ class Fitted:
     def draw(self, number: int, seed: int = 1) -> list[dict[str, float]]:
         """Coefficients drawn from their joint distribution, Gaussian with the covariance, within what the law allows.
 
+        Raises InputError if the likelihood is flat, or one draw in a thousand at most is one that the law allows.
+
         Parameters
         ----------
         number : int
             Of draws.
         seed : int
             Of the random numbers.
-
-        Raises
-        ------
-        InputError
-            If the likelihood is flat, or one draw in a thousand at most is one that the law allows.
         """
         if not np.all(np.isfinite(self.covariance)):
             raise InputError(
@@ -285,10 +263,7 @@ class Fit:
     def law(self, name: str | None = None) -> IFRLaw:
         """The fitted IFR law, the best one unless told.
 
-        Raises
-        ------
-        InputError
-            If it is another law, or can add energy in collisions of these disks.
+        Raises InputError if it is another law, or can add energy in collisions of these disks.
         """
         return self.laws[self.best if name is None else name].ifr(self.smallest_k)
 

@@ -40,27 +40,14 @@ _NEARLY_ALIKE = 0.8  # of a column that is rather misspelt than another
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of a file.
+    """Columns of a file."""
 
-    Attributes
-    ----------
-    columns : mapping of str to array (n,)
-        Values in standard units by standard names, NaN where one is missing; errors as NAME_error.
-    line : array (n,) of int
-        Lines of the file.
-    missing : int
-        Number of values that are missing.
-    unused : tuple of str
-        Columns of the file that no name stands for.
-    source : str
-        The file.
-    """
-
+    # (n,): values in standard units by standard names, NaN where one is missing; errors as NAME_error
     columns: Mapping[str, Array]
-    line: NDArray[np.int64]
-    missing: int
-    unused: tuple[str, ...]
-    source: str
+    line: NDArray[np.int64]  # (n,): lines of the file
+    missing: int  # number of values that are missing
+    unused: tuple[str, ...]  # columns of the file that no name stands for
+    source: str  # the file
 
     def __len__(self) -> int:
         return len(self.line)
@@ -122,6 +109,8 @@ def read(
 ) -> Table:
     """Read a table.
 
+    Raises InputError with a line for each column or value that is wrong.
+
     Parameters
     ----------
     path : path
@@ -134,11 +123,6 @@ def read(
         The writing of the file.
     most : int
         Largest size of the file [bytes].
-
-    Raises
-    ------
-    InputError
-        With a line for each column or value that is wrong.
     """
     path = Path(path)
     source = str(path)

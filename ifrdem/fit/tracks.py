@@ -47,52 +47,27 @@ _MOST_DISKS = 500
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """Places of disks in the frames of a video.
+    """Places of disks in the frames of a video."""
 
-    Attributes
-    ----------
-    time : mapping of int to array (f,)
-        Times [time] of the frames that show a disk, by its id, ascending.
-    position : mapping of int to array (f, 2)
-        Its centre [length].
-    angle : mapping of int to array (f,)
-        The angle by which it has turned, counter-clockwise, unwrapped [rad]; empty if none was tracked.
-    source : str
-    missing : int
-        Lines without a place.
-    """
-
-    time: Mapping[int, Array]
-    position: Mapping[int, Array]
+    time: Mapping[int, Array]  # (f,): times [time] of the frames that show a disk, by its id, ascending
+    position: Mapping[int, Array]  # (f, 2): its centre [length]
+    # (f,): the angle by which it has turned, counter-clockwise, unwrapped [rad]; empty if none was tracked
     angle: Mapping[int, Array]
     source: str
-    missing: int = 0
+    missing: int = 0  # lines without a place
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Collisions that were found.
+    """Collisions that were found."""
 
-    Attributes
-    ----------
-    columns : mapping of str to array (n,)
-        A table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
-        and covariances, and mass, radius and k of the disks.
-    noise : float
-        Standard error of a coordinate of a place [length].
-    angle_noise : float
-        Of an angle [rad]; NaN if none was tracked.
-    left_out : tuple of str
-        Encounters that gave no collision, and why.
-    bent : int
-        Flights that are not straight within the noise.
-    """
-
+    # (n,): a table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
+    # and covariances, and mass, radius and k of the disks
     columns: Mapping[str, Array]
-    noise: float
-    angle_noise: float
-    left_out: tuple[str, ...]
-    bent: int
+    noise: float  # standard error of a coordinate of a place [length]
+    angle_noise: float  # of an angle [rad]; NaN if none was tracked
+    left_out: tuple[str, ...]  # encounters that gave no collision, and why
+    bent: int  # flights that are not straight within the noise
 
     def __len__(self) -> int:
         """The number of collisions."""
@@ -110,6 +85,8 @@ class Found:
 def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> Tracks:  # noqa: B008  (frozen)
     """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
+    Raises InputError with a line for each thing that is wrong.
+
     Parameters
     ----------
     path : path
@@ -118,11 +95,6 @@ def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> 
         Frames per time, needed with a column frame.
     form : Form, optional
         The writing of the file.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong.
     """
     table = tabular.read(path, KINDS, _SPELLINGS, form)
     columns, source = table.columns, table.source
@@ -185,6 +157,8 @@ def find(
 ) -> Found:
     """Find the impacts of two disks, or of disks with a wall, and the motion before and after.
 
+    Raises InputError if a disk is unknown, an option is wrong, or no impact was found.
+
     Parameters
     ----------
     tracks : Tracks
@@ -197,11 +171,6 @@ def find(
         Frames of a flight that are used at most.
     noise : float, optional
         Standard error of a coordinate of a place [length]; by the scatter about the flights without it.
-
-    Raises
-    ------
-    InputError
-        If a disk is unknown, an option is wrong, or no impact was found.
     """
     wrong = []
     if window < LEAST:

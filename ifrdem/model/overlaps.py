@@ -154,6 +154,8 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
 
     Of each overlapping pair both disks move by half of the overlap, along the line of centres, until none overlaps.
 
+    Raises InputError that names every pair that overlaps by more, or the disk that would have to move further.
+
     Parameters
     ----------
     radius : array_like (n,)
@@ -167,11 +169,6 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
     -------
     array (n, 2)
         Centres without overlaps.
-
-    Raises
-    ------
-    InputError
-        Names every pair that overlaps by more, or the disk that would have to move further.
     """
     radii, centres = checked_radii(radius), np.array(position, dtype=np.float64)
     begun = centres.copy()

@@ -44,37 +44,20 @@ _COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Places that were measured.
+    """Places that were measured."""
 
-    Attributes
-    ----------
-    id : array (m,) of int
-        Disks, by their number in the run.
-    time : array (m,)
-        Times [time]; infinite for the end.
-    position : array (m, 2)
-        Centres [length].
-    error : array (m, 2)
-        Their standard errors [length].
-    angle, angle_error : array (m,)
-        Angle by which a disk has turned [rad]; NaN where it was not measured.
-    """
-
-    id: NDArray[np.int64]
-    time: Array
-    position: Array
-    error: Array
-    angle: Array
-    angle_error: Array
+    id: NDArray[np.int64]  # (m,): disks, by their number in the run
+    time: Array  # (m,): times [time]; infinite for the end
+    position: Array  # (m, 2): centres [length]
+    error: Array  # (m, 2): their standard errors [length]
+    angle: Array  # (m,): angle by which a disk has turned [rad]; NaN where it was not measured
+    angle_error: Array  # (m,): [rad]
 
 
 def read(path: Path | str, errors: Mapping[str, float], form: Form) -> Measured:
     """Read measured places: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
 
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong.
+    Raises InputError with a line for each thing that is wrong.
     """
     table = tabular.read(path, KINDS, _SPELLINGS, form)
     columns, source, n = table.columns, table.source, len(table)
@@ -114,34 +97,16 @@ def read(path: Path | str, errors: Mapping[str, float], form: Form) -> Measured:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A run beside what was measured.
-
-    Attributes
-    ----------
-    measured : Measured
-    position : array (m, 2)
-        Places in the run [length].
-    angle : array (m,)
-        Angles in the run [rad]; NaN if it has none.
-    members : array (s, m, 2)
-        Places in the runs with drawn starts and laws; empty without them.
-    spread : array (m, 2)
-        Their standard deviation; NaN without them.
-    paths : array (f, n, 2)
-        Places of all disks in the frames of the run.
-    radius : array (n,)
-    unit : str
-        Of lengths, with a blank before it.
-    """
+    """A run beside what was measured."""
 
     measured: Measured
-    position: Array
-    angle: Array
-    members: Array
-    spread: Array
-    paths: Array
-    radius: Array
-    unit: str
+    position: Array  # (m, 2): places in the run [length]
+    angle: Array  # (m,): angles in the run [rad]; NaN if it has none
+    members: Array  # (s, m, 2): places in the runs with drawn starts and laws; empty without them
+    spread: Array  # (m, 2): their standard deviation; NaN without them
+    paths: Array  # (f, n, 2): places of all disks in the frames of the run
+    radius: Array  # (n,)
+    unit: str  # of lengths, with a blank before it
 
     @property
     def distance(self) -> Array:
@@ -343,6 +308,9 @@ def compare(
 ) -> Comparison:
     """Hold a run against measured places, and against itself with drawn starts and laws.
 
+    Raises InputError if the run has no positions, a disk or time that it does not have was measured, or a start cannot
+    be drawn.
+
     Parameters
     ----------
     run : path
@@ -361,11 +329,6 @@ def compare(
         Case file of the run, whose start file may have errors of its columns; without it the case that the run holds.
     progress : callable, optional
         Wraps the sequence of members, as `tqdm` does.
-
-    Raises
-    ------
-    InputError
-        If the run has no positions, a disk or time that it does not have was measured, or a start cannot be drawn.
     """
     errors = dict(errors or {})
     with Trajectory(run) as trajectory:
@@ -485,10 +448,7 @@ def _places(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Arr
 def read_draws(path: Path | str) -> list[dict[str, float]]:
     """Coefficients that `ifrdem fit --draw` wrote.
 
-    Raises
-    ------
-    InputError
-        If a column is unknown, a coefficient missing, or a value no number.
+    Raises InputError if a column is unknown, a coefficient missing, or a value no number.
     """
     kinds = dict.fromkeys(_COEFFICIENTS, "number")
     table = tabular.read(path, kinds, {tabular.plain(name): name for name in kinds}, Form())

@@ -42,10 +42,7 @@ FILE = "file"
 def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
     """Whole-gas quantities of trajectories at equal collisions per disk, as results with the dimension `file`.
 
-    Raises
-    ------
-    InputError
-        As `ifrdem.concat`.
+    Raises InputError as `ifrdem.concat`.
     """
     found = joined(trajectories)
     units = trajectories[0].units
@@ -61,6 +58,8 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 def draw(results: Results, what: str, over: str | None = None, by: str | None = None) -> Figure:
     """Draw a quantity: its mean over seeds, a band of two standard errors, and kinetic theory, dashed.
 
+    Raises InputError if there is no such quantity or key, or there are too many panels.
+
     Parameters
     ----------
     results : Results
@@ -72,11 +71,6 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     by : str, optional
         The swept key of which each value is a curve, the first one without it. Every combination of the others is a
         panel.
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity or key, or there are too many panels.
     """
     from matplotlib.figure import Figure
 

@@ -154,28 +154,12 @@ class Axis:
 
 @dataclass(frozen=True)
 class Plan:
-    """A study that is in order.
+    """A study that is in order."""
 
-    Attributes
-    ----------
-    name : str
-        Of its results.
-    path : Path
-        The base case, which files that it names stand beside.
-    text : str
-        Its text.
-    overrides : tuple of str
-        What every run changes of it.
-    axes : tuple of Axis
-    seeds : tuple of int
-    output : OutputSection
-    cluster : ClusterSection
-    """
-
-    name: str
-    path: Path
-    text: str
-    overrides: tuple[str, ...]
+    name: str  # of its results
+    path: Path  # the base case, which files that it names stand beside
+    text: str  # its text
+    overrides: tuple[str, ...]  # what every run changes of it
     axes: tuple[Axis, ...]
     seeds: tuple[int, ...]
     output: OutputSection
@@ -251,6 +235,8 @@ def read(
 ) -> Plan:
     """The plan of a study file; or of a case file and keys to vary.
 
+    Raises InputError with a line for each thing that is wrong with the study itself.
+
     Parameters
     ----------
     path : path
@@ -261,11 +247,6 @@ def read(
         Overrides of the case, as `ifrdem run --set` takes them.
     seeds : str or int, optional
         A number of seeds, or a list "1,2,5".
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong with the study itself.
     """
     path = shipped.find(str(path))
     text, raw = case_file.load(path)

@@ -69,10 +69,7 @@ class Results:
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write a NetCDF-4 file, which is one of HDF5; it appears whole or not at all.
 
-        Raises
-        ------
-        InputError
-            If it cannot be written.
+        Raises InputError if it cannot be written.
         """
         sizes = {
             dim: size
@@ -104,10 +101,7 @@ class Results:
     def read(cls, path: str | os.PathLike[str]) -> Results:
         """The results in a file that `write` made.
 
-        Raises
-        ------
-        InputError
-            If it is no such file.
+        Raises InputError if it is no such file.
         """
         try:
             with h5py.File(path, "r") as file:

@@ -42,6 +42,8 @@ class Study:
     Runs that are done are kept, in a folder beside the results: `run` goes on where it was stopped, and computes only
     what a changed study adds.
 
+    Raises InputError with a line for each thing that is wrong.
+
     Parameters
     ----------
     path : str or path
@@ -63,11 +65,6 @@ class Study:
         What there is to do.
     output, folder : Path
         The results; where runs are kept.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong.
 
     Examples
     --------
@@ -118,10 +115,8 @@ class Study:
     ) -> list[str]:
         """Refuse what can be refused before anything starts; returns lines on points that are left out.
 
-        Raises
-        ------
-        InputError
-            If a point is refused (unless `keep_going`), there is no room, or the results cannot be written.
+        Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
+        written.
         """
         good, wrong = self._judged
         if wrong and not (keep_going and good):
@@ -284,10 +279,7 @@ class Study:
     def results(self) -> Results:
         """The results of all runs that are done by now.
 
-        Raises
-        ------
-        InputError
-            If none is.
+        Raises InputError if none is.
         """
         if not any(task.result.exists() for task in self.tasks):
             raise InputError(f"{self.folder}: no run is done yet: Study.run() or `ifrdem study` does them")
@@ -296,10 +288,7 @@ class Study:
     def dataset(self) -> xarray.Dataset:
         """The same as a data set of xarray (extra `analysis`), with means and standard errors over seeds.
 
-        Raises
-        ------
-        InputError
-            If no run is done, or xarray is not installed.
+        Raises InputError if no run is done, or xarray is not installed.
         """
         return self.results().to_xarray()
 

@@ -44,38 +44,18 @@ class Variable(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """A run, as it goes to a worker.
+    """A run, as it goes to a worker."""
 
-    Attributes
-    ----------
-    key : str
-        Hash of all that decides its result: the name of its file.
-    index : tuple of int
-        Its place on the axes of the study, and among the seeds.
-    text, path, overrides
-        Its case.
-    folder : str
-        Where results stand.
-    analyses : tuple of str
-        Names as in `ifrdem analyse`.
-    at : tuple of float
-        Where frames are analysed, in what ends the run.
-    trajectory : bool
-        Keep the trajectory.
-    weight : float
-        Its part of the work: disks times collisions per disk.
-    """
-
-    key: str
-    index: tuple[int, ...]
-    text: str
-    path: str
-    overrides: tuple[str, ...]
-    folder: str
-    analyses: tuple[str, ...]
-    at: tuple[float, ...]
-    trajectory: bool
-    weight: float
+    key: str  # hash of all that decides its result: the name of its file
+    index: tuple[int, ...]  # its place on the axes of the study, and among the seeds
+    text: str  # of its case
+    path: str  # of its case, which files that it names stand beside
+    overrides: tuple[str, ...]  # changes of its case
+    folder: str  # where results stand
+    analyses: tuple[str, ...]  # names as in `ifrdem analyse`
+    at: tuple[float, ...]  # where frames are analysed, in what ends the run
+    trajectory: bool  # keep the trajectory
+    weight: float  # its part of the work: disks times collisions per disk
 
     @property
     def result(self) -> Path:
@@ -284,10 +264,7 @@ def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
 def load(path: Path) -> tuple[dict[str, Variable], float]:
     """A result, and the seconds that the run took.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read.
+    Raises InputError if it cannot be read.
     """
     try:
         with np.load(path, allow_pickle=False) as stored:

@@ -125,10 +125,7 @@ def dask(
 ) -> Done:
     """Runs on a cluster of Dask: one of this machine, one that a scheduler has, or jobs of a batch system.
 
-    Raises
-    ------
-    InputError
-        If the cluster does not answer, or cannot be asked.
+    Raises InputError if the cluster does not answer, or cannot be asked.
     """
     if not has_dask():
         raise InputError('Dask is not installed, which this cluster needs: pip install "ifrdem[cluster]"')

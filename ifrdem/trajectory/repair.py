@@ -38,6 +38,9 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     one is not in it. Either answer is given only after the file, or its copy, was opened
     and read to its end.
 
+    Raises InputError if nothing can be kept: the message says why and what can be done; or if either is a folder or a
+    device.
+
     Parameters
     ----------
     path : Path
@@ -46,11 +49,6 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
         Where to write: whole or not at all. `path` itself replaces it; a link or another name of it is refused.
     say : callable
         Takes lines that say what is wrong.
-
-    Raises
-    ------
-    InputError
-        If nothing can be kept: the message says why and what can be done; or if either is a folder or a device.
     """
     check_file(path)
     if place != path:

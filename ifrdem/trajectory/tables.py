@@ -114,10 +114,7 @@ def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
 
     Among them `time`, `collisions_per_disk` and `theta`, the ratio of the temperatures.
 
-    Raises
-    ------
-    InputError
-        If the file does not count collisions.
+    Raises InputError if the file does not count collisions.
     """
     source = trajectory.series if "collisions" in trajectory.series else trajectory.observables
     if "collisions" not in source or not len(source.time):
@@ -157,6 +154,8 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
     Rows of series, or frames where there are none, stand at those of the first trajectory, as far as all go; between
     the rows of the others they are interpolated linearly. Gases that cool at different rates are comparable so.
 
+    Raises InputError if there is none, one has no whole-gas quantities, or xarray is not installed (extra `analysis`).
+
     Parameters
     ----------
     trajectories : iterable of Trajectory or path
@@ -165,11 +164,6 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
     -------
     xarray.Dataset
         Dimensions `run` and `collisions_per_disk`; `run` has the names of the files.
-
-    Raises
-    ------
-    InputError
-        If there is none, one has no whole-gas quantities, or xarray is not installed (extra `analysis`).
 
     Examples
     --------

@@ -30,26 +30,14 @@ BAD_INPUT, FAILED = 2, 1
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Findings of a run.
+class Escape:
+    """Findings of a run."""
 
-    Attributes
-    ----------
-    hits, collisions : int
-        Collisions with walls, and between disks.
-    time : float
-        Simulated time at the end [time].
-    states : int
-        How many times all gaps were looked at.
-    least_gap : float
-        The least gap between a disk and a wall in all of them [diameters]; below 0 it is an overlap.
-    """
-
-    hits: int
-    collisions: int
-    time: float
-    states: int
-    least_gap: float
+    hits: int  # collisions with walls
+    collisions: int  # and between disks
+    time: float  # simulated time at the end [time]
+    states: int  # how many times all gaps were looked at
+    least_gap: float  # between a disk and a wall in all of them [diameters]; below 0 it is an overlap
 
 
 def room(order: str = "alone", *, seed: int = 1) -> Engine:
@@ -82,13 +70,10 @@ def room(order: str = "alone", *, seed: int = 1) -> Engine:
     )  # fmt: skip
 
 
-def run(hits: int, order: str = "alone", *, seed: int = 1) -> Outcome:
+def run(hits: int, order: str = "alone", *, seed: int = 1) -> Escape:
     """Run until so many wall hits.
 
-    Raises
-    ------
-    EngineError
-        If a disk is found inside of a wall or beyond it.
+    Raises EngineError if a disk is found inside of a wall or beyond it.
     """
     engine = room(order, seed=seed)
     least, states = np.inf, 0
@@ -108,7 +93,7 @@ def run(hits: int, order: str = "alone", *, seed: int = 1) -> Outcome:
                     f"t = {state.time:.9g}, after {engine.wall_hits} wall hits: disk {int(gap.argmin())} overlaps wall "
                     f"{w} ({wall.shape}) by {-least:.3g}"
                 )
-    return Outcome(engine.wall_hits, engine.collisions, engine.time, states, least)
+    return Escape(engine.wall_hits, engine.collisions, engine.time, states, least)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
