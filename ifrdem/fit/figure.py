@@ -131,11 +131,8 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    laws = [
-        (i, name, each)
-        for i, (name, each) in enumerate(fit.laws.items())
-        if np.isfinite(each.covariance).all()
-    ]
+    determined = [np.isfinite(each.covariance).all() for each in fit.laws.values()]
+    laws = [(i, name, each) for i, (name, each) in enumerate(fit.laws.items()) if determined[i]]
     if not laws:
         raise InputError("no picture of coefficients: none is determined by itself")
     names = list(dict.fromkeys(name for _, _, each in laws for name in each.law.free))
@@ -180,22 +177,14 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
                 axes.set_ylabel(SYMBOLS.get(a, a))
             axes.tick_params(labelsize="x-small")
             axes.locator_params(axis="x", nbins=3)
-    handles = [
-        Line2D([], [], color=STYLES[i % len(STYLES)][0], ls=STYLES[i % len(STYLES)][1], marker=STYLES[i % len(STYLES)][2], ms=4, label=name)  # noqa: E501
-        for i, name, _ in laws
-    ]  # fmt: skip
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(len(handles), 3),
-        frameon=False,
-        fontsize="small",
-    )
-    figure.suptitle(
-        f"{Path(fit.data.source).name}: 68 and 95 % ellipses, {100 * fit.level:g} % profile intervals (bands)",
-        fontsize="small",
-        parse_math=False,
-    )
+    handles = []
+    for i, name, _ in laws:
+        colour, line, marker = STYLES[i % len(STYLES)]
+        handles.append(Line2D([], [], color=colour, ls=line, marker=marker, ms=4, label=name))
+    ncols = min(len(handles), 3)
+    figure.legend(handles=handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize="small")
+    bands = f"68 and 95 % ellipses, {100 * fit.level:g} % profile intervals (bands)"
+    figure.suptitle(f"{Path(fit.data.source).name}: {bands}", fontsize="small", parse_math=False)
     save(figure, paths)
 
 

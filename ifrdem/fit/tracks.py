@@ -20,12 +20,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, listed
+from ..errors import InputError, refuse
 from . import tabular
-from .data import Disk
+from .data import NORMAL, Disk
 from .tabular import Form
 
 Array = NDArray[np.float64]
+Wall = tuple[float, float, float, float]
 
 KINDS = {"frame": "number", "t": "time", "id": "number", "x": "length", "y": "length", "angle": "angle"}
 _SPELLINGS = {
@@ -101,57 +102,42 @@ def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> 
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if "t" not in columns and "frame" not in columns:
         missing.append("t or frame")
-    wrong = (
-        [f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}"]
-        if missing
-        else []
-    )
+    wrong = []
+    if missing:
+        wrong.append(f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}")
     if "t" not in columns and "frame" in columns and fps is None:
         wrong.append("a column frame needs --fps, the frames per second")
     if fps is not None and not 0.0 < fps < math.inf:
         wrong.append(f"fps = {fps:g}: a positive finite number is needed")
-    if wrong:
-        raise InputError("\n".join(f"{source}: {each}" for each in wrong))
+    refuse(wrong, source)
     times = columns["t"] if "t" in columns else columns["frame"] / float(fps or 1.0)
     ids = columns["id"]
     whole = np.all([~np.isnan(each) for each in (times, ids, columns["x"], columns["y"])], axis=0)
-    bad = whole & (ids != np.round(ids))
-    found = [
-        f"{source}: line {table.line[i]}: id = {ids[i]:g}: a whole number is needed"
-        for i in np.flatnonzero(bad)
-    ]
+    bad = np.flatnonzero(whole & (ids != np.round(ids)))
+    found = [f"line {table.line[i]}: id = {ids[i]:g}: a whole number is needed" for i in bad]
     time, position, angle = {}, {}, {}
     for one in np.unique(ids[whole]) if not found else ():
         rows = np.flatnonzero(whole & (ids == one))
         rows = rows[np.argsort(times[rows], kind="stable")]
         twice = np.flatnonzero(np.diff(times[rows]) <= 0.0)
-        found += [
-            f"{source}: line {table.line[rows[i + 1]]}: disk {one:g} stands twice at one time" for i in twice
-        ]
+        found += [f"line {table.line[rows[i + 1]]}: disk {one:g} stands twice at one time" for i in twice]
         time[int(one)] = times[rows]
         position[int(one)] = np.stack([columns["x"][rows], columns["y"][rows]], axis=-1)
         if "angle" in columns:
-            angle[int(one)] = _unwrapped(np.radians(columns["angle"][rows]))
+            angle[int(one)] = value = np.radians(columns["angle"][rows])
+            seen = ~np.isnan(value)
+            value[seen] = np.unwrap(value[seen])
     if len(time) > _MOST_DISKS:
-        found.append(f"{source}: {len(time)} disks: at most {_MOST_DISKS} are looked through")
-    if found:
-        raise InputError(listed(found, 100))
+        found.append(f"{len(time)} disks: at most {_MOST_DISKS} are looked through")
+    refuse(found, source)
     return Tracks(time, position, angle, source, int(np.sum(~whole)))
-
-
-def _unwrapped(angle: Array) -> Array:
-    """Without jumps of a turn; NaN where it was not seen."""
-    seen = ~np.isnan(angle)
-    found = angle.copy()
-    found[seen] = np.unwrap(angle[seen])
-    return found
 
 
 def find(
     tracks: Tracks,
     disks: Mapping[int, Disk] | Disk,
     *,
-    wall: tuple[float, float, float, float] | None = None,
+    wall: Wall | None = None,
     window: int = WINDOW,
     noise: float | None = None,
 ) -> Found:
@@ -181,8 +167,7 @@ def find(
         wrong.append(f"wall = {wall}: two different points are needed")
     of = {one: disks if isinstance(disks, Disk) else disks.get(one) for one in tracks.time}
     wrong += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
-    if wrong:
-        raise InputError("\n".join(wrong))
+    refuse(wrong)
     known = {one: disk for one, disk in of.items() if disk is not None}
     meetings = _meetings(tracks, known, wall)
     begun: dict[int, list[float]] = {}
@@ -193,9 +178,7 @@ def find(
     for meeting in meetings:
         fitted = _fit(tracks, known, meeting, begun, wall, window)
         if isinstance(fitted, str):
-            left_out.append(
-                f"disks {' and '.join(map(str, meeting.ids))} at t = {meeting.time:.6g}: {fitted}"
-            )
+            left_out.append(f"{meeting.about} at t = {meeting.time:.6g}: {fitted}")
         else:
             fits.append(fitted)
     if not fits:
@@ -204,27 +187,22 @@ def find(
     # Least squares of the scatter, with all flights together.
     sigma = noise or math.sqrt(sum(each.squares for each in fits) / max(sum(each.dof for each in fits), 1))
     if sigma < 1e-9 * min(float(np.min(disk.radius)) for disk in known.values()):
-        raise InputError(
-            f"{tracks.source}: the places do not scatter about the flights: --noise has to say how exact they are"
-        )
+        text = "the places do not scatter about the flights: --noise has to say how exact they are"
+        raise InputError(f"{tracks.source}: {text}")
     turned = [each for each in fits if each.angle_dof > 0]
-    sigma_angle = (
-        math.sqrt(sum(each.angle_squares for each in turned) / sum(each.angle_dof for each in turned))
-        if turned
-        else math.nan
-    )
+    squares, dof = sum(each.angle_squares for each in turned), sum(each.angle_dof for each in turned)
+    sigma_angle = math.sqrt(squares / dof) if turned else math.nan
     rows, kept = [], []
     for each in fits:
         row = each.row(sigma, sigma_angle)
-        if (
-            row["_approach"] > _SURE * row["_approach_error"]
-            and -row["_parting"] < _SURE * row["_approach_error"] + 0.02 * row["_approach"]
-        ):
+        sure = _SURE * row["_approach_error"]
+        if row["_approach"] > sure and -row["_parting"] < sure + 0.02 * row["_approach"]:
             rows.append(row)
             kept.append(each)
         else:
-            pair = " and ".join(map(str, each.meeting.ids))
-            left_out.append(f"disks {pair} at t = {each.time:.6g}: passed each other without an impact")
+            left_out.append(
+                f"{each.meeting.about} at t = {each.time:.6g}: passed each other without an impact"
+            )
     if not rows:
         raise InputError(
             f"{tracks.source}: no impact was found; {len(left_out)} encounters changed no velocity"
@@ -240,10 +218,12 @@ class _Meeting:
     ids: tuple[int, ...]
     time: float
 
+    @property
+    def about(self) -> str:
+        return f"disks {' and '.join(map(str, self.ids))}"
 
-def _meetings(
-    tracks: Tracks, disks: Mapping[int, Disk], wall: tuple[float, float, float, float] | None
-) -> list[_Meeting]:
+
+def _meetings(tracks: Tracks, disks: Mapping[int, Disk], wall: Wall | None) -> list[_Meeting]:
     """Minima of the distance that are near contact."""
     found = []
     ids = sorted(tracks.time)
@@ -267,10 +247,8 @@ def _meetings(
         scale = float(np.asarray(disks[pair[0]].radius))
         # One meeting for each stretch of frames near contact: noise makes several minima of it.
         near_contact = np.concatenate([[False], gap < 1.5 * near + 0.15 * scale, [False]])
-        begin, end = (
-            np.flatnonzero(near_contact[1:] & ~near_contact[:-1]),
-            np.flatnonzero(near_contact[:-1] & ~near_contact[1:]),
-        )
+        begin = np.flatnonzero(near_contact[1:] & ~near_contact[:-1])
+        end = np.flatnonzero(near_contact[:-1] & ~near_contact[1:])
         far = begin[1:] - end[:-1] >= 2 * LEAST
         if len(begin):
             begin, end = begin[np.concatenate([[True], far])], end[np.concatenate([far, [True]])]
@@ -313,10 +291,7 @@ class _Flights:
         """A line of the table; also the speeds of approach and parting along the normal, names that begin with _."""
         # The constraint on the distance has its own weight, the last line of the Jacobian.
         weight = np.full(len(self.jacobian), 1.0 / sigma)
-        if self.wall is None:
-            weight[-1] = 1.0 / (_CONTACT * sum(float(np.asarray(each.radius)) for each in self.disks))
-        else:
-            weight[-1] = 1.0 / (_CONTACT * float(np.asarray(self.disks[0].radius)))
+        weight[-1] = 1.0 / (_CONTACT * sum(float(np.asarray(each.radius)) for each in self.disks))
         J = self.jacobian * weight[:, None]
         size = np.sqrt(np.sum(J**2, axis=0))  # times, lengths and velocities
         covariance = np.linalg.inv((J / size).T @ (J / size)) / np.outer(size, size)
@@ -347,10 +322,8 @@ class _Flights:
         C = T @ covariance @ T.T
         error = np.sqrt(np.diag(C))
         for name, each in zip(names, error, strict=True):
-            if name == "normal":
-                row |= {"nx_error": float(each), "ny_error": float(each)}
-            else:
-                row[f"{name}_error"] = float(each)
+            for key in NORMAL if name == "normal" else (name,):
+                row[f"{key}_error"] = float(each)
         if self.wall is not None:
             row |= {"nx_error": 1e-5, "ny_error": 1e-5}  # a straight wall is known much better than a flight
         for i, a in enumerate(names):
@@ -382,7 +355,7 @@ def _fit(
     disks: Mapping[int, Disk],
     meeting: _Meeting,
     begun: Mapping[int, Sequence[float]],
-    wall: tuple[float, float, float, float] | None,
+    wall: Wall | None,
     window: int,
 ) -> _Flights | str:
     """The flights of a meeting, or why there are none."""
@@ -401,7 +374,8 @@ def _fit(
         here = np.flatnonzero(inside & (t == at))
         rows = np.concatenate([before[-window:], here, after[:window]])
         if min(len(before), len(after)) < LEAST:
-            return f"disk {one} is seen in {len(before)} frames of its flight before and {len(after)} after, and {LEAST} are needed"  # noqa: E501
+            flights = f"{len(before)} frames of its flight before and {len(after)} after"
+            return f"disk {one} is seen in {flights}, and {LEAST} are needed"
         if len(rows) > 1 and float(np.max(np.diff(t[rows]))) > 3.5 * step:
             return f"disk {one} was lost near the impact"
         seen.append(rows)
@@ -423,10 +397,8 @@ def _fit(
             x_c, v, w = p[1 + 6 * i : 3 + 6 * i], p[3 + 6 * i : 5 + 6 * i], p[5 + 6 * i : 7 + 6 * i]
             tau = (t - p[0])[:, None]
             found.append((x - x_c - np.minimum(tau, 0.0) * v - np.maximum(tau, 0.0) * w).ravel())
-        if line is None:
-            found.append(np.array([(math.hypot(p[7] - p[1], p[8] - p[2]) - contact)]))
-        else:
-            found.append(np.array([line[1] - line[0] @ p[1:3] - contact]))
+        apart = math.hypot(p[7] - p[1], p[8] - p[2]) if line is None else line[1] - line[0] @ p[1:3]
+        found.append(np.array([apart - contact]))
         return np.concatenate(found)
 
     ended = least_squares(
@@ -437,10 +409,7 @@ def _fit(
     angles: list[tuple[Array, Array] | None] = []
     angle_squares, angle_dof = 0.0, 0
     for one, rows, t in zip(meeting.ids, seen, times, strict=True):
-        if one not in tracks.angle:
-            angles.append(None)
-            continue
-        value = tracks.angle[one][rows]
+        value = tracks.angle.get(one, np.full(len(tracks.time[one]), math.nan))[rows]
         good = ~np.isnan(value)
         tau = (t - ended.x[0])[good]
         if min(np.sum(tau < 0.0), np.sum(tau > 0.0)) < LEAST:
