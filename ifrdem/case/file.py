@@ -160,9 +160,8 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
     key, equals, value = assignment.partition("=")
     key, value = key.strip(), value.strip()
     if not equals or not _PATH.fullmatch(key):
-        raise InputError(
-            f"--set {_cut(assignment)}: KEY=VALUE is needed, such as run.seed=3 or species[0].number=100"
-        )
+        such = "such as run.seed=3 or species[0].number=100"
+        raise InputError(f"--set {_cut(assignment)}: KEY=VALUE is needed, {such}")
     path: KeyPath = tuple(int(step) if step.isdecimal() else step for step in re.findall(r"[\w-]+", key))
     try:
         # A line break would let a value bring further keys with it.
@@ -238,10 +237,9 @@ def _spelled(key: Iterable[str | int]) -> str:
 
 
 def _shown(value: Any) -> str:
-    # TOML spells nan and inf as Python does, and all else as JSON.
-    return _cut(
-        repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
-    )
+    """A value as TOML spells it: nan and inf as Python does, and all else as JSON."""
+    numeric = isinstance(value, float)
+    return _cut(repr(value) if numeric else json.dumps(value, ensure_ascii=False, default=str))
 
 
 def _cut(text: str, longest: int = 60) -> str:

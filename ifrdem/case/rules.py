@@ -142,10 +142,8 @@ def wrong_walls(
         placed.append(wall)
     room, largest = Room(box, tuple(placed)), float(radius.max())
     if len(room.all_walls) > MOST_WALLS:
-        text = (
-            f"{len(room.all_walls)} walls: {MOST_WALLS} at most are supported, the sides of the box included"
-        )
-        yield Problem("wall", None, text)
+        count = f"{len(room.all_walls)} walls: {MOST_WALLS} at most are supported"
+        yield Problem("wall", None, f"{count}, the sides of the box included")
     elif len(placed) == len(walls) and room.all_walls and room.area(largest) <= 0.0:
         text = f"the walls leave no room for a disk of diameter {2.0 * largest:.6g}"
         yield Problem("wall" if walls else "box.lengths", None, text)
@@ -166,9 +164,8 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
     output, region = case.output, case.output.histories_region
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
-            yield Problem(
-                f"output.{key}", json.dumps(twice[0]), "it is there already; each may be given once"
-            )
+            text = "it is there already; each may be given once"
+            yield Problem(f"output.{key}", json.dumps(twice[0]), text)
     if beyond := [each for each in output.histories or () if each >= n]:
         yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
     if (output.histories_sample or 0) > n:
@@ -198,12 +195,9 @@ def wrong_room(
         largest = 2.0 * float(each.radius.max())
         if largest > LARGEST_DISK * min(sides):
             fits = False
-            yield Problem(
-                "box",
-                f"{sides[0]:.6g} x {sides[1]:.6g}",
-                f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of "
-                "the shorter side: a larger box is needed, or more disks at this packing fraction",
-            )
+            text = f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of the shorter side"
+            more = "a larger box is needed, or more disks at this packing fraction"
+            yield Problem("box", f"{sides[0]:.6g} x {sides[1]:.6g}", f"{text}: {more}")
     if not fits or room is None:
         return
     covered, dense = room.packing_fraction(radius), _size_key(case)
@@ -220,12 +214,10 @@ def wrong_room(
         # Few disks can be denser: the limit holds for many (see placement.random_positions).
         limit = placement.SATURATION + 0.5 / np.sqrt(len(radius))
         if np.ptp(radius) == 0.0 and covered > limit:
-            yield Problem(
-                dense,
-                f"{covered:.4g}",
-                f"too dense for a random start, which ends at {placement.SATURATION}: "
-                'a lower one is needed, or start.positions = "growth" or "hexagonal"',
+            text = (
+                f"too dense for a random start, which ends at {placement.SATURATION}: a lower one is needed"
             )
+            yield Problem(dense, f"{covered:.4g}", f'{text}, or start.positions = "growth" or "hexagonal"')
 
 
 def _attainable(species: Sequence[Species], radius: NDArray[np.float64], room: Room) -> str:
@@ -245,11 +237,8 @@ def wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
     if not case.box.open:
         return
     if case.start.placed and patch is None:
-        text = (
-            f'disks that start at "{case.start.positions}" places need a rectangle to start in: packing_fraction or '
-            "lengths beside it"
-        )
-        yield _at(case, "box.open", text)
+        text = f'disks that start at "{case.start.positions}" places need a rectangle to start in'
+        yield _at(case, "box.open", f"{text}: packing_fraction or lengths beside it")
     if not case.start.placed and patch is not None:
         text = "cannot stand beside box.open = true where the start says where the disks are"
         yield Problem(_size_key(case), None, text)
@@ -268,9 +257,8 @@ def wrong_scan(case: Case) -> Iterator[Problem]:
         text = f"two species with equal numbers are needed, those that hit and those that are hit; there are {found}"
         yield _at(case, key, text)
     if case.force:
-        yield _at(
-            case, key, "no [[force]] can act in a scan: impacts are told from velocities before and after"
-        )
+        text = "no [[force]] can act in a scan: impacts are told from velocities before and after"
+        yield _at(case, key, text)
     yield from _wrong_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
 
 
@@ -287,17 +275,16 @@ def given_start(
 ) -> Given | None:
     """The start that a file or a trajectory gives; what is wrong with it is added to `found`."""
     start, box = case.start, room.box
-    key, name = (
-        ("start.file", start.file) if start.trajectory is None else ("start.positions", start.trajectory)
-    )
+    key, name = "start.positions", start.trajectory
+    if name is None:
+        key, name = "start.file", start.file
     if name is None:
         return None
     value = f'"{name}"'
     try:
         if start.trajectory is not None:
-            given = from_trajectory.read(
-                folder / name, start.frame, radius, box, motion=start.motion, walls=room.walls
-            )
+            options: Any = {"motion": start.motion, "walls": room.walls}
+            given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
             given = from_csv.read(folder / name, len(radius), box, start.form)
             if start.relax is not None:
@@ -307,9 +294,8 @@ def given_start(
     except InputError as error:
         found += [Problem(key, value, line) for line in str(error).splitlines()]
         return None
-    moving = (
-        any(each.speed_rms for each in case.species) if given.velocity is None else np.any(given.velocity)
-    )
+    drawn = any(each.speed_rms for each in case.species)
+    moving = drawn if given.velocity is None else np.any(given.velocity)
     wanted = case.run.collisions_per_disk
     if wanted is not None and len(radius) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:
