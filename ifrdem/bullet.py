@@ -228,22 +228,15 @@ def place(
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Colliding bodies: disks and walls, with their properties in PyBullet, read once.
-
-    Attributes
-    ----------
-    disks : tuple of Disk
-        n of them. One of mass 0 is an immovable post.
-    walls : tuple of Wall
-    mass, radius, k : arrays (n,)
-        Masses [mass], infinite for a post, radii [length], shape numbers in I = m R^2 / k.
-    """
+    """Colliding bodies: disks and walls, with their properties in PyBullet, read once."""
 
     disks: tuple[Disk, ...]
+    """n of them. One of mass 0 is an immovable post."""
     walls: tuple[Wall, ...]
     mass: Array
     radius: Array
     k: Array
+    """mass, radius, k: masses [mass], infinite for a post, radii [length], shape numbers in I = m R^2 / k."""
 
     @classmethod
     def read(cls, client: int, bodies: Sequence[Disk | Wall | int]) -> Bodies:

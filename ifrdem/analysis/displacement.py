@@ -21,47 +21,34 @@ EVEN = 1e-3  # of the mean interval: how far intervals may differ where all orig
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Correlation(Brief):
-    """A mean over disks at lags in time, such as a mean-square displacement.
-
-    Attributes
-    ----------
-    lag, value, error : array (lags,)
-        Lags [time], the first is 0; the mean, and its standard error: disks count as independent, lags and origins of a
-        disk do not.
-    covariance : array (lags, lags)
-        Covariance of `value` by the spread over disks: what a fit to it needs.
-    components, disks, origins : int, int, str
-        Directions in space that it is the sum of, number of disks, "all" or "first".
-    """
+    """A mean over disks at lags in time, such as a mean-square displacement."""
 
     lag: Array
     value: Array
     error: Array
+    """lag, value, error: lags [time], the first is 0; the mean, and its standard error: disks count as independent,
+    lags and origins of a disk do not; shape (lags,)."""
     covariance: Array
+    """Covariance of `value` by the spread over disks: what a fit to it needs; shape (lags, lags)."""
     components: int
     disks: int
     origins: str
+    """components, disks, origins: directions in space that it is the sum of, number of disks, "all" or "first"."""
 
 
 @dataclass(frozen=True)
 class Diffusion:
-    """A diffusion coefficient from a mean-square displacement.
-
-    Attributes
-    ----------
-    D, error : float
-        Slope over twice the number of directions [length^2/time], and its standard error by the spread over disks.
-    exponent : float
-        Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the fit
-        is too early or the gas cools.
-    lags : tuple of two floats
-        Of the first and the last lag used [time].
-    """
+    """A diffusion coefficient from a mean-square displacement."""
 
     D: float
     error: float
+    """D, error: slope over twice the number of directions [length^2/time], and its standard error by the spread over
+    disks."""
     exponent: float
+    """Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the fit
+    is too early or the gas cools."""
     lags: tuple[float, float]
+    """Of the first and the last lag used [time]."""
 
 
 def unwrap(

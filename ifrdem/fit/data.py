@@ -74,30 +74,22 @@ class Data:
 
     Raises InputError with a line for each value that is wrong, error that is missing, or array that has another
     length.
-
-    Attributes
-    ----------
-    psi : array (n,)
-        Impact angles from the line of centres [deg], from 0 to below 90.
-    measured : mapping of str to array (n,)
-        Values after the impact, by the names of `model.MEASURED`; angles in degrees; NaN where one is missing.
-    errors : mapping of str to array (n,)
-        Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A
-        single number stands for all impacts; NaN for an error that the residuals are to tell.
-    source : str
-        Where they come from, for messages and titles.
-    line : array (n,) of int, optional
-        Lines of the file they come from; without it messages count the impacts from 1.
-    notes : tuple of str
-        Values that are missing and columns that are not used.
     """
 
     psi: Array
+    """Impact angles from the line of centres [deg], from 0 to below 90; shape (n,)."""
     measured: Mapping[str, Array]
+    """Values after the impact, by the names of `model.MEASURED`; angles in degrees; NaN where one is missing; shape
+    (n,)."""
     errors: Mapping[str, Array]
+    """Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A single
+    number stands for all impacts; NaN for an error that the residuals are to tell; shape (n,)."""
     source: str = "data"
+    """Where they come from, for messages and titles."""
     line: NDArray[np.int64] | None = field(default=None)
+    """Lines of the file they come from; without it messages count the impacts from 1; shape (n,)."""
     notes: tuple[str, ...] = ()
+    """Values that are missing and columns that are not used."""
 
     def __post_init__(self) -> None:
         wrong = _unknown(self.measured, MEASURED)
@@ -143,21 +135,14 @@ class Data:
 
 @dataclass(frozen=True, kw_only=True)
 class Disk:
-    """A disk of whole collisions, or disks that differ from collision to collision.
-
-    Attributes
-    ----------
-    mass : float or array (n,)
-        Mass [mass]; infinite for a wall or a fixed disk.
-    radius : float or array (n,)
-        Radius [length].
-    k : float or array (n,)
-        Shape number in I = m R^2 / k.
-    """
+    """A disk of whole collisions, or disks that differ from collision to collision."""
 
     mass: ArrayLike
+    """Mass [mass]; infinite for a wall or a fixed disk; shape (n,)."""
     radius: ArrayLike
+    """Radius [length]; shape (n,)."""
     k: ArrayLike = 2.0
+    """Shape number in I = m R^2 / k; shape (n,)."""
 
 
 WALL = Disk(mass=math.inf, radius=1.0)
@@ -169,23 +154,6 @@ class Collisions:
     """Whole collisions of two disks, or of a disk with a wall, in any frame of reference.
 
     Raises InputError with a line for each thing that is wrong; also for pairs that separate before the impact.
-
-    Attributes
-    ----------
-    disk_1, disk_2 : Disk
-        The disks; `WALL` as disk 2.
-    measured : mapping of str to array (n,)
-        Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal
-        nx, ny from disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins,
-        counter-clockwise [rad/time], before and, with _after, after. Any subset; NaN where a value is
-        missing. Of a wall, velocities are 0 unless given, and exact.
-    errors : mapping of str to array (n,)
-        Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
-        value that is known exactly. Those of nx, ny may be of `normal` [rad] instead.
-    covariance : mapping of (str, str) to array (n,), optional
-        Covariances of two quantities of the motion, or of one and "normal" [rad].
-    source, line, notes
-        As in `Data`.
 
     Examples
     --------
@@ -201,12 +169,21 @@ class Collisions:
 
     disk_1: Disk
     disk_2: Disk
+    """disk_1, disk_2: the disks; `WALL` as disk 2."""
     measured: Mapping[str, Array]
+    """Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal nx, ny
+    from disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins, counter-clockwise [rad/time],
+    before and, with _after, after. Any subset; NaN where a value is missing. Of a wall, velocities are 0 unless
+    given, and exact; shape (n,)."""
     errors: Mapping[str, Array]
+    """Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
+    value that is known exactly. Those of nx, ny may be of `normal` [rad] instead; shape (n,)."""
     covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    """Covariances of two quantities of the motion, or of one and "normal" [rad]; shape (n,)."""
     source: str = "data"
     line: NDArray[np.int64] | None = field(default=None)
     notes: tuple[str, ...] = ()
+    """source, line, notes: as in `Data`."""
 
     def __post_init__(self) -> None:
         wrong = _unknown(self.measured, COLLISION_COLUMNS)

@@ -74,31 +74,21 @@ class Walton(CollisionLaw):
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A law with its free and fixed coefficients.
-
-    Attributes
-    ----------
-    name, about : str
-        As `--model` has it, and in words.
-    kind : type of CollisionLaw
-        The law itself.
-    ranges : mapping of str to (float, float)
-        Lowest and highest value of every coefficient.
-    fixed : mapping of str to float
-        Coefficients that are not fitted.
-    tried : mapping of str to (float, float)
-        Values from which searches start.
-    sticking : str or None
-        Of an IFR law.
-    """
+    """A law with its free and fixed coefficients."""
 
     name: str
     about: str
+    """name, about: as `--model` has it, and in words."""
     kind: type[CollisionLaw]
+    """The law itself."""
     ranges: Mapping[str, Range]
+    """Lowest and highest value of every coefficient."""
     fixed: Mapping[str, float] = field(default_factory=dict)
+    """Coefficients that are not fitted."""
     tried: Mapping[str, Range] = field(default_factory=dict)
+    """Values from which searches start."""
     sticking: str | None = None
+    """Of an IFR law."""
 
     @property
     def free(self) -> tuple[str, ...]:

@@ -55,15 +55,6 @@ class Pair:
 
     Raises InputError with a line for each value that is not positive and finite, or if one radius is given alone.
 
-    Attributes
-    ----------
-    M : float
-        Mass ratio m_1 / m_2 [1]; 0 for a wall or a fixed disk 2.
-    k_1, k_2 : float
-        Shape numbers in I = m R^2 / k: 2 homogeneous disk, 1 hoop.
-    R_1, R_2 : float or None
-        Radii [length], needed for rolling friction only.
-
     Examples
     --------
     >>> from ifrdem import fit
@@ -73,10 +64,13 @@ class Pair:
     """
 
     M: float
+    """Mass ratio m_1 / m_2 [1]; 0 for a wall or a fixed disk 2."""
     k_1: float = 2.0
     k_2: float = 2.0
+    """k_1, k_2: shape numbers in I = m R^2 / k: 2 homogeneous disk, 1 hoop."""
     R_1: float | None = None
     R_2: float | None = None
+    """R_1, R_2: radii [length], needed for rolling friction only."""
 
     def __post_init__(self) -> None:
         values = {name: getattr(self, name) for name in ("M", "k_1", "k_2", "R_1", "R_2")}

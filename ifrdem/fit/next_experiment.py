@@ -14,28 +14,19 @@ from .result import Fit, Fitted
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Expected outcome of `number` further impacts at each angle, with the errors of those that were fitted.
-
-    Attributes
-    ----------
-    psi : array (a,)
-        Angles of incidence [deg].
-    number : int
-        Impacts that are added at one angle.
-    errors : mapping of str to array (a,)
-        Standard errors of the coefficients of the best law with them, by the expected information.
-    now : mapping of str to float
-        Standard errors as they are.
-    against : mapping of str to array (a,)
-        For each other law, by how much its -2 ln L would exceed that of the best law, beyond what it does
-        now, if the best law is true; its coefficients fitted again.
-    """
+    """Expected outcome of `number` further impacts at each angle, with the errors of those that were fitted."""
 
     psi: Array
+    """Angles of incidence [deg]; shape (a,)."""
     number: int
+    """Impacts that are added at one angle."""
     errors: Mapping[str, Array]
+    """Standard errors of the coefficients of the best law with them, by the expected information; shape (a,)."""
     now: Mapping[str, float]
+    """Standard errors as they are."""
     against: Mapping[str, Array]
+    """For each other law, by how much its -2 ln L would exceed that of the best law, beyond what it does now, if the
+    best law is true; its coefficients fitted again; shape (a,)."""
 
     def table(self) -> str:
         """The figures as text, with the best angle of each column marked by *."""

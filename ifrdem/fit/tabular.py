@@ -57,17 +57,6 @@ class Table:
 class Form:
     """The writing of a file, where it differs from commas, points and the standard names.
 
-    Attributes
-    ----------
-    columns : mapping of str to str
-        Header of the file for a standard name.
-    units : mapping of str to str
-        Unit of a column by its standard name, or a factor.
-    known : mapping of str to float
-        Values that every line has, exactly, in standard units.
-    delimiter, decimal : str
-        One character that separates columns, and one that separates decimals.
-
     Examples
     --------
     >>> from ifrdem import fit
@@ -79,10 +68,14 @@ class Form:
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
+    """Header of the file for a standard name."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Unit of a column by its standard name, or a factor."""
     known: Mapping[str, float] = field(default_factory=dict)
+    """Values that every line has, exactly, in standard units."""
     delimiter: str = ","
     decimal: str = "."
+    """delimiter, decimal: one character that separates columns, and one that separates decimals."""
 
     def __post_init__(self) -> None:
         wrong = []

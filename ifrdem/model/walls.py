@@ -131,24 +131,6 @@ class WallOptions(TypedDict, total=False):
 class Wall:
     """A wall. Make one by `line`, `segment`, `container` or `post`.
 
-    Attributes
-    ----------
-    shape : {"line", "segment", "container", "post"}
-    place, towards : two floats each
-        A point of a line and its unit normal towards the disks; the beginning of a segment and the vector to its end
-        [length]; the centre of a circle [length].
-    radius : float
-        Of a circle [length].
-    material : int
-        Row of the law's table.
-    motion : Motion
-    surface_speed : float
-        Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
-        that points to the disk, that is clockwise for a container and counter-clockwise for a post.
-    temperature : float or None
-        Of a thermal wall, above 0 [energy]: the mean of m v_x^2 of the disks of a gas behind it, so that T = <m v^2>/2,
-        and of I omega^2. None for a wall that follows the law.
-
     Notes
     -----
     A disk that hits a thermal wall leaves it with a random velocity, whatever it had, in the frame of the wall's
@@ -173,11 +155,19 @@ class Wall:
     shape: Literal["line", "segment", "container", "post"]
     place: Point
     towards: Point = (0.0, 0.0)
+    """place, towards: a point of a line and its unit normal towards the disks; the beginning of a segment and the
+    vector to its end [length]; the centre of a circle [length]."""
     radius: float = 0.0
+    """Of a circle [length]."""
     material: int = 0
+    """Row of the law's table."""
     motion: Motion = Motion()
     surface_speed: float = 0.0
+    """Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
+    that points to the disk, that is clockwise for a container and counter-clockwise for a post."""
     temperature: float | None = None
+    """Of a thermal wall, above 0 [energy]: the mean of m v_x^2 of the disks of a gas behind it, so that T = <m v^2>/2,
+    and of I omega^2. None for a wall that follows the law."""
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:

@@ -32,13 +32,6 @@ COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "c
 class Ledger:
     """Energy ledger of a trajectory: `observables` makes quantities of the whole gas from the measure of each frame.
 
-    Attributes
-    ----------
-    first, latest : Measure or None
-        Those in the trajectory.
-    frames : int
-        How many it has.
-
     Examples
     --------
     >>> import ifrdem
@@ -51,7 +44,9 @@ class Ledger:
 
     first: Measure | None = None
     latest: Measure | None = None
+    """first, latest: those in the trajectory."""
     frames: int = 0
+    """How many it has."""
 
     def dissipated(self, measure: Measure) -> float:
         """Energy that collisions have taken since the first frame [energy]."""
