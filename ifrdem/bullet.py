@@ -141,9 +141,7 @@ def add_disk(
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{name} = {value}: a positive finite number is needed")
     shape = p.createCollisionShape(p.GEOM_CYLINDER, radius=radius, height=height, physicsClientId=client)
-    body = p.createMultiBody(
-        mass, shape, -1, [0.0, 0.0, 0.0], useMaximalCoordinates=1, physicsClientId=client
-    )
+    body = p.createMultiBody(mass, shape, -1, [0.0] * 3, useMaximalCoordinates=1, physicsClientId=client)
     _surface(p, client, body, friction, restitution)
     # The margin is part of the cylinder, and its default of 0.04 more than a coin in metres has. Contact normals come
     # out within 8e-7 with this one, within 1e-6 with larger ones.
@@ -404,9 +402,8 @@ class _Step:
 
     def run(self) -> list[Hit]:
         # Zero iterations: contacts are found, but nothing acts in them. Warm starting would, by earlier impulses.
-        self.p.setPhysicsEngineParameter(
-            numSolverIterations=0, warmStartingFactor=0.0, physicsClientId=self.client
-        )
+        options = {"numSolverIterations": 0, "warmStartingFactor": 0.0}
+        self.p.setPhysicsEngineParameter(**options, physicsClientId=self.client)
         self.p.stepSimulation(physicsClientId=self.client)
         self.x, self.v, self.w, self.angle = self.bodies.state(self.client)
         self.since = np.full(self.n + len(self.bodies.walls), -self.dt)  # when each present flight began
@@ -422,10 +419,9 @@ class _Step:
             hit = [i for i in first[1:] if i < self.n]
             count[hit] += 1
             if count.max() > MOST_HITS:
-                raise InelasticCollapse(
-                    f"body {self.ids[int(count.argmax())]} collided {MOST_HITS} times in one step of {self.dt:g}: "
-                    "an inelastic collapse"
-                )
+                body = self.ids[int(count.argmax())]
+                times = f"{MOST_HITS} times in one step of {self.dt:g}: an inelastic collapse"
+                raise InelasticCollapse(f"body {body} collided {times}")
             self.p.performCollisionDetection(physicsClientId=self.client)
             near = np.unique(np.concatenate([near, self._near(hit)]), axis=0)
 

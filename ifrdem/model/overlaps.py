@@ -199,8 +199,6 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
         way = np.linalg.norm(centres - begun, axis=-1)
         if np.any(way > tolerance * (1.0 + 1e-6) + _APART * float(radii.max())):
             worst = int(np.argmax(way))
-            raise InputError(
-                f"disk {worst} would have to move by {way[worst]:.6g}, more than relax = {tolerance:g}, "
-                "to overlap with none"
-            )
+            moved = f"disk {worst} would have to move by {way[worst]:.6g}"
+            raise InputError(f"{moved}, more than relax = {tolerance:g}, to overlap with none")
     raise InputError(f"disks still overlap after {_MOST_PASSES} passes of relax = {tolerance:g}")

@@ -150,14 +150,9 @@ class _Flow(NamedTuple):
         frequency = 8.0 * packing_fraction * contact_value(packing_fraction)
         found = frequency * collisional_changes(p_xx, p_yy, p_xy, self.turn, self.tau, g, law, k)
         rate, xx, yy, xy, turn, spinning = (float(one) for one in found)
-        along = xx - 2.0 * self.tilt * xy + self.tilt**2 * yy
-        return (
-            yy / p_yy,
-            along / math.exp(self.along),
-            -g + (xy - self.tilt * yy) / p_yy,
-            turn,
-            spinning - self.turn * turn / (2.0 * k),
-        ), rate
+        along = (xx - 2.0 * self.tilt * xy + self.tilt**2 * yy) / math.exp(self.along)
+        tilt, tau = -g + (xy - self.tilt * yy) / p_yy, spinning - self.turn * turn / (2.0 * k)
+        return (yy / p_yy, along, tilt, turn, tau), rate
 
 
 def collisional_changes(
@@ -209,9 +204,8 @@ def collisional_changes(
     I_2 = h * I_1 + I_0 / q
     I_3 = h * I_2 + 2.0 * I_1 / q
     I_4 = h * I_3 + 3.0 * I_2 / q
-    exponent = np.minimum(
-        0.5 * (q * h**2 - fixed), 0.0
-    )  # Cauchy and Schwarz; rounding of fast flows may say else
+    # Cauchy and Schwarz; rounding of fast flows may say else.
+    exponent = np.minimum(0.5 * (q * h**2 - fixed), 0.0)
     weight = np.exp(exponent) * root_S / (2.0 * math.pi * np.sqrt(det)) * g_n
     weight = weight * (half * _FEW_WEIGHTS).ravel()
 
@@ -245,12 +239,10 @@ def _check(law: IFRLaw, packing_fraction: float, shear_rate: float) -> None:
     if not (math.isfinite(shear_rate) and shear_rate != 0.0):
         raise InputError(f"shear_rate = {shear_rate}: a finite number other than 0 is needed")
     if law.e_n < LEAST_E_N or packing_fraction > MOST_PACKING:
-        warnings.warn(
-            f"theory of a sheared gas: e_n = {law.e_n:g}, packing fraction {packing_fraction:.4g}: it has been "
-            f"compared with simulations for e_n >= {LEAST_E_N} and packing fractions to {MOST_PACKING} only",
-            TheoryWarning,
-            stacklevel=1,  # one place, so that it is shown once
-        )
+        of = f"e_n = {law.e_n:g}, packing fraction {packing_fraction:.4g}"
+        range_ = f"e_n >= {LEAST_E_N} and packing fractions to {MOST_PACKING} only"
+        text = f"theory of a sheared gas: {of}: it has been compared with simulations for {range_}"
+        warnings.warn(text, TheoryWarning, stacklevel=1)  # one place, so that it is shown once
 
 
 def steady_state(

@@ -134,9 +134,8 @@ class _Kept:
             good &= here
         self.frames = np.flatnonzero(good)
         if len(self.frames) == 0:
-            raise InputError(
-                f"{path}: no frame of {self.committed} is whole: nothing can be kept{_otherwise(path)}"
-            )
+            none = f"no frame of {self.committed} is whole: nothing can be kept"
+            raise InputError(f"{path}: {none}{_otherwise(path)}")
         columns = {name: self._all_of(file[f"{layout.PARTICLES}/{name}"]) for name in layout.STATIC}
         self._disks = Disks(len(columns["mass"]), **columns)
         for dataset in self._fields.values():

@@ -102,9 +102,8 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     attributes = {key: value for key, value in trajectory.parameters.items() if key != "case"}
     found = xarray.Dataset(data, coords=coordinates, attrs=attributes)
     for name, variable in found.variables.items():
-        if unit := trajectory.units.get(
-            QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")
-        ):
+        quantity = QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")
+        if unit := trajectory.units.get(quantity):
             variable.attrs["units"] = unit
     return found
 
@@ -118,9 +117,8 @@ def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
     """
     source = trajectory.series if "collisions" in trajectory.series else trajectory.observables
     if "collisions" not in source or not len(source.time):
-        raise InputError(
-            f"{trajectory.path}: holds no collisions of the whole gas, by which it could be joined"
-        )
+        text = "holds no collisions of the whole gas, by which it could be joined"
+        raise InputError(f"{trajectory.path}: {text}")
     found = {name: source[name].astype(np.float64) for name in source}
     with np.errstate(divide="ignore", invalid="ignore"):
         if {"temperature", "rotational_temperature"} <= found.keys():

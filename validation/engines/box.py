@@ -99,11 +99,11 @@ def run(quick: bool) -> Result:
             code.gases.append(exact(code.law, begin, times))
         for code in others + (coarse if seed <= 4 else []):
             assert code.world is not None
-            steps = np.rint(times / code.time_step).astype(int).tolist()
-            gas = stepped.gas(
-                code.world, DISKS, SURFACE, sides(BOX), begin, time_step=code.time_step, steps=steps
-            )
-            code.gases.append(gas)
+            walls = {
+                "time_step": code.time_step,
+                "steps": np.rint(times / code.time_step).astype(int).tolist(),
+            }
+            code.gases.append(stepped.gas(code.world, DISKS, SURFACE, sides(BOX), begin, **walls))
     found = {code.name: code.measured() for code in (ours, ifr, *others, *coarse)}
     for code in others:
         _compare(result, code, found["ifrdem"], found[code.name], times)
@@ -165,9 +165,8 @@ def _compare(result: Result, code: Code, ours: Measured, theirs: Measured, times
                 ERRORS * float(error[0]) + margin,
                 f"{text} at t = {times[at]:g}, {code.name}",
             )
-            result.near(
-                quantity, other.mean(), mine.mean(), tolerance, reason, "our engine from the same starts"
-            )
+            source = "our engine from the same starts"
+            result.near(quantity, other.mean(), mine.mean(), tolerance, reason, source)
 
 
 def _apart(ours: Measured, theirs: Measured) -> Array:

@@ -85,11 +85,8 @@ class BulletWorld:
         self._wall_ids = {wall.body for wall in self.walls}
         # A step with nothing near: Bullet takes over inverse moments of inertia at the end of a step.
         apart = 4.0 * float(disks.radius.max())
-        self.place(
-            np.stack([apart * np.arange(disks.n), np.full(disks.n, -1e3 * apart)], axis=1),
-            np.zeros((disks.n, 2)),
-            np.zeros(disks.n),
-        )
+        far = np.stack([apart * np.arange(disks.n), np.full(disks.n, -1e3 * apart)], axis=1)
+        self.place(far, np.zeros((disks.n, 2)), np.zeros(disks.n))
         self.step()
 
     def __enter__(self) -> BulletWorld:
