@@ -17,7 +17,7 @@ from ..errors import InputError, listed, nearest
 from ..tools import text_file
 from .case import Case
 from .gas import CaseGas, judge
-from .section import Problem, Section
+from .section import Complaint, Section
 
 KeyPath = tuple[str | int, ...]
 
@@ -94,7 +94,7 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
     return CaseFile(path, text, tuple(overrides), case, gas)
 
 
-def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas | None, list[Problem]]:
+def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas | None, list[Complaint]]:
     """A parsed case, its gas, and everything that is wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
@@ -106,7 +106,7 @@ def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas |
     return case, gas, found + problems
 
 
-def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
+def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Complaint]]:
     """The case without its unknown keys, None if more is wrong; and everything wrong with keys, types and ranges."""
     try:
         return Case.model_validate(raw), []
@@ -194,7 +194,7 @@ def _parsed(text: str) -> dict[str, Any]:
         raise InputError(f"not valid TOML: {error}") from None
 
 
-def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
+def _translated(error: Mapping[str, Any], key: KeyPath) -> Complaint:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
         section = _section(key[:-1])
@@ -228,7 +228,7 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
     valueless = kind in {"missing", "choice"} or (
         isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
     )
-    return Problem(_spelled(key), None if valueless else _shown(error["input"]), text)
+    return Complaint(_spelled(key), None if valueless else _shown(error["input"]), text)
 
 
 def _spelled(key: Iterable[str | int]) -> str:

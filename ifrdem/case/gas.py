@@ -26,7 +26,7 @@ from ..tools import seeds
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
-from .section import Problem
+from .section import Complaint
 from .species import Species, species_of
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ class CaseGas:
         found = case.output.tracked(start.position, seeds.stream(case.run.seed, seeds.HISTORIES))
         if case.output.tracks and not len(found):
             region = str(case.output.histories_region)
-            raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
+            raise InputError(str(Complaint("output.histories_region", region, "no disk starts there")))
         return found
 
     def _placed(self, way: str, seed: int, progress: Callable[[float], None]) -> NDArray[np.float64]:
@@ -202,10 +202,10 @@ class CaseGas:
                 return packing.grow(self.patch, radius, progress=progress, **options)
             return placement.random_positions(self.patch, radius, **options)
         except InputError as error:
-            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
+            raise InputError(str(Complaint("start.positions", f'"{way}"', str(error)))) from None
 
 
-def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Problem]]:
+def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Complaint]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more.
@@ -224,7 +224,7 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     try:
         patch = case.box.patch(radius)
     except InputError as error:
-        found.append(Problem("box", None, str(error)))
+        found.append(Complaint("box", None, str(error)))
     else:
         box = box if case.box.open or patch is None else patch
         wrong_walls = [*rules.wrong_walls(case, walls, box, radius)]

@@ -25,7 +25,7 @@ def refusal(text: str, kind: str = "choice") -> PydanticCustomError:
 
 
 @dataclass(frozen=True)
-class Problem:
+class Complaint:
     """One thing that is wrong: where, what stands there (as text; None where nothing does), why."""
 
     key: str

@@ -135,7 +135,14 @@ class Data:
 
 @dataclass(frozen=True, kw_only=True)
 class Disk:
-    """A disk of whole collisions, or disks that differ from collision to collision."""
+    """A disk of whole collisions, or disks that differ from collision to collision.
+
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> fit.Disk(mass=[1.0, 2.0], radius=0.5).k
+    2.0
+    """
 
     mass: ArrayLike
     """Mass [mass]; infinite for a wall or a fixed disk; shape (n,)."""

@@ -39,7 +39,7 @@ _NEARLY_ALIKE = 0.8  # of a column that is rather misspelt than another
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ReadTable:
     """Columns of a file."""
 
     # (n,): values in standard units by standard names, NaN where one is missing; errors as NAME_error
@@ -95,7 +95,7 @@ def read(
     form: Form = Form(),
     *,
     most: int = MOST_BYTES,
-) -> Table:
+) -> ReadTable:
     """Read a table.
 
     Raises InputError with a line for each column or value that is wrong.
@@ -152,7 +152,7 @@ def read(
     refuse(wrong, source)
     for name, value in form.known.items():
         values[name] = np.full(n, value)
-    return Table(values, np.array(lines[1:], dtype=np.int64), missing, tuple(unused), source)
+    return ReadTable(values, np.array(lines[1:], dtype=np.int64), missing, tuple(unused), source)
 
 
 def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:

@@ -59,7 +59,7 @@ class Tracks:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundCollisions:
     """Collisions that were found."""
 
     # (n,): a table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
@@ -140,7 +140,7 @@ def find(
     wall: Wall | None = None,
     window: int = WINDOW,
     noise: float | None = None,
-) -> Found:
+) -> FoundCollisions:
     """Find the impacts of two disks, or of disks with a wall, and the motion before and after.
 
     Raises InputError if a disk is unknown, an option is wrong, or no impact was found.
@@ -210,7 +210,7 @@ def find(
     names = list(dict.fromkeys(name for row in rows for name in row if not name.startswith("_")))
     columns = {name: np.array([row.get(name, math.nan) for row in rows]) for name in names}
     bent = sum(each.squares > sigma**2 * (each.dof + 4.0 * math.sqrt(2.0 * each.dof)) for each in kept)
-    return Found(columns, sigma, sigma_angle, tuple(left_out), int(bent))
+    return FoundCollisions(columns, sigma, sigma_angle, tuple(left_out), int(bent))
 
 
 @dataclass(frozen=True)

@@ -88,7 +88,7 @@ class EnsembleSection(_Part):
     seeds: Any = 1
 
 
-class OutputSection(_Part):
+class StudyOutput(_Part):
     """Output that is kept of every run."""
 
     series: int | None = Field(default=None, ge=1, le=100_000)
@@ -124,7 +124,7 @@ class StudyFile(_Part):
     sweep: dict[str, Any] = Field(default={})
     zip: list[dict[str, Any]] = Field(default=[])
     ensemble: EnsembleSection = EnsembleSection()
-    output: OutputSection = OutputSection()
+    output: StudyOutput = StudyOutput()
     cluster: ClusterSection = ClusterSection()
 
 
@@ -156,7 +156,7 @@ class Plan:
     overrides: tuple[str, ...]  # what every run changes of it
     axes: tuple[Axis, ...]
     seeds: tuple[int, ...]
-    output: OutputSection
+    output: StudyOutput
     cluster: ClusterSection
 
     @property
@@ -368,7 +368,7 @@ def _number(case: dict[str, Any], key: str) -> float:
     return value if isinstance(value, int | float) else 0
 
 
-def _output_overrides(case: dict[str, Any], output: OutputSection) -> Iterator[str]:
+def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str]:
     """Changes of the case's [output] by a study: rows of series at the same places in every run, no pictures."""
     given = case.get("output")
     given = given if isinstance(given, dict) else {}

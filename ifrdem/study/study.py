@@ -225,7 +225,7 @@ class Study:
         stops = Stops(warn=lambda text: warn(text.replace(said, says)))
         beside = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
         status = Status(beside, name=self.plan.name)
-        progress = Progress(len(tasks), [task.weight for task in missing], status)
+        progress = StudyProgress(len(tasks), [task.weight for task in missing], status)
         work = self._work(missing, self._place(workers, scheduler), say)
         try:
             with stops:
@@ -305,7 +305,7 @@ class Study:
         return workers.dask(missing, place, processes, threads, say)
 
 
-class Progress:
+class StudyProgress:
     """Runs that are done and the time that is left: a bar on a terminal, a line every `interval` seconds elsewhere."""
 
     def __init__(

@@ -84,7 +84,7 @@ class Cooling(NamedTuple):
         return np.array(each).T
 
 
-class Gas(NamedTuple):
+class CooledGas(NamedTuple):
     """One material at one density from one start."""
 
     heat: str
@@ -218,7 +218,7 @@ def _one(
     place: int,
     dsmc: Cooling,
     tail: float,
-) -> Gas:
+) -> CooledGas:
     law, T_rot, (n, replicas) = coins[name].law, STARTS[heat], size
     quick = size in QUICK_SIZES.values()
     seeds = seeds_of(seed, replicas, place)
@@ -261,10 +261,10 @@ def _one(
         float(held[-1].factor_error[0]),
         float(TAU[last]), tail,
     )  # fmt: skip
-    return Gas(heat, got, large, dsmc, exact, rows, line)
+    return CooledGas(heat, got, large, dsmc, exact, rows, line)
 
 
-def _picture(phi: float, size: Size, names: Sequence[str], gases: list[Gas]) -> Picture:
+def _picture(phi: float, size: Size, names: Sequence[str], gases: list[CooledGas]) -> Picture:
     figure, axes = style.panels(len(names), 2, width=2.7, height=2.4)
     for at, gas in enumerate(gases):
         i = at // len(STARTS)
