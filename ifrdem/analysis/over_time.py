@@ -26,18 +26,14 @@ def _motion(trajectory: Trajectory, chosen: Sequence[int] | None) -> tuple[list[
     if len(used) < 4:
         raise InputError(f"{trajectory.path}: {len(used)} frames are too few for what changes with time")
     half = used[len(used) // 2 :]
-    if _even(trajectory, used):
+    step = np.diff(trajectory.times[used])
+    if np.ptp(step) <= displacement.EVEN * np.mean(step):
         if _steady(trajectory, used):
             return used, "all", ["mean over all origins of time"]
         if chosen is None and len(half) >= 8 and _steady(trajectory, half):
             return half, "all", ["mean over all origins of time in the second half, where the gas is steady"]
         return used, "first", ["the temperature changes: from the first frame only"]
     return used, "first", ["frames are not evenly spaced in time: from the first frame only"]
-
-
-def _even(trajectory: Trajectory, used: list[int]) -> bool:
-    step = np.diff(trajectory.times[used])
-    return bool(np.ptp(step) <= displacement.EVEN * np.mean(step))
 
 
 def _steady(trajectory: Trajectory, used: list[int]) -> bool:

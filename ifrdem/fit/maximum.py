@@ -341,7 +341,7 @@ class _Climb:
             x=points.x,
             psi=np.degrees(points.x[:, 0]),
             regimes=problem.regimes(self.law, best, points.x),
-            residuals=_own_residuals(problem, self.law, best, points.x),
+            residuals=np.nan_to_num((problem.y - problem.predict(self.law, best, points.x)) / problem.s),
             distance=points.distance,
             weight=points.weight,
             problem=problem,
@@ -602,8 +602,3 @@ def _group_errors(problem: Problem, groups: tuple[str, ...]) -> dict[str, float]
         values = np.where(problem.known[:, members], np.nan, problem.s[:, members])
         of[group] = float(np.nanmedian(values))
     return of
-
-
-def _own_residuals(problem: Problem, law: Law, values: Array, x: Array) -> Array:
-    """Residuals (n, q) over their errors, at the true motion; 0 where a value is missing."""
-    return np.nan_to_num((problem.y - problem.predict(law, values, x)) / problem.s)

@@ -66,12 +66,6 @@ MOST_CALLS = 10_000
 """Evaluations of the right-hand side that one integration may take; hundreds over nine decades of both rates."""
 
 
-def _half_normal() -> tuple[Array, Array]:
-    """Nodes and weights of averages over the positive half of a normal variable, of total weight 1/2."""
-    nodes = 0.5 * _HIGHEST * (_NODES + 1.0)
-    return nodes, 0.5 * _HIGHEST * _WEIGHTS * np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
-
-
 def relaxation(theta: float, law: IFRLaw, k: float) -> float:
     r"""Rate l at which collisions make velocities isotropic, in units of the collision rate nu of a disk.
 
@@ -92,7 +86,8 @@ def relaxation(theta: float, law: IFRLaw, k: float) -> float:
     e, S = law.e_n, 1.0 + k * theta
     c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
     eta, gamma = (1.0 + law.e_t) / (2.0 * (1.0 + k)), 0.5 * c
-    nodes, weights = _half_normal()
+    nodes = 0.5 * _HIGHEST * (_NODES + 1.0)  # of averages over half a normal variable, of total weight 1/2
+    weights = 0.5 * _HIGHEST * _WEIGHTS * np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
     y, u = nodes[:, None], nodes[None, :]
     weight = 2.0 * weights[:, None] * weights[None, :]  # both signs of u give the same
     p = eta * math.sqrt(S) * u + gamma * np.minimum(math.sqrt(S) * u, law.mu * (1.0 + e) * y / c)

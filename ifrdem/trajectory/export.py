@@ -86,7 +86,8 @@ def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
 
 def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     n = trajectory.disks.n
-    names = [end for name, value in _empty(trajectory).items() for end, _ in tables.columns(name, value)]
+    empty = {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
+    names = [end for name, value in empty.items() for end, _ in tables.columns(name, value)]
 
     def rows() -> Iterable[list[str]]:
         ids = np.arange(n).astype(str)
@@ -98,11 +99,6 @@ def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
             yield from np.column_stack([*head, *flat]).tolist()
 
     write_csv(place, ["frame", "time", "id", *names], rows())
-
-
-def _empty(trajectory: Trajectory) -> dict[str, NDArray[Any]]:
-    """No disks, in the shapes of the fields."""
-    return {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
 
 
 def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
