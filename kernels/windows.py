@@ -399,9 +399,9 @@ def run_windows(
         sum_blocks(column, gas)
 
 
-def kind_of_numbers(array):
-    """Type of the numbers of an array that a kernel was given."""
-    return array.get_type().element_type
+def has_numbers(array, of):
+    """Tell if an array that a kernel was given has numbers of this type."""
+    return array.get_type().element_type == of
 
 
 @ti.kernel
@@ -476,7 +476,12 @@ def exchange(
         for array in ti.static((grid, scale, clock, sums, counter, total)):
             for i in range(array.shape[0]):
                 if sending == 1:
-                    array[i] = ti.cast(board[at + i], ti.static(kind_of_numbers(array)))
+                    if ti.static(has_numbers(array, ti.i32)):
+                        array[i] = ti.cast(board[at + i], ti.i32)
+                    elif ti.static(has_numbers(array, ti.f32)):
+                        array[i] = ti.cast(board[at + i], ti.f32)
+                    else:
+                        array[i] = board[at + i]
                 else:
                     board[at + i] = ti.cast(array[i], ti.f64)
             at += array.shape[0]
