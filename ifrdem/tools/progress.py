@@ -76,13 +76,12 @@ class Progress:
         self._began, self._brief, self._stays = clock(), brief, notebook or not brief
         self._compiling = threading.Event()
         if notebook or self._columns >= NARROWEST:
-            from tqdm import tqdm as plain
             from tqdm.auto import tqdm
 
             # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a terminal
             # that reports no rows. The last column stays free: writing there moves some terminals to the next line.
             look = {} if notebook else {"file": self._stream, "ncols": self._columns - 1, "nrows": 24}
-            self._bar = (tqdm if notebook else plain)(
+            self._bar = tqdm(
                 total=100.0, bar_format=BAR, leave=self._stays, delay=DELAY if brief else 0.0, **look
             )
             self._bar.set_description_str("compiling", refresh=not brief)
@@ -173,9 +172,8 @@ class Progress:
         return (self._latest.collisions - since.collisions) / seconds if seconds > 0.0 else 0.0
 
     def _done(self, at: Mark) -> float:
-        end, reached = (
-            (self._t_end, at.time) if self._t_end is not None else (self._collisions_end, at.collisions)
-        )
+        by_time = self._t_end is not None
+        end, reached = (self._t_end, at.time) if by_time else (self._collisions_end, at.collisions)
         return min(1.0, reached / end) if end else 1.0
 
 
