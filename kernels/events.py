@@ -281,56 +281,6 @@ def sooner(t, j, best, partner, gas: ti.template()):
 
 
 @ti.func
-def meeting(i, j, shift_x, shift_y, best, radius, gas: ti.template()):
-    """Time at which the disk at place i, of this radius, meets the one at place j, which is shifted; FAR if late."""
-    t = FAR + 0.0 * best
-    if j != i:
-        tau, tau_j = gas.work[i][TAU], gas.work[j][TAU]
-        start = ti.select(tau_j > tau, tau_j, tau)
-        vx, vy, vx_j, vy_j = gas.work[i][VX], gas.work[i][VY], gas.work[j][VX], gas.work[j][VY]
-        from_i, from_j = start - tau, start - tau_j
-        # Differences of places are exact. Seen from j, every term only changes its sign.
-        rx = ((gas.work[j][X] - gas.work[i][X]) + shift_x) + (vx_j * from_j - vx * from_i)
-        ry = ((gas.work[j][Y] - gas.work[i][Y]) + shift_y) + (vy_j * from_j - vy * from_i)
-        ux, uy = vx_j - vx, vy_j - vy
-        if ti.static(gas.uses.sheared):
-            rows = gas.link[j][ROW] - gas.link[i][ROW]
-            if rows != 0:
-                rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
-                ux += rows * gas.scale[DRIFT]
-        sigma = gas.scale[WIDEST]
-        if ti.static(gas.uses.mixed):
-            sigma = radius + radius_of(j, gas)
-        noise = ti.static(rounding()) * ((ti.abs(vx) + ti.abs(vy)) + (ti.abs(vx_j) + ti.abs(vy_j)))
-        t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
-        if gas.link[i][LAST] == j and gas.link[j][LAST] == i:
-            # They part, since this start; but round a narrow box another image may come.
-            if rx * rx + ry * ry < PARTING * sigma * sigma:
-                t = FAR
-    return t
-
-
-@ti.func
-def wrapped(column, row, nx, ny, gas: ti.template()):
-    """A column and row of cells within the region, round the box; how far disks there are shifted."""
-    shift_x, shift_y = 0.0 * gas.scale[WINDOW], 0.0 * gas.scale[WINDOW]
-    ax, ay = column, row
-    if ax < 0:
-        ax += nx
-        shift_x = -gas.scale[LENGTH_X]
-    elif ax >= nx:
-        ax -= nx
-        shift_x = gas.scale[LENGTH_X]
-    if ay < 0:
-        ay += ny
-        shift_y = -gas.scale[LENGTH_Y]
-    elif ay >= ny:
-        ay -= ny
-        shift_y = gas.scale[LENGTH_Y]
-    return ax, ay, shift_x, shift_y
-
-
-@ti.func
 def find(
     i, x_low, x_high, y_low, y_high, half, best, partner, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
@@ -341,9 +291,12 @@ def find(
     they have just come into a large cell; large disks look at all small cells in the large ones, unless `half`.
     """
     own_x, own_y = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
+    x, y, vx, vy, tau = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU]
+    last = gas.link[i][LAST]
     radius = gas.scale[WIDEST] * 0.5
     if ti.static(gas.uses.mixed):
         radius = radius_of(i, gas)
+    size = ti.abs(vx) + ti.abs(vy)
     mine = layer_of(i, gas)
     for other in range(ti.static(2 if gas.uses.layered else 1)):
         layer = other
@@ -369,19 +322,57 @@ def find(
         if region.wrap_y == 0:
             low_y, high_y = ti.max(low_y, 0), ti.min(high_y, ny - 1)
         for column in range(low_x, high_x + 1):
+            ax = column
+            shift_x = 0.0 * x
+            if ax < 0:
+                ax += nx
+                shift_x = -gas.scale[LENGTH_X]
+            elif ax >= nx:
+                ax -= nx
+                shift_x = gas.scale[LENGTH_X]
             first_y = low_y
             if halved == 1 and column == own_x:
                 first_y = own_y
             for row_of_cells in range(first_y, high_y + 1):
-                ax, ay, shift_x, shift_y = wrapped(column, row_of_cells, nx, ny, gas)
+                ay = row_of_cells
+                shift_y = 0.0 * x
+                if ay < 0:
+                    ay += ny
+                    shift_y = -gas.scale[LENGTH_Y]
+                elif ay >= ny:
+                    ay -= ny
+                    shift_y = gas.scale[LENGTH_Y]
                 j = gas.head[head_at(ax, ay, layer, region, gas)]
                 if halved == 1 and column == own_x and row_of_cells == own_y:
                     j = gas.link[i][NEXT_IN_CELL]
                 while j >= 0:
                     following = gas.link[j][NEXT_IN_CELL]
-                    t = meeting(i, j, shift_x, shift_y, best, radius, gas)
-                    if sooner(t, j, best, partner, gas):
-                        best, partner = t, j
+                    if j != i:
+                        tau_j = gas.work[j][TAU]
+                        start = ti.select(tau_j > tau, tau_j, tau)
+                        vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
+                        from_i, from_j = start - tau, start - tau_j
+                        # Differences of places are exact. Seen from j, every term only changes its sign.
+                        rx = ((gas.work[j][X] - x) + shift_x) + (vx_j * from_j - vx * from_i)
+                        ry = ((gas.work[j][Y] - y) + shift_y) + (vy_j * from_j - vy * from_i)
+                        ux, uy = vx_j - vx, vy_j - vy
+                        if ti.static(gas.uses.sheared):
+                            rows = gas.link[j][ROW] - gas.link[i][ROW]
+                            if rows != 0:
+                                rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
+                                ux += rows * gas.scale[DRIFT]
+                        sigma = gas.scale[WIDEST]
+                        if ti.static(gas.uses.mixed):
+                            sigma = radius + radius_of(j, gas)
+                        noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
+                        t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
+                        if j == last and gas.link[j][LAST] == i:
+                            # They part, since this start; but round a narrow box another image may come.
+                            if rx * rx + ry * ry < PARTING * sigma * sigma:
+                                t = FAR
+                        if sooner(t, j, best, partner, gas):
+                            best = t
+                            partner = j
                     j = following
     return best, partner
 
@@ -407,7 +398,7 @@ def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template
 def predict(
     i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
-    """Find the next event of the disk at place i in the cells that `find` tells, or that which it `keeps`."""
+    """Find the next event of the disk at place i in the cells that `find` tells, or that which it `keeps`; its time."""
     window = gas.scale[WINDOW]
     best, partner = window, NOBODY
     if keeps == 1:
@@ -425,6 +416,7 @@ def predict(
     gas.link[i][PARTNER] = partner
     leaves, side = leaving(i, region, gas)
     gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
+    return ti.select(best < leaves, best, leaves)
 
 
 @ti.func
@@ -537,6 +529,6 @@ def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.templat
             i = first
             if q == 1:
                 i = second
-            predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
-            put_in(i, next_event(i, gas), present, bins, n_bins, rate, gas)
+            t = predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
+            put_in(i, t, present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter[N_EVENTS], events)
