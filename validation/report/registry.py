@@ -36,7 +36,7 @@ GAS = (
 """Cases that hold many disks against the literature and kinetic theory; they take minutes, and a seed."""
 
 CASES = PAPER + BULLET + GAS  # in the order in which they run
-GROUPS = {"paper": PAPER, "bullet": BULLET, "gas": GAS}
+GROUPS: dict[str, tuple[str, ...]] = {"paper": PAPER, "bullet": BULLET, "gas": GAS}
 ROOMS = {"paper": "paper", "bullet": "engines", "gas": "gas"}
 """Folder of each group: case `gas_haff` is the module `ifrdem.validation.gas.haff`."""
 
