@@ -141,47 +141,33 @@ def drive(
     Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
     case, simulation = job.file.case, job.simulation
-    recorder = Recorder(
-        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending
-    )
+    run = case.run
+    take = simulation.take_events if case.output.tracks else None
+    recorder = Recorder(job.writer, job.ledger, take, job.pending)
     status = Status(
-        job.outputs.trajectory,
-        name=case.run.name,
-        t_end=case.run.t_end,
-        collisions_per_disk_end=case.run.collisions_per_disk,
-        device=device_of(case),
-    )
+        job.outputs.trajectory, name=run.name, t_end=run.t_end,
+        collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
+    )  # fmt: skip
     stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
-    n = job.gas.disks.n
-    progress = Progress(
-        n,
-        t_end=case.run.t_end,
-        collisions_per_disk=case.run.collisions_per_disk,
-        unit=UNITS[case.run.units]["time"] if case.run.units == "SI" else "",
-    )
+    n, unit = job.gas.disks.n, UNITS[run.units]["time"] if run.units == "SI" else ""
+    progress = Progress(n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit)
 
     def tell(time: float, collisions: int) -> None:
         progress(time, collisions)
         status.update(
-            time=time,
-            collisions=collisions,
-            collisions_per_disk=2.0 * collisions / max(n, 1),
-            fraction=progress.fraction,
-            collisions_per_second=progress.collisions_per_second,
-            eta_seconds=progress.seconds_left,
-            frames=len(job.writer),
-            series_rows=job.writer.series_rows,
-        )
+            time=time, collisions=collisions, collisions_per_disk=2.0 * collisions / max(n, 1),
+            fraction=progress.fraction, collisions_per_second=progress.collisions_per_second,
+            eta_seconds=progress.seconds_left, frames=len(job.writer), series_rows=job.writer.series_rows,
+        )  # fmt: skip
 
     def row(measure: Measure) -> None:
         recorder.row(measure)
+        ledger = job.ledger
         status.update(
-            temperature=measure.temperature,
-            rotational_temperature=measure.rotational_temperature,
-            energy=measure.energy,
-            dissipated_energy=job.ledger.dissipated(measure),
-            ledger_residual=job.ledger.relative_residual(measure),
-        )
+            temperature=measure.temperature, rotational_temperature=measure.rotational_temperature,
+            energy=measure.energy, dissipated_energy=ledger.dissipated(measure),
+            ledger_residual=ledger.relative_residual(measure),
+        )  # fmt: skip
 
     def between() -> None:
         recorder.between(simulation.time)

@@ -69,9 +69,8 @@ class Progress:
 
             # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a terminal
             # that reports no rows. The last column stays free: writing there moves some terminals to the next line.
-            self._bar = tqdm(
-                total=100.0, file=self._stream, bar_format=BAR, ncols=self._columns - 1, nrows=24
-            )
+            shape = {"bar_format": BAR, "ncols": self._columns - 1, "nrows": 24}
+            self._bar = tqdm(total=100.0, file=self._stream, **shape)
             self._bar.set_description_str("compiling")
 
     def __enter__(self) -> Progress:
@@ -146,9 +145,8 @@ class Progress:
         return (self._latest.collisions - since.collisions) / seconds if seconds > 0.0 else 0.0
 
     def _done(self, at: Mark) -> float:
-        end, reached = (
-            (self._t_end, at.time) if self._t_end is not None else (self._collisions_end, at.collisions)
-        )
+        by_time = self._t_end is not None
+        end, reached = (self._t_end, at.time) if by_time else (self._collisions_end, at.collisions)
         return min(1.0, reached / end) if end else 1.0
 
 

@@ -23,7 +23,7 @@ from ..errors import EngineError, InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
-GPU_LANES = 16384  # threads with a tile each: some 128 on each multiprocessor of a large one
+GPU_LANES = 65536  # tiles that have scratch space at the same time
 LOG = logging.getLogger("ifrdem")
 
 
@@ -156,9 +156,25 @@ def cuda_absence() -> str | None:
     return None
 
 
+def gpu() -> tuple[str, int]:
+    """Name and bytes of memory of the GPU, as its driver tells them; there must be one (`cuda_absence`)."""
+    driver, handle = ctypes.CDLL("libcuda.so"), ctypes.c_int(0)
+    name, memory = ctypes.create_string_buffer(256), ctypes.c_size_t(0)
+    driver.cuInit(0)
+    driver.cuDeviceGet(ctypes.byref(handle), 0)
+    driver.cuDeviceGetName(name, 256, handle)
+    driver.cuDeviceTotalMem_v2(ctypes.byref(memory), handle)
+    return name.value.decode(errors="replace"), memory.value
+
+
 def device(arch: str) -> Device:
     """A device, which may be there or not."""
-    return Device(arch, f"{cpu_name()}, {cores()} threads" if arch == "cpu" else "NVIDIA GPU (CUDA)")
+    if arch == "cpu":
+        return Device(arch, f"{cpu_name()}, {cores()} threads")
+    if cuda_absence() is not None:
+        return Device(arch, "NVIDIA GPU (CUDA)")
+    name, memory = gpu()
+    return Device(arch, f"{name}, {memory / 2**30:.0f} GiB (CUDA)")
 
 
 def available() -> list[Device]:

@@ -77,6 +77,9 @@ class Simulation(Sealed):
         Threads on the CPU, all cores by default. The trajectory is the same to the last bit for any number.
     precision : {"f64", "f32"}
         Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
+    window_collisions : float, optional
+        Collisions that a disk has in a window of the engine, at most 10; by default what is fastest on the device.
+        Windows decide the last bits: with the same number, a CPU and a GPU give the same (`ifrdem docs exactness`).
     walls : sequence of Wall
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
         first.
@@ -145,6 +148,7 @@ class Simulation(Sealed):
         arch: str = "cpu",
         threads: int | None = None,
         precision: str = "f64",
+        window_collisions: float | None = None,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
         collapse: str = "none",
@@ -179,8 +183,9 @@ class Simulation(Sealed):
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, state, table, arch=arch, threads=threads, precision=precision,
-                walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
-                contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
+                window_collisions=window_collisions, walls=walls, gravity=gravity,
+                velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
+                forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
