@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import as_box, each, neighbours
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Clusters(Brief):
+class Clusters(Brief, PicturedResult):
     """Disks joined wherever the gap between two surfaces is below `gap`; a disk alone is a cluster of one."""
 
     label: NDArray[np.intp]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import as_box
 
@@ -20,7 +21,7 @@ EVEN = 1e-3  # of the mean interval: how far intervals may differ where all orig
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Correlation(Brief):
+class Correlation(Brief, PicturedResult):
     """A mean over disks at lags in time, such as a mean-square displacement."""
 
     lag: Array

@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import as_box, each
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fields(Brief):
+class Fields(Brief, PicturedResult):
     """Fields on a grid of a x b places."""
 
     x: Array

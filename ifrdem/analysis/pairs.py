@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import Positions, as_box, each, freud_frame, times_of
@@ -20,7 +21,7 @@ CONTACT_BINS = 25
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PairCorrelation(Brief):
+class PairCorrelation(Brief, PicturedResult):
     """Frequency of centres at a distance r, relative to an ideal gas of the same density."""
 
     r: Array

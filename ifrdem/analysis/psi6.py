@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import as_box, each, freud_frame
@@ -19,7 +20,7 @@ NEIGHBOURS = ("nearest", "voronoi")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Hexatic(Brief):
+class Hexatic(Brief, PicturedResult):
     """psi_6 of disk i: the mean of exp(6 i theta) over the directions theta to its neighbours."""
 
     psi6: NDArray[np.complex128]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import Positions, as_box, each, times_of
@@ -20,7 +21,7 @@ MOST_MODES = 1024
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StructureFactor(Brief):
+class StructureFactor(Brief, PicturedResult):
     """S(k) = <|sum_j exp(-i k r_j)|^2> / n in rings of k."""
 
     k: Array

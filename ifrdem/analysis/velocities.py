@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import Positions, each
 
@@ -53,7 +54,7 @@ class SonineCoefficients:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class VelocityDistribution(Brief):
+class VelocityDistribution(Brief, PicturedResult):
     """Distributions of velocity components and spins over their thermal speeds."""
 
     speed: Array

@@ -105,17 +105,17 @@ def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
     `positions` is start.positions: growth needs more.
     """
     if arch != "cpu":
-        name, memory = backend.gpu()
+        memory = backend.gpu_memory()
         most = int(max((memory - GPU_SCRATCH) / GPU_BYTES_PER_DISK, memory / GPU_BYTES_OF_FEW))
         if n > most:
-            raise InputError(f"{n} disks: {name} has {size(memory)} of memory, in which {most} fit")
+            raise InputError(f"{n} disks: the GPU has {size(memory)} of memory, in which {most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
     needed = n * (host + WRITER_BYTES_PER_DISK + engine)
     free = backend.memory_available()
     if free is not None and needed > free:
-        text = f"some {size(needed)} of memory, and {size(free)} are free"
-        raise InputError(f"{n} disks need {text}: {n * free // needed} would fit")
+        both = f"some {size(needed)} of memory, and {size(free)} are free"
+        raise InputError(f"{n} disks need {both}: {n * free // needed} would fit")
 
 
 def summary(case: Case, gas: CaseGas, estimate: RunEstimate, device: str) -> str:

@@ -27,12 +27,12 @@ from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
+from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
 from ..trajectory.background import QueuedWriter
 from ..trajectory.views import write_views
 from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs
-from .progress import Progress, Stage
 from .recorder import Ledger, Recorder
 from .signals import Stops
 from .status import Status
@@ -150,7 +150,9 @@ def drive(
     )  # fmt: skip
     stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
     n, unit = job.gas.disks.n, UNITS[run.units]["time"] if run.units == "SI" else ""
-    progress = Progress(n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit)
+    progress = Progress(
+        n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit, kernels=backend.kernels
+    )
 
     def tell(time: float, collisions: int) -> None:
         progress(time, collisions)
@@ -256,20 +258,19 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         say(f"  {path} ({check.size(bytes_there)})")
 
 
-def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], None]:
+def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], object]:
     """Function that draws the picture of a case."""
-    from ..plots import impact_scan, table_friction
-    from ..plots import run as plot  # Matplotlib takes a second, which no run need wait for at its beginning
+    from .. import plots  # Matplotlib takes a second, which no run need wait for at its beginning
 
     if case.start.file is None and case.start.positions == IMPACT_SCAN:
-        return impact_scan.impact_scan
+        return plots.impact_scan
     if any(each.kind == "table_friction" for each in case.force):
-        return table_friction.table
+        return plots.table
     if case.walled:
-        return plot.walled
+        return plots.walled
     if gas.box.shear_rate:
-        return plot.sheared
-    return plot.driven if case.force else plot.cooling
+        return plots.sheared
+    return plots.driven if case.force else plots.cooling
 
 
 def _one_line(text: str) -> str:

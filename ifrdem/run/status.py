@@ -21,7 +21,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from ..errors import InputError, printable
 from ..tools import files
-from .progress import clock_face
+from ..tools.progress import clock_face
 
 ENDING = ".status.json"
 RUNNING = "running"

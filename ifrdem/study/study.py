@@ -17,11 +17,11 @@ from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
 from ..errors import InputError, listed
-from ..run.progress import clock_face, quiet
 from ..run.signals import Stopped, Stops
 from ..run.status import Status
 from ..simulation import device
 from ..tools.files import check_files
+from ..tools.progress import clock_face, quiet
 from . import workers
 from .plan import ClusterSection, Plan, read
 from .results import Results, collect
@@ -272,6 +272,24 @@ class Study:
         Raises InputError if no run is done, or xarray is not installed.
         """
         return self.results().to_xarray()
+
+    def _repr_html_(self) -> str:
+        """The plan as a table, and the first of the results if there are some, for a notebook."""
+        from ..plots.objects import page
+
+        rows: dict[str, Any] = {"case": self.plan.path, "runs": self.runs, "seeds": len(self.plan.seeds)}
+        for axis in self.plan.axes:
+            for key, values in zip(axis.keys, zip(*axis.values, strict=True), strict=True):
+                rows[key] = ", ".join(map(str, values))
+        figure = None
+        if self.output.exists():
+            from .figure import draw
+
+            figure = draw(Results.read(self.output), "T")
+            figure.set_size_inches(4.2, 3.2)
+        return page(
+            f"Study {self.plan.name}", rows | {"results": self.output if figure else "none yet"}, figure
+        )
 
     def _name(self, task: Task) -> str:
         return f"{self.plan.label(task.index[:-1])}, seed {self.plan.seeds[task.index[-1]]}"

@@ -16,6 +16,7 @@ from ..tools import checked
 from .layout import STATIC
 
 if TYPE_CHECKING:
+    import MDAnalysis
     import pandas
     import xarray
 
@@ -242,3 +243,19 @@ def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
             )
 
     return xarray.Variable(("time", "disk", "axis")[: stored.ndim], indexing.LazilyIndexedArray(Stored()))
+
+
+def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
+    """See `Trajectory.universe`."""
+    mda: Any = needed("MDAnalysis", "readers")
+    trajectory.dataset("position")  # says that it is missing
+    disks = trajectory.disks
+    made = mda.Universe.empty(disks.n, trajectory=True, velocities="velocity" in trajectory.fields)
+    for name, values in (
+        ("masses", disks.mass),
+        ("radii", disks.radius),
+        ("types", disks.material.astype(str)),
+    ):
+        made.add_TopologyAttr(name, values)
+    made.load_new(str(trajectory.path), format="H5MD", convert_units=False)
+    return made

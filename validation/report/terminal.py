@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...run.progress import clock_face
+from ...tools.progress import clock_face
 from . import registry
 
 if TYPE_CHECKING:
