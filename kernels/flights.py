@@ -9,7 +9,7 @@ from .language import ti
 from .layout import FAR, ROUNDER, Rows, Table
 
 
-def rounding():
+def rounding() -> float:
     """Relative error that a velocity may carry: some 50 units in its last place."""
     return 6.0e-6 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-14
 

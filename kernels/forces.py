@@ -1,5 +1,7 @@
 """The kernels that apply a force to every disk: one pair of them for each class of forces."""
 
+from typing import Any
+
 from .language import spread_of_loops, ti
 from .layout import (
     COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, START, TILES_X, TILES_Y, VX, VY, GasArrays,
@@ -54,7 +56,7 @@ def energy(mass, inertia, vx, vy, spin):
     return 0.5 * (mass * (vx_ * vx_ + vy_ * vy_) + inertia * (spin_ * spin_))
 
 
-def kernels_of(force, n_parameters):
+def kernels_of(force: Any, n_parameters: int) -> tuple[Any, Any]:
     """Kernels of a class of forces with so many parameters: (sum its totals, apply it).
 
     Sums over disks go tile by tile: their rounding does not depend on threads.

@@ -128,10 +128,12 @@ FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
 NOBODY = -1
 
-Rows, Table, Cube = (ti.types.ndarray(ndim=dimensions) for dimensions in (1, 2, 3))
+Rows: Any = ti.types.ndarray(ndim=1)
+Table: Any = ti.types.ndarray(ndim=2)
+Cube: Any = ti.types.ndarray(ndim=3)
 
 
-def plain(function):
+def plain(function: Any) -> Any:
     """A copy of a Python function without type annotations, of which `ti.func` takes none but its own."""
     copy = type(function)(
         function.__code__,

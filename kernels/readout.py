@@ -1,5 +1,7 @@
 """Disks by id, and sums over all of them, at the beginning or end of a window or at the moment in it asked for."""
 
+from typing import Any
+
 from .language import spread_of_loops, ti
 from .layout import (
     ANGLE, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
@@ -69,7 +71,7 @@ def placed(s, tile, time, gas: ti.template()):
     return x, y, boxes_x, boxes_y, frame, flow
 
 
-def is_single(array):
+def is_single(array: Any) -> bool:
     """Tell if an array that a kernel was given has numbers of single precision."""
     return array.get_type().element_type == ti.f32
 

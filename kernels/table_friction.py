@@ -37,7 +37,7 @@ MOST_STEPS = 20000
 NEVER = 1.0e30  # a time to fly that ends at rest
 
 
-def step_tolerance():
+def step_tolerance() -> float:
     """Error of a step that suits the precision that kernels compute in (`advance`)."""
     return 1.0e-5 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-11
 

@@ -32,7 +32,7 @@ from .layout import (
     MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, N_SLOTS, OWN, PART, PARTNER,
     PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES,
     SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, USUAL_HALO, VX, VY,
-    WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, X, Y,
+    WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, Uses, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, largest_speed, note_speed, radius_of
 
@@ -224,7 +224,7 @@ def seen(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template())
     return x, y, lap_x, lap_y, row
 
 
-def team_of(uses):
+def team_of(uses: Uses) -> int:
     """Threads that share the work on a tile, but for its events, which one of them runs in order: on a GPU."""
     return TEAM if on_gpu() and not (uses.sheared or uses.layered) else 1
 

@@ -149,7 +149,7 @@ def wall_motion(w, t, gas: ti.template()):
     return s, speed, bound, until
 
 
-def epsilon():
+def epsilon() -> float:
     """Spacing of real numbers at 1."""
     return 1.2e-7 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 2.3e-16
 

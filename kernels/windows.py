@@ -4,6 +4,8 @@ The length of a window depends on the state of the gas at its beginning only, ne
 where places and velocities are rounded.
 """
 
+from typing import Any
+
 from .events import predict, run_events
 from .language import on_gpu, spread_of_loops, ti
 from .layout import (
@@ -399,7 +401,7 @@ def run_windows(
         sum_blocks(column, gas)
 
 
-def has_numbers(array, of):
+def has_numbers(array: Any, of: Any) -> bool:
     """Tell if an array that a kernel was given has numbers of this type."""
     return array.get_type().element_type == of
 

@@ -166,7 +166,18 @@ def test_bullet_extra_asks_for_pybullet_only_where_it_has_wheels():
 # --- kernels compute; they do not talk, read, write or start anything
 
 # os for its environ alone: Taichi's banner can only be silenced there. The others are what language.py needs.
-IMPORTS_OF_KERNELS = {"taichi", "math", "numpy", "os", "typing", "ast", "functools", "itertools", "linecache", "sys"}
+IMPORTS_OF_KERNELS = {
+    "taichi",
+    "math",
+    "numpy",
+    "os",
+    "typing",
+    "ast",
+    "functools",
+    "itertools",
+    "linecache",
+    "sys",
+}
 
 
 def outside_effects(source: str) -> list[str]:

@@ -3,8 +3,9 @@
 A trajectory file holds its data in whole chunks, HDF5's trees of chunks, and groups. In HDF5's default format ("File
 Format Specification", version 1 of its B-trees) a chunk is stored whole, however few rows of it are used; the tree of a
 dataset of rank r has nodes for 64 chunks, of 24 + 64 x 8 + 65 x (8 + 8 (r + 1)) bytes, and where chunks come in order
-each is left nine tenths full. What groups, links and headers take was measured on files with 2 to 20,000 frames and
-rows (HDF5 of h5py 3.16, 2026-11-21): some 1,510 bytes a dataset, whatever it holds.
+each is left nine tenths full. Nodes and large chunks begin on a page each (`file.ALIGNED`). What groups, links and
+headers take was measured on files with 2 to 20,000 frames and rows (HDF5 of h5py 3.16, 2026-11-21): some 1,510 bytes a
+dataset, whatever it holds. Part of that fills what is left of pages: the estimate is too large by up to 50 kB.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from ..model.observables import MECHANISMS, REGIMES
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Drive
 from ..trajectory import layout
+from ..trajectory.file import on_pages
 from .case import Case
 from .output_section import OutputSection
 
@@ -230,9 +232,12 @@ def _by_theory(
 
 def disk_bytes(output: OutputSection) -> int:
     """Bytes per disk and frame in a trajectory file without compression."""
-    size = np.dtype(layout.PRECISIONS[output.precision]).itemsize
-    chosen = [layout.FIELDS[name] for name in output.fields]
-    return sum(field.components * (4 if field.count else size) for field in chosen)
+    return sum(_field_bytes(output, name) for name in output.fields)
+
+
+def _field_bytes(output: OutputSection, name: str) -> int:
+    field = layout.FIELDS[name]
+    return field.components * (4 if field.count else np.dtype(layout.PRECISIONS[output.precision]).itemsize)
 
 
 def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: int, events: int) -> int:
@@ -241,8 +246,8 @@ def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: in
     size = sum(_dataset(frames, layout.CHUNK_FRAMES, width, 8) for width in (1, 1, 3, *OBSERVABLES.values()))
     per_chunk = layout.chunk_disks(n)
     chunks = frames * -(-n // per_chunk)
-    size += chunks * per_chunk * disk_bytes(output)
     for name in output.fields:
+        size += chunks * on_pages(per_chunk * _field_bytes(output, name))
         size += _tree(chunks, 1 + layout.FIELDS[name].components) + GROUP_BYTES
     if rows:
         # Step and time first.
@@ -262,13 +267,13 @@ def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: in
 def _dataset(rows: int, chunk: int, width: int, item: int) -> int:
     """Bytes of rows of `width` items, with so many rows in a chunk."""
     chunks = math.ceil(rows / chunk)
-    return chunks * chunk * width * item + _tree(chunks, 1 if width == 1 else 2) + GROUP_BYTES
+    return chunks * on_pages(chunk * width * item) + _tree(chunks, 1 if width == 1 else 2) + GROUP_BYTES
 
 
 def _tree(chunks: int, rank: int) -> int:
     """Bytes of the tree of so many chunks of a dataset of this rank."""
     node = 24 + NODE * 8 + (NODE + 1) * (8 + 8 * (rank + 1))
     if chunks <= NODE:
-        return node if chunks else 0
+        return on_pages(node) if chunks else 0
     leaves = math.ceil(chunks / FILLED)
-    return node * leaves + _tree(leaves, rank)
+    return on_pages(node) * leaves + _tree(leaves, rank)

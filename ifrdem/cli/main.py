@@ -8,8 +8,8 @@ import sys
 import textwrap
 import time
 import warnings
-from collections.abc import Sequence
-from typing import Annotated
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any
 
 from cyclopts import (
     App,
@@ -70,7 +70,7 @@ def _lines(text: str) -> str:
     return textwrap.indent(text, "  ")
 
 
-COMMANDS = {
+COMMANDS: dict[Group, tuple[Callable[..., Any], ...]] = {
     RUNS: (run.run, run.resume, run.tail, study.study, cases.check, cases.new, cases.cases),
     FILES: (
         trajectory.info, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history, trajectory.export,
@@ -78,7 +78,7 @@ COMMANDS = {
     ),
     LAW: (experiment.collisions, fit.fit, experiment.compare, validate.validate, bench.bench, cases.backends, docs),
 }  # fmt: skip
-MORE = {
+MORE: dict[Callable[..., Any], str] = {
     fit.fit: fit.FORMAT,
     experiment.collisions: experiment.FORMAT,
     experiment.compare: experiment.COMPARE,

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ class Walton(CollisionLaw):
     ('e_n', 'beta', 'mu')
     """
 
-    coefficients = ("e_n", "beta", "mu")
+    coefficients: ClassVar[tuple[str, ...]] = ("e_n", "beta", "mu")
 
     @staticmethod
     def collide(pair: Any, coefficients: Any) -> tuple[Any, Any, Any]:

@@ -106,7 +106,9 @@ class Likelihood:
     """
 
     def __init__(self, problem: Problem, law: Law, robust: float | None = None) -> None:
-        self.problem, self.law, self.robust = problem, law, robust
+        self.problem: Problem = problem
+        self.law: Law = law
+        self.robust: float | None = robust
         self._begin = problem.start  # where the last nearest points were
         problem.set_redundancy(law, law.start_points(2)[1])
 

@@ -142,7 +142,8 @@ class Search:
     """Descents of the loss of one likelihood, with a coefficient or the angle of transition held if wished."""
 
     def __init__(self, likelihood: Likelihood) -> None:
-        self.likelihood, self.law = likelihood, likelihood.law
+        self.likelihood: Likelihood = likelihood
+        self.law: Law = likelihood.law
         self.lowest: tuple[Array, float] | None = None
         self._last: tuple[bytes, Points] | None = None
 

@@ -99,7 +99,8 @@ class RowError(InputError):
 
     def __init__(self, row: int, text: str) -> None:
         super().__init__(f"row {row + 1}: {text}")
-        self.row, self.text = row, text
+        self.row: int = row
+        self.text: str = text
 
 
 _EXACT = 1e-4  # an error of a known value, over the least one of its kind: its part of chi2 is 1e-8
@@ -131,7 +132,8 @@ class Problem(ABC):
     start: Array
     spread: Array
     step: Array
-    low, high = -LARGEST, LARGEST
+    low: float = -LARGEST
+    high: float = LARGEST
 
     def __init__(
         self,
@@ -141,22 +143,26 @@ class Problem(ABC):
         groups: Sequence[str],
         covariance: Mapping[tuple[int, int], Array] | None = None,
     ) -> None:
-        self.names, self.y, self.groups = tuple(names), y, tuple(groups)
+        self.names: tuple[str, ...] = tuple(names)
+        self.y: Array = y
+        self.groups: tuple[str, ...] = tuple(groups)
         there = ~np.isnan(y)
         unknown = np.isnan(s) & there
         each_group = zip(groups, unknown.T, strict=True)
-        self.estimated = tuple(dict.fromkeys(group for group, each in each_group if each.any()))
+        self.estimated: tuple[str, ...] = tuple(
+            dict.fromkeys(group for group, each in each_group if each.any())
+        )
         for group in self.estimated:  # of any size at first; then `scaled`
             members = [i for i, each in enumerate(groups) if each == group]
             s[:, members] = np.where(unknown[:, members], self.first_guess(group), s[:, members])
-        self.known = there & (s == 0.0)
+        self.known: NDArray[np.bool_] = there & (s == 0.0)
         for i, group in enumerate(groups):
             alike = s[:, [j for j, each in enumerate(groups) if each == group]]
             alike = alike[(alike > 0.0)]
             least = np.min(alike) if alike.size else self.first_guess(group) * 1e-2
             s[:, i] = np.where(self.known[:, i], _EXACT * least, s[:, i])
-        self.s = np.where(there, s, np.nan)
-        self.white = _whitening(self.s, covariance or {}, self.names)
+        self.s: Array = np.where(there, s, np.nan)
+        self.white: Array = _whitening(self.s, covariance or {}, self.names)
         self.rows: Index = np.arange(len(y))
 
     @abstractmethod
@@ -247,7 +253,7 @@ class Problem(ABC):
         slope = self.white @ latent_slope(self, law, values, x, self.rows, np.ones(len(x)))[1]
         scale = np.sqrt(np.sum(slope**2, axis=1, keepdims=True))
         rank = np.linalg.matrix_rank(slope / np.where(scale > 0.0, scale, 1.0), tol=1e-7)
-        self.redundancy = np.sum(~np.isnan(self.y), axis=1) - rank
+        self.redundancy: Array = np.sum(~np.isnan(self.y), axis=1) - rank
 
 
 def latent_slope(
@@ -285,7 +291,7 @@ def _whitening(s: Array, covariance: Mapping[tuple[int, int], Array], names: Seq
 class AngleProblem(Problem):
     """A table of angles; the latent coordinate is the true impact angle psi [rad]."""
 
-    low, high = SMALLEST, LARGEST
+    low: float = SMALLEST
 
     def __init__(self, names: Sequence[str], y: Array, s: Array, groups: Sequence[str], pair: Pair) -> None:
         self.pair = pair
@@ -300,9 +306,9 @@ class AngleProblem(Problem):
 
     def begin(self) -> None:
         """The measured impact angle."""
-        self.start = np.clip(np.radians(self.y[:, :1]), SMALLEST, LARGEST)
-        self.spread = np.radians(self.s[:, 0])
-        self.step = np.array([1e-6])
+        self.start: Array = np.clip(np.radians(self.y[:, :1]), SMALLEST, LARGEST)
+        self.spread: Array = np.radians(self.s[:, 0])
+        self.step: Array = np.array([1e-6])
 
     def motion(self, x: Array, rows: Index) -> tuple[Any, ...]:
         """m_1 = 1, v_o = 1, and the line of centres along x."""
@@ -362,13 +368,15 @@ class CollisionProblem(Problem):
     ) -> None:
         n = len(y)
         one, two = (list(disk.values()) for disk in disks)
-        self.wall = bool(wall)
+        self.wall: bool = bool(wall)
         zero = np.zeros(n)
         v_x, v_y, w = wall if wall else (zero, zero, zero)
         R_2 = one[1] if self.wall else two[1]
-        self.of_disks = np.stack([1.0 / one[0], one[1], one[2], 1.0 / two[0], R_2, two[2], v_x, v_y, w])
+        self.of_disks: Array = np.stack(
+            [1.0 / one[0], one[1], one[2], 1.0 / two[0], R_2, two[2], v_x, v_y, w]
+        )
         speeds = np.abs(y[:, [i for i, name in enumerate(names) if name[0] == "v"]])
-        self.speed = float(np.nanmedian(speeds[speeds > 0.0])) if np.any(speeds > 0.0) else 1.0
+        self.speed: float = float(np.nanmedian(speeds[speeds > 0.0])) if np.any(speeds > 0.0) else 1.0
         super().__init__(names, y, s, groups, covariance)
         self.begin()
 
@@ -405,11 +413,11 @@ class CollisionProblem(Problem):
         measured = [name for name in before_names if name in self.names]
         whole = np.all([~np.isnan(columns[name]) for name in measured], axis=0)
         apart = g_n < -4.0 * np.nan_to_num(errors["vx_1"] + errors["vy_1"]) - 0.05 * G
-        self.separating = whole & (apart | ((g_n == 0.0) & (g_t == 0.0)))
+        self.separating: NDArray[np.bool_] = whole & (apart | ((g_n == 0.0) & (g_t == 0.0)))
         chi = np.clip(np.arctan2(g_t, np.maximum(g_n, 0.05 * G)), -LARGEST, LARGEST)
         share = im_1 / (im_1 + im_2)  # m_2 / (m_1 + m_2)
         if self.wall:
-            self.start = np.stack([chi, phi, G, w_1], axis=-1)
+            self.start: Array = np.stack([chi, phi, G, w_1], axis=-1)
         else:
             x, y = v_1x - share * (v_1x - v_2x), v_1y - share * (v_1y - v_2y)
             self.start = np.stack([chi, phi, G, x, y, w_1, w_2], axis=-1)
@@ -418,10 +426,10 @@ class CollisionProblem(Problem):
             np.nan_to_num(errors[name], nan=np.inf) ** 2 * lever.get(name, 1.0) ** 2 for name in measured[1:]
         )
         variance = sum(squares)
-        self.spread = np.where(whole, np.sqrt(variance) / G + errors["normal"], np.inf)
+        self.spread: Array = np.where(whole, np.sqrt(variance) / G + errors["normal"], np.inf)
         spin = self.speed / float(np.median(R_1))
         scale = [1.0, 1.0, self.speed, spin] if self.wall else [1.0, 1.0, *[self.speed] * 3, spin, spin]
-        self.step = 1e-6 * np.array(scale)
+        self.step: Array = 1e-6 * np.array(scale)
 
     def motion(self, x: Array, rows: Index) -> tuple[Any, ...]:
         """n, and each disk's mass, radius, k, velocity and spin before the impact."""

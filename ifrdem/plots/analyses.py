@@ -339,7 +339,7 @@ def _correlation(axes: Axes, found: analysis.Correlation) -> None:
         vacf(axes, None, _alone(found))
 
 
-RESULTS = {
+RESULTS: dict[type[Any], Panels] = {
     analysis.VelocityDistribution: Panels(
         lambda left, right, found: velocity(left, right, None, _alone({"all": found})), TWO
     ),

@@ -35,7 +35,7 @@ PICTURES = {
 """Name -> what is drawn."""
 OVER = ("temperatures", "energy", "ledger", "mechanisms")
 """Pictures that can be drawn over collisions per disk."""
-UPPER_AND_LOWER = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
+UPPER_AND_LOWER: dict[str, Any] = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
 
 
 def figure(

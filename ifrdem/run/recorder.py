@@ -129,7 +129,7 @@ class Recorder:
         self._writer, self._take = writer, take_events
         self.ledger: Ledger = ledger
         self._clock, self._wrote = clock, -math.inf
-        self.seconds = 0.0
+        self.seconds: float = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
         self._frames: list[tuple[State, dict[str, Any]]] = []
         self._parts: list[tuple[Mapping[str, Any], float]] = []

@@ -12,9 +12,11 @@ from typing import Any
 
 from ..errors import Stopped
 
-WARNINGS = [getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)]
+WARNINGS: list[signal.Signals] = [
+    getattr(signal, name) for name in ("SIGUSR1", "SIGUSR2") if hasattr(signal, name)
+]
 """Signals by which batch systems tell that a job is about to run out of time (Windows has none)."""
-SIGNALS = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
+SIGNALS: list[signal.Signals] = [signal.SIGINT, signal.SIGTERM, *WARNINGS]
 """All that a run ends in good order for. Terminals and batch systems send them to every process of a job."""
 
 INTERRUPTED = 130  # what shells use for SIGINT

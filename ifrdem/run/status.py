@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
@@ -46,7 +46,7 @@ Number = Annotated[int | float, Field(gt=-1e300, lt=1e300)] | None
 class Record(BaseModel):
     """Content of the file; numbers are null while unknown."""
 
-    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+    model_config: ClassVar[ConfigDict] = ConfigDict(strict=True, allow_inf_nan=False)
 
     format: Literal[1]
     name: Text = ""

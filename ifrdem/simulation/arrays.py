@@ -110,64 +110,67 @@ class DeviceArrays:
         walls: NDArray[np.float64],
         uses: k.Uses,
     ) -> None:
-        n = self.n = disks.n
-        self.box, self.uses = box, uses
-        self.real = np.float32 if options.precision == "f32" else np.float64
+        n = disks.n
+        self.n: int = n
+        self.box: Box = box
+        self.uses: k.Uses = uses
+        self.real: type[np.floating[Any]] = np.float32 if options.precision == "f32" else np.float64
         self._type = getattr(ti, options.precision)
         self._arguments: dict[Callable[..., Any], list[str]] = {}
-        self.room = max(n, 1)
-        self.parts = 2
+        self.room: int = max(n, 1)
+        self.parts: int = 2
         kinds, self._kind = kinds_of(disks)
-        self.kinds = self._vectors(6, self._type, max(len(kinds), 1))
+        self.kinds: Any = self._vectors(6, self._type, max(len(kinds), 1))
         if n:
             self.kinds.from_numpy(kinds.astype(self.real))
         self._split = split_of(disks.radius)
         layered = self._split is not None and not uses.walled  # walls are noted in one layer of cells
         self.uses = uses = uses._replace(mixed=len(kinds) > 1, layered=layered)
-        self.kind = self._array(ti.i32, n if uses.mixed else 1)
+        self.kind: Any = self._array(ti.i32, n if uses.mixed else 1)
         if uses.mixed:
             self.kind.from_numpy(self._kind.astype(np.int32))
-        self.law = ti.ndarray(self._type, law_table.shape)
+        self.law: Any = ti.ndarray(self._type, law_table.shape)
         self.law.from_numpy(law_table.astype(self.real))
         # Small arrays that the host reads after every launch. Kernels on a CPU take NumPy arrays as they are; a GPU has
         # arrays of its own for them (`launch`).
-        self.on_gpu = options.arch != "cpu"
+        self.on_gpu: bool = options.arch != "cpu"
         self._twins: dict[str, Any] = {}
-        self.counter = np.zeros(20, dtype=np.int32)
-        self.clock = np.zeros(16)
-        self.grid = np.zeros(24, dtype=np.int32)
-        self.scale = np.zeros(20, dtype=self.real)
+        self.counter: NDArray[np.int32] = np.zeros(20, dtype=np.int32)
+        self.clock: NDArray[np.float64] = np.zeros(16)
+        self.grid: NDArray[np.int32] = np.zeros(24, dtype=np.int32)
+        self.scale: NDArray[np.floating[Any]] = np.zeros(20, dtype=self.real)
         words = np.array([options.seed & 0xFFFFFFFF, options.seed >> 32], dtype=np.uint32)
         self.grid[k.SEED_LOW : k.SEED_LOW + 2] = words.view(np.int32)
         self.grid[k.N], self.grid[k.LANES], self.grid[k.ROOM] = n, 1, self.room
         self.grid[k.WALLS] = len(walls)
         self.grid[k.PERIODIC_X], self.grid[k.PERIODIC_Y] = box.periodic
-        self.widest = 2.0 * float(disks.radius.max()) if n else 1.0
+        self.widest: float = 2.0 * float(disks.radius.max()) if n else 1.0
         self.scale[k.WIDEST] = self.widest
         self.scale[k.GX : k.GX + 2] = options.gravity
         self.scale[k.CUTOFF], self.scale[k.CONTACT_TIME] = options.velocity_cutoff, options.contact_time
         self.scale[k.SHEAR] = box.shear_rate
         walls = walls.reshape(-1, WALL)
-        self.walls = self._vectors(WALL, self._type, max(len(walls), 1))
+        self.walls: Any = self._vectors(WALL, self._type, max(len(walls), 1))
         self.thermal: NDArray[np.intp] = np.flatnonzero(walls[:, TEMPERATURE] > 0.0)
         if len(walls):
             rows = walls.astype(self.real)
             rows[:, HEAT] = -1.0
             rows[self.thermal, HEAT] = np.arange(len(self.thermal))
             self.walls.from_numpy(rows)
-        self.sums = np.zeros(k.TALLY + len(self.thermal))
+        self.sums: NDArray[np.float64] = np.zeros(k.TALLY + len(self.thermal))
         self.tile: Any = None
         self.listed: Any = None
         self.disk: Any = None
         self.meta: Any = None
         self.past: Any = None
         self.hits: Any = None
-        self._lanes = self.batch = 0
-        self.trail = self._vectors(2, ti.i32, self.room)
-        self.way = self._array(ti.f32, self.room)
-        self.back = self._array(ti.i32, self.room)
+        self._lanes = 0
+        self.batch: int = 0
+        self.trail: Any = self._vectors(2, ti.i32, self.room)
+        self.way: Any = self._array(ti.f32, self.room)
+        self.back: Any = self._array(ti.i32, self.room)
         self._make_parts(2)
-        self.watched = self._array(ti.i32, n if uses.watched else 1)
+        self.watched: Any = self._array(ti.i32, n if uses.watched else 1)
         self.event: Any = None
         self.event_int: Any = None
         self.scratch(0, 0, 0, 0)
@@ -264,7 +267,7 @@ class DeviceArrays:
         mantissa = 24 if self.real == np.float32 else 53
         if mantissa == 24 and max(tiles) > 1:  # places are from the corner of a tile
             extent = 2.0 * float(np.max((high - low) / count))
-        self.spacing = 2.0 ** (math.ceil(math.log2(2.0 * extent)) - mantissa)
+        self.spacing: float = 2.0 ** (math.ceil(math.log2(2.0 * extent)) - mantissa)
         self.scale[k.ROUNDER] = 1.5 * 2.0 ** (mantissa - 1) * self.spacing
         edges = []
         for axis in range(2):
@@ -274,11 +277,12 @@ class DeviceArrays:
                 edges.append(low[axis] + side * np.arange(tiles[axis] + 1))
             else:
                 edges.append(np.round(np.linspace(low[axis], high[axis], tiles[axis] + 1) / q) * q)
-        self.edges = edges
+        self.edges: list[NDArray[np.float64]] = edges
         self.grid[k.TILES_X], self.grid[k.TILES_Y] = tiles
         if self.uses.sheared:
             self.scale[k.DRIFT] = self.box.shear_rate * edges[1][1]
-        total = self.tiles = tiles[0] * tiles[1]
+        total: int = tiles[0] * tiles[1]
+        self.tiles: int = total
         heats = max(len(self.thermal), 1)
         for axis, name in enumerate(("edge_x", "edge_y")):
             self._replace(name, self._array(ti.f64, len(edges[axis])))
@@ -291,7 +295,7 @@ class DeviceArrays:
         blocks = (total + k.BLOCK_OF_TILES - 1) // k.BLOCK_OF_TILES
         columns = k.FIRST_SUM + 2 * (k.TALLY + heats)
         self._replace("found", self._array(ti.f64, blocks, columns))
-        self.total = np.zeros(columns)
+        self.total: NDArray[np.float64] = np.zeros(columns)
         self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
             edges[0][-1] - edges[0][0],
             edges[1][-1] - edges[1][0],
@@ -309,8 +313,9 @@ class DeviceArrays:
                 raise EngineError(
                     f"positions spread over {(high - low).max():.3g}: too far apart to compute with"
                 )
-        self.area = float(np.prod(high - low))
-        phi = self.packing_fraction = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
+        self.area: float = float(np.prod(high - low))
+        phi = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
+        self.packing_fraction: float = phi
         collisions, tile_disks = division(phi)
         if self.on_gpu:
             collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE

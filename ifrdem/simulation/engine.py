@@ -187,17 +187,22 @@ class Engine:
     ) -> None:
         self._released = True  # until there is anything to release
         self._whole = True  # False while a window is run: an interrupt would leave it half done
-        self.options = given = EngineOptions(**options)
-        self.disks, self.box, self.n = disks, box, disks.n
+        given = EngineOptions(**options)
+        self.options: EngineOptions = given
+        self.disks: Disks = disks
+        self.box: Box = box
+        self.n: int = disks.n
         self._law_table, self._law = np.ascontiguousarray(law_table, dtype=np.float64), law
         checks.check(
             disks, box, state, len(self._law_table), walls, given.gravity, given.precision, forces,
             velocity_cutoff=given.velocity_cutoff, contact_time=given.contact_time,
         )  # fmt: skip
-        self.gravity, self.precision = given.gravity, given.precision
-        self.walls, self.given_walls = (*walls, *sides(box)), len(walls)
+        self.gravity: tuple[float, float] = given.gravity
+        self.precision: str = given.precision
+        self.walls: tuple[Wall, ...] = (*walls, *sides(box))
+        self.given_walls: int = len(walls)
         check_walls(self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time))
-        self.statistics = Statistics()
+        self.statistics: Statistics = Statistics()
         self.keep_collisions = False
         self.last_collisions: Collisions | None = None
         self.tracking = tracking
@@ -229,14 +234,14 @@ class Engine:
         if tracking is not None:
             self.arrays.watched.from_numpy((tracking.rows > 0).astype(np.int32))
         self.arrays.clock[WALL_SPEED] = max((wall.most_speed for wall in self.walls), default=0.0)
-        self.past = {
+        self.past: dict[str, Any] = {
             "wall_hits": state.wall_hits, "latest_collision": state.latest_collision,
             "last_partner": state.last_partner, "angle": state.angle,
         }  # fmt: skip
         self._before = int(state.collisions.sum()) // 2, int(state.wall_hits.sum())
         self.windows: Windows = Windows(self.arrays, self.statistics, float(state.time))
         self._lay(state)
-        self.force_steps = ForceSteps(forces, self.arrays, disks, given.seed, self.time)
+        self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
         self._flow_excess = 0.0
         if box.shear_rate:

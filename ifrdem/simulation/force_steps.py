@@ -61,7 +61,7 @@ class ForceSteps:
     ) -> None:
         if isinstance(forces, Force):
             raise InputError(f"forces = {forces!r}: a list of forces is needed, [force] for one")
-        self.forces = tuple(forces)
+        self.forces: tuple[Force, ...] = tuple(forces)
         for i, force in enumerate(self.forces):
             if not isinstance(force, Force) or type(force).act is Force.act:
                 raise InputError(
@@ -76,7 +76,7 @@ class ForceSteps:
         self.arrays = arrays
         self._seed = seed
         self._steps = [force.step for force in self.forces]
-        self.next_steps = [_first_after(time, step) for step in self._steps]
+        self.next_steps: list[int] = [_first_after(time, step) for step in self._steps]
         self.energy_inputs: NDArray[np.float64] = np.zeros(len(self.forces))
         self._most = max(2, *(force.totals for force in self.forces)) if self.forces else 2
 

@@ -40,8 +40,11 @@ class Windows:
     """
 
     def __init__(self, arrays: DeviceArrays, statistics: Statistics, time: float) -> None:
-        self.arrays, self.statistics = arrays, statistics
-        self.begin = self.end = self.now = time
+        self.arrays: DeviceArrays = arrays
+        self.statistics: Statistics = statistics
+        self.begin: float = time
+        self.end: float = time
+        self.now: float = time
         self._ahead = False  # the window has been run to its end
         self._surveyed = False
         self._ready = False  # the present window has an end, and has not been run
@@ -53,16 +56,18 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
-        self.protrudes = (
+        self.protrudes: float = (
             0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
         )
         self._burst = 1  # windows of a GPU that went well one after another
         self._claimed = 0  # claims of the tiles that ran last
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
-        self.fastest = 0.0
-        self.rests = False
-        self.fresh = False  # the present window has just been run, and what was written down in it is new
+        self.fastest: float = 0.0
+        self.rests: bool = False
+        self.fresh: bool = (
+            False  # the present window has just been run, and what was written down in it is new
+        )
 
     # ------------------------------------------------------------------ what it knows
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -24,7 +24,7 @@ from ..case.case import Case
 from ..case.estimate import LEDGER, OBSERVABLES
 from ..errors import InputError, listed, nearest
 from ..tools.versions import __version__
-from .task import OVER_TIME, PER_FRAME, Task
+from .task import OverTime, PerFrame, Task
 
 ROWS = 50
 """Rows of series where neither the study nor its case says how many."""
@@ -57,7 +57,9 @@ RESERVED = {
 
 
 class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    model_config: ClassVar[ConfigDict] = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True
+    )
 
 
 class Range(_Part):
@@ -93,7 +95,7 @@ class StudyOutput(_Part):
 
     series: int | None = Field(default=None, ge=1, le=100_000)
     series_spacing: Literal["even", "log"] | None = None
-    analyses: list[Literal[*PER_FRAME, *OVER_TIME]] = Field(default=[])  # type: ignore[valid-type]
+    analyses: list[Literal[PerFrame, OverTime]] = Field(default=[])
     analyses_at: list[float] = Field(default=[])
     trajectories: bool = False
 

@@ -35,7 +35,10 @@ if TYPE_CHECKING:
     import xarray
 
 SEED = "seed"
-PLAIN = {"dissipated_by_mechanism": ("mechanism", MECHANISMS), "collisions_by_regime": ("regime", REGIMES)}
+PLAIN: dict[str, tuple[str, tuple[str, ...]]] = {
+    "dissipated_by_mechanism": ("mechanism", MECHANISMS),
+    "collisions_by_regime": ("regime", REGIMES),
+}
 THEORY = ("temperature", "rotational_temperature", "theta")
 """Predictions of kinetic theory for a gas."""
 BEYOND = 10.0

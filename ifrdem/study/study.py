@@ -93,8 +93,8 @@ class Study:
         given = os.fspath(output) if output is not None else self.plan.name + ENDING
         if os.path.isdir(given) or given.endswith(("/", os.sep)):
             given = os.path.join(given, self.plan.name + ENDING)
-        self.output = Path(given if given.endswith(ENDING) else given + ENDING)
-        self.folder = self.output.with_name(self.output.name.removesuffix(ENDING) + ".runs")
+        self.output: Path = Path(given if given.endswith(ENDING) else given + ENDING)
+        self.folder: Path = self.output.with_name(self.output.name.removesuffix(ENDING) + ".runs")
 
     @cached_property
     def _judged(self) -> tuple[dict[tuple[int, ...], Any], list[str]]:

@@ -10,7 +10,7 @@ import time
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,11 @@ from ..simulation.schedule import Schedule, Span
 from ..tools.files import write_aside
 from ..trajectory.file import TrajectoryError
 
-PER_FRAME = ("velocity", "g", "S", "fields", "clusters", "psi6")
+PerFrame = Literal["velocity", "g", "S", "fields", "clusters", "psi6"]
+PER_FRAME: tuple[str, ...] = get_args(PerFrame)
 """Analyses of single frames, at chosen places of a run."""
-OVER_TIME = ("msd", "vacf", "pressure", "cooling", "impact")
+OverTime = Literal["msd", "vacf", "pressure", "cooling", "impact"]
+OVER_TIME: tuple[str, ...] = get_args(OverTime)
 """Analyses of a whole run."""
 AT = "at"
 """Dimension of the places at which frames are analysed."""

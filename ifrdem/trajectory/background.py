@@ -33,7 +33,7 @@ class QueuedWriter:
         self._writer = writer
         self._jobs: queue.Queue[Callable[[], None] | None] = queue.Queue(WAITING)
         self._closed = False
-        self.seconds = 0.0
+        self.seconds: float = 0.0
         self._error: BaseException | None = None
         self._told = False
         # A daemon: a run that dies without closing is not held up by it, and the file stays whole.

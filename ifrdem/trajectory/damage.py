@@ -22,7 +22,7 @@ FAULTS = (
 HINT = "; `ifrdem repair` keeps what is whole"
 ZSTD = 32015  # number of the filter, https://github.com/HDFGroup/hdf5_plugins
 # Numbers of bytes made of one, at most: zlib's technical details; a block of Zstandard, RFC 8878: 128 KiB of 4 bytes.
-EXPANSION = {None: 1, "gzip": 1032, "zstd": 2**15}
+EXPANSION: dict[str | None, int] = {None: 1, "gzip": 1032, "zstd": 2**15}
 # Texts and views stand in global heaps, which a file gets when it is made: those of 1e5 disks within so many bytes.
 HEAPS = 1 << 24
 

@@ -23,6 +23,7 @@ from ..model.state import Disks
 from ..tools import files
 from ..tools.files import check_apart, checkpoint_of, not_a_file
 from . import damage, history, layout
+from .file import ON_PAGES
 from .reader import Trajectory, check_file
 from .reader import _box as box_of
 from .views import paths as view_paths
@@ -69,7 +70,7 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
                 say(f"  {error}")
         try:
             with files.replacing(place) as new:
-                with h5py.File(new, "w") as copy:
+                with h5py.File(new, "w", **ON_PAGES) as copy:
                     kept.write(copy)
                 _read_through(new)
         except InputError as error:

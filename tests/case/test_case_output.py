@@ -285,5 +285,6 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
             writer.write(replace(start, time=float(number)), ledger.observables(measured))
         columns = COLUMNS if output.ledger else None
         writer.write_series_rows([(1.0 * i, ledger.row(measured)) for i in range(expected.rows)], columns)
-    # Texts of the record (versions, devices) differ by some hundred bytes.
-    assert expected.file_bytes == pytest.approx(place.stat().st_size, rel=0.02, abs=4000)
+    # Texts of the record (versions, devices) differ by some hundred bytes; groups fill what is left of pages.
+    size = place.stat().st_size
+    assert size - 4000 < expected.file_bytes < 1.01 * size + 50_000

@@ -14,18 +14,22 @@ from test_reader import BOX, some_disks, some_state
 
 from ifrdem.errors import InputError
 from ifrdem.trajectory import layout
-from ifrdem.trajectory.file import OrderedFile, OutputFile
+from ifrdem.trajectory.file import PAGE, OrderedFile, OutputFile
 from ifrdem.trajectory.writer import TrajectoryWriter
 
-N = 40
 CUT_FROM, FRAMES = (
     58,
     70,
 )  # the index of a field's chunks splits at 64 frames, and with chunks of one row, of all others
 
 
-def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, monkeypatch):
-    """A kill leaves the writes up to some moment. By HDF5 alone, 11 moments at each split lose all frames."""
+@pytest.mark.parametrize("n", [40, 3000])
+def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, monkeypatch, n):
+    """A kill leaves the writes up to some moment, and the last of them up to the end of some page.
+
+    By HDF5 alone, 11 moments at each split lose all frames. A node of an index across two pages, half of it written,
+    shows frames as zeros.
+    """
     monkeypatch.setattr(layout, "CHUNK_ROWS", 1)
     monkeypatch.setattr(layout, "CHUNK_EVENTS", 50)
     writes: list[tuple[int, bytes]] = []
@@ -37,39 +41,57 @@ def test_every_beginning_of_what_is_written_holds_what_was_committed(tmp_path, m
 
     monkeypatch.setattr(OrderedFile, "_write", record)
     commits = []  # writes, frames, rows, batches
-    with TrajectoryWriter(tmp_path / "run.h5", some_disks(N), BOX) as writer:
-        writer.begin_histories(TRACKED, some_state(N, 0))
+    with TrajectoryWriter(tmp_path / "run.h5", some_disks(n), BOX) as writer:
+        writer.begin_histories(TRACKED, some_state(n, 0))
         for number in range(FRAMES):
             writer.write_series(0.1 * number, row(number), SERIES_COLUMNS)
             commits.append((len(writes), number, number + 1, number))
             writer.write_histories(*batch(number))
             commits.append((len(writes), number, number + 1, number + 1))
-            writer.write(some_state(N, number), {"energy": 0.5 * number})
+            writer.write(some_state(n, number), {"energy": 0.5 * number})
             commits.append((len(writes), number + 1, number + 1, number + 1))
-    states = [some_state(N, number).velocity.astype(np.float32) for number in range(FRAMES)]
+    states = [some_state(n, number) for number in range(FRAMES)]
+    written = {
+        "position/time": np.array([state.time for state in states]),
+        "position/value_2d": np.array([state.position for state in states], np.float32),
+        "velocity/value_2d": np.array([state.velocity for state in states], np.float32),
+        "angular_velocity/value": np.array([state.spin for state in states], np.float32),
+        "collisions/value": np.array([state.collisions for state in states]),
+    }
     psi = np.concatenate([batch(number)[0]["psi"] for number in range(FRAMES)])
-    image = bytearray()
-    committed, cut = commits[0], 0
-    for number, (place, data) in enumerate(writes, 1):
-        image.extend(bytes(max(0, place + len(data) - len(image))))
-        image[place : place + len(data)] = data
-        while commits and commits[0][0] <= number:
-            committed = commits.pop(0)
-        if committed[1] < CUT_FROM:
-            continue
-        cut += 1
-        with h5py.File(io.BytesIO(bytes(image)), "r") as file:
+
+    def check(committed: tuple[int, int, int, int]) -> None:
+        with h5py.File(io.BytesIO(image), "r") as file:
             frames = len(file["particles/all/position/step"])
             rows = len(file["timeseries/step"])
             events = int(file["histories/committed/events"][-1])
             assert frames >= committed[1]
             assert rows >= committed[2]
             assert events >= 50 * committed[3]
-            assert np.array_equal(file["particles/all/velocity/value_2d"][:frames], states[:frames])
+            for name, values in written.items():
+                assert np.array_equal(file[f"particles/all/{name}"][:frames], values[:frames])
             assert np.array_equal(file["observables/energy/value"][:frames], 0.5 * np.arange(frames))
             assert np.array_equal(file["timeseries/collisions/value"][:rows], 7 * np.arange(rows))
             assert np.array_equal(file["histories/events/psi"][:events], psi[:events])
-    assert cut > 150
+
+    image = bytearray()
+    committed, whole, torn = commits[0], 0, 0
+    for number, (place, data) in enumerate(writes, 1):
+        used = place < len(image)
+        image.extend(bytes(max(0, place + len(data) - len(image))))
+        for end in range((place // PAGE + 1) * PAGE, place + len(data), PAGE) if used else ():
+            image[place:end] = data[: end - place]
+            if committed[1] >= CUT_FROM:
+                check(committed)
+                torn += 1
+        image[place : place + len(data)] = data
+        while commits and commits[0][0] <= number:
+            committed = commits.pop(0)
+        if committed[1] >= CUT_FROM:
+            check(committed)
+            whole += 1
+    assert whole > 150
+    assert torn > 20
 
 
 @pytest.mark.parametrize("longest", [1000, 20_000])

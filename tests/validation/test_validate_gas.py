@@ -10,7 +10,7 @@ import pytest
 from ifrdem import theory
 from ifrdem.cli import main as cli
 from ifrdem.model.ifr import IFRLaw
-from ifrdem.validation.gas import collapse, sample, state, waves
+from ifrdem.validation.gas import collapse, elastic, sample, state, waves
 from ifrdem.validation.report import page, registry, runner, terminal
 from ifrdem.validation.report.registry import GAS, Result
 
@@ -301,3 +301,11 @@ def test_the_expansion_of_rough_disks_has_the_smooth_and_the_perfectly_rough_one
         J = rough.changes(alpha, beta, found)
         assert J[0, 0] == pytest.approx(2.0 * J[1, 0], rel=1e-6)
         assert rough.sonine(alpha, beta).theta == pytest.approx(found, rel=0.1)
+
+
+def test_cumulants_change_the_relaxation_of_perfectly_rough_disks_only_once_there_are_some() -> None:
+    """At the start all is Gaussian and the rate 3 k / (1 + k)^2 = 2/3 exact; cumulants change tau^2 and beyond."""
+    tau = np.array([0.0, 1e-3, 1e-2, 1.0])
+    late = elastic.relaxed(tau) / np.exp(-2.0 * tau / 3.0) - 1.0
+    assert np.all(np.abs(late[:3]) <= 0.01 * tau[:3] ** 2 + 1e-9)
+    assert 0.003 < late[3] < 0.01  # DSMC: 0.003(4); two runs of the engine: 0.007(3) and 0.009(3)

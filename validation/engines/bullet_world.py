@@ -20,7 +20,7 @@ from ...model.state import Disks, State
 from ...model.walls import Wall
 from ..report.registry import Skip
 
-SETTINGS = {
+SETTINGS: dict[str, float] = {
     "numSubSteps": 0,
     "numSolverIterations": 50,
     "solverResidualThreshold": 0.0,  # else it stops iterating before the impulses have settled

@@ -275,29 +275,33 @@ class Printed:
     """Equations as printed, by number; each comment says what is wrong."""
 
     # Above Eq. 3, with R for R^2: not even a moment of inertia by its unit.
-    inertia = staticmethod(lambda m, R, k: np.asarray(m * R / k))
+    inertia: Callable[..., Array] = staticmethod(lambda m, R, k: np.asarray(m * R / k))
     # Eq. 10 has a factor M in the friction: against Eq. 2 and Eq. 18 unless M = 1.
-    eq_10 = staticmethod(lambda c: c.v_o * np.sin(c.psi) - (1.0 + c.e_t) * c.V_ot / c.D - c.M * _friction(c))
+    eq_10: Law = staticmethod(
+        lambda c: c.v_o * np.sin(c.psi) - (1.0 + c.e_t) * c.V_ot / c.D - c.M * _friction(c)
+    )
     # Above Eq. 12, with - R_1 w_1; Eq. 12 does not follow from it.
-    contact_slip = staticmethod(
+    contact_slip: Callable[..., Array] = staticmethod(
         lambda v_1t, v_2t, R_1, w_1, R_2, w_2: contact_slip(v_1t, v_2t, -R_1, w_1, R_2, w_2)
     )
     # Eq. 14 has no factor M: against Eq. 2 and Eq. 21 unless M = 1.
-    eq_14 = staticmethod(lambda c: (2.0 + c.e_t) * c.V_ot / c.D)
+    eq_14: Law = staticmethod(lambda c: (2.0 + c.e_t) * c.V_ot / c.D)
     # Eq. 24 is divided by 1 + e_t: Eqs. 19 and 21 are not equal there.
-    eq_24 = staticmethod(lambda c: np.asarray(3.0 * c.mu * (1.0 + c.e_n) / (1.0 + c.e_t)))
+    eq_24: Law = staticmethod(lambda c: np.asarray(3.0 * c.mu * (1.0 + c.e_n) / (1.0 + c.e_t)))
     # Eq. 26 has the 3 of homogeneous disks for every k: Fig. 3 uses it for spheres on a plane.
-    eq_26 = staticmethod(lambda c: c.e_t + 3.0 * c.mu * (1.0 + c.e_n) / np.tan(c.psi))
+    eq_26: Law = staticmethod(lambda c: c.e_t + 3.0 * c.mu * (1.0 + c.e_n) / np.tan(c.psi))
     # Eq. 33 has - mu M for + mu: against Eq. 34.
-    eq_33 = staticmethod(lambda c: _P_t(c, (1.0 + c.e_t) / 3.0) - c.mu * c.M * P_n(c))
+    eq_33: Law = staticmethod(lambda c: _P_t(c, (1.0 + c.e_t) / 3.0) - c.mu * c.M * P_n(c))
     # Eqs. 35 and 38 have (r/R_2) M for r/R_2, which does not follow from Eqs. 32, 33 and 36 unless M = 1.
-    eq_35 = staticmethod(lambda c: _Rw_2(c, 2.0 / 3.0 * (1.0 + c.e_t - c.r / c.R_2 * c.M), 2.0 * c.mu))
-    eq_38 = staticmethod(lambda c: _Rw_2(c, 2.0 / 3.0 * (2.0 + c.e_t - c.r / c.R_2 * c.M), 0.0))
+    eq_35: Law = staticmethod(lambda c: _Rw_2(c, 2.0 / 3.0 * (1.0 + c.e_t - c.r / c.R_2 * c.M), 2.0 * c.mu))
+    eq_38: Law = staticmethod(lambda c: _Rw_2(c, 2.0 / 3.0 * (2.0 + c.e_t - c.r / c.R_2 * c.M), 0.0))
     # Eq. 41 has 2/3 (5 + 2 e_t - (r/R_2) M): does not follow from Eqs. 32 and 39, nor match Eq. 40.
-    eq_41 = staticmethod(lambda c: _Rw_2(c, 2.0 / 3.0 * (5.0 + 2.0 * c.e_t - c.r / c.R_2 * c.M), 0.0))
+    eq_41: Law = staticmethod(lambda c: _Rw_2(c, 2.0 / 3.0 * (5.0 + 2.0 * c.e_t - c.r / c.R_2 * c.M), 0.0))
     # Table I: rolling with 1/r, right only for R_1 = R_2 or M = 1; nonrolling with 2, three times too much there.
-    rolling = staticmethod(lambda c, without: without - 2.0 * c.rho / c.r * (1.0 + c.e_n) / np.tan(c.psi))
-    nonrolling = staticmethod(lambda c, without: without - 2.0)
+    rolling: Callable[..., Array] = staticmethod(
+        lambda c, without: without - 2.0 * c.rho / c.r * (1.0 + c.e_n) / np.tan(c.psi)
+    )
+    nonrolling: Callable[..., Array] = staticmethod(lambda c, without: without - 2.0)
 
 
 # -- Table II ----------------------------------------------------------------------------------------------

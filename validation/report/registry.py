@@ -39,7 +39,7 @@ DEVICE = ("device_bits", "device_speed")
 """Cases for a GPU that is new: against the CPU, and its speed; ten minutes."""
 
 CASES = PAPER + BULLET + GAS + DEVICE  # in the order in which they run
-GROUPS = {"paper": PAPER, "bullet": BULLET, "gas": GAS, "device": DEVICE}
+GROUPS: dict[str, tuple[str, ...]] = {"paper": PAPER, "bullet": BULLET, "gas": GAS, "device": DEVICE}
 ROOMS = {"paper": "paper", "bullet": "engines", "gas": "gas", "device": "devices"}
 """Folder of each group: case `gas_haff` is the module `ifrdem.validation.gas.haff`."""
 

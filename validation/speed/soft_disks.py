@@ -136,12 +136,14 @@ class SoftDisks:
         ranks: int = 1,
         steps_per_contact: int = STEPS_PER_CONTACT,
     ) -> None:
-        self.contact_time = CONTACT_TIME * free_time
-        self.time_step = self.contact_time / steps_per_contact
+        self.contact_time: float = CONTACT_TIME * free_time
+        self.time_step: float = self.contact_time / steps_per_contact
+        self.stiffness: float
+        self.damping: float
         self.stiffness, self.damping = spring_and_damping(e_n, self.contact_time, 1.0)
         self.steps_per_contact = steps_per_contact
         self.ranks = ranks
-        self.skin = SKINS[2]
+        self.skin: float = SKINS[2]
         self._n = state.n
         self._diameter = diameter
         self._folder = folder
