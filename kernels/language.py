@@ -9,24 +9,39 @@ and do not.
 Taichi 1.7 spends half a second of each start on two things that kernels do not need; both are replaced here, before the
 first kernel is declared. They change no kernel.
 
-- For each declared function it asks `inspect` for the module of the calling frame, which goes through all of
-  `sys.modules`; the line of source that it wants is in `linecache`.
+- For each declared function, and for its own as it is imported, it asks `inspect` for the module of the calling frame,
+  which goes through all of `sys.modules`; the line of source that it wants is in `linecache`.
 - For each node of the syntax tree it lays out an excerpt of the source, in case of an error there; file, line and the
   line's text say as much. The source of a function is read once instead of at each call of it.
 """
 
 import ast
 import functools
+import inspect
 import itertools
 import linecache
 import math
 import sys
+from types import FrameType
 from typing import Any
 
-import taichi as ti
-from taichi.lang import kernel_impl
-from taichi.lang.ast import ast_transformer, ast_transformer_utils
-from taichi.lang.expr import Expr
+
+def _frame(frame: FrameType, context: int = 1) -> inspect.Traceback:
+    """File, line and function of a frame, and the one line of source there."""
+    code, line = frame.f_code, frame.f_lineno
+    return inspect.Traceback(
+        code.co_filename, line, code.co_name, [linecache.getline(code.co_filename, line)], 0
+    )
+
+
+_whole, inspect.getframeinfo = inspect.getframeinfo, _frame  # type: ignore[assignment]
+try:
+    import taichi as ti
+    from taichi.lang import kernel_impl
+    from taichi.lang.ast import ast_transformer, ast_transformer_utils
+    from taichi.lang.expr import Expr
+finally:
+    inspect.getframeinfo = _whole
 
 __all__ = ["on_gpu", "round_products_by", "spread_of_loops", "ti"]
 

@@ -174,9 +174,11 @@ IMPORTS_OF_KERNELS = {
     "typing",
     "ast",
     "functools",
+    "inspect",
     "itertools",
     "linecache",
     "sys",
+    "types",
 }
 
 
