@@ -237,11 +237,12 @@ def begin(tile, gas: ti.template()):
     if gas.grid[ALONE] == 1:
         last = gas.grid[TILES_X] * gas.grid[TILES_Y] - 1
     for k in range(tile, last + 1):
-        for column in range(TALLY):
-            gas.tally[k, AT_END, column] = 0.0
-        if ti.static(gas.uses.thermal):
-            for column in range(gas.heat.shape[2]):
-                gas.heat[k, AT_END, column] = 0.0
+        for when in ti.static((AT_END, AT_MOMENT)):
+            for column in range(TALLY):
+                gas.tally[k, when, column] = 0.0
+            if ti.static(gas.uses.thermal):
+                for column in range(gas.heat.shape[2]):
+                    gas.heat[k, when, column] = 0.0
         gas.reach[k, BEYOND], gas.reach[k, FURTHEST], gas.reach[k, PROTRUDES] = -ENDLESS, 0.0, 0.0
     if gas.counter[AGAIN] == 0:
         gas.reach[tile, WIDER] = ti.max(NARROWER * gas.reach[tile, WIDER], 1.0)

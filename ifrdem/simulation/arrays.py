@@ -465,9 +465,8 @@ class DeviceArrays:
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
         lists = self.tile.to_numpy()
         first, count = lists[:, k.START + part], lists[:, k.COUNT + part]
-        listed = np.empty(n, dtype=np.int64)
-        for tile in range(self.tiles):
-            listed[first[tile] : first[tile] + count[tile]] = tile
+        by_slot = np.argsort(first + 0.5 * (count > 0))  # an empty list may begin where another does
+        listed = np.repeat(by_slot, count[by_slot])
         index = np.empty((n, 2), dtype=np.int64)
         disk, meta = held["disk"][rows], held["meta"][rows]
         for axis, old in enumerate((listed // counts[1], listed % counts[1])):

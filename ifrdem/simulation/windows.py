@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
+from ..kernels.events import TOO_FAR
 from ..kernels.windows import (
     LARGEST_WAY,
     LEAST_HALO,
@@ -208,6 +209,8 @@ class Windows:
             self._ahead, self._surveyed, self._moment, self._moment_now = False, True, math.inf, 0.0
             a = self.arrays
             self.protrudes = self._most(k.MOST_PROTRUDES)
+            if not a.box.is_open and not self.protrudes <= TOO_FAR * self._least_side():
+                raise _unbounded(self.begin)
             a.clock[k.PATH] = path_from(
                 a.clock[k.PATH], a.clock[k.FREE_PATH], a.clock[k.IN_WINDOW],
                 a.clock[k.SPEED] * (self.end - self.begin), self._at_end[k.COLLISIONS],
@@ -401,10 +404,7 @@ class Windows:
             self._claimed = int(a.counter[k.N_CLAIMED])
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
             if a.counter[k.STALLED] == 2:
-                raise EngineError(
-                    f"t = {float(a.clock[k.BEGIN]):.9g}: a collision gave a disk an energy beyond all bounds: "
-                    "it would cross the box a million times before anything else happens. The law adds energy"
-                )
+                raise _unbounded(float(a.clock[k.BEGIN]))
             if a.counter[k.STALLED]:
                 raise InelasticCollapse(
                     f"t = {float(a.clock[k.BEGIN]):.9g}: collisions pile up without end in a window (inelastic "
@@ -532,6 +532,13 @@ class _TooLong(Exception):
 
 class _Again(Exception):
     """Claims did not fit: all tiles have to be run again."""
+
+
+def _unbounded(time: float) -> EngineError:
+    return EngineError(
+        f"t = {time:.9g}: a collision gave a disk an energy beyond all bounds: "
+        "it would cross the box a million times before anything else happens. The law adds energy"
+    )
 
 
 def square_unit(fastest2: float) -> float:
