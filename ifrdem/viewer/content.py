@@ -231,6 +231,8 @@ class Content:
         """
         frame = self.trajectory[index]
         header: dict[str, Any] = {"index": index, "time": frame.time, "walls": self._walls(frame.time)}
+        if window is None and self.trajectory.disks.n > MOST_DISKS:
+            return self._map(frame, header, window)
         position, owner = self._placed(frame)
         radius, whole = self.trajectory.disks.radius, self.trajectory.disks.n
         if window is not None:
@@ -241,7 +243,7 @@ class Content:
             position, owner, whole = position[kept], owner[kept], 0
         if len(owner) > MOST_DISKS:
             return self._map(frame, header, window)
-        low, high = (position.min(axis=0), position.max(axis=0)) if len(owner) else (np.zeros(2), np.ones(2))
+        low, high = np.transpose([(x.min(), x.max()) for x in position.T]) if len(owner) else (np.zeros(2), np.ones(2))
         high = np.where(high > low, high, low + 1.0)
         arrays: dict[str, NDArray[Any]] = {
             "position": np.rint((position - low) / (high - low) * 65535.0).astype(np.uint16).ravel(),

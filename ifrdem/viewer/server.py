@@ -128,6 +128,7 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     server_version, sys_version = "ifrdem", ""
     timeout = 60.0  # of a connection without requests [s]
+    wbufsize, disable_nagle_algorithm = -1, True  # an answer leaves at once, in one piece
 
     def parse_request(self) -> bool:
         """Read a request; one for another host, or without the token, is refused before its method is looked at."""
