@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
@@ -67,12 +68,9 @@ def view(
         server = Server(shown, number)
     except OSError as error:
         raise InputError(f"--port {port}: {error.strerror}; without --port, any free one is taken") from error
-    say(server.address)
-    if not no_browser:
-        import webbrowser
-
-        if not webbrowser.open(server.address):
-            note("no browser was found: open the address in one of this machine")
-    note("Ctrl-C ends")
     with server, contextlib.suppress(KeyboardInterrupt):
+        note("the page is served until Ctrl-C, at")
+        say(server.address)
+        if not no_browser and not webbrowser.open(server.address):
+            note("no browser was found: open the address in one of this machine")
         server.serve_forever()

@@ -243,7 +243,11 @@ class Content:
             position, owner, whole = position[kept], owner[kept], 0
         if len(owner) > MOST_DISKS:
             return self._map(frame, header, window)
-        low, high = np.transpose([(x.min(), x.max()) for x in position.T]) if len(owner) else (np.zeros(2), np.ones(2))
+        low, high = (
+            np.transpose([(x.min(), x.max()) for x in position.T])
+            if len(owner)
+            else (np.zeros(2), np.ones(2))
+        )
         high = np.where(high > low, high, low + 1.0)
         arrays: dict[str, NDArray[Any]] = {
             "position": np.rint((position - low) / (high - low) * 65535.0).astype(np.uint16).ravel(),
@@ -323,6 +327,7 @@ class Content:
         Raises InputError if there is no such disk or frame.
         """
         it, frame = self.trajectory, self.trajectory[index]
+        id = it.checked_disk(id)
         values = {
             name: numbers(np.atleast_1d(it.read(name, (index, id))))
             for name in ("position", "velocity", SPIN, "collisions") if name in it.fields
@@ -368,7 +373,7 @@ def _speed(_content: Content, frame: Frame) -> Array:
 
 COLOURS = {
     "spin": Colour(
-        "spin, counter-clockwise positive", "angle/time", "diverging", SPIN, lambda _, frame: frame.spin
+        "spin (counter-clockwise +)", "angle/time", "diverging", SPIN, lambda _, frame: frame.spin
     ),
     "speed": Colour("speed", "length/time", "rising", "velocity", _speed),
     "species": Colour(

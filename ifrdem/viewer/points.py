@@ -34,6 +34,10 @@ class Points:
     """
 
     def __init__(self, place: Path) -> None:
+        if not place.name.endswith((ENDING, RUNS)):
+            raise InputError(
+                f"{place}: the results of a study are needed, NAME{ENDING}, or its folder NAME{RUNS}"
+            )
         name = place.name.removesuffix(RUNS).removesuffix(ENDING)
         self._folder, self.path = place.with_name(name + RUNS), place.with_name(name + ENDING)
         self._results = Results.read(self.path)
@@ -116,14 +120,16 @@ class Points:
             if mean is None or mean.dims != (*self._axes, rows):
                 continue
             error, theory = (it.variables.get(f"{name}_{kind}") for kind in ("error", "theory"))
-            lines: list[dict[str, Any]] = [{"name": name.replace("_", " "), "y": numbers(mean.values[index])}]
+            lines: list[dict[str, Any]] = [
+                {"name": f"mean, {BAND:g} standard errors", "y": numbers(mean.values[index])}
+            ]
             if error is not None:
                 lines[0]["error"] = numbers(BAND * error.values[index])
             if theory is not None:
                 lines.append({"name": "kinetic theory", "y": numbers(theory.values[index]), "dashed": True})
             unit = "" if name == "theta" else mean.unit
             charts.append(
-                {"name": name.replace("_", " "), "unit": unit, "over": rows.replace("_", " "),
+                {"name": f"{name.replace('_', ' ')}, all seeds", "unit": unit, "over": rows.replace("_", " "),
                  "x": numbers(it.values(rows)), "lines": lines}
             )  # fmt: skip
         return {"charts": charts}
