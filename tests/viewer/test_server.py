@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from support import viewed
+from support.manual import block
 
 import ifrdem
 from ifrdem.cli.main import main
@@ -265,6 +266,15 @@ def test_notebooks_show_the_page_in_a_frame(path):
         ifrdem.view(path, [9])
     with pytest.raises(InputError, match="no frame to show"):
         ifrdem.view(path, [])
+
+
+def test_the_manuals_example_shows_the_page(path, monkeypatch):
+    monkeypatch.chdir(path.parent)
+    path.rename("cooling.h5")
+    *lines, last = block("view").splitlines()
+    found: dict = {}
+    exec("\n".join(lines), found)
+    assert "<iframe" in eval(last, found)._repr_html_()
 
 
 def test_one_file_of_too_many_disks_is_refused(path, monkeypatch):
