@@ -146,9 +146,8 @@ class Content:
 
     def _unit(self, quantity: str) -> str:
         """Unit of a colour; turns are in rad in every file."""
-        if quantity == "angle/time":
-            return f"rad/{unit_of(self.trajectory, 'time') or 'time'}"
-        return (unit_of(self.trajectory, quantity) or REDUCED) if quantity else ""
+        unit = unit_of(self.trajectory, quantity.removeprefix("angle")) if quantity else ""
+        return REDUCED if unit is None else quantity.startswith("angle") * "rad" + unit
 
     @property
     def colours(self) -> tuple[list[dict[str, str]], dict[str, str]]:

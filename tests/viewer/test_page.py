@@ -209,7 +209,7 @@ def test_colours_that_are_not_there_are_told_with_the_reason(page, serve, tmp_pa
     reasons = page.locator("#colour option[disabled]").all_text_contents()
     assert len(reasons) == 4
     assert any("output.histories" in one for one in reasons)
-    assert "no rotation marks" in page.inner_text("#notes")
+    assert "no marks that turn" in page.inner_text("#notes")
 
 
 def test_a_wrong_token_is_refused(page, serve, path):
