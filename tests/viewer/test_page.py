@@ -47,8 +47,8 @@ def page(browser: Any) -> Iterator[Any]:
     found.on("pageerror", lambda error: wrong.append(str(error)))
     found.wrong = wrong
     yield found
-    context.close()
     assert wrong == []
+    context.close()
 
 
 @pytest.fixture
@@ -209,7 +209,7 @@ def test_colours_that_are_not_there_are_told_with_the_reason(page, serve, tmp_pa
     reasons = page.locator("#colour option[disabled]").all_text_contents()
     assert len(reasons) == 4
     assert any("output.histories" in one for one in reasons)
-    assert "no marks that turn" in page.inner_text("#notes")
+    until(page, "$('notes').innerText.includes('no marks that turn')")
 
 
 def test_a_wrong_token_is_refused(page, serve, path):
@@ -263,7 +263,7 @@ def test_points_of_a_study_open_their_runs(page, serve, tmp_path):
 def test_many_disks_are_a_map_until_the_view_is_narrow(page, serve, path):
     opened(page, serve(path, first="from ifrdem.viewer import content; content.MOST_DISKS = 20"))
     assert page.evaluate("frame.shape.length") == 2
-    assert "area fraction in cells of" in page.inner_text("#notes")
+    until(page, "$('notes').innerText.includes('area fraction in cells of')")
     page.evaluate("zoomAt(300, 200, 16)")
     until(page, "!busy && !frame.shape && count() < 20")
-    assert page.inner_text("#notes") == ""
+    until(page, "$('notes').innerText === ''")
