@@ -17,6 +17,7 @@ from PIL import Image
 from support import viewed
 from test_server import some_results
 
+import ifrdem
 from ifrdem.cli.main import main
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -84,7 +85,8 @@ def until(page: Any, condition: str) -> None:
 
 def opened(page: Any, address: str) -> None:
     page.goto(address)
-    until(page, "head !== null && frame !== null && !busy")
+    until(page, "head !== null && frame !== null && !busy && legend.state !== undefined")
+    pixels(page)  # the header has its place
 
 
 def pixels(page: Any) -> np.ndarray:
@@ -214,7 +216,8 @@ def test_colours_that_are_not_there_are_told_with_the_reason(page, serve, tmp_pa
 
 def test_a_wrong_token_is_refused(page, serve, path):
     address = serve(path)
-    assert page.goto(address[:-3] + "xx/").status == 403
+    wrong = "y" if address[-2] == "x" else "x"
+    assert page.goto(f"{address[:-2]}{wrong}/").status == 403
     assert [one for one in page.wrong if "403" not in one] == []
     page.wrong.clear()
 
@@ -246,6 +249,28 @@ def test_one_file_draws_without_a_server(page, path, tmp_path):
     assert np.abs(pixels(page)[row, column] - (0, 114, 178)).max() <= 8
     page.mouse.click(*spot(page, *viewed.state(3).position[viewed.TRACKED] + 0.1))
     until(page, "$('disk').innerText.includes('3 collisions')")
+
+
+def test_two_fingers_zoom_and_the_place_between_them_stays(page, serve, path):
+    opened(page, serve(path))
+    x, y = spot(page, 10.0, 10.0)
+    fingers = page.context.new_cdp_session(page)
+    for kind, apart in (("touchStart", 40), ("touchMove", 60), ("touchMove", 80), ("touchMove", 120)):
+        points = [{"x": x - apart, "y": y, "id": 1}, {"x": x + apart, "y": y, "id": 2}]
+        fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert page.evaluate("view.zoom / fit.zoom") == pytest.approx(3.0, rel=0.05)
+    assert np.abs(np.subtract(spot(page, 10.0, 10.0), (x, y))).max() <= 4
+    assert page.evaluate("selected") == -1
+
+
+def test_the_page_draws_in_the_frame_of_a_notebook(page, path, tmp_path):
+    notebook = tmp_path / "notebook.html"
+    notebook.write_text(f"<!doctype html><meta charset=utf-8>{ifrdem.view(path)._repr_html_()}")
+    page.goto(notebook.as_uri())
+    inside = page.frames[1]
+    until(inside, "head !== null && frame !== null && !busy && head.times.length === 4")
+    assert inside.inner_text("#title").startswith("run: 40 disks")
 
 
 def test_points_of_a_study_open_their_runs(page, serve, tmp_path):
