@@ -1,4 +1,4 @@
-"""Reference pages of the site: the help of each command, and the docstrings of each public name."""
+"""Pages that are made for the site: the help of each command, the docstrings of each public name, run notebooks."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import ifrdem
+
+sys.path.insert(0, str(Path(__file__).parent))
+import notebooks  # beside this file
 
 FACES = [
     ("ifrdem", ifrdem),
@@ -72,6 +76,15 @@ def api() -> str:
                 "",
             ]
     return "\n".join(lines)
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Run the notebooks, and add a page of each."""
+    from mkdocs.structure.files import File
+
+    for path in sorted(notebooks.FOLDER.glob("*.py")):
+        files.append(File.generated(config, f"notebooks/{path.stem}.md", content=notebooks.page(path)))
+    return files
 
 
 def on_page_markdown(markdown: str, page: Any, **_options: Any) -> str:

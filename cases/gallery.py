@@ -1,7 +1,7 @@
-"""The manual's gallery: runs the shipped cases and writes `gallery.md` with a small picture of each.
+"""The manual's gallery: runs the shipped cases and writes `gallery.md`, with a picture of each and twelve for a wall.
 
 `python -m ifrdem.cases.gallery RUNS` runs the cases into the folder RUNS, those whose picture is not there yet, and
-writes into `ifrdem/docs`.
+writes into `ifrdem/docs`, the moving picture of the README among it.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from PIL import Image
 from ifrdem.case import shipped
 
 DOCS = Path(__file__).resolve().parents[1] / "ifrdem" / "docs"
-WIDTH = 760
-COLOURS = 32
+WIDTH, COLOURS = 760, 32
 ORDER = (
     "cooling",
+    "clusters",
     "driven",
     "shear",
     "mixture",
@@ -26,18 +26,76 @@ ORDER = (
     "vibrated",
     "thermal_walls",
     "drum",
+    "wake",
     "coins_on_table",
     "coins_from_video",
     "impact_scan",
 )
 
 
-def shrink(picture: Path, small: Path) -> None:
-    """Write a copy of a picture that is `WIDTH` pixels wide, in `COLOURS` colours."""
+DARK = "--style dark_background"
+WALL_WIDTH, WALL_COLOURS = 600, 96
+WALL = {
+    "streams": (
+        "clusters", f"disks --colour direction {DARK}",
+        "Directions of motion: bands where streams meet.",
+    ),
+    "cold": (
+        "cooling", f"disks --colour speed {DARK}",
+        "50,000 coins: the dense filaments are slow, coins between them fly on.",
+    ),
+    "banks": (
+        "wake", f"disks --frames 70 {DARK}",
+        "A post ploughs through coins; those along the channel spin.",
+    ),
+    "turn": (
+        "drum", f"disks --colour direction {DARK}",
+        "Up with the drum (blue), and down the slope (red and yellow).",
+    ),
+    "floating": (
+        "vibrated", f"disks --frames 120 --colour speed {DARK}",
+        "A few hot coins on a shaken floor carry all the others.",
+    ),
+    "burst": (
+        "coins_on_table", f"disks --frames 15 {DARK}",
+        "400 coins burst from a patch; who is hit off-centre spins.",
+    ),
+    "sizes": (
+        "mixture", f"disks --colour radius {DARK}",
+        "10,000 disks with lognormal radii, at 0.4 of the area.",
+    ),
+    "break": (
+        "coins_from_video", f"disks --frames 12 {DARK}",
+        "A square of nine coins and three others: the start is what a camera saw.",
+    ),
+    "pairs": (
+        "impact_scan", f"disks --colour speed {DARK}",
+        "321 impacts at 321 angles, each on its own.",
+    ),
+    "sheared": (
+        "shear", f"disks --colour direction {DARK}",
+        "Directions of motion beside the flow that the sides impose.",
+    ),
+    "heat": (
+        "thermal_walls", f"disks --colour temperature {DARK}",
+        "Heat goes from the hot wall on the left to the cold one.",
+    ),
+    "maps": (
+        "driven", f"fields {DARK}",
+        "Density with the flow, and thermal temperature, of a gas that random kicks drive.",
+    ),
+}  # fmt: skip
+"""Pictures for a wall: name -> case, words of `ifrdem plot`, caption."""
+MOVIE = f"clusters.h5 --frames ::3 --fps 10 --size 480x424 --colour direction {DARK} --quality 35"
+"""Words of `ifrdem movie` for the README's picture."""
+
+
+def shrink(picture: Path, small: Path, width: int = WIDTH, colours: int = COLOURS) -> None:
+    """Write a copy of a picture that is so many pixels wide, in so many colours."""
     with Image.open(picture) as image:
-        height = round(image.height * WIDTH / image.width)
-        copy = image.convert("RGB").resize((WIDTH, height), Image.Resampling.LANCZOS)
-        copy.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        height = round(image.height * width / image.width)
+        copy = image.convert("RGB").resize((width, height), Image.Resampling.LANCZOS)
+        copy.quantize(colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
             small, optimize=True
         )
 
@@ -54,9 +112,24 @@ def comment(name: str) -> str:
     return " ".join(paragraph)
 
 
+def on_the_wall(name: str) -> str:
+    """Markdown of one picture for a wall."""
+    case, words, text = WALL[name]
+    return f"""### {shipped.title(case)}: {name}
+
+![{text}](gallery/wall/{name}.png)
+
+{text} The case: `cases/{case}.toml`.
+
+```sh
+ifrdem plot {case}.h5 {words}
+```
+"""
+
+
 def section(name: str) -> str:
     """Markdown of one case: title, picture, command, and where the case stands."""
-    return f"""## {shipped.title(name)}
+    return f"""### {shipped.title(name)}
 
 ![Picture of the case {name}](gallery/{name}.png)
 
@@ -70,7 +143,7 @@ The case: `cases/{name}.toml`, printed by `ifrdem new cases/{name}.toml -o -`.
 """
 
 
-STUDY = """## A study: Haff's law and the ratio of temperatures for e_n and mu
+STUDY = """### A study: Haff's law and the ratio of temperatures for e_n and mu
 
 ![Temperatures of nine gases with bands over twenty seeds](gallery/study.png)
 
@@ -89,22 +162,43 @@ ifrdem plot study.nc theta --over tau --by e_n
 
 def page() -> str:
     """Markdown of the gallery."""
-    head = """# Gallery
+    head = f"""# Gallery
 
-The shipped cases at their own settings. Made by `python -m ifrdem.cases.gallery RUNS`, which runs each case and
-shrinks its picture.
+Made by `python -m ifrdem.cases.gallery RUNS`, which runs the shipped cases at their own settings and shrinks their
+pictures.
+
+## For the wall
+
+One command each, after `ifrdem run CASE`. `--colour` takes spin, speed, direction, temperature, radius, material and
+collisions; `ifrdem movie` has the same colours, and makes MP4, WebP or GIF.
+
+![Clusters form in a gas that cools](gallery/clusters.webp)
+
+```sh
+ifrdem movie {MOVIE} -o clusters.webp
+```
 """
-    return "\n".join((head, *(section(name) for name in ORDER), STUDY))
+    wall = (on_the_wall(name) for name in WALL)
+    cases = """## The cases
+
+The picture that `ifrdem run` makes of each.
+"""
+    return "\n".join((head, *wall, cases, *(section(name) for name in ORDER), STUDY))
+
+
+def ifrdem(*words: str, cwd: Path) -> None:
+    """Run a command of the package in a folder."""
+    subprocess.run([sys.executable, "-m", "ifrdem", *words], check=True, cwd=cwd)
 
 
 def study(runs: Path) -> None:
     """Run the study and write its picture, T above theta."""
     if not (runs / "study.nc").exists():
         for words in (["new", "study", "--force"], ["study", "study.toml"]):
-            subprocess.run([sys.executable, "-m", "ifrdem", *words], check=True, cwd=runs)
+            ifrdem(*words, cwd=runs)
     for what in ("T", "theta"):
         words = ["plot", "study.nc", what, "--over", "tau", "--by", "e_n", "--force"]
-        subprocess.run([sys.executable, "-m", "ifrdem", *words], check=True, cwd=runs)
+        ifrdem(*words, cwd=runs)
     with Image.open(runs / "study-T.png") as upper, Image.open(runs / "study-theta.png") as lower:
         both = Image.new("RGB", (upper.width, upper.height + lower.height))
         both.paste(upper, (0, 0))
@@ -116,15 +210,18 @@ def study(runs: Path) -> None:
 def main(runs: Path) -> None:
     """Run the cases into a folder and write the page and its pictures."""
     runs.mkdir(parents=True, exist_ok=True)
-    (DOCS / "gallery").mkdir(exist_ok=True)
+    (DOCS / "gallery" / "wall").mkdir(parents=True, exist_ok=True)
     for name in ORDER:
         picture = runs / f"{name}.png"
         if not picture.exists():
             case = str(shipped.FOLDER / f"{name}.toml")
-            subprocess.run(
-                [sys.executable, "-m", "ifrdem", "run", case, "-o", str(runs), "--force"], check=True
-            )
+            ifrdem("run", case, "-o", str(runs), "--force", cwd=Path())
         shrink(picture, DOCS / "gallery" / f"{name}.png")
+    ifrdem("movie", *MOVIE.split(), "--force", "-o", str(DOCS / "gallery" / "clusters.webp"), cwd=runs)
+    for name, (case, words, _) in WALL.items():
+        ifrdem("plot", f"{case}.h5", *words.split(), "--force", "-o", f"wall-{name}.png", cwd=runs)
+        small = DOCS / "gallery" / "wall" / f"{name}.png"
+        shrink(runs / f"wall-{name}.png", small, WALL_WIDTH, WALL_COLOURS)
     study(runs)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8", newline="\n")
 

@@ -63,10 +63,7 @@ def describe() -> str:
 def load() -> ModuleType:
     """Import PyBullet.
 
-    Raises
-    ------
-    InputError
-        If it is absent, with what to do. It is never compiled or installed on the way.
+    Raises InputError if it is absent, with what to do. It is never compiled or installed on the way.
 
     Examples
     --------
@@ -86,14 +83,14 @@ Array = NDArray[np.float64]
 UPRIGHT = 1e-6  # how far a cylinder's axis may lean, as the x and y of its quaternion
 
 
-class Disk(NamedTuple):
+class DiskBody(NamedTuple):
     """A PyBullet cylinder whose axis is along z: its body's id and its radius [length]."""
 
     body: int
     radius: float
 
 
-class Wall(NamedTuple):
+class WallBody(NamedTuple):
     """A PyBullet plane that stands upright: its body's id, a point on it [length] and its normal towards the disks."""
 
     body: int
@@ -110,10 +107,12 @@ def add_disk(
     height: float | None = None,
     friction: float = 0.0,
     restitution: float = 0.0,
-) -> Disk:
+) -> DiskBody:
     """Add a cylinder that moves in the plane z = 0 only, at the origin, at rest.
 
     Its tilt is locked, by moments of inertia about x and y that PyBullet reads as infinite, and it has no damping.
+
+    Raises InputError if a number is not positive and finite, or PyBullet is absent.
 
     Parameters
     ----------
@@ -125,11 +124,6 @@ def add_disk(
         Along z [length]; by default the radius. One height for all keeps their contacts in the plane.
     friction, restitution : float
         For Bullet's own response, in which those of two bodies are multiplied; `bullet.step` does not use them.
-
-    Raises
-    ------
-    InputError
-        If a number is not positive and finite, or PyBullet is absent.
 
     Examples
     --------
@@ -147,9 +141,7 @@ def add_disk(
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{name} = {value}: a positive finite number is needed")
     shape = p.createCollisionShape(p.GEOM_CYLINDER, radius=radius, height=height, physicsClientId=client)
-    body = p.createMultiBody(
-        mass, shape, -1, [0.0, 0.0, 0.0], useMaximalCoordinates=1, physicsClientId=client
-    )
+    body = p.createMultiBody(mass, shape, -1, [0.0] * 3, useMaximalCoordinates=1, physicsClientId=client)
     _surface(p, client, body, friction, restitution)
     # The margin is part of the cylinder, and its default of 0.04 more than a coin in metres has. Contact normals come
     # out within 8e-7 with this one, within 1e-6 with larger ones.
@@ -157,7 +149,7 @@ def add_disk(
     # Without `mass` this call would set it to 0.
     inertia = [0.0, 0.0, mass * radius**2 / k]
     p.changeDynamics(body, -1, mass=mass, localInertiaDiagonal=inertia, physicsClientId=client)
-    return Disk(body, radius)
+    return DiskBody(body, radius)
 
 
 def add_wall(
@@ -167,13 +159,10 @@ def add_wall(
     *,
     friction: float = 0.0,
     restitution: float = 0.0,
-) -> Wall:
+) -> WallBody:
     """Add an immovable plane through `point` [length]; disks are on the side to which `normal` points.
 
-    Raises
-    ------
-    InputError
-        If the normal has no direction, or PyBullet is absent.
+    Raises InputError if the normal has no direction, or PyBullet is absent.
 
     Examples
     --------
@@ -193,7 +182,7 @@ def add_wall(
     shape = p.createCollisionShape(p.GEOM_PLANE, planeNormal=[*unit, 0.0], physicsClientId=client)
     body = p.createMultiBody(0.0, shape, -1, [*point, 0.0], useMaximalCoordinates=1, physicsClientId=client)
     _surface(p, client, body, friction, restitution)
-    return Wall(body, point, unit)
+    return WallBody(body, point, unit)
 
 
 def _surface(p: Any, client: int, body: int, friction: float, restitution: float) -> None:
@@ -237,39 +226,30 @@ def place(
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """Colliding bodies: disks and walls, with their properties in PyBullet, read once.
+    """Colliding bodies: disks and walls, with their properties in PyBullet, read once."""
 
-    Attributes
-    ----------
-    disks : tuple of Disk
-        n of them. One of mass 0 is an immovable post.
-    walls : tuple of Wall
-    mass, radius, k : arrays (n,)
-        Masses [mass], infinite for a post, radii [length], shape numbers in I = m R^2 / k.
-    """
-
-    disks: tuple[Disk, ...]
-    walls: tuple[Wall, ...]
+    disks: tuple[DiskBody, ...]
+    """n of them. One of mass 0 is an immovable post."""
+    walls: tuple[WallBody, ...]
     mass: Array
     radius: Array
     k: Array
+    """mass, radius, k: masses [mass], infinite for a post, radii [length], shape numbers in I = m R^2 / k."""
 
     @classmethod
-    def read(cls, client: int, bodies: Sequence[Disk | Wall | int]) -> Bodies:
+    def read(cls, client: int, bodies: Sequence[DiskBody | WallBody | int]) -> Bodies:
         """Read masses and moments of inertia of disks and walls.
 
         A plain id will do for a body that was made without `useMaximalCoordinates`: of the other kind PyBullet does
-        not tell radius or plane, so it needs a `Disk` or a `Wall`.
+        not tell radius or plane, so it needs a `DiskBody` or a `WallBody`.
 
-        Raises
-        ------
-        InputError
-            If a body is not there, is neither cylinder nor plane, does not stand upright, or cannot turn.
+        Raises InputError if a body is not there, is neither cylinder nor plane, does not stand upright, or cannot
+        turn.
         """
         p = load()
         known = [_recognized(p, client, body) if isinstance(body, int) else body for body in bodies]
-        disks = tuple(one for one in known if isinstance(one, Disk))
-        walls = tuple(one for one in known if isinstance(one, Wall))
+        disks = tuple(one for one in known if isinstance(one, DiskBody))
+        walls = tuple(one for one in known if isinstance(one, WallBody))
         ids = [one.body for one in known]
         if len(set(ids)) < len(ids):
             raise InputError(f"bodies = {ids}: one of them is there twice")
@@ -296,22 +276,22 @@ class Bodies:
         return position, velocity, spin, angle
 
 
-def _recognized(p: Any, client: int, body: int) -> Disk | Wall:
+def _recognized(p: Any, client: int, body: int) -> DiskBody | WallBody:
     """The disk or wall behind a plain id."""
     try:
         ((_, _, kind, size, *_),) = p.getCollisionShapeData(body, -1, physicsClientId=client)
     except (p.error, ValueError):
         raise InputError(
-            f"body {body}: PyBullet does not tell its shape; give ifrdem.bullet.Disk(body, radius) or "
-            "ifrdem.bullet.Wall(body, point, normal)"
+            f"body {body}: PyBullet does not tell its shape; give ifrdem.bullet.DiskBody(body, radius) or "
+            "ifrdem.bullet.WallBody(body, point, normal)"
         ) from None
     if kind == p.GEOM_CYLINDER:
-        return Disk(body, size[1])  # its height comes first
+        return DiskBody(body, size[1])  # its height comes first
     if kind == p.GEOM_PLANE:
         (x, y, _), _ = p.getBasePositionAndOrientation(body, physicsClientId=client)
         if abs(size[2]) > UPRIGHT:
             raise InputError(f"body {body}: a plane with normal {size}, which does not stand upright")
-        return Wall(body, (x, y), (size[0], size[1]))
+        return WallBody(body, (x, y), (size[0], size[1]))
     raise InputError(f"body {body}: neither a cylinder nor a plane")
 
 
@@ -325,7 +305,7 @@ def _check_upright(p: Any, client: int, body: int) -> None:
 
 
 __all__ = [
-    "Bodies", "Disk", "Hit", "Wall", "absence", "add_disk", "add_wall", "describe", "load", "place", "step",
+    "Bodies", "DiskBody", "Hit", "WallBody", "absence", "add_disk", "add_wall", "describe", "load", "place", "step",
 ]  # fmt: skip
 
 Laws = IFRLaw | Callable[[int, int], IFRLaw]
@@ -348,7 +328,7 @@ class Hit(NamedTuple):
     P_t: float
 
 
-def step(client: int, bodies: Bodies | Sequence[Disk | Wall | int], law: Laws) -> list[Hit]:
+def step(client: int, bodies: Bodies | Sequence[DiskBody | WallBody | int], law: Laws) -> list[Hit]:
     """Advance a PyBullet world by one step, in which `bodies` collide by the IFR law.
 
     Use it in place of `pybullet.stepSimulation`. Gravity and external forces act as in PyBullet: at the beginning of
@@ -358,7 +338,7 @@ def step(client: int, bodies: Bodies | Sequence[Disk | Wall | int], law: Laws) -
     ----------
     client : int
         What `pybullet.connect` returned.
-    bodies : Bodies or sequence of Disk, Wall or int
+    bodies : Bodies or sequence of DiskBody, WallBody or int
         Cylinders and planes that collide with each other. `Bodies.read(client, ...)`, called once, saves reading
         masses at every step.
     law : IFRLaw or callable
@@ -412,7 +392,7 @@ class _Step:
         self.p, self.client, self.bodies, self.law = p, client, bodies, law
         self.n = len(bodies.disks)
         # Disks count from 0, walls after them.
-        members: list[Disk | Wall] = [*bodies.disks, *bodies.walls]
+        members: list[DiskBody | WallBody] = [*bodies.disks, *bodies.walls]
         self.index = {one.body: i for i, one in enumerate(members)}
         self.ids = [one.body for one in members]
         self.normal = np.array([wall.normal for wall in bodies.walls]).reshape(-1, 2)
@@ -422,9 +402,8 @@ class _Step:
 
     def run(self) -> list[Hit]:
         # Zero iterations: contacts are found, but nothing acts in them. Warm starting would, by earlier impulses.
-        self.p.setPhysicsEngineParameter(
-            numSolverIterations=0, warmStartingFactor=0.0, physicsClientId=self.client
-        )
+        options = {"numSolverIterations": 0, "warmStartingFactor": 0.0}
+        self.p.setPhysicsEngineParameter(**options, physicsClientId=self.client)
         self.p.stepSimulation(physicsClientId=self.client)
         self.x, self.v, self.w, self.angle = self.bodies.state(self.client)
         self.since = np.full(self.n + len(self.bodies.walls), -self.dt)  # when each present flight began
@@ -440,10 +419,9 @@ class _Step:
             hit = [i for i in first[1:] if i < self.n]
             count[hit] += 1
             if count.max() > MOST_HITS:
-                raise InelasticCollapse(
-                    f"body {self.ids[int(count.argmax())]} collided {MOST_HITS} times in one step of {self.dt:g}: "
-                    "an inelastic collapse"
-                )
+                body = self.ids[int(count.argmax())]
+                times = f"{MOST_HITS} times in one step of {self.dt:g}: an inelastic collapse"
+                raise InelasticCollapse(f"body {body} collided {times}")
             self.p.performCollisionDetection(physicsClientId=self.client)
             near = np.unique(np.concatenate([near, self._near(hit)]), axis=0)
 

@@ -93,6 +93,12 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def refuse(wrong: Sequence[str], source: object = "", most: int = 100) -> None:
+    """Raise InputError with a line for each thing that is wrong, behind the name of its source; return if none is."""
+    if wrong:
+        raise InputError(listed([f"{source}: {each}" for each in wrong] if source else wrong, most))
+
+
 def listed(lines: Sequence[str], most: int = 20) -> str:
     """The lines of a message; of more than `most`, the first ones and the number of the others."""
     if len(lines) <= most:

@@ -6,8 +6,8 @@ is drawn by counter (`random.py`), for candidate c of a batch. See `ifrdem.simul
 """
 
 from .contact import collided
-from .language import ti
-from .layout import BLOCK, SPREAD, GasArrays, Rows, Table
+from .language import spread_of_loops, ti
+from .layout import BLOCK, GasArrays, Rows, Table
 from .random import DRAWS, normals, unit, words
 
 # A disk's record
@@ -146,9 +146,10 @@ def kick(disk: Rows, key: Rows, factors: Rows, gains: Rows):
 
     `factors`: what is left of a velocity and of a spin; energy that noise gives to the motion and to the spin.
     """
-    for item in range(SPREAD * ((disk.shape[0] + BLOCK - 1) // BLOCK)):
-        if item % SPREAD == 0:
-            b = item // SPREAD
+    spread = ti.static(spread_of_loops())
+    for item in range(spread * ((disk.shape[0] + BLOCK - 1) // BLOCK)):
+        if item % spread == 0:
+            b = item // spread
             gain = ti.cast(0.0, ti.f64)
             for d in range(b * BLOCK, ti.min(disk.shape[0], (b + 1) * BLOCK)):
                 stream = stream_of(d, KICKS, key)

@@ -14,15 +14,15 @@ depend neither on the cells nor on the region: only on who is there.
 
 from .contact import ELASTIC, ROLLS, STICKS, collided
 from .flights import contact_delay, rounding
-from .language import ti
+from .language import on_gpu, ti
 from .layout import (
     ASIDE, AT, AT_END, AT_MOMENT, BINS, BY_COUNT, BY_LAW, BY_REMEDY, CELL, COLLISIONS, DIRECTION, DRIFT,
-    ELASTICALLY, ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK, FULL,
-    FULL_WATCHED, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES, MATERIAL,
-    MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS, N_WATCHED, OWN,
-    PAIRS, PARTNER, PARTNER_NUMBER, PAUSED, PAUSING, PLACES, PREVIOUS, REGIMES, RESTITUTION, ROLLING_LOSS,
-    ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY, WANTED, WATCHING, WHO, WIDEST,
-    WINDOW, W_SPIN, K, X, Y,
+    ELASTICALLY, ELASTICS, EVENT_HOW, EVENT_ID, EVENT_PARTNER, EVENT_TILE, FAR, FIRST_WALL, FLOW_WORK,
+    FULL, FULL_WATCHED, INVERSE_MASS, KIND_RADIUS, LAP_X, LAP_Y, LAST, LENGTH_X, LENGTH_Y, LOSSES,
+    MATERIAL, MOMENT_IN, MOST_EVENTS, NEXT, NEXT_IN_CELL, NOBODY, NORMAL, NORMAL_X, NUMBER, N_EVENTS,
+    N_WATCHED, OWN, PAIRS, PARTNER, PARTNER_NUMBER, PAUSED, PAUSING, PLACES, PREVIOUS, REGIMES,
+    RESTITUTION, ROLLING_LOSS, ROW, SLIDING_LOSS, STALLED, STICKING_LOSS, TAU, T_HIT, T_LEAVE, VX, VY,
+    WANTED, WATCHING, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
 )  # fmt: skip
 from .places import (
     add, came_to, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
@@ -231,7 +231,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
     note_speed(b, gas)
     gas.link[a][LAST] = b
     gas.link[b][LAST] = a
-    if gas.grid[WATCHING] == PAIRS and gas.link[a][OWN] == 1:
+    if gas.grid[WATCHING] == PAIRS and gas.link[a][OWN] > 0:
         row = ti.atomic_add(gas.counter[N_WATCHED], 1)
         if row < gas.grid[MOST_EVENTS]:
             gas.event[row][AT] = t
@@ -255,7 +255,7 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
                 write_motion(row, t, 3 * side, before, after, gas)
                 gas.event_int[row][EVENT_PARTNER] = gas.link[other][WHO]
                 gas.event_int[row][EVENT_HOW] = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
-    if gas.link[a][OWN] == 1:
+    if gas.link[a][OWN] > 0:
         add(tile, COLLISIONS, 1.0, gas)
         if how >= ELASTIC:
             add(tile, ELASTICS, 1.0, gas)
@@ -281,6 +281,56 @@ def sooner(t, j, best, partner, gas: ti.template()):
 
 
 @ti.func
+def meeting(i, j, shift_x, shift_y, best, radius, gas: ti.template()):
+    """Time at which the disk at place i, of this radius, meets the one at place j, which is shifted; FAR if late."""
+    t = FAR + 0.0 * best
+    if j != i:
+        tau, tau_j = gas.work[i][TAU], gas.work[j][TAU]
+        start = ti.select(tau_j > tau, tau_j, tau)
+        vx, vy, vx_j, vy_j = gas.work[i][VX], gas.work[i][VY], gas.work[j][VX], gas.work[j][VY]
+        from_i, from_j = start - tau, start - tau_j
+        # Differences of places are exact. Seen from j, every term only changes its sign.
+        rx = ((gas.work[j][X] - gas.work[i][X]) + shift_x) + (vx_j * from_j - vx * from_i)
+        ry = ((gas.work[j][Y] - gas.work[i][Y]) + shift_y) + (vy_j * from_j - vy * from_i)
+        ux, uy = vx_j - vx, vy_j - vy
+        if ti.static(gas.uses.sheared):
+            rows = gas.link[j][ROW] - gas.link[i][ROW]
+            if rows != 0:
+                rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
+                ux += rows * gas.scale[DRIFT]
+        sigma = gas.scale[WIDEST]
+        if ti.static(gas.uses.mixed):
+            sigma = radius + radius_of(j, gas)
+        noise = ti.static(rounding()) * ((ti.abs(vx) + ti.abs(vy)) + (ti.abs(vx_j) + ti.abs(vy_j)))
+        t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
+        if gas.link[i][LAST] == j and gas.link[j][LAST] == i:
+            # They part, since this start; but round a narrow box another image may come.
+            if rx * rx + ry * ry < PARTING * sigma * sigma:
+                t = FAR
+    return t
+
+
+@ti.func
+def wrapped(column, row, nx, ny, gas: ti.template()):
+    """A column and row of cells within the region, round the box; how far disks there are shifted."""
+    shift_x, shift_y = 0.0 * gas.scale[WINDOW], 0.0 * gas.scale[WINDOW]
+    ax, ay = column, row
+    if ax < 0:
+        ax += nx
+        shift_x = -gas.scale[LENGTH_X]
+    elif ax >= nx:
+        ax -= nx
+        shift_x = gas.scale[LENGTH_X]
+    if ay < 0:
+        ay += ny
+        shift_y = -gas.scale[LENGTH_Y]
+    elif ay >= ny:
+        ay -= ny
+        shift_y = gas.scale[LENGTH_Y]
+    return ax, ay, shift_x, shift_y
+
+
+@ti.func
 def find(
     i, x_low, x_high, y_low, y_high, half, best, partner, region: ti.template(), gas: ti.template()
 ):  # fmt: skip
@@ -291,12 +341,9 @@ def find(
     they have just come into a large cell; large disks look at all small cells in the large ones, unless `half`.
     """
     own_x, own_y = gas.link[i][CELL] >> 16, gas.link[i][CELL] & 0xFFFF
-    x, y, vx, vy, tau = gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU]
-    last = gas.link[i][LAST]
     radius = gas.scale[WIDEST] * 0.5
     if ti.static(gas.uses.mixed):
         radius = radius_of(i, gas)
-    size = ti.abs(vx) + ti.abs(vy)
     mine = layer_of(i, gas)
     for other in range(ti.static(2 if gas.uses.layered else 1)):
         layer = other
@@ -322,57 +369,19 @@ def find(
         if region.wrap_y == 0:
             low_y, high_y = ti.max(low_y, 0), ti.min(high_y, ny - 1)
         for column in range(low_x, high_x + 1):
-            ax = column
-            shift_x = 0.0 * x
-            if ax < 0:
-                ax += nx
-                shift_x = -gas.scale[LENGTH_X]
-            elif ax >= nx:
-                ax -= nx
-                shift_x = gas.scale[LENGTH_X]
             first_y = low_y
             if halved == 1 and column == own_x:
                 first_y = own_y
             for row_of_cells in range(first_y, high_y + 1):
-                ay = row_of_cells
-                shift_y = 0.0 * x
-                if ay < 0:
-                    ay += ny
-                    shift_y = -gas.scale[LENGTH_Y]
-                elif ay >= ny:
-                    ay -= ny
-                    shift_y = gas.scale[LENGTH_Y]
+                ax, ay, shift_x, shift_y = wrapped(column, row_of_cells, nx, ny, gas)
                 j = gas.head[head_at(ax, ay, layer, region, gas)]
                 if halved == 1 and column == own_x and row_of_cells == own_y:
                     j = gas.link[i][NEXT_IN_CELL]
                 while j >= 0:
                     following = gas.link[j][NEXT_IN_CELL]
-                    if j != i:
-                        tau_j = gas.work[j][TAU]
-                        start = ti.select(tau_j > tau, tau_j, tau)
-                        vx_j, vy_j = gas.work[j][VX], gas.work[j][VY]
-                        from_i, from_j = start - tau, start - tau_j
-                        # Differences of places are exact. Seen from j, every term only changes its sign.
-                        rx = ((gas.work[j][X] - x) + shift_x) + (vx_j * from_j - vx * from_i)
-                        ry = ((gas.work[j][Y] - y) + shift_y) + (vy_j * from_j - vy * from_i)
-                        ux, uy = vx_j - vx, vy_j - vy
-                        if ti.static(gas.uses.sheared):
-                            rows = gas.link[j][ROW] - gas.link[i][ROW]
-                            if rows != 0:
-                                rx += rows * (gas.scale[ASIDE] + gas.scale[DRIFT] * start)
-                                ux += rows * gas.scale[DRIFT]
-                        sigma = gas.scale[WIDEST]
-                        if ti.static(gas.uses.mixed):
-                            sigma = radius + radius_of(j, gas)
-                        noise = ti.static(rounding()) * (size + (ti.abs(vx_j) + ti.abs(vy_j)))
-                        t = start + contact_delay(rx, ry, ux, uy, noise, sigma, best - start, gas)
-                        if j == last and gas.link[j][LAST] == i:
-                            # They part, since this start; but round a narrow box another image may come.
-                            if rx * rx + ry * ry < PARTING * sigma * sigma:
-                                t = FAR
-                        if sooner(t, j, best, partner, gas):
-                            best = t
-                            partner = j
+                    t = meeting(i, j, shift_x, shift_y, best, radius, gas)
+                    if sooner(t, j, best, partner, gas):
+                        best, partner = t, j
                     j = following
     return best, partner
 
@@ -395,12 +404,38 @@ def around(own_x, own_y, x_low, x_high, y_low, y_high, half, region: ti.template
 
 
 @ti.func
-def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas: ti.template()):
-    """All events of a window in a region of n disks at places from `places` on, which gather has laid out.
+def predict(
+    i, x_low, x_high, y_low, y_high, half, keeps, region: ti.template(), gas: ti.template()
+):  # fmt: skip
+    """Find the next event of the disk at place i in the cells that `find` tells, or that which it `keeps`."""
+    window = gas.scale[WINDOW]
+    best, partner = window, NOBODY
+    if keeps == 1:
+        if gas.link[i][PARTNER] != NOBODY:
+            best, partner = gas.work[i][T_HIT], gas.link[i][PARTNER]
+    before = partner
+    best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
+    if ti.static(gas.uses.walled):
+        best, partner = first_wall(i, best, partner, region, gas)
+    if partner == NOBODY:
+        best = FAR + 0.0 * window
+    elif partner >= 0 and partner != before:
+        gas.link[i][PARTNER_NUMBER] = gas.link[partner][NUMBER]
+    gas.work[i][T_HIT] = best
+    gas.link[i][PARTNER] = partner
+    leaves, side = leaving(i, region, gas)
+    gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
 
-    Own disks are written to their slots, from `base` on, as they are at the moment that is asked for, and at the end. A
-    gas in one tile may pause at that moment, or after the last of so many collisions, and goes on when `resuming`.
+
+@ti.func
+def run_events(n, n_bins, tile, resuming, region: ti.template(), gas: ti.template()):
+    """All events of a window in a region of n disks at places from `places` on, which have been laid out.
+
+    Own disks are written as they are at the moment that is asked for, and, on a CPU, at the end; on a GPU a team does,
+    which has predicted their first events too. A gas in one tile may pause at that moment, or after the last of so many
+    collisions, and goes on when `resuming`.
     """
+    lane = region.lane
     places, bins = lane * gas.grid[PLACES], lane * gas.grid[BINS]
     window = gas.scale[WINDOW]
     moment = gas.scale[MOMENT_IN]
@@ -416,6 +451,10 @@ def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas
     events, checked, checked_at = 0, 0, 0.0 * window
     patience = MANY_EVENTS + 20 * n
     rate = n_bins / window
+    if ti.static(on_gpu()):
+        fresh = n
+        for i in range(places, places + n):
+            put_in(i, next_event(i, gas), 0, bins, n_bins, rate, gas)
     while going == 1:
         # At most two disks look around themselves in a turn; one place in the code where they do keeps it small.
         looking, first, second, half = 0, 0, 0, 0
@@ -451,7 +490,11 @@ def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas
             elif i < 0:
                 writing, going = AT_END, 0
             if writing >= 0:
-                write(n, places, tile, base, writing, region, gas)
+                if ti.static(on_gpu()):
+                    if writing == AT_MOMENT:
+                        write(n, tile, writing, 0, 1, region, gas)
+                else:
+                    write(n, tile, writing, 0, 1, region, gas)
             else:
                 events += 1
                 take_out(i, bins, gas)
@@ -494,21 +537,6 @@ def run_events(n, lane, n_bins, tile, base, resuming, region: ti.template(), gas
             i = first
             if q == 1:
                 i = second
-            best, partner = window, NOBODY
-            if keeps == 1:
-                if gas.link[i][PARTNER] != NOBODY:
-                    best, partner = gas.work[i][T_HIT], gas.link[i][PARTNER]
-            before = partner
-            best, partner = find(i, x_low, x_high, y_low, y_high, half, best, partner, region, gas)
-            if ti.static(gas.uses.walled):
-                best, partner = first_wall(i, best, partner, region, gas)
-            if partner == NOBODY:
-                best = FAR + 0.0 * window
-            elif partner >= 0 and partner != before:
-                gas.link[i][PARTNER_NUMBER] = gas.link[partner][NUMBER]
-            gas.work[i][T_HIT] = best
-            gas.link[i][PARTNER] = partner
-            leaves, side = leaving(i, region, gas)
-            gas.work[i][T_LEAVE], gas.link[i][DIRECTION] = leaves, side
-            put_in(i, ti.select(best < leaves, best, leaves), present, bins, n_bins, rate, gas)
+            predict(i, x_low, x_high, y_low, y_high, half, keeps, region, gas)
+            put_in(i, next_event(i, gas), present, bins, n_bins, rate, gas)
     ti.atomic_add(gas.counter[N_EVENTS], events)

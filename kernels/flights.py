@@ -3,13 +3,10 @@
 Everything that decides about a meeting is here once, and depends on differences of places only, which are exact: places
 are multiples of a grid q, and so are the corners that they are measured from. So each tile that computes a meeting,
 from either disk, finds the same bits.
-
-A CPU and a GPU do not by themselves: for CUDA, Taichi fuses products and sums whatever `fast_math` says. `rounded`
-keeps a product from being fused.
 """
 
 from .language import ti
-from .layout import FAR, NOTHING, ROUNDER, Rows, Table
+from .layout import FAR, ROUNDER, Rows, Table
 
 
 def rounding():
@@ -17,24 +14,10 @@ def rounding():
     return 6.0e-6 if ti.lang.impl.get_runtime().default_fp == ti.f32 else 1.0e-14
 
 
-def fuses():
-    """Tell if the device that kernels are compiled for fuses products and sums."""
-    return ti.lang.impl.current_cfg().arch == ti.cuda
-
-
-@ti.func
-def rounded(product, gas: ti.template()):
-    """A product rounded by itself, not within a sum: where products are fused, with a 0 that no compiler can know."""
-    value = product
-    if ti.static(fuses()):
-        value = product + gas.scale[NOTHING]
-    return value
-
-
 @ti.func
 def on_grid(way, gas: ti.template()):
     """A displacement rounded to the grid of places: (z + C) - C, where C is 1.5 q times the largest mantissa."""
-    return (rounded(way, gas) + gas.scale[ROUNDER]) - gas.scale[ROUNDER]
+    return (way + gas.scale[ROUNDER]) - gas.scale[ROUNDER]
 
 
 @ti.func
@@ -54,15 +37,15 @@ def contact_delay(rx, ry, vx, vy, noise, sigma, within, gas: ti.template()):
     pressed together by others would otherwise push each other for ever, in no time and to no effect.
     """
     delay = FAR
-    b = rounded(rx * vx, gas) + rounded(ry * vy, gas)
-    c = rounded(rx * rx, gas) + rounded(ry * ry, gas) - rounded(sigma * sigma, gas)
+    b = rx * vx + ry * vy
+    c = rx * rx + ry * ry - sigma * sigma
     if c <= -2.0 * b * within and b < 0.0:
         if c <= 0.0:
             if b < -sigma * noise:
                 delay = 0.0
         else:
-            v2 = rounded(vx * vx, gas) + rounded(vy * vy, gas)
-            d = rounded(b * b, gas) - rounded(v2 * c, gas)
+            v2 = vx * vx + vy * vy
+            d = b * b - v2 * c
             if d > 0.0:
                 delay = c / (ti.sqrt(d) - b)
     return delay

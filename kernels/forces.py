@@ -1,10 +1,11 @@
 """The kernels that apply a force to every disk: one pair of them for each class of forces."""
 
-from .language import ti
+from .language import spread_of_loops, ti
 from .layout import (
-    COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, SPREAD, START, TILES_X, TILES_Y, VX, VY,
-    GasArrays, K, Rows, Table, Y, plain,
+    COUNT, ID, INVERSE_MASS, KIND_RADIUS, PART, ROOM, SPIN, START, TILES_X, TILES_Y, VX, VY, GasArrays,
+    K, Rows, Table, Y, plain,
 )  # fmt: skip
+from .places import round_products
 from .random import DRAWS
 from .readout import placed
 from .shear import flow_at
@@ -81,9 +82,11 @@ def kernels_of(force, n_parameters):
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
             edge_x=edge_x, edge_y=edge_y, uses=uses,
         ))  # fmt: skip
-        for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
-            if item % SPREAD == 0:
-                b = item // SPREAD
+        spread = ti.static(spread_of_loops())
+        for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+            round_products(gas)
+            if item % spread == 0:
+                b = item // spread
                 total = ti.Vector([ti.cast(0.0, ti.f64) for _ in ti.static(range(n_totals))])
                 first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[b, START + gas.grid[PART]]
                 for s in range(first, first + gas.tile[b, COUNT + gas.grid[PART]]):
@@ -111,9 +114,11 @@ def kernels_of(force, n_parameters):
             grid=grid, scale=scale, clock=clock, disk=disk, kind=kind, kinds=kinds, meta=meta, tile=tile,
             edge_x=edge_x, edge_y=edge_y, uses=uses,
         ))  # fmt: skip
-        for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
-            if item % SPREAD == 0:
-                b = item // SPREAD
+        spread = ti.static(spread_of_loops())
+        for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+            round_products(gas)
+            if item % spread == 0:
+                b = item // spread
                 gain, excess = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
                 first = gas.grid[PART] * gas.grid[ROOM] + gas.tile[b, START + gas.grid[PART]]
                 for s in range(first, first + gas.tile[b, COUNT + gas.grid[PART]]):

@@ -1,5 +1,11 @@
 """Taichi as the kernels import it: `from .language import ti`.
 
+On a GPU, Taichi has the compiler fuse products and sums, whatever `fast_math` says: a * b + c is rounded once there,
+twice on a CPU. It takes a / r and b / r as products with an approximate 1 / r, too. So products, and what is divided
+by, are made opaque to it: their bits are XORed with a 0 that no compiler can know (`round_products_by`). Then +, -, *,
+/ and roots give the bits of the CPU, in double precision; sines, cosines and logarithms are those of another library
+and do not.
+
 Taichi 1.7 spends half a second of each start on two things that kernels do not need; both are replaced here, before the
 first kernel is declared. They change no kernel.
 
@@ -9,16 +15,67 @@ first kernel is declared. They change no kernel.
   line's text say as much. The source of a function is read once instead of at each call of it.
 """
 
+import ast
 import functools
+import itertools
 import linecache
+import math
 import sys
 from typing import Any
 
 import taichi as ti
 from taichi.lang import kernel_impl
-from taichi.lang.ast import ast_transformer_utils
+from taichi.lang.ast import ast_transformer, ast_transformer_utils
+from taichi.lang.expr import Expr
 
-__all__ = ["ti"]
+__all__ = ["on_gpu", "round_products_by", "spread_of_loops", "ti"]
+
+_ZERO: dict[
+    Any, tuple[Any, Any]
+] = {}  # by the kernel that is compiled: a variable of it, and numbers from 1 on
+_WORDS = {ti.f64: ti.u64, ti.f32: ti.u32}
+
+
+def on_gpu() -> bool:
+    """Tell if kernels are compiled for a GPU."""
+    return bool(ti.lang.impl.current_cfg().arch == ti.cuda)
+
+
+def spread_of_loops() -> int:
+    """Items of a loop over few, long ones that one of them takes: Taichi hands a thread of a CPU at least so many."""
+    return 1 if on_gpu() else 512
+
+
+def round_products_by(zero: Any) -> None:
+    """Round products by themselves from here to the end of the loop, with a variable (u64) that is 0; on a GPU."""
+    _ZERO.clear()
+    _ZERO[ti.lang.impl.get_runtime().compiling_callable] = zero, itertools.count(1)
+
+
+def _is_exact(factor: Any) -> bool:
+    """Tell if a product with this factor is exact: it is no variable but a power of two, or 0."""
+    return isinstance(factor, (int, float)) and abs(math.frexp(factor)[0]) in (0.0, 0.5)
+
+
+def _opaque(value: Any, kind: Any, zero: Any) -> Any:
+    """A real number, which the compiler takes for another."""
+    return ti.bit_cast(ti.bit_cast(value, _WORDS[kind]) ^ ti.cast(zero, _WORDS[kind]), kind)
+
+
+def _build_product(context: Any, node: Any) -> Any:
+    """As Taichi builds a binary operation; a product or quotient of real numbers for a GPU is rounded by itself."""
+    found = _build_operation(context, node)
+    zero, numbers = _ZERO.get(ti.lang.impl.get_runtime().compiling_callable, (None, None))
+    if zero is None or not isinstance(found, Expr):
+        return found
+    kind = next((kind for kind in _WORDS if found.ptr.get_rvalue_type() == kind), None)
+    left, right = node.left.ptr, node.right.ptr
+    if kind is not None and isinstance(node.op, ast.Mult) and not (_is_exact(left) or _is_exact(right)):
+        node.ptr = _opaque(found, kind, zero)
+    elif kind is not None and isinstance(node.op, ast.Div):
+        # Each divisor is another number to the compiler, also where it is the same.
+        node.ptr = left / _opaque(ti.cast(right, kind), kind, zero * ti.cast(next(numbers), ti.u64))
+    return node.ptr
 
 
 def _inside_class(level_of_class_stackframe: int) -> bool:
@@ -34,6 +91,8 @@ def _position(context: Any, node: Any) -> str:
     return f'File "{context.file}", line {number}, in {name}:\n{context.src[node.lineno - 1].strip()}\n'
 
 
+_build_operation = ast_transformer.ASTTransformer.build_BinOp
+ast_transformer.ASTTransformer.build_BinOp = staticmethod(_build_product)
 kernel_impl._inside_class = _inside_class
 kernel_impl.getsourcelines = functools.cache(kernel_impl.getsourcelines)
 kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)

@@ -19,8 +19,8 @@ trail        (room,) of 2            hash of the history of the disk at a slot o
 way          (room,)              bound on how far it came, in largest diameters, f32
 back         (room,)              slot at the window's beginning of the one at its end
 tile         (tiles, 8)           where its lists begin and how long they are, by part; claims; state
-reach        (tiles, 4)           halo; bound on how far its own disks came beyond its sides; the largest way; how
-                                  far they are beyond its sides at the end
+reach        (tiles, 5)           halo; bound on how far its own disks came beyond its sides; the largest way; how
+                                  far they are beyond its sides at the end; halo against the one that all begin with
 edge_x/y     (tiles + 1,)         sides of the columns and rows of tiles, on the grid of places
 tally        (tiles, 2, TALLY)    sums over the window to its end, and to the moment that was asked for, f64
 heat         (tiles, 2, thermal)  heat that thermal walls gave, likewise
@@ -28,6 +28,8 @@ claim        (claims,) of 3       slot of a copy at the window's beginning; hash
 claim_at     (claims,) of 3       its place then, from the corner of the tile that made it; bound on how far it came
 event        (events,) of 17      what happened to watched disks (columns below)
 event_int    (events,) of 8       who was it
+found        (blocks, ...)        sums over BLOCK_OF_TILES tiles, f64 (columns below)
+total        (...)                the same over all
 watched      (n,)                 1 for disks whose collisions are written down, by id
 work, ...    (lanes * places,)    the scratch space of a lane, which runs one tile after another
 ===========  ===================  =====================================================================================
@@ -44,10 +46,15 @@ WALL_HITS, LAST_PARTNER = range(2)
 INVERSE_MASS, K, KIND_RADIUS, MATERIAL, KIND_MASS, KIND_INERTIA = range(6)
 PARTS = 3
 TOLD = 2  # the part that holds the moment asked for
-# tile: first slot (within its part) and number of disks at the window's beginning and end (column + part); claims
-START, COUNT, CLAIMS, N_CLAIMS, BAD = 0, 2, 4, 5, 6
+# tile: first slot (within its part) and number of disks at the window's beginning and end (column + part); claims;
+# disks gathered
+START, COUNT, CLAIMS, N_CLAIMS, BAD, GATHERED = 0, 2, 4, 5, 6, 7
 # reach
-HALO, BEYOND, FURTHEST, PROTRUDES = range(4)
+HALO, BEYOND, FURTHEST, PROTRUDES, WIDER = range(5)
+# found, and `total` of all: largest of the square of a speed, and of `reach`; then sums of the tally, and of the heat,
+# to the end, and the same to the moment
+MOST_SPEED, MOST_BEYOND, MOST_FURTHEST, MOST_PROTRUDES, FIRST_SUM = range(5)
+BLOCK_OF_TILES = 128
 # tally: whole numbers are exact up to 2^53
 COLLISIONS, WALL_COLLISIONS, ELASTICS, REGIMES, LOSSES = 0, 1, 2, 3, 8
 WALL_WORK, FLOW_WORK, FASTEST, SQUARES = 14, 15, 16, 17
@@ -60,9 +67,9 @@ AT_END, AT_MOMENT = range(2)
 TAU, T_HIT, T_LEAVE, TURN = 4, 5, 6, 7
 W_SPIN = 7
 # link: whom it hits next (another place, a wall, nobody); cell; collisions so far; those of the partner when that was
-# predicted; neighbours in the list of its bin; next in the list of its cell; whom it hit last in this window; id; 1 for
-# own disks; hash of its history; upper half of the largest square of its speed; kind; row of tiles against the own one;
-# over which side it leaves its cell. A line of the cache.
+# predicted; neighbours in the list of its bin; next in the list of its cell; whom it hit last in this window; id; its
+# rank among own disks, from 1 on, or minus that among copies; hash of its history; upper half of the largest square of
+# its speed; kind; row of tiles against the own one; over which side it leaves its cell. A line of the cache.
 (
     PARTNER, CELL, NUMBER, PARTNER_NUMBER, PREVIOUS, NEXT, NEXT_IN_CELL, LAST, WHO, OWN, HASH_1, HASH_2, TOP, KIND, ROW,
     DIRECTION,
@@ -73,11 +80,12 @@ SLOT, LAP_X, LAP_Y, BEFORE, AT_WALLS, LISTED = range(6)
 # counter: next tile to be run; claims used; why a launch ended early; slots used; what was needed; 1: a disk came to
 # rest on a wall, events without progress; bad tiles; events; windows; rows of
 # events; 1 where only the listed tiles are run; of a gas in one tile: 1 where it pauses at the moment that is told; 1
-# where it goes on from there; 1 where it has paused for the time, BY_COUNT for the number of collisions
+# where it goes on from there; 1 where it has paused for the time, BY_COUNT for the number of collisions; bad tiles
+# with the widest halo; 1 where no window of a launch may follow
 (
     NEXT_TILE, N_CLAIMED, FULL, N_SLOTS, NEEDED, RESTING, STALLED, N_BAD, N_EVENTS, N_WINDOWS, N_WATCHED, AGAIN,
-    PAUSING, RESUMING, PAUSED,
-) = range(15)  # fmt: skip
+    PAUSING, RESUMING, PAUSED, STUCK, HALTED,
+) = range(17)  # fmt: skip
 BY_COUNT = 2
 FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 # clock, f64: begin and end of the window; where to stop (time, collisions in all), to pause, when a force
@@ -89,19 +97,19 @@ FULL_PLACES, FULL_CELLS, FULL_CLAIMS, FULL_WALLS, FULL_WATCHED = 1, 2, 4, 8, 16
 ) = range(14)  # fmt: skip
 # grid: disks; tiles; lanes; places, cells, bins and walls of a lane; part of the window's beginning; periodic sides;
 # walls; seed; 1 where one tile is the whole box; rows of cells of all; verification on; small cells along
-# a large one
+# a large one; a 0 that no compiler knows; threads of a GPU for each tile's events, of which one works
 (
     N, TILES_X, TILES_Y, LANES, PLACES, CELLS, BINS, ITEMS, PART, PERIODIC_X, PERIODIC_Y, WALLS, SEED_LOW, SEED_HIGH,
-    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE,
-) = range(22)  # fmt: skip
+    ALONE, MOST_CLAIMS, TILES_ASIDE, BOXES_ASIDE, ROOM, WATCHING, MOST_EVENTS, COARSE, NOTHING, STRIDE,
+) = range(24)  # fmt: skip
 # scale: box; least side of a cell; window; moment in it; largest diameter; what rounds places; gravity; cut-off;
-# contact
-# time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; a 0 no compiler
-# knows; the largest radius of disks in small cells
+# contact time; shear rate; speed of a row of tiles against the one below, and how far it is beside whole tiles; the
+# largest radius of disks in small cells; the halo that tiles begin with, and the widest; the part of it for
+# those who hit one another in chains; the least side of a tile
 (
     LENGTH_X, LENGTH_Y, CELL_SIDE, WINDOW, MOMENT_IN, WIDEST, ROUNDER, GX, GY, CUTOFF, CONTACT_TIME, SHEAR, DRIFT,
-    ASIDE, NOTHING, SPLIT,
-) = range(16)  # fmt: skip
+    ASIDE, SPLIT, USUAL_HALO, MOST_HALO, CHAIN, LEAST_SIDE,
+) = range(19)  # fmt: skip
 # event: time, place, normal, velocity before and after, spin before and after; the same of the partner
 AT, PLACE, NORMAL_X, V_BEFORE, V_AFTER, W_BEFORE, W_AFTER, U_BEFORE, U_AFTER, S_BEFORE, S_AFTER = (
     0, 1, 3, 5, 7, 9, 10, 11, 13, 15, 16,
@@ -113,9 +121,8 @@ EVENT_TILE, EVENT_ID, EVENT_PARTNER, EVENT_BOX, EVENT_HOW, EVENT_NUMBER = 0, 1, 
 INTEGERS = 8
 BY_LAW, BY_REMEDY, BY_HEAT = range(3)
 PAIRS, TRACKED = 1, 2  # what is watched: times of all pairs, or all that happens to some disks
-SPREAD = (
-    512  # Taichi hands a thread at least so many items of a loop: loops over few, long items are spread out
-)
+TEAM = 32  # threads of a GPU that share a tile
+NARROWER = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
 BLOCK = 1024
 FAR = 1.0e30  # a time later than any event
 FIRST_WALL = -10  # as a partner: wall 0; wall w is FIRST_WALL - w
@@ -203,4 +210,6 @@ class GasArrays(NamedTuple):
     watched: Any = None
     event: Any = None
     event_int: Any = None
+    found: Any = None
+    total: Any = None
     uses: Uses = Uses()

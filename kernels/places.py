@@ -1,13 +1,21 @@
 """A disk in the scratch space of a tile: what it is, how it comes to a collision, and the hash of its history."""
 
 from .flights import on_grid
-from .language import ti
+from .language import on_gpu, round_products_by, ti
 from .layout import (
     AT, AT_END, CONTACT_TIME, EVENT_BOX, EVENT_ID, EVENT_NUMBER, EVENT_TILE, FULL, FULL_WATCHED, GX, GY,
-    HASH_1, HASH_2, IMAGE_X, IMAGE_Y, KIND, KIND_RADIUS, LAP_X, LAP_Y, MOST_EVENTS, N_WATCHED, NUMBER, OWN,
-    PART, PLACE, ROOM, S_AFTER, S_BEFORE, SLOT, TAU, TOP, TRACKED, U_AFTER, U_BEFORE, V_AFTER, V_BEFORE, VX,
-    VY, W_AFTER, W_BEFORE, W_SPIN, WATCHING, WHO, X, Y,
+    HASH_1, HASH_2, IMAGE_X, IMAGE_Y, KIND, KIND_RADIUS, LAP_X, LAP_Y, MOST_EVENTS, NOTHING, NUMBER,
+    N_WATCHED, OWN, PART, PLACE, ROOM, SLOT, S_AFTER, S_BEFORE, TAU, TOP, TRACKED, U_AFTER, U_BEFORE,
+    VX, VY, V_AFTER, V_BEFORE, WATCHING, WHO, W_AFTER, W_BEFORE, W_SPIN, X, Y,
 )  # fmt: skip
+
+
+@ti.func
+def round_products(gas: ti.template()):
+    """Round products by themselves in the loop that begins with this, on a GPU (`language.py`)."""
+    if ti.static(on_gpu()):
+        zero = ti.cast(gas.grid[NOTHING], ti.u64)
+        ti.static(round_products_by(zero))
 
 
 @ti.func
@@ -90,7 +98,7 @@ def add(tile, column, value, gas: ti.template()):
 def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
     """Begin a row of `event` for a collision of the disk at place i at time t; -1 if nobody watches it, or no room."""
     row = -1
-    if gas.grid[WATCHING] == TRACKED and gas.link[i][OWN] == 1:
+    if gas.grid[WATCHING] == TRACKED and gas.link[i][OWN] > 0:
         if gas.watched[gas.link[i][WHO]] > 0:
             row = ti.atomic_add(gas.counter[N_WATCHED], 1)
             if row >= gas.grid[MOST_EVENTS]:

@@ -1,11 +1,12 @@
 """Disks by id, and sums over all of them, at the beginning or end of a window or at the moment in it asked for."""
 
-from .language import ti
+from .language import spread_of_loops, ti
 from .layout import (
-    ANGLE, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER, LATEST,
-    PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, SPREAD, START, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
+    ANGLE, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
+    LATEST, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, START, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
     GasArrays, Rows, Table, X, Y,
 )  # fmt: skip
+from .places import round_products
 from .shear import flow_at, frame_speed
 
 TRANSLATIONAL, ROTATIONAL, MOMENTUM_X, MOMENTUM_Y, SHEAR_PRESSURE, FALL, ALL_EVENTS, EXCESS = range(8)
@@ -89,9 +90,11 @@ def read_out(
         grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, kind=kind, kinds=kinds,
         tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
     ))  # fmt: skip
-    for item in range(SPREAD * gas.grid[TILES_X] * gas.grid[TILES_Y]):
-        if item % SPREAD == 0:
-            k = item // SPREAD
+    spread = ti.static(spread_of_loops())
+    for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
+        round_products(gas)
+        if item % spread == 0:
+            k = item // spread
             lists = part
             if part == TOLD:
                 lists = 1 - gas.grid[PART]  # the lists at the moment are those at the end

@@ -23,15 +23,16 @@ Bad tiles are run again, from the same beginning, with wider halos. Nothing is e
 """
 
 from .flights import on_grid
-from .language import ti
+from .language import on_gpu, ti
 from .layout import (
-    ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BOXES_ASIDE, CELL, CELLS, CELL_SIDE,
-    CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL, FULL_CLAIMS, FURTHEST, GX,
-    GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS, KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER,
-    LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED,
-    N_CLAIMS, OWN, PART, PARTNER, PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT,
-    SPIN, SPLIT, SQUARES, SQUARE_UNIT, START, TALLY, TAU, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, VX, VY,
-    WALL_HITS, WHO, WIDEST, WINDOW, W_SPIN, X, Y,
+    AGAIN, ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BINS, BOXES_ASIDE, CELL,
+    CELLS, CELL_SIDE, CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL,
+    FULL_CLAIMS, FURTHEST, GATHERED, GX, GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS,
+    KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS,
+    MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, N_SLOTS, OWN, PART, PARTNER,
+    PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES,
+    SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, USUAL_HALO, VX, VY,
+    WALL_HITS, WHO, WIDER, WIDEST, WINDOW, W_SPIN, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, largest_speed, note_speed, radius_of
 
@@ -223,17 +224,38 @@ def seen(s, step_y, shift_x, shift_y, region: ti.template(), gas: ti.template())
     return x, y, lap_x, lap_y, row
 
 
-@ti.func
-def choose(tile, lane, region: ti.template(), gas: ti.template()):
-    """Note slots, cells and neighbouring tiles of the disks in a tile and its halo, and count them by cell.
+def team_of(uses):
+    """Threads that share the work on a tile, but for its events, which one of them runs in order: on a GPU."""
+    return TEAM if on_gpu() and not (uses.sheared or uses.layered) else 1
 
-    Returns how many there are, and how many of them are its own.
-    """
+
+@ti.func
+def begin(tile, gas: ti.template()):
+    """Set the halo of a tile, and all that is counted in a window to nothing; of all, where one is the whole box."""
+    part = 1 - gas.grid[PART]
+    last = tile
+    if gas.grid[ALONE] == 1:
+        last = gas.grid[TILES_X] * gas.grid[TILES_Y] - 1
+    for k in range(tile, last + 1):
+        for column in range(TALLY):
+            gas.tally[k, AT_END, column] = 0.0
+        if ti.static(gas.uses.thermal):
+            for column in range(gas.heat.shape[2]):
+                gas.heat[k, AT_END, column] = 0.0
+        gas.reach[k, BEYOND], gas.reach[k, FURTHEST], gas.reach[k, PROTRUDES] = -ENDLESS, 0.0, 0.0
+    if gas.counter[AGAIN] == 0:
+        gas.reach[tile, WIDER] = ti.max(NARROWER * gas.reach[tile, WIDER], 1.0)
+    gas.reach[tile, HALO] = ti.min(gas.scale[USUAL_HALO] * gas.reach[tile, WIDER], gas.scale[MOST_HALO])
+    gas.tile[tile, COUNT + part], gas.tile[tile, GATHERED], gas.tile[tile, N_CLAIMS] = 0, 0, 0
+
+
+@ti.func
+def choose(tile, lane, thread, region: ti.template(), gas: ti.template()):
+    """Note slots, cells and neighbouring tiles of the disks in a tile and its halo, and count them, by cell too."""
+    team = ti.static(team_of(gas.uses))
     part = gas.grid[PART]
     room = gas.grid[PLACES]
     places = lane * room
-    for c in range(region.nx * region.ny):
-        gas.head[region.cells + c] = 0
     n, own_disks = 0, 0
     halo = gas.reach[tile, HALO]
     alone = gas.grid[ALONE] == 1
@@ -244,104 +266,164 @@ def choose(tile, lane, region: ti.template(), gas: ti.template()):
         other, step_y, shift_x, shift_y, _boxes_x, _boxes_y = source(tile, step, gas)
         if other >= 0:
             first = part * gas.grid[ROOM] + gas.tile[other, START + part]
-            for s in range(first, first + gas.tile[other, COUNT + part]):
+            s, end = first + thread, first + gas.tile[other, COUNT + part]
+            while s < end:
                 x, y, _lap_x, _lap_y, _row = seen(s, step_y, shift_x, shift_y, region, gas)
                 near = alone or lies_in(x, y, halo, tile, gas)
                 if near:
                     own = alone or lies_in(x, y, 0.0 * x, tile, gas)
+                    if ti.static(team > 1):
+                        n = ti.atomic_add(gas.tile[tile, GATHERED], 1)
+                        if own:
+                            own_disks = ti.atomic_add(gas.tile[tile, COUNT + 1 - part], 1)
+                        else:
+                            own_disks = n - ti.atomic_add(gas.tile[tile, N_CLAIMS], 1)
                     if n < room:
                         c = cell_at(x, y, region)
                         gas.chosen[places + n][0] = s
                         gas.chosen[places + n][1] = c
-                        gas.chosen[places + n][2] = 2 * step + ti.cast(own, ti.i32)
-                        gas.head[region.cells + c] = gas.head[region.cells + c] + 1
-                    n += 1
-                    own_disks += ti.cast(own, ti.i32)
-    return n, own_disks
+                        gas.chosen[places + n][2] = ti.select(own, own_disks + 1, own_disks - n - 1)
+                        gas.chosen[places + n][3] = step
+                        if ti.static(team > 1):
+                            ti.atomic_add(gas.head[region.cells + c], 1)
+                        else:
+                            gas.head[region.cells + c] = gas.head[region.cells + c] + 1
+                    if ti.static(team == 1):
+                        n += 1
+                        own_disks += ti.cast(own, ti.i32)
+                s += team
+    if ti.static(team == 1):
+        gas.tile[tile, GATHERED], gas.tile[tile, COUNT + 1 - part] = n, own_disks
+        gas.tile[tile, N_CLAIMS] = n - own_disks
 
 
 @ti.func
-def gather(n, tile, lane, region: ti.template(), gas: ti.template()):
-    """Lay out the disks that were chosen in the lane's places, sorted by cell."""
-    part = gas.grid[PART]
-    places = lane * gas.grid[PLACES]
+def count_chunk(thread, region: ti.template(), gas: ti.template()):
+    """Count the disks in a thread's share of the cells, for `order`: into the bins, which are free until the events."""
     cells = region.nx * region.ny
+    chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))
+    found = 0
+    for c in range(thread * chunk, ti.min((thread + 1) * chunk, cells)):
+        found += gas.head[region.cells + c]
+    gas.bin[region.lane * gas.grid[BINS] + thread] = found
+
+
+@ti.func
+def order(tile, thread, region: ti.template(), gas: ti.template()):
+    """Say where the disks of each cell begin, and where the tile's list and its claims do."""
+    part = 1 - gas.grid[PART]
+    cells = region.nx * region.ny
+    chunk = (cells + ti.static(team_of(gas.uses)) - 1) // ti.static(team_of(gas.uses))
     before = 0
-    for c in range(cells):
+    for other in range(thread):
+        before += gas.bin[region.lane * gas.grid[BINS] + other]
+    for c in range(thread * chunk, ti.min((thread + 1) * chunk, cells)):
         here = gas.head[region.cells + c]
-        gas.head[region.cells + c] = before
+        gas.head[region.cells + c] = ti.select(here > 0, before, -1)
         before += here
-    for m in range(n):
-        s, c, code = gas.chosen[places + m][0], gas.chosen[places + m][1], gas.chosen[places + m][2]
-        i = places + gas.head[region.cells + c]
-        gas.head[region.cells + c] = gas.head[region.cells + c] + 1
-        other, step_y, shift_x, shift_y, boxes_x, boxes_y = source(tile, code // 2, gas)
-        x, y, lap_x, lap_y, row = seen(s, step_y, shift_x, shift_y, region, gas)
-        vx, vy = gas.disk[s][VX], gas.disk[s][VY]
-        gas.mark[i][LISTED] = other
-        gas.mark[i][SLOT] = s - part * gas.grid[ROOM]
-        gas.link[i][WHO] = gas.meta[s][ID]
-        gas.link[i][OWN] = code % 2
-        gas.mark[i][LAP_X], gas.mark[i][LAP_Y] = lap_x - boxes_x, lap_y - boxes_y
-        gas.link[i][ROW] = row
-        gas.mark[i][AT_WALLS] = 0
-        gas.mark[i][BEFORE] = gas.meta[s][EVENTS]
-        if ti.static(gas.uses.mixed):
-            gas.link[i][KIND] = gas.kind[gas.meta[s][ID]]
-        if ti.static(gas.uses.remembers):
-            gas.since[i] = ti.cast(gas.past[s][LATEST], float)
-        if ti.static(gas.uses.turned):
-            gas.turn[i] = 0.0
-        if ti.static(gas.uses.sheared):
-            # Into the frame of the row that it is in now.
-            crossed = row - step_y
-            if crossed != 0:
-                faster = crossed * gas.scale[DRIFT]
-                if code % 2 == 1:
-                    work = ti.cast(faster * (0.5 * faster - vx), ti.f64)
-                    kind = kind_of(i, gas)
-                    add(tile, FLOW_WORK, work / gas.kinds[kind][INVERSE_MASS], gas)
-                vx -= faster
-            x -= row * gas.scale[ASIDE]
-        gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY] = x, y, vx, vy
-        gas.work[i][TAU] = 0.0
-        gas.work[i][W_SPIN] = gas.disk[s][SPIN]
-        gas.link[i][HASH_1], gas.link[i][HASH_2], gas.link[i][TOP] = 0, 0, 0
-        note_speed(i, gas)
-        gas.begun[i][0], gas.begun[i][1] = x + row * gas.scale[ASIDE], y
-    if ti.static(gas.uses.layered):
-        for c in range(cells, cells_of(region, gas)):
-            gas.head[region.cells + c] = -1
-    i = places
-    cx, cy = 0, 0
-    for c in range(cells):
-        end = places + gas.head[region.cells + c]
-        gas.head[region.cells + c] = -1
-        if ti.static(not gas.uses.layered):
-            if i < end:
-                gas.head[region.cells + c] = i
-        while i < end:
-            gas.link[i][PARTNER] = NOBODY
-            gas.link[i][NUMBER] = 0
-            gas.link[i][PREVIOUS] = -1
-            gas.link[i][LAST] = NOBODY
-            if ti.static(gas.uses.layered):
-                layer = layer_of(i, gas)
-                _nx, _ny, factor = scale_of(layer, region, gas)
-                gas.link[i][CELL] = ((cx // factor) << 16) + cy // factor
-                at = head_at(cx // factor, cy // factor, layer, region, gas)
-                gas.link[i][NEXT_IN_CELL] = gas.head[at]
-                gas.head[at] = i
-                i += 1
+    if thread == 0:
+        if gas.counter[AGAIN] == 0:
+            if gas.grid[ALONE] == 1:
+                for other in range(gas.grid[TILES_X] * gas.grid[TILES_Y]):
+                    gas.tile[other, START + part] = gas.tile[other, START + 1 - part]
+                    gas.tile[other, COUNT + part] = gas.tile[other, COUNT + 1 - part]
             else:
-                gas.link[i][CELL] = (cx << 16) + cy
-                gas.link[i][NEXT_IN_CELL] = i + 1
-                i += 1
-                if i == end:
-                    gas.link[i - 1][NEXT_IN_CELL] = -1
-        cy += 1
-        if cy == region.ny:
-            cx, cy = cx + 1, 0
+                gas.tile[tile, START + part] = ti.atomic_add(
+                    gas.counter[N_SLOTS], gas.tile[tile, COUNT + part]
+                )
+        claims = gas.tile[tile, N_CLAIMS]
+        if claims > 0:
+            claim = ti.atomic_add(gas.counter[N_CLAIMED], claims)
+            gas.tile[tile, CLAIMS] = claim
+            if claim + claims > gas.grid[MOST_CLAIMS]:
+                ti.atomic_or(gas.counter[FULL], FULL_CLAIMS)
+
+
+@ti.func
+def lay(m, tile, region: ti.template(), gas: ti.template()):
+    """Lay out the disk that was chosen as number m in the lane's places, which are sorted by cell."""
+    part = gas.grid[PART]
+    places = region.lane * gas.grid[PLACES]
+    s, c, rank, step = (
+        gas.chosen[places + m][0], gas.chosen[places + m][1], gas.chosen[places + m][2], gas.chosen[places + m][3],
+    )  # fmt: skip
+    i = places
+    if ti.static(team_of(gas.uses) > 1):
+        i += ti.atomic_add(gas.head[region.cells + c], 1)
+    else:
+        i += gas.head[region.cells + c]
+        gas.head[region.cells + c] = gas.head[region.cells + c] + 1
+    other, step_y, shift_x, shift_y, boxes_x, boxes_y = source(tile, step, gas)
+    x, y, lap_x, lap_y, row = seen(s, step_y, shift_x, shift_y, region, gas)
+    vx, vy = gas.disk[s][VX], gas.disk[s][VY]
+    gas.mark[i][LISTED] = other
+    gas.mark[i][SLOT] = s - part * gas.grid[ROOM]
+    gas.link[i][WHO] = gas.meta[s][ID]
+    gas.link[i][OWN] = rank
+    gas.mark[i][LAP_X], gas.mark[i][LAP_Y] = lap_x - boxes_x, lap_y - boxes_y
+    gas.link[i][ROW] = row
+    gas.mark[i][AT_WALLS] = 0
+    gas.mark[i][BEFORE] = gas.meta[s][EVENTS]
+    if ti.static(gas.uses.mixed):
+        gas.link[i][KIND] = gas.kind[gas.meta[s][ID]]
+    if ti.static(gas.uses.remembers):
+        gas.since[i] = ti.cast(gas.past[s][LATEST], float)
+    if ti.static(gas.uses.turned):
+        gas.turn[i] = 0.0
+    if ti.static(gas.uses.sheared):
+        # Into the frame of the row that it is in now.
+        crossed = row - step_y
+        if crossed != 0:
+            faster = crossed * gas.scale[DRIFT]
+            if rank > 0:
+                work = ti.cast(faster * (0.5 * faster - vx), ti.f64)
+                kind = kind_of(i, gas)
+                add(tile, FLOW_WORK, work / gas.kinds[kind][INVERSE_MASS], gas)
+            vx -= faster
+        x -= row * gas.scale[ASIDE]
+    gas.work[i][X], gas.work[i][Y], gas.work[i][VX], gas.work[i][VY] = x, y, vx, vy
+    gas.work[i][TAU] = 0.0
+    gas.work[i][W_SPIN] = gas.disk[s][SPIN]
+    gas.link[i][HASH_1], gas.link[i][HASH_2], gas.link[i][TOP] = 0, 0, 0
+    note_speed(i, gas)
+    gas.begun[i][0], gas.begun[i][1] = x + row * gas.scale[ASIDE], y
+    gas.link[i][PARTNER], gas.link[i][LAST] = NOBODY, NOBODY
+    gas.link[i][NUMBER], gas.link[i][PREVIOUS] = 0, -1
+    cx = c // region.ny
+    gas.link[i][CELL] = (cx << 16) + c - cx * region.ny
+
+
+@ti.func
+def chain(i, n, region: ti.template(), gas: ti.template()):
+    """Link the disk at place i, of n that are laid out, with the next one in its cell, or its cell with it."""
+    places = region.lane * gas.grid[PLACES]
+    cell = gas.link[i][CELL]
+    following = -1
+    if i + 1 < places + n:
+        if gas.link[i + 1][CELL] == cell:
+            following = i + 1
+    gas.link[i][NEXT_IN_CELL] = following
+    is_first = i == places
+    if not is_first:
+        is_first = gas.link[i - 1][CELL] != cell
+    if is_first:
+        gas.head[region.cells + (cell >> 16) * region.ny + (cell & 0xFFFF)] = i
+
+
+@ti.func
+def chain_layers(n, region: ti.template(), gas: ti.template()):
+    """The same for all disks, where there are two layers of cells."""
+    for c in range(cells_of(region, gas)):
+        gas.head[region.cells + c] = -1
+    places = region.lane * gas.grid[PLACES]
+    for i in range(places, places + n):
+        layer = layer_of(i, gas)
+        _nx, _ny, factor = scale_of(layer, region, gas)
+        cx, cy = (gas.link[i][CELL] >> 16) // factor, (gas.link[i][CELL] & 0xFFFF) // factor
+        gas.link[i][CELL] = (cx << 16) + cy
+        at = head_at(cx, cy, layer, region, gas)
+        gas.link[i][NEXT_IN_CELL] = gas.head[at]
+        gas.head[at] = i
 
 
 @ti.func
@@ -361,11 +443,14 @@ def inside(x, y, tile, gas: ti.template()):
 
 
 @ti.func
-def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()):
-    """Write own disks to their slots from `base` on, as they are at the window's end, or at the moment asked for.
+def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()):
+    """Write own disks to their slots, as they are at the window's end, or at the moment asked for.
 
-    Places are on the grid. At the end, where a window begins next, histories and claims are written.
+    Places are on the grid. At the end, where a window begins next, histories and claims are written. A `team` of
+    threads shares the n disks.
     """
+    places = region.lane * gas.grid[PLACES]
+    base = gas.tile[tile, START + 1 - gas.grid[PART]]
     part = 1 - gas.grid[PART]
     time = gas.scale[WINDOW]
     if when == AT_MOMENT:
@@ -377,15 +462,17 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
             for column in range(gas.heat.shape[2]):
                 gas.heat[tile, AT_MOMENT, column] = gas.heat[tile, AT_END, column]
     fall_x, fall_y = gas.scale[GX] * time, gas.scale[GY] * time
-    slot = part * gas.grid[ROOM] + base
     begun = gas.grid[PART] * gas.grid[ROOM]
-    claims, beyond, furthest = 0, -ENDLESS + 0.0 * time, 0.0 * time
+    beyond, furthest = -ENDLESS + 0.0 * time, 0.0 * time
     fastest, squares = 0.0 * time, ti.cast(0.0, ti.f64)
     in_place = gas.grid[ALONE] == 1 and gas.grid[TILES_X] * gas.grid[TILES_Y] > 1
     protrudes = 0.0 * time
-    for i in range(places, places + n):
+    i = places + thread
+    while i < places + n:
         way = largest_speed(i, gas) * time
-        if gas.link[i][OWN] == 1:
+        rank = gas.link[i][OWN]
+        if rank > 0:
+            slot = part * gas.grid[ROOM] + base + rank - 1
             s = begun + gas.mark[i][SLOT]
             dt = time - gas.work[i][TAU]
             vx, vy = gas.work[i][VX], gas.work[i][VY]
@@ -443,34 +530,22 @@ def write(n, places, tile, base, when, region: ti.template(), gas: ti.template()
                 elif last <= FIRST_WALL:
                     partner = -2 - (FIRST_WALL - last)
                 gas.hits[slot][LAST_PARTNER] = partner
-            slot += 1
-        else:
-            claims += 1
+        elif when == AT_END:
+            claim = gas.tile[tile, CLAIMS] - rank - 1
+            gas.claim[claim][0] = gas.mark[i][SLOT]
+            gas.claim[claim][1], gas.claim[claim][2] = gas.link[i][HASH_1], gas.link[i][HASH_2]
+            faster = 0.0 * time
+            if ti.static(gas.uses.sheared):
+                faster = ti.abs(gas.link[i][ROW] * gas.scale[DRIFT])
+            gas.claim_at[claim][0], gas.claim_at[claim][1] = gas.begun[i][0], gas.begun[i][1]
+            gas.claim_at[claim][2] = (largest_speed(i, gas) + faster) * time
+        i += team
     if when == AT_END:
-        gas.tally[tile, AT_END, FASTEST] = ti.cast(fastest, ti.f64)
-        gas.tally[tile, AT_END, SQUARES] = squares
-        gas.reach[tile, BEYOND], gas.reach[tile, FURTHEST], gas.reach[tile, PROTRUDES] = (
-            beyond,
-            furthest,
-            protrudes,
-        )
-        gas.tile[tile, N_CLAIMS] = claims
-        if claims > 0:
-            claim = ti.atomic_add(gas.counter[N_CLAIMED], claims)
-            gas.tile[tile, CLAIMS] = claim
-            if claim + claims > gas.grid[MOST_CLAIMS]:
-                ti.atomic_or(gas.counter[FULL], FULL_CLAIMS)
-            else:
-                for i in range(places, places + n):
-                    if gas.link[i][OWN] == 0:
-                        gas.claim[claim][0] = gas.mark[i][SLOT]
-                        gas.claim[claim][1], gas.claim[claim][2] = gas.link[i][HASH_1], gas.link[i][HASH_2]
-                        faster = 0.0 * time
-                        if ti.static(gas.uses.sheared):
-                            faster = ti.abs(gas.link[i][ROW] * gas.scale[DRIFT])
-                        gas.claim_at[claim][0], gas.claim_at[claim][1] = gas.begun[i][0], gas.begun[i][1]
-                        gas.claim_at[claim][2] = (largest_speed(i, gas) + faster) * time
-                        claim += 1
+        ti.atomic_max(gas.tally[tile, AT_END, FASTEST], ti.cast(fastest, ti.f64))
+        ti.atomic_add(gas.tally[tile, AT_END, SQUARES], squares)  # whole numbers: exact in any order
+        ti.atomic_max(gas.reach[tile, BEYOND], beyond)
+        ti.atomic_max(gas.reach[tile, FURTHEST], furthest)
+        ti.atomic_max(gas.reach[tile, PROTRUDES], protrudes)
 
 
 @ti.func
@@ -507,9 +582,8 @@ def touches(claim, tile, gas: ti.template()):
 
 
 @ti.func
-def is_bad(tile, gas: ti.template()):
-    """1 if the window of a tile may not be exact (see above), else 0."""
-    bad = 0
+def is_too_narrow(tile, gas: ti.template()):
+    """1 if the halo of a tile may not have had all that came into touch with its own disks (1 above), else 0."""
     furthest = 0.0 * gas.scale[WINDOW]
     for step_x in range(-1, 2):
         for step_y in range(-1, 2):
@@ -518,12 +592,18 @@ def is_bad(tile, gas: ti.template()):
                 furthest = ti.max(furthest, gas.reach[other, FURTHEST])
     if ti.static(gas.uses.sheared):
         furthest += ti.abs(gas.scale[DRIFT]) * gas.scale[WINDOW]
-    if gas.reach[tile, HALO] < gas.scale[WIDEST] + ti.max(gas.reach[tile, BEYOND], 0.0) + furthest:
-        bad = 1
-    claim, end = gas.tile[tile, CLAIMS], gas.tile[tile, CLAIMS] + gas.tile[tile, N_CLAIMS]
-    while claim < end and bad == 0:
+    needed = gas.scale[WIDEST] + ti.max(gas.reach[tile, BEYOND], 0.0) + furthest
+    return ti.cast(gas.reach[tile, HALO] < needed, ti.i32)
+
+
+@ti.func
+def is_wrong(tile, thread, gas: ti.template()):
+    """1 if a claim of a tile may make its window inexact (2 above), of those that this thread of its team tests."""
+    wrong = 0
+    claim, end = gas.tile[tile, CLAIMS] + thread, gas.tile[tile, CLAIMS] + gas.tile[tile, N_CLAIMS]
+    while claim < end and wrong == 0:
         s = gas.claim[claim][0]
         if gas.claim[claim][1] != gas.trail[s][0] or gas.claim[claim][2] != gas.trail[s][1]:
-            bad = touches(claim, tile, gas)
-        claim += 1
-    return bad
+            wrong = touches(claim, tile, gas)
+        claim += ti.static(team_of(gas.uses))
+    return wrong

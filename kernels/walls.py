@@ -368,7 +368,7 @@ def first_wall(i, best, partner, region: ti.template(), gas: ti.template()):
             region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y],
             gas.work[i][VX], gas.work[i][VY], gas.work[i][TAU], radius_of(i, gas), best, gas,
         )  # fmt: skip
-        if resting == 1 and gas.link[i][OWN] == 1:
+        if resting == 1 and gas.link[i][OWN] > 0:
             gas.counter[RESTING] = 1
         if t < best:
             best = t
@@ -437,7 +437,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     note_speed(i, gas)
     gas.link[i][LAST] = FIRST_WALL - w
     gas.mark[i][AT_WALLS] = gas.mark[i][AT_WALLS] + 1
-    if gas.link[i][OWN] == 1:
+    if gas.link[i][OWN] > 0:
         add(tile, WALL_COLLISIONS, 1.0, gas)
         if how >= ELASTIC:
             add(tile, ELASTICS, 1.0, gas)

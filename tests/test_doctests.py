@@ -25,7 +25,7 @@ MADE_BY_FUNCTIONS = {
     "Correlation", "Diffusion", "Fields", "HaffFit", "Hexatic", "Impacts", "PairCorrelation", "Pressure", "RatioFit",
     "SonineCoefficients", "StructureFactor", "VelocityDistribution", "Data", "Design", "Estimate", "Fit", "Fitted",
     "Interval", "Law",
-    "History", "Bodies", "Disk", "Hit", "Wall",
+    "History", "Bodies", "DiskBody", "Hit", "WallBody",
 }  # fmt: skip
 """Results: the function that returns one shows it."""
 
@@ -60,11 +60,9 @@ def public() -> dict[str, Any]:
             value = getattr(face, name)
             if not (inspect.isclass(value) or inspect.isfunction(value)) or name.startswith("_"):
                 continue
-            if inspect.isclass(value) and (
-                issubclass(value, Exception) or name in MADE_BY_FUNCTIONS - {"Wall"}
-            ):
+            if inspect.isclass(value) and (issubclass(value, Exception) or name in MADE_BY_FUNCTIONS):
                 continue
-            if name not in OF_TAICHI and value is not getattr(bullet, "Wall", None):
+            if name not in OF_TAICHI:
                 found[f"{value.__module__}.{name}"] = value
     return found
 

@@ -37,7 +37,7 @@ def files_on_disk() -> dict[str, Path]:
         for path in sorted((ROOT / folder).rglob("*")):
             name = path.relative_to(ROOT / folder)
             linked = any((ROOT / folder / parent).is_symlink() for parent in (name, *name.parents))
-            manual = path.suffix in (".md", ".png") and name.parts[0] == "docs"
+            manual = path.suffix in (".md", ".png", ".webp") and name.parts[0] == "docs"
             wanted = (
                 path.suffix in (".py", ".pyi", ".toml", ".csv", ".html") or path.name == "py.typed" or manual
             )
@@ -165,8 +165,8 @@ def test_bullet_extra_asks_for_pybullet_only_where_it_has_wheels():
 
 # --- kernels compute; they do not talk, read, write or start anything
 
-# os for its environ alone: Taichi's banner can only be silenced there. language.py needs functools, linecache and sys.
-IMPORTS_OF_KERNELS = {"taichi", "math", "numpy", "os", "typing", "functools", "linecache", "sys"}
+# os for its environ alone: Taichi's banner can only be silenced there. The others are what language.py needs.
+IMPORTS_OF_KERNELS = {"taichi", "math", "numpy", "os", "typing", "ast", "functools", "itertools", "linecache", "sys"}
 
 
 def outside_effects(source: str) -> list[str]:

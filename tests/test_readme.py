@@ -6,12 +6,16 @@ import math
 import pydoc
 import re
 import runpy
+import sys
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from PIL import Image
 from support import layout_files
 from support.manual import block, blocks, page
 
@@ -25,11 +29,14 @@ from ifrdem.cli import docs
 from ifrdem.cli import main as cli
 from ifrdem.model.observables import measure
 from ifrdem.model.walls import Motion, Wall
+from ifrdem.plots import pictures
 from ifrdem.theory import sheared_gas
 
 pytestmark = pytest.mark.unoptimised
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / ".site"))
+import notebooks  # noqa: E402  (what runs them for the site)
 
 
 @pytest.mark.parametrize(("marker", "language", "code"), [each for each in blocks() if each[1] == "python"])
@@ -116,10 +123,67 @@ def test_measured_figures_have_a_date_and_the_command_that_repeats_them() -> Non
 def test_gallery_has_a_small_picture_of_every_shipped_case() -> None:
     text = page("gallery.md")
     assert re.findall(r"\]\(gallery/(\w+)\.png\)", text) == [*gallery.ORDER, "study"]
+    assert re.findall(r"\]\(gallery/wall/(\w+)\.png\)", text) == [*gallery.WALL]
     assert sorted(gallery.ORDER) == shipped.names()
     assert text == gallery.page()
     for name in (*gallery.ORDER, "study"):
         assert 1000 < (ROOT / "ifrdem" / "docs" / "gallery" / f"{name}.png").stat().st_size < 60_000
+    for name, (case, words, _) in gallery.WALL.items():
+        assert case in shipped.names()
+        assert words.split()[0] in pictures.PICTURES
+        assert 1000 < (ROOT / "ifrdem" / "docs" / "gallery" / "wall" / f"{name}.png").stat().st_size < 250_000
+    assert len(gallery.WALL) == 12
+
+
+def test_the_first_picture_of_the_readme_moves() -> None:
+    first = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", (ROOT / "README.md").read_text())[0]
+    with Image.open(ROOT / first) as picture:
+        assert picture.n_frames > 20
+    assert (ROOT / first).stat().st_size < 3_000_000
+    assert first.rpartition("/")[2] in page("gallery.md")
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+@pytest.mark.parametrize("path", sorted(notebooks.FOLDER.glob("*.py")), ids=lambda path: path.stem)
+def test_notebooks_run_as_cells_of_jupyter(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Laws and results are defined in cells; every picture and table that a cell shows is there."""
+    made = notebooks.page(path)
+    assert made.startswith("# ")
+    shown = made.count("data:image/png;base64,")
+    assert shown >= {"first_gas": 2, "own_law": 1, "to_a_figure": 3, "small_study": 1}[path.stem]
+
+
+def test_laws_and_forces_of_a_cell_are_compiled(tmp_path: Path) -> None:
+    """Those of the manual, each in a cell of IPython."""
+    text = "".join(f"# %%\n{block(name)}\n" for name in ("force", "law"))
+    (tmp_path / "cells.py").write_text(
+        text.replace("t_end=100.0", "t_end=1.0").replace("t_end=5.0", "t_end=0.5")
+    )
+    with pytest.warns(EnergyWarning, match="of 4096 random collisions none did"):
+        made = notebooks.page(tmp_path / "cells.py")
+    assert made.count("<pre>") == 2
+
+
+def test_examples_for_notebooks_and_other_packages_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    less = ["species[0].number=400", "run.collisions_per_disk=8", "output.frames=20"]
+    assert (
+        cli.main(["run", "cooling", "--no-picture", *(word for one in less for word in ("--set", one))]) == 0
+    )
+    found: dict[str, Any] = {}
+    exec(compile(block("notebook"), "notebooks.md", "exec"), found)
+    assert [len(axes.lines) > 0 for axes in found["axes"]] == [True, False, True]
+    assert found["left"].get_xlabel() != found["right"].get_xlabel()
+    pyplot.close("all")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of other packages
+        exec(compile(block("others"), "exports.md", "exec"), found)
+    assert len(found["universe"].trajectory) == 21
+    assert len(found["atoms"]) == 400
+    with Trajectory("cooling.h5") as run:
+        np.testing.assert_allclose(found["atoms"].positions[:, :2], run[-1].position, rtol=1e-6)
 
 
 def test_small_case_runs_as_the_tutorial_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -340,8 +404,8 @@ def test_reading_examples_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     made = {each.name for each in tmp_path.iterdir()} - {"cooling.h5"}
     # `repair` says that the last row of the series is not committed
     assert made == {
-        "cooling.vtkhdf", "cooling.nc", "cooling.gsd", "cooling.mp4", "seven.csv", "cooling.repaired.h5",
-        "cooling.repaired.vtkhdf", "cooling.repaired.nc",
+        "cooling.vtkhdf", "cooling.nc", "cooling.gsd", "cooling.mp4", "cooling.webp", "seven.csv",
+        "cooling.repaired.h5", "cooling.repaired.vtkhdf", "cooling.repaired.nc",
     }  # fmt: skip
 
 

@@ -50,22 +50,13 @@ def collisions(law: str, n: int, error: float, rng: np.random.Generator, *, wall
     blank = {name: np.zeros(n) for name in ("vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")}
     if wall:
         blank = {name: value for name, value in blank.items() if name.endswith("1")}
-    measured: dict[str, np.ndarray] = {
-        "nx": np.cos(phi),
-        "ny": np.sin(phi),
-        **blank,
-        **{f"{name}_after": value for name, value in blank.items()},
-    }
+    after = {f"{name}_after": value for name, value in blank.items()}
+    measured: dict[str, np.ndarray] = {"nx": np.cos(phi), "ny": np.sin(phi), **blank, **after}
     measured["vx_1"], measured["vy_1"] = np.cos(phi), np.sin(phi)
-    errors: dict[str, Any] = {
-        name: error / R if name.startswith("s") else error for name in measured if name[0] in "vs"
-    }
-    data = Collisions(
-        disk_1=Disk(mass=1.19e-3, radius=R),
-        disk_2=WALL if wall else Disk(mass=3.0e-3, radius=8.75e-3),
-        measured=measured,
-        errors={**errors, "normal": np.full(n, error)},
-    )
+    errors: dict[str, Any] = {name: error / R if name[0] == "s" else error for name in (*blank, *after)}
+    errors["normal"] = np.full(n, error)
+    coin, other = Disk(mass=1.19e-3, radius=R), WALL if wall else Disk(mass=3.0e-3, radius=8.75e-3)
+    data = Collisions(disk_1=coin, disk_2=other, measured=measured, errors=errors)
     problem = data.problem()
     x = problem.start.copy()
     x[:, 0] = chi

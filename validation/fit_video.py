@@ -41,11 +41,9 @@ def tracks(fps: float, noise: float, number: int, seed: int = 1, angle_noise: fl
     law = LAW
     lines = [MADE + "t (s),id,x (mm),y (mm),angle (rad)"]
     for k in range(number):
-        phi, psi, speed = (
-            rng.uniform(0.0, 2.0 * np.pi),
-            np.radians(rng.uniform(-75.0, 75.0)),
-            rng.uniform(0.5, 1.0),
-        )
+        phi = rng.uniform(0.0, 2.0 * np.pi)
+        psi = np.radians(rng.uniform(-75.0, 75.0))
+        speed = rng.uniform(0.5, 1.0)
         n = np.array([np.cos(phi), np.sin(phi)])
         t_ = np.array([-n[1], n[0]])
         v = np.stack([speed * (np.cos(psi) * n + np.sin(psi) * t_), np.zeros(2)]) + rng.normal(0.0, 0.1, 2)
@@ -53,14 +51,10 @@ def tracks(fps: float, noise: float, number: int, seed: int = 1, angle_noise: fl
         out = ifrdem.collide(law, n, [COIN.mass] * 2, [COIN.radius] * 2, [2.0] * 2, v, w)
         place = rng.uniform(0.0, 0.3, 2) + np.outer([0.0, 2.0 * COIN.radius], n)
         t = np.arange(0.0, 0.24, 1.0 / fps) + rng.uniform(0.0, 1.0 / fps)
-        tau = t - 0.12
+        before, after = np.minimum(t - 0.12, 0.0), np.maximum(t - 0.12, 0.0)
         for i in (0, 1):
-            x = (
-                place[i]
-                + np.minimum(tau, 0.0)[:, None] * v[i]
-                + np.maximum(tau, 0.0)[:, None] * out.velocity[i]
-            )
-            angle = np.minimum(tau, 0.0) * w[i] + np.maximum(tau, 0.0) * out.spin[i]
+            x = place[i] + before[:, None] * v[i] + after[:, None] * out.velocity[i]
+            angle = before * w[i] + after * out.spin[i]
             x = 1e3 * (x + noise * rng.standard_normal(x.shape))
             angle = (angle + angle_noise * rng.standard_normal(angle.shape) + np.pi) % (2.0 * np.pi) - np.pi
             lines += [

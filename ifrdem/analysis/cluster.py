@@ -10,30 +10,25 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import as_box, each, neighbours
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Clusters(Brief):
-    """Disks joined wherever the gap between two surfaces is below `gap`; a disk alone is a cluster of one.
-
-    Attributes
-    ----------
-    label : array (n,) of int
-        The cluster of each disk, from 0, the largest first.
-    sizes, radius_of_gyration, spans : array (c,)
-        Of each cluster: number of disks, falling; root of the mean square distance from the mean of its centres
-        [length], nan where it spans the box; True if it is connected to its own image through periodic sides.
-    gap : float
-        The criterion [length].
-    """
+class Clusters(Brief, PicturedResult):
+    """Disks joined wherever the gap between two surfaces is below `gap`; a disk alone is a cluster of one."""
 
     label: NDArray[np.intp]
+    """The cluster of each disk, from 0, the largest first; shape (n,)."""
     sizes: NDArray[np.intp]
     radius_of_gyration: Array
     spans: NDArray[np.bool_]
+    """sizes, radius_of_gyration, spans: of each cluster: number of disks, falling; root of the mean square distance
+    from the mean of its centres [length], nan where it spans the box; True if it is connected to its own image
+    through periodic sides; shape (c,)."""
     gap: float
+    """The criterion [length]."""
 
     @property
     def largest(self) -> float:

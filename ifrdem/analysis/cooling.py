@@ -31,24 +31,18 @@ Law = Callable[[Array], Array]
 
 @dataclass(frozen=True)
 class Goodness:
-    """Goodness of a law of least squares; errors of its parameters are nan where it does not.
-
-    Attributes
-    ----------
-    rms, correlation_time : float
-        Root of the mean square of what is left, and its integrated autocorrelation time, in points.
-    misfit, p_value : float
-        Root of the mean square of its slow waves, and the probability of such waves by chance (`fit`); nan where too
-        few points are left to tell.
-    describes : bool
-        False where the waves are neither chance nor within the scatter that is allowed.
-    """
+    """Goodness of a law of least squares; errors of its parameters are nan where it does not."""
 
     rms: float
     correlation_time: float
+    """rms, correlation_time: root of the mean square of what is left, and its integrated autocorrelation time, in
+    points."""
     misfit: float
     p_value: float
+    """misfit, p_value: root of the mean square of its slow waves, and the probability of such waves by chance (`fit`);
+    nan where too few points are left to tell."""
     describes: bool
+    """False where the waves are neither chance nor within the scatter that is allowed."""
 
 
 def fit(

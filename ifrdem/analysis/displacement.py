@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import as_box
 
@@ -20,48 +21,35 @@ EVEN = 1e-3  # of the mean interval: how far intervals may differ where all orig
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Correlation(Brief):
-    """A mean over disks at lags in time, such as a mean-square displacement.
-
-    Attributes
-    ----------
-    lag, value, error : array (lags,)
-        Lags [time], the first is 0; the mean, and its standard error: disks count as independent, lags and origins of a
-        disk do not.
-    covariance : array (lags, lags)
-        Covariance of `value` by the spread over disks: what a fit to it needs.
-    components, disks, origins : int, int, str
-        Directions in space that it is the sum of, number of disks, "all" or "first".
-    """
+class Correlation(Brief, PicturedResult):
+    """A mean over disks at lags in time, such as a mean-square displacement."""
 
     lag: Array
     value: Array
     error: Array
+    """lag, value, error: lags [time], the first is 0; the mean, and its standard error: disks count as independent,
+    lags and origins of a disk do not; shape (lags,)."""
     covariance: Array
+    """Covariance of `value` by the spread over disks: what a fit to it needs; shape (lags, lags)."""
     components: int
     disks: int
     origins: str
+    """components, disks, origins: directions in space that it is the sum of, number of disks, "all" or "first"."""
 
 
 @dataclass(frozen=True)
 class Diffusion:
-    """A diffusion coefficient from a mean-square displacement.
-
-    Attributes
-    ----------
-    D, error : float
-        Slope over twice the number of directions [length^2/time], and its standard error by the spread over disks.
-    exponent : float
-        Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the fit
-        is too early or the gas cools.
-    lags : tuple of two floats
-        Of the first and the last lag used [time].
-    """
+    """A diffusion coefficient from a mean-square displacement."""
 
     D: float
     error: float
+    """D, error: slope over twice the number of directions [length^2/time], and its standard error by the spread over
+    disks."""
     exponent: float
+    """Of the power law between the ends of the fit: 1 where it diffuses, 2 where disks fly, between them where the fit
+    is too early or the gas cools."""
     lags: tuple[float, float]
+    """Of the first and the last lag used [time]."""
 
 
 def unwrap(
@@ -97,9 +85,8 @@ def unwrap(
         return x
     if image is not None:
         if np.shape(image) != x.shape:
-            raise InputError(
-                f"images of shape {np.shape(image)} for positions of shape {x.shape}: they must match"
-            )
+            shapes = f"images of shape {np.shape(image)} for positions of shape {x.shape}"
+            raise InputError(f"{shapes}: they must match")
         when = np.broadcast_to(np.asarray(times, dtype=float), len(x))
         every = zip(x, np.asarray(image), when, strict=True)
         return np.stack([box.unwrap(one, turns, float(t)) for one, turns, t in every])
@@ -147,19 +134,16 @@ def _lags(times: ArrayLike, name: str, values: Any, origins: str, most: int) -> 
     if t is None or t.ndim != 1:
         of = f"an array of shape {t.shape}" if t is not None else f"a {type(times).__name__}"
         other = f", {name} are an array of shape {values.shape}" if isinstance(values, np.ndarray) else ""
-        raise InputError(
-            f"times are {of}{other}: first times of shape (frames,), then {name} of shape (frames, n, d) are needed"
-        )
+        needed = f"first times of shape (frames,), then {name} of shape (frames, n, d) are needed"
+        raise InputError(f"times are {of}{other}: {needed}")
     if origins not in ORIGINS:
-        raise InputError(
-            f"origins = {origins!r}: must be one of {', '.join(ORIGINS)}{nearest(origins, ORIGINS)}"
-        )
+        allowed = f"{', '.join(ORIGINS)}{nearest(origins, ORIGINS)}"
+        raise InputError(f"origins = {origins!r}: must be one of {allowed}")
     if len(t) < 2:
         raise InputError(f"times hold {len(t)}: 2 frames or more are needed")
     if not np.all(np.diff(t) > 0.0):
-        raise InputError(
-            f"times from {t[0]:g} to {t[-1]:g} do not increase from each frame to the next, and must"
-        )
+        span = f"times from {t[0]:g} to {t[-1]:g}"
+        raise InputError(f"{span} do not increase from each frame to the next, and must")
     if origins == "all" and np.ptp(np.diff(t)) > EVEN * np.mean(np.diff(t)):
         raise InputError('frames are not evenly spaced in time: origins = "first" is possible, "all" is not')
     lag = t - t[0]
@@ -246,10 +230,8 @@ def _parts(name: str, values: Array | Iterable[Array], frames: int) -> Iterable[
     found = False
     for part in [values] if isinstance(values, np.ndarray) else values:
         if part.ndim != 3 or len(part) != frames:
-            raise InputError(
-                f"{name} hold an array of shape {part.shape}: (frames, n, d) with {frames} frames, as many as times, "
-                "is needed"
-            )
+            needed = f"(frames, n, d) with {frames} frames, as many as times, is needed"
+            raise InputError(f"{name} hold an array of shape {part.shape}: {needed}")
         found = True
         yield np.asarray(part, dtype=np.float64)
     if not found:
@@ -292,13 +274,12 @@ def diffusion_coefficient(
     if first is None and last is None and np.count_nonzero(used) < 3:
         used = msd.lag > 0.0  # so few that all are needed
     if np.count_nonzero(used) < 3:
-        raise InputError(
-            f"{np.count_nonzero(used)} lags from {low:.4g} to {high:.4g}: 3 or more are needed for a fit"
-        )
+        lags = f"{np.count_nonzero(used)} lags from {low:.4g} to {high:.4g}"
+        raise InputError(f"{lags}: 3 or more are needed for a fit")
     t, value = msd.lag[used], msd.value[used]
     weight = (t - t.mean()) / np.sum((t - t.mean()) ** 2)  # slope = weight . value
     variance = float(weight @ msd.covariance[np.ix_(used, used)] @ weight)
     factor = 2.0 * msd.components
     exponent = float(np.polyfit(np.log(t), np.log(value), 1)[0]) if np.all(value > 0.0) else float("nan")
-    lags = (float(t[0]), float(t[-1]))
-    return Diffusion(float(weight @ value) / factor, float(np.sqrt(variance)) / factor, exponent, lags)
+    ends = (float(t[0]), float(t[-1]))
+    return Diffusion(float(weight @ value) / factor, float(np.sqrt(variance)) / factor, exponent, ends)

@@ -10,38 +10,31 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import as_box, each
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fields(Brief):
-    """Fields on a grid of a x b places.
-
-    Attributes
-    ----------
-    x, y : array (a,), (b,)
-        Middles of the cells [length].
-    number, packing_fraction : array (a, b)
-        Number density [1/length^2], and area of the disks in it over area, each counted whole at its centre.
-    velocity : array (a, b, 2)
-        Mean velocity weighted by mass [length/time]; nan where there is nobody.
-    temperature, rotational_temperature : array (a, b)
-        T = <m |v - u|^2> / 2 relative to the mean velocity u of the place, without bias by the number of disks that u
-        is the mean of, nan where fewer than two are; it contains what u varies by within the place. T_rot = <I
-        omega^2>. [energy]
-    width : float
-        Standard deviation of the Gaussian [length], 0 for plain cells.
-    """
+class Fields(Brief, PicturedResult):
+    """Fields on a grid of a x b places."""
 
     x: Array
     y: Array
+    """x, y: middles of the cells [length]; shape (a,)."""
     number: Array
     packing_fraction: Array
+    """number, packing_fraction: number density [1/length^2], and area of the disks in it over area, each counted whole
+    at its centre; shape (a, b)."""
     velocity: Array
+    """Mean velocity weighted by mass [length/time]; nan where there is nobody; shape (a, b, 2)."""
     temperature: Array
     rotational_temperature: Array
+    """temperature, rotational_temperature: t = <m |v - u|^2> / 2 relative to the mean velocity u of the place, without
+    bias by the number of disks that u is the mean of, nan where fewer than two are; it contains what u varies by
+    within the place. T_rot = <I omega^2>. [energy]; shape (a, b)."""
     width: float
+    """Standard deviation of the Gaussian [length], 0 for plain cells."""
 
 
 def coarse_grain(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..model.ifr import Regime
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 
 REGIMES = {
@@ -34,37 +35,32 @@ PER_BIN = 40
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Impacts(Brief):
+class Impacts(Brief, PicturedResult):
     """Distributions of the angle of impact psi, and of the regimes.
 
     psi is the angle between the relative velocity of the centres and the line of centres at contact. Where velocities
     of colliding disks know nothing of where they meet (molecular chaos), the impact parameter b = sin psi is uniform
     from 0 to 1, and the density of psi is cos psi.
-
-    Attributes
-    ----------
-    psi, density, density_error : array (bins,)
-        Middles of bins from 0 to pi / 2 [rad]; probability density [1/rad], and its standard error by counting: with c
-        of n collisions in a bin, that of a probability of which nothing else is known (its posterior by Jeffreys'
-        prior, a beta distribution with c + 1/2 and n - c + 1/2), which is not 0 for empty bins.
-    mean_b, mean_b_error, p_value : float
-        Mean of sin psi, 1/2 in molecular chaos. Probability that as many independent collisions would be as far from a
-        uniform b, or farther, if it were uniform (Kolmogorov and Smirnov); not that it is.
-    regimes : dict
-        Name of a regime -> share of the collisions, its standard error.
-    collisions, regime_collisions : int
-        How many there were, and of how many the regimes are known.
     """
 
     psi: Array
     density: Array
     density_error: Array
+    """psi, density, density_error: middles of bins from 0 to pi / 2 [rad]; probability density [1/rad], and its
+    standard error by counting: with c of n collisions in a bin, that of a probability of which nothing else is
+    known (its posterior by Jeffreys' prior, a beta distribution with c + 1/2 and n - c + 1/2), which is not 0 for
+    empty bins; shape (bins,)."""
     mean_b: float
     mean_b_error: float
     p_value: float
+    """mean_b, mean_b_error, p_value: mean of sin psi, 1/2 in molecular chaos. Probability that as many independent
+    collisions would be as far from a uniform b, or farther, if it were uniform (Kolmogorov and Smirnov); not that
+    it is."""
     regimes: dict[str, tuple[float, float]]
+    """Name of a regime -> share of the collisions, its standard error."""
     collisions: int
     regime_collisions: int
+    """collisions, regime_collisions: how many there were, and of how many the regimes are known."""
 
 
 def impacts(psi: ArrayLike, regime: ArrayLike | None = None, *, bins: int | None = None) -> Impacts:

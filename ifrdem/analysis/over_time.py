@@ -26,18 +26,14 @@ def _motion(trajectory: Trajectory, chosen: Sequence[int] | None) -> tuple[list[
     if len(used) < 4:
         raise InputError(f"{trajectory.path}: {len(used)} frames are too few for what changes with time")
     half = used[len(used) // 2 :]
-    if _even(trajectory, used):
+    step = np.diff(trajectory.times[used])
+    if np.ptp(step) <= displacement.EVEN * np.mean(step):
         if _steady(trajectory, used):
             return used, "all", ["mean over all origins of time"]
         if chosen is None and len(half) >= 8 and _steady(trajectory, half):
             return half, "all", ["mean over all origins of time in the second half, where the gas is steady"]
         return used, "first", ["the temperature changes: from the first frame only"]
     return used, "first", ["frames are not evenly spaced in time: from the first frame only"]
-
-
-def _even(trajectory: Trajectory, used: list[int]) -> bool:
-    step = np.diff(trajectory.times[used])
-    return bool(np.ptp(step) <= displacement.EVEN * np.mean(step))
 
 
 def _steady(trajectory: Trajectory, used: list[int]) -> bool:
@@ -113,17 +109,15 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
 def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "velocity")
     if trajectory.box.shear_rate:
-        raise InputError(
-            "velocities in the lab of a sheared gas say little: the displacement across the flow is `msd`"
-        )
+        text = "velocities in the lab of a sheared gas say little"
+        raise InputError(f"{text}: the displacement across the flow is `msd`")
     used, origins, notes = _motion(trajectory, chosen)
     parts = (v for _, v in _parts(trajectory, used, "velocity"))
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
     below = np.flatnonzero(found.value < scale / math.e)
-    rows = [
-        Reading("<v^2>", float(found.value[0]), float(found.error[0]), unit(trajectory, "length^2/time^2"))
-    ]
+    square = unit(trajectory, "length^2/time^2")
+    rows = [Reading("<v^2>", float(found.value[0]), float(found.error[0]), square)]
     if len(below):
         rows.append(Reading("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
     table = {"lag": found.lag, "vacf": found.value, "error": found.error}
@@ -145,9 +139,8 @@ def _span_mean(when: Array, values: Array, span: tuple[float, float]) -> float:
 def of_pressure(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     box, disks = trajectory.box, trajectory.disks
     if box.is_open or trajectory.room.all_walls:
-        raise InputError(
-            "pressure of a homogeneous gas in a periodic box only: this one has walls or no sides"
-        )
+        text = "pressure of a homogeneous gas in a periodic box only"
+        raise InputError(f"{text}: this one has walls or no sides")
     used = every(trajectory, chosen)
     span = times(trajectory, used)
     when, (T, count) = stored.series(trajectory, "temperature", "collisions")
@@ -225,9 +218,8 @@ def _pressure_by_rate(
 def of_cooling(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     for name in ("energy_input", "wall_work", "wall_heat"):
         if name in trajectory.observables and np.any(trajectory.observables[name]):
-            raise InputError(
-                f"Haff's law is that of a gas left to itself, and this one is driven ({name} is not 0)"
-            )
+            law = "Haff's law is that of a gas left to itself"
+            raise InputError(f"{law}, and this one is driven ({name} is not 0)")
     when, (T, T_rot, count) = stored.series(trajectory, "temperature", "rotational_temperature", "collisions")
     used = np.ones(len(when), dtype=bool)
     if chosen is not None:
@@ -301,9 +293,8 @@ def of_impact(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluatio
     table = {"psi": result.psi, "density": result.density, "error": result.density_error}
     notes = [f"{of_whom}; in molecular chaos b is uniform and psi has the density cos psi"]
     if counts is not None:
-        notes.append(
-            f"regimes by the time series: of all {result.regime_collisions} collisions of two disks, within rows of it"
-        )
+        all_of = f"of all {result.regime_collisions} collisions of two disks"
+        notes.append(f"regimes by the time series: {all_of}, within rows of it")
     return Evaluation(result, rows, {"": table}, notes, span)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import Positions, as_box, each, freud_frame, times_of
@@ -20,21 +21,15 @@ CONTACT_BINS = 25
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PairCorrelation(Brief):
-    """Frequency of centres at a distance r, relative to an ideal gas of the same density.
-
-    Attributes
-    ----------
-    r, g, g_error, pairs : array (bins,)
-        Middles of the bins [length]; g(r), and its standard error by the number of pairs, which count as independent;
-        pairs counted, each once, over all frames.
-    frames : int
-    """
+class PairCorrelation(Brief, PicturedResult):
+    """Frequency of centres at a distance r, relative to an ideal gas of the same density."""
 
     r: Array
     g: Array
     g_error: Array
     pairs: Array
+    """r, g, g_error, pairs: middles of the bins [length]; g(r), and its standard error by the number of pairs, which
+    count as independent; pairs counted, each once, over all frames; shape (bins,)."""
     frames: int
 
 
@@ -45,20 +40,15 @@ class ContactValue:
     Of inelastic disks it is not the chi that a rate of collisions shows (`pressure.contact_from_rate`): pairs separate
     slower than they approach, and are near contact for longer. Without friction, as many separate at e_n times the
     speed as approach, so that g is (1 + 1 / e_n) / 2 times chi.
-
-    Attributes
-    ----------
-    g, error : float
-        The value and its standard error: counting of pairs, and the fit; not what the fit's form may be off by, which
-        is below 1 % up to packing fraction 0.6 (a quarter of a diameter, where ln g is nearly a parabola).
-    chi_square, degrees : float, int
-        Of the fit: far more than its degrees of freedom means that the form does not fit.
     """
 
     g: float
     error: float
+    """g, error: the value and its standard error: counting of pairs, and the fit; not what the fit's form may be off
+    by, which is below 1 % up to packing fraction 0.6 (a quarter of a diameter, where ln g is nearly a parabola)."""
     chi_square: float
     degrees: int
+    """chi_square, degrees: of the fit: far more than its degrees of freedom means that the form does not fit."""
 
 
 def pair_correlation(

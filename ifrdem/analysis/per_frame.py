@@ -35,9 +35,8 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
     changes: list[steadiness.Change] = []
 
     def distribution(which: Indices, some: Sequence[int], bins: int) -> velocities.VelocityDistribution:
-        frames = [
-            [getattr(trajectory[i], name)[which] for i in some] for name in ("peculiar_velocity", "spin")
-        ]
+        names = ("peculiar_velocity", "spin")
+        frames = [[getattr(trajectory[i], name)[which] for i in some] for name in names]
         mass, inertia = disks.mass[which], disks.inertia[which]
         return velocities.velocity_distribution(frames[0], frames[1], mass=mass, inertia=inertia, bins=bins)
 
@@ -53,13 +52,10 @@ def of_velocity(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
             for label in SONINE:
                 then, now = coefficient(early, label), coefficient(late, label)
                 changes.append(steadiness.between(f"{label}{of}", then, now, len(which) - 1))
-        table |= {
-            f"c{mark}": found.speed,
-            f"P(c){mark}": found.density,
-            f"P(c) error{mark}": found.density_error,
-            f"P(w){mark}": found.spin_density,
-            f"P(w) error{mark}": found.spin_density_error,
-        }
+        columns = {"c": "speed", "P(c)": "density", "P(w)": "spin_density"}
+        columns |= {f"{name} error": f"{columns[name]}_error" for name in ("P(c)", "P(w)")}
+        order = ("c", "P(c)", "P(c) error", "P(w)", "P(w) error")
+        table |= {f"{name}{mark}": getattr(found, columns[name]) for name in order}
     notes = [f"of {name}" for name in results if "together" in name]
     notes += ["c = v_x or v_y over sqrt(2 T / m), w = omega over sqrt(2 T_rot / I); 0 for Gaussians"]
     doubts = steadiness.doubts(changes)
@@ -102,9 +98,8 @@ def _neighbours_change(trajectory: Trajectory, used: Sequence[int], reach: float
     count, where = [], []
     for i in used:
         frame = trajectory[i]
-        both = np.concatenate(
-            common.neighbours(frame.position, trajectory.box, reach, frame.time, "g(r)")[:2]
-        )
+        ends = common.neighbours(frame.position, trajectory.box, reach, frame.time, "g(r)")[:2]
+        both = np.concatenate(ends)
         count.append(np.bincount(both, minlength=len(frame.position)).astype(float))
         where.append(frame.position)
     what = f"the number of others whose centres are nearer to a disk's than {NEAR:g} mean diameters"
@@ -140,9 +135,8 @@ def _modes_change(trajectory: Trajectory, used: Sequence[int]) -> list[str]:
     # All of the longest waves lie within: along one axis only there are so many if the box is that narrow. The shear
     # turns all waves but those across the flow.
     reach = (0, most) if box.shear_rate else (most, most)
-    modes = [
-        structure.mode_intensities(trajectory[i].position, box, reach, time=trajectory.times[i]) for i in used
-    ]
+    where = ((trajectory[i].position, trajectory.times[i]) for i in used)
+    modes = [structure.mode_intensities(position, box, reach, time=time) for position, time in where]
     size = np.hypot(modes[0][0][..., 0], modes[0][0][..., 1]).ravel()
     middle = len(size) // 2  # k = 0; of k and -k one
     longest = middle + 1 + np.argsort(size[middle + 1 :], kind="stable")[:most]
@@ -215,15 +209,12 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
         Reading("clusters of 2 or more", int(np.count_nonzero(last.sizes > 1))),
     ]
     size, count = np.unique(last.sizes, return_counts=True)
-    tables = {
-        "": {
-            "time": np.array(found.times),
-            "largest": np.array([one.largest for one in found.clusters]),
-            "mean_size": np.array([one.mean_size for one in found.clusters]),
-            "radius_of_gyration": np.array([one.radius_of_gyration[0] for one in found.clusters]),
-        },
-        "sizes": {"size": size, "clusters": count},
+    columns = {
+        name: np.array([getattr(one, name) for one in found.clusters]) for name in ("largest", "mean_size")
     }
+    gyration = np.array([one.radius_of_gyration[0] for one in found.clusters])
+    main = {"time": np.array(found.times), **columns, "radius_of_gyration": gyration}
+    tables: dict[str, Columns] = {"": main, "sizes": {"size": size, "clusters": count}}
     words = trajectory.with_unit(f"{last.gap:.4g}", "length")
     notes = [f"disks whose surfaces are nearer than {words} ({GAP:g} mean diameters) are joined"]
     if last.spans[:1].any():
@@ -234,22 +225,17 @@ def of_clusters(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluat
 def of_psi6(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
     used = latest(trajectory, chosen)
-    where = list(_positions(trajectory, used))
-    found = [
-        psi6.hexatic(x, trajectory.box, time=float(trajectory.times[i]))
-        for x, i in zip(where, used, strict=True)
-    ]
+    where, box, when = list(_positions(trajectory, used)), trajectory.box, trajectory.times[used]
+    found = [psi6.hexatic(x, box, time=float(t)) for x, t in zip(where, when, strict=True)]
     local, whole = ([getattr(one, name) for one in found] for name in ("local", "whole"))
     rows = [
         Reading("mean of |psi_6|", *common.mean_with_error(local)),
         Reading("|mean of psi_6|", *common.mean_with_error(whole)),
     ]
-    table = {"time": trajectory.times[used], "local": np.array(local), "whole": np.array(whole)}
+    table = {"time": when, "local": np.array(local), "whole": np.array(whole)}
     notes, doubts = ["of the six nearest neighbours"], []
     if len(used) > 1:
         notes.append("errors by the scatter over frames")
         values = [np.abs(one.psi6) for one in found]
-        doubts = steadiness.doubts(
-            [steadiness.between_cells("the mean of |psi_6|", values, where, trajectory.box)]
-        )
+        doubts = steadiness.doubts([steadiness.between_cells("the mean of |psi_6|", values, where, box)])
     return Evaluation(found[-1], rows, {"": table}, notes, times(trajectory, used), doubts, len(used))

@@ -31,24 +31,18 @@ def blocks(span: tuple[float, float]) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pressure(Brief):
-    """The pressure of a gas, in two dimensions a force on a length [energy/length^2].
-
-    Attributes
-    ----------
-    kinetic, collisional, error, total : float
-        N T / A; what collisions pass on, and its standard error, from blocks of time; the sum.
-    Z : float
-        Compressibility factor p A / (N T).
-    collisional_tensor : array (2, 2)
-        P_ab of collisions: first where to, then which component of the impulse.
-    """
+    """The pressure of a gas, in two dimensions a force on a length [energy/length^2]."""
 
     kinetic: float
     collisional: float
     error: float
     total: float
+    """kinetic, collisional, error, total: n T / A; what collisions pass on, and its standard error, from blocks of
+    time; the sum."""
     Z: float
+    """Compressibility factor p A / (N T)."""
     collisional_tensor: Array
+    """P_ab of collisions: first where to, then which component of the impulse; shape (2, 2)."""
 
 
 def pressure_from_impulses(

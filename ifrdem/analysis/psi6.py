@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError, nearest
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import as_box, each, freud_frame
@@ -19,22 +20,15 @@ NEIGHBOURS = ("nearest", "voronoi")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Hexatic(Brief):
-    """psi_6 of disk i: the mean of exp(6 i theta) over the directions theta to its neighbours.
-
-    Attributes
-    ----------
-    psi6 : array (n,) of complex
-        Of each disk.
-    local, whole : float
-        Mean of |psi_6|, 1 in a perfect hexagonal lattice; |mean of psi_6|, 1 if it is a single crystal, about local /
-        sqrt(n) in a fluid.
-    neighbours : {"nearest", "voronoi"}
-    """
+class Hexatic(Brief, PicturedResult):
+    """psi_6 of disk i: the mean of exp(6 i theta) over the directions theta to its neighbours."""
 
     psi6: NDArray[np.complex128]
+    """Of each disk; shape (n,)."""
     local: float
     whole: float
+    """local, whole: mean of |psi_6|, 1 in a perfect hexagonal lattice; |mean of psi_6|, 1 if it is a single crystal,
+    about local / sqrt(n) in a fluid."""
     neighbours: str
 
 

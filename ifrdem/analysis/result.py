@@ -56,11 +56,8 @@ def series(trajectory: Trajectory, *names: str) -> tuple[Array, list[Array]]:
     """
     at_frames = all(name in trajectory.observables for name in names)
     rows = len(trajectory.series.time)
-    if (
-        all(name in trajectory.series for name in names)
-        and rows
-        and not (at_frames and rows < len(trajectory))
-    ):
+    in_series = rows and all(name in trajectory.series for name in names)
+    if in_series and not (at_frames and rows < len(trajectory)):
         return trajectory.series.time, [trajectory.series[name].astype(float) for name in names]
     missing = [name for name in names if name not in trajectory.observables]
     if missing:
@@ -95,9 +92,8 @@ def collisions(trajectory: Trajectory) -> TrackedCollisions:
     rows, *span = trajectory.tracked_events
     found = {name: trajectory.read_events(name, rows) for name in COLUMNS}
     pair = found["partner"] >= 0
-    return TrackedCollisions(
-        **{name: column[pair] for name, column in found.items()}, tracked=tracked, span=(span[0], span[1])
-    )
+    own = {name: column[pair] for name, column in found.items()}
+    return TrackedCollisions(**own, tracked=tracked, span=(span[0], span[1]))
 
 
 MOST_FRAMES = 20
@@ -124,16 +120,14 @@ class Reading(NamedTuple):
 class Evaluation(Brief):
     """Results of an analysis of a file."""
 
-    result: (
-        Any  # what the function of `ifrdem.analysis` returned; for velocities a dict of them by kind of disk
-    )
+    # What the function of `ifrdem.analysis` returned; for velocities a dict of them by kind of disk.
+    result: Any
     rows: list[Reading]  # numbers for people
     tables: dict[str, Columns]  # name ("" for the only or main one) -> columns by name, of one length
     notes: list[str]  # what to know of them
     times: tuple[float, float]  # first and last time that was used
-    doubts: list[str] = field(
-        default_factory=list
-    )  # why numbers do not mean what their names say: shown before them
+    # Why numbers do not mean what their names say: shown before them.
+    doubts: list[str] = field(default_factory=list)
     frames: int = 0  # how many were used; 0 if what was used is no frames
 
 

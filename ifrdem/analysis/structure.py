@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..model.box import Box
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from . import common as libraries
 from .common import Positions, as_box, each, times_of
@@ -20,23 +21,17 @@ MOST_MODES = 1024
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StructureFactor(Brief):
-    """S(k) = <|sum_j exp(-i k r_j)|^2> / n in rings of k.
-
-    Attributes
-    ----------
-    k, S, S_error : array (rings,)
-        Mean |k| of the modes in each ring [1/length]; mean of S, and standard error S / sqrt(modes frames): modes and
-        frames count as independent, each mode as exponentially distributed.
-    modes, frames : array (rings,) of int, int
-        Modes counted in a frame, of k and -k one; how many frames there were.
-    """
+class StructureFactor(Brief, PicturedResult):
+    """S(k) = <|sum_j exp(-i k r_j)|^2> / n in rings of k."""
 
     k: Array
     S: Array
     S_error: Array
+    """k, S, S_error: mean |k| of the modes in each ring [1/length]; mean of S, and standard error S / sqrt(modes
+    frames): modes and frames count as independent, each mode as exponentially distributed; shape (rings,)."""
     modes: NDArray[np.int64]
     frames: int
+    """modes, frames: modes counted in a frame, of k and -k one; how many frames there were; shape (rings,)."""
 
 
 def mode_intensities(

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import Positions, each
 
@@ -53,25 +54,19 @@ class SonineCoefficients:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class VelocityDistribution(Brief):
-    """Distributions of velocity components and spins over their thermal speeds.
-
-    Attributes
-    ----------
-    speed, density, density_error : array (bins,)
-        Middles of the bins of c_x and c_y, c = v / sqrt(2 T / m); probability density of a component, both counted;
-        standard error if disks and frames were independent.
-    spin, spin_density, spin_density_error : array (bins,)
-        The same of w = omega / sqrt(2 T_rot / I); densities are nan where nothing spins.
-    sonine : SonineCoefficients
-    """
+class VelocityDistribution(Brief, PicturedResult):
+    """Distributions of velocity components and spins over their thermal speeds."""
 
     speed: Array
     density: Array
     density_error: Array
+    """speed, density, density_error: middles of the bins of c_x and c_y, c = v / sqrt(2 T / m); probability density of
+    a component, both counted; standard error if disks and frames were independent; shape (bins,)."""
     spin: Array
     spin_density: Array
     spin_density_error: Array
+    """spin, spin_density, spin_density_error: the same of w = omega / sqrt(2 T_rot / I); densities are nan where
+    nothing spins; shape (bins,)."""
     sonine: SonineCoefficients
 
 

@@ -35,28 +35,22 @@ WAYS_TO_PLACE = (*PLACED, IMPACT_SCAN)
 
 # The ranges sit inside the Annotated types, so that `X | None` still checks them; `Section.about` finds them.
 NormalRestitution = Annotated[
-    float, key("normal restitution e_n [1], 0 to 1 (elastic)", 0.87, ge=0.0, le=1.0)
+    float, key(0.87, ge=0.0, le=1.0, description="normal restitution e_n [1], 0 to 1 (elastic)")
 ]
-TangentialRestitution = Annotated[
-    float,
-    key(
-        "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with "
-        "percussion-centre sticking, homogeneous disks never gain energy up to -0.5",
-        -0.88,
-        ge=-1.0,
-        le=1.0,
-    ),
-]
-Friction = Annotated[float, key("sliding friction mu [1], 0 or more", 0.21, ge=0.0)]
+TANGENTIAL = (
+    "tangential restitution e_t [1], -1 (smooth but for friction) to 1; with percussion-centre sticking, "
+    "homogeneous disks never gain energy up to -0.5"
+)
+TangentialRestitution = Annotated[float, key(-0.88, ge=-1.0, le=1.0, description=TANGENTIAL)]
+Friction = Annotated[float, key(0.21, ge=0.0, description="sliding friction mu [1], 0 or more")]
+STICKING = (
+    'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s choice) or '
+    '"contact_point" (Eq. 12)'
+)
 Sticking = Annotated[
-    Literal["percussion_center", "contact_point"],
-    key(
-        'what stops slipping in a sticking collision: "percussion_center" (Eq. 15, the paper\'s '
-        'choice) or "contact_point" (Eq. 12)',
-        "percussion_center",
-    ),
+    Literal["percussion_center", "contact_point"], key("percussion_center", description=STICKING)
 ]
-RollingFriction = Annotated[float, key("rolling friction rho [m], 0 or more", 0.0, ge=0.0)]
+RollingFriction = Annotated[float, key(0.0, ge=0.0, description="rolling friction rho [m], 0 or more")]
 
 
 def _known_coin(name: str) -> str:
@@ -73,10 +67,10 @@ class MaterialSection(Section):
 
     choices: ClassVar[tuple[Keys, ...]] = (Keys(("e_n", "e_t", "mu")), Keys(("coin",)))
 
-    name: Name = key("name that species and pairs use [text]", "aluminium")
-    coin: CoinName | None = key(
-        "take e_n, e_t, mu of this coin of the paper's Table II [text], for instance", "1 pta", None
-    )
+    name: Name = key("aluminium")
+    """Name that species and pairs use [text]."""
+    coin: CoinName | None = key("1 pta", None)
+    """Take e_n, e_t, mu of this coin of the paper's Table II [text], for instance."""
     e_n: NormalRestitution | None = None
     e_t: TangentialRestitution | None = None
     mu: Friction | None = None
@@ -87,12 +81,8 @@ class MaterialSection(Section):
 class PairSection(Section):
     """Collisions of two different materials, those of walls too. No coefficient is ever guessed from two materials."""
 
-    materials: list[Name] = key(
-        "names of the two materials [text], of disks or of disks and a wall",
-        ["bronze-aluminium", "aluminium"],
-        min_length=2,
-        max_length=2,
-    )
+    materials: list[Name] = key(["bronze-aluminium", "aluminium"], min_length=2, max_length=2)
+    """Names of the two materials [text], of disks or of disks and a wall."""
     e_n: NormalRestitution
     e_t: TangentialRestitution
     mu: Friction
@@ -103,25 +93,19 @@ class PairSection(Section):
 class RadiiSection(Section):
     """Radii that are not all equal: a distribution, sampled with the run's seed."""
 
-    distribution: Literal["uniform", "gaussian", "lognormal", "bidisperse"] = key(
-        '"uniform" (low, high), "gaussian" (mean, deviation), "lognormal" (mean, deviation) or '
-        '"bidisperse" (low, high, large_fraction)',
-        "lognormal",
-    )
-    mean: float | None = key("mean radius of the whole distribution [m]", 10.0e-3, None, gt=0.0)
-    deviation: float | None = key(
-        "standard deviation of the radius, not of its logarithm [m]", 2.0e-3, None, gt=0.0
-    )
-    low: float | None = key(
-        "smallest radius [m]: cuts off a Gaussian (else at 3 deviations) or lognormal distribution",
-        5.0e-3,
-        None,
-        gt=0.0,
-    )
-    high: float | None = key("largest radius [m]: cuts off likewise", 20.0e-3, None, gt=0.0)
-    large_fraction: float | None = key(
-        "part of the disks that have radius high [1]", 0.5, None, gt=0.0, lt=1.0
-    )
+    distribution: Literal["uniform", "gaussian", "lognormal", "bidisperse"] = key("lognormal")
+    """ "uniform" (low, high), "gaussian" (mean, deviation), "lognormal" (mean, deviation) or "bidisperse" (low, high,
+    large_fraction)."""
+    mean: float | None = key(10.0e-3, None, gt=0.0)
+    """Mean radius of the whole distribution [m]."""
+    deviation: float | None = key(2.0e-3, None, gt=0.0)
+    """Standard deviation of the radius, not of its logarithm [m]."""
+    low: float | None = key(5.0e-3, None, gt=0.0)
+    """Smallest radius [m]: cuts off a Gaussian (else at 3 deviations) or lognormal distribution."""
+    high: float | None = key(20.0e-3, None, gt=0.0)
+    """Largest radius [m]: cuts off likewise."""
+    large_fraction: float | None = key(0.5, None, gt=0.0, lt=1.0)
+    """Part of the disks that have radius high [1]."""
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
@@ -157,37 +141,32 @@ class SpeciesSection(Section):
         *(Keys(("areal_density", size), also=("k",)) for size in ("radius", "diameter", "radii")),
     )
 
-    name: Name = key("name [text]", "coins")
-    number: int = key("number of disks [whole number]", 50000, ge=1, le=MOST_DISKS)
-    material: Name | None = key(
-        "name of the material [text]; not needed with a coin, which brings its own", "aluminium", None
-    )
-    coin: CoinName | None = key(
-        "mass and diameter of this coin of the paper's Sec. III [text; SI units only]", "1 pta", None
-    )
-    mass: float | None = key("mass of one disk [kg]", 1.19e-3, None, gt=0.0)
-    radius: float | None = key("radius [m]", 10.5e-3, None, gt=0.0)
-    diameter: float | None = key("diameter [m]", 21.0e-3, None, gt=0.0)
-    radii: RadiiSection | None = key(
-        'distribution of the radii instead of one radius [table; m]: "uniform" (low, high), "gaussian" or '
-        '"lognormal" (mean, deviation; cut off at low, high), "bidisperse" (low, high, large_fraction by number)',
-        {"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3},
-        None,
-    )
-    areal_density: float | None = key(
-        "mass per area [kg/m^2] instead of one mass: each disk has areal_density pi R^2. It is the "
-        "density of the material times the thickness of the disks",
-        3.4,
-        None,
-        gt=0.0,
-    )
-    k: float = key(
-        "shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop", 2.0, 2.0, gt=0.0
-    )
-    speed_rms: float = key(
-        "root mean square speed at the start [m/s], Maxwellian, without total momentum", 1.0, 0.0, ge=0.0
-    )
-    spin_rms: float = key("root mean square spin at the start [rad/s], Gaussian", 0.0, 0.0, ge=0.0)
+    name: Name = key("coins")
+    """Name [text]."""
+    number: int = key(50000, ge=1, le=MOST_DISKS)
+    """Number of disks [whole number]."""
+    material: Name | None = key("aluminium", None)
+    """Name of the material [text]; not needed with a coin, which brings its own."""
+    coin: CoinName | None = key("1 pta", None)
+    """Mass and diameter of this coin of the paper's Sec. III [text; SI units only]."""
+    mass: float | None = key(1.19e-3, None, gt=0.0)
+    """Mass of one disk [kg]."""
+    radius: float | None = key(10.5e-3, None, gt=0.0)
+    """Radius [m]."""
+    diameter: float | None = key(21.0e-3, None, gt=0.0)
+    """Diameter [m]."""
+    radii: RadiiSection | None = key({"distribution": "gaussian", "mean": 10.5e-3, "deviation": 1.0e-3}, None)
+    """Distribution of the radii instead of one radius [table; m]: "uniform" (low, high), "gaussian" or "lognormal"
+    (mean, deviation; cut off at low, high), "bidisperse" (low, high, large_fraction by number)."""
+    areal_density: float | None = key(3.4, None, gt=0.0)
+    """Mass per area [kg/m^2] instead of one mass: each disk has areal_density pi R^2. It is the density of the
+    material times the thickness of the disks."""
+    k: float = key(2.0, 2.0, gt=0.0)
+    """Shape number in the moment of inertia m R^2 / k [1]: 2 homogeneous disk, 1 hoop."""
+    speed_rms: float = key(1.0, 0.0, ge=0.0)
+    """Root mean square speed at the start [m/s], Maxwellian, without total momentum."""
+    spin_rms: float = key(0.0, 0.0, ge=0.0)
+    """Root mean square spin at the start [rad/s], Gaussian."""
 
 
 def is_trajectory(positions: str) -> bool:
@@ -211,64 +190,33 @@ class StartSection(Section):
     )
     choice_optional = True
 
-    positions: Annotated[str, AfterValidator(_known_positions)] = key(
-        '"random" (one by one, to 0.5 of the area), "growth" (random too, to 0.84), "hexagonal" (a '
-        'lattice), "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, '
-        'such as "run.h5" (path from the case file), whose box must be the same',
-        "random",
-        "random",
-    )
-    frame: int | None = key(
-        "frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key",
-        -1,
-        None,
-    )
-    motion: bool = key(
-        "take velocities and spins from the frame as well [true or false], instead of speed_rms and spin_rms",
-        True,
-        False,
-    )
+    positions: Annotated[str, AfterValidator(_known_positions)] = key("random", "random")
+    """ "random" (one by one, to 0.5 of the area), "growth" (random too, to 0.84), "hexagonal" (a lattice),
+    "impact_scan" (pairs, one disk of each at rest, hit at angles psi), or the name of a trajectory, such as
+    "run.h5" (path from the case file), whose box must be the same."""
+    frame: int | None = key(-1, None)
+    """Frame of the trajectory [whole number]: 0 the first, -1 the last, which it is without this key."""
+    motion: bool = key(True, False)
+    """Take velocities and spins from the frame as well [true or false], instead of speed_rms and spin_rms."""
     psi: list[Annotated[float, Field(gt=-90.0, lt=90.0)]] | None = key(
-        "of an impact scan: first and last angle of impact from the line of centres [degrees]; 0 and 89 "
-        "without it",
-        [0.0, 89.0],
-        None,
-        min_length=2,
-        max_length=2,
+        [0.0, 89.0], None, min_length=2, max_length=2
     )
-    speed: float | None = key("of an impact scan: speed of the disk that hits [m/s]", 1.0, None, gt=0.0)
-    file: Name | None = key(
-        "CSV file [text; path from the case file]: a line a disk, in the order of the species, "
-        "with the columns x, y [m] and, to set velocities too, vx, vy [m/s] and spin [rad/s]",
-        "start.csv",
-        None,
-    )
-    columns: dict[str, str] | None = key(
-        "names of the CSV file's columns, where they are others [table]",
-        {"x": "pos x"},
-        None,
-    )
-    units: dict[str, str] | None = key(
-        "units of the CSV file's columns, where they are not SI [table], such as mm, cm/s, deg/s, or a factor",
-        {"x": "mm"},
-        None,
-    )
-    delimiter: str | None = key(
-        "character that separates the CSV file's columns [text]",
-        ";",
-        None,
-    )
-    decimal: Literal[".", ","] | None = key(
-        'decimal point of the CSV file [text]: "." or ","',
-        ",",
-        None,
-    )
-    relax: float | None = key(
-        "overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart",
-        1.0e-4,
-        None,
-        gt=0.0,
-    )
+    """Of an impact scan: first and last angle of impact from the line of centres [degrees]; 0 and 89 without it."""
+    speed: float | None = key(1.0, None, gt=0.0)
+    """Of an impact scan: speed of the disk that hits [m/s]."""
+    file: Name | None = key("start.csv", None)
+    """CSV file [text; path from the case file]: a line a disk, in the order of the species, with the columns x, y [m]
+    and, to set velocities too, vx, vy [m/s] and spin [rad/s]."""
+    columns: dict[str, str] | None = key({"x": "pos x"}, None)
+    """Names of the CSV file's columns, where they are others [table]."""
+    units: dict[str, str] | None = key({"x": "mm"}, None)
+    """Units of the CSV file's columns, where they are not SI [table], such as mm, cm/s, deg/s, or a factor."""
+    delimiter: str | None = key(";", None)
+    """Character that separates the CSV file's columns [text]."""
+    decimal: Literal[".", ","] | None = key(",", None)
+    """Decimal point of the CSV file [text]: "." or ","."""
+    relax: float | None = key(1.0e-4, None, gt=0.0)
+    """Overlaps of the CSV file's disks up to this are errors of measurement [m]: the disks are moved apart."""
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:

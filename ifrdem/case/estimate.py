@@ -64,9 +64,8 @@ class RunEstimate:
     packing_fraction: float  # part of the area that disks cover, of the room between walls; 0 in an open box
     number_density: float  # disks per area [1/length^2]; 0 in an open box
     collision_rate: tuple[float, ...]  # per disk [1/time], species by species; 0 in an open box
-    free_path: tuple[
-        float, ...
-    ]  # mean speed over collision rate [length], species by species; nan where nothing moves
+    # Mean speed over collision rate [length], species by species; nan where nothing moves.
+    free_path: tuple[float, ...]
     end_time: float  # simulated time at the end [time]
     collisions: float  # of two disks in the whole run, each counted once
     collisions_at_most: bool  # `collisions` is only an upper bound: by the initial rate, which cooling lowers
@@ -246,12 +245,8 @@ def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: in
     for name in output.fields:
         size += _tree(chunks, 1 + layout.FIELDS[name].components) + GROUP_BYTES
     if rows:
-        series = [
-            1,
-            1,
-            *OBSERVABLES.values(),
-            *(LEDGER.values() if output.ledger else ()),
-        ]  # step and time first
+        # Step and time first.
+        series = [1, 1, *OBSERVABLES.values(), *(LEDGER.values() if output.ledger else ())]
         size += sum(_dataset(rows, max(1, layout.CHUNK_ROWS // width), width, 8) for width in series)
     if tracked:
         chunk = layout.chunk_events(tracked)

@@ -17,7 +17,7 @@ from ..errors import InputError, listed, nearest
 from ..tools import text_file
 from .case import Case
 from .gas import CaseGas, judge
-from .section import Problem, Section
+from .section import Complaint, Section
 
 KeyPath = tuple[str | int, ...]
 
@@ -67,10 +67,7 @@ def read(path: Path | str, overrides: Sequence[str] = ()) -> CaseFile:
 def load(path: Path) -> tuple[str, dict[str, Any]]:
     """Text of a TOML file, and what it says.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read, or is not TOML.
+    Raises InputError if it cannot be read, or is not TOML.
     """
     try:
         text = text_file.read(path, most=MOST_BYTES)
@@ -97,7 +94,7 @@ def of_text(text: str, path: Path, overrides: Sequence[str] = ()) -> CaseFile:
     return CaseFile(path, text, tuple(overrides), case, gas)
 
 
-def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas | None, list[Problem]]:
+def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas | None, list[Complaint]]:
     """A parsed case, its gas, and everything that is wrong: keys, types and ranges first; if these are in order, rules.
 
     Unknown keys alone do not hide what the rules forbid.
@@ -109,7 +106,7 @@ def judged(raw: Mapping[str, Any], folder: Path) -> tuple[Case | None, CaseGas |
     return case, gas, found + problems
 
 
-def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Problem]]:
+def _validated(raw: Mapping[str, Any]) -> tuple[Case | None, list[Complaint]]:
     """The case without its unknown keys, None if more is wrong; and everything wrong with keys, types and ranges."""
     try:
         return Case.model_validate(raw), []
@@ -163,9 +160,8 @@ def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:
     key, equals, value = assignment.partition("=")
     key, value = key.strip(), value.strip()
     if not equals or not _PATH.fullmatch(key):
-        raise InputError(
-            f"--set {_cut(assignment)}: KEY=VALUE is needed, such as run.seed=3 or species[0].number=100"
-        )
+        such = "such as run.seed=3 or species[0].number=100"
+        raise InputError(f"--set {_cut(assignment)}: KEY=VALUE is needed, {such}")
     path: KeyPath = tuple(int(step) if step.isdecimal() else step for step in re.findall(r"[\w-]+", key))
     try:
         # A line break would let a value bring further keys with it.
@@ -198,7 +194,7 @@ def _parsed(text: str) -> dict[str, Any]:
         raise InputError(f"not valid TOML: {error}") from None
 
 
-def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
+def _translated(error: Mapping[str, Any], key: KeyPath) -> Complaint:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "extra_forbidden":
         section = _section(key[:-1])
@@ -232,7 +228,7 @@ def _translated(error: Mapping[str, Any], key: KeyPath) -> Problem:
     valueless = kind in {"missing", "choice"} or (
         isinstance(error["input"], dict | list) and "type" not in kind and not kind.startswith("too_")
     )
-    return Problem(_spelled(key), None if valueless else _shown(error["input"]), text)
+    return Complaint(_spelled(key), None if valueless else _shown(error["input"]), text)
 
 
 def _spelled(key: Iterable[str | int]) -> str:
@@ -241,10 +237,9 @@ def _spelled(key: Iterable[str | int]) -> str:
 
 
 def _shown(value: Any) -> str:
-    # TOML spells nan and inf as Python does, and all else as JSON.
-    return _cut(
-        repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
-    )
+    """A value as TOML spells it: nan and inf as Python does, and all else as JSON."""
+    numeric = isinstance(value, float)
+    return _cut(repr(value) if numeric else json.dumps(value, ensure_ascii=False, default=str))
 
 
 def _cut(text: str, longest: int = 60) -> str:

@@ -11,42 +11,33 @@ from .section import Keys, Section, key
 class ForceSection(Section):
     """A force on all disks between collisions, at the middle of each of its steps: a drive, or drag."""
 
-    kind: Literal["kicks", "spin_kicks", "langevin", "drag", "rescale", "table_friction"] = key(
-        '"kicks" (random, without total momentum; power or diffusion), "spin_kicks" (likewise of spins), '
-        '"langevin" (a heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, '
-        'spin_rate), "rescale" (a thermostat; temperature or energy) or "table_friction" (disks that lie on a table; '
-        "mu, gravity)",
-        "kicks",
-    )
-    step: float = key(
-        "time between two applications [s]; a part of the mean free time. Errors go with its square",
-        2e-3,
-        gt=0.0,
-    )
-    power: float | None = key("energy that each disk gets per time [W]", 1e-3, None, gt=0.0)
-    diffusion: float | None = key(
-        "instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]",
-        0.5,
-        None,
-        gt=0.0,
-    )
-    temperature: float | None = key(
-        "of the heat bath, or to rescale to: mean of m v^2 / 2 [J]", 5e-4, None, ge=0.0
-    )
-    spin_temperature: float | None = key(
-        "of the heat bath for spins, mean of I omega^2 [J]; temperature without it", 5e-4, None, ge=0.0
-    )
-    energy: float | None = key(
-        "to rescale to: kinetic energy of a disk, spins included, mean over all [J]", 1e-3, None, gt=0.0
-    )
-    rate: float | None = key("friction rate of velocities [1/s]", 0.5, None, ge=0.0)
-    spin_rate: float | None = key("friction rate of spins [1/s]", 0.5, None, ge=0.0)
-    quadratic: float | None = key("quadratic drag over mass, c in dv/dt = -c |v| v [1/m]", 0.1, None, ge=0.0)
+    kind: Literal["kicks", "spin_kicks", "langevin", "drag", "rescale", "table_friction"] = key("kicks")
+    """ "kicks" (random, without total momentum; power or diffusion), "spin_kicks" (likewise of spins), "langevin" (a
+    heat bath; temperature, rate, spin_temperature, spin_rate), "drag" (rate, quadratic, spin_rate), "rescale" (a
+    thermostat; temperature or energy) or "table_friction" (disks that lie on a table; mu, gravity)."""
+    step: float = key(2e-3, gt=0.0)
+    """Time between two applications [s]; a part of the mean free time. Errors go with its square."""
+    power: float | None = key(1e-3, None, gt=0.0)
+    """Energy that each disk gets per time [W]."""
+    diffusion: float | None = key(0.5, None, gt=0.0)
+    """Instead of power: D in <dv_x^2> = 2 D dt [m^2/s^3], or <d omega^2> = 2 D dt [rad^2/s^3]."""
+    temperature: float | None = key(5e-4, None, ge=0.0)
+    """Of the heat bath, or to rescale to: mean of m v^2 / 2 [J]."""
+    spin_temperature: float | None = key(5e-4, None, ge=0.0)
+    """Of the heat bath for spins, mean of I omega^2 [J]; temperature without it."""
+    energy: float | None = key(1e-3, None, gt=0.0)
+    """To rescale to: kinetic energy of a disk, spins included, mean over all [J]."""
+    rate: float | None = key(0.5, None, ge=0.0)
+    """Friction rate of velocities [1/s]."""
+    spin_rate: float | None = key(0.5, None, ge=0.0)
+    """Friction rate of spins [1/s]."""
+    quadratic: float | None = key(0.1, None, ge=0.0)
+    """Quadratic drag over mass, c in dv/dt = -c |v| v [1/m]."""
 
-    mu: float | None = key("sliding friction on the table [1]", 0.2, None, gt=0.0)
-    gravity: float | None = key(
-        "acceleration that presses disks on the table [m/s^2]; 9.81 without it", 9.81, None, gt=0.0
-    )
+    mu: float | None = key(0.2, None, gt=0.0)
+    """Sliding friction on the table [1]."""
+    gravity: float | None = key(9.81, None, gt=0.0)
+    """Acceleration that presses disks on the table [m/s^2]; 9.81 without it."""
 
     kinds: ClassVar[Mapping[str, Keys]] = {
         "kicks": Keys(one=("power", "diffusion")),

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from ..tools import seeds
 from . import pair_rules, rules
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
-from .section import Problem
+from .section import Complaint
 from .species import Species, species_of
 
 if TYPE_CHECKING:
@@ -64,9 +64,8 @@ class CaseGas:
         """
         given = self.given
         if given is not None and given.velocity is not None and case.start.trajectory is not None:
-            given = replace(
-                given, velocity=given.velocity + self.box.flow(given.position)
-            )  # there was no flow
+            velocity = given.velocity + self.box.flow(given.position)  # there was no flow
+            given = replace(given, velocity=velocity)
         elif case.start.positions == IMPACT_SCAN:
             speed = case.start.speed or 0.0
             given = impact_scan.start(self.disks, case.start.psi_range, speed, seed=case.run.seed)
@@ -159,11 +158,7 @@ class CaseGas:
         checks.check_stored(largest, case.output.precision)
 
     def simulation(
-        self,
-        case: Case,
-        state: State | None = None,
-        *,
-        tracked: NDArray[np.int32] | None = None,
+        self, case: Case, state: State | None = None, *, tracked: NDArray[np.int32] | None = None
     ) -> Simulation:
         """The simulation of this gas on the case's device, from its start or from another `state`.
 
@@ -192,28 +187,25 @@ class CaseGas:
         found = case.output.tracked(start.position, seeds.stream(case.run.seed, seeds.HISTORIES))
         if case.output.tracks and not len(found):
             region = str(case.output.histories_region)
-            raise InputError(str(Problem("output.histories_region", region, "no disk starts there")))
+            raise InputError(str(Complaint("output.histories_region", region, "no disk starts there")))
         return found
 
     def _placed(self, way: str, seed: int, progress: Callable[[float], None]) -> NDArray[np.float64]:
         assert self.patch is not None  # the rules have seen to it
+        radius, options = self.disks.radius, dict[str, Any](seed=seed, walls=self.walls)
         try:
             if way == "hexagonal":
                 # Several species would lie in layers else.
-                dealt = seed if len(self.species) > 1 or not self.species[0].equal else None
-                return placement.hexagonal_positions(
-                    self.patch, self.disks.radius, seed=dealt, walls=self.walls
-                )
+                options["seed"] = seed if len(self.species) > 1 or not self.species[0].equal else None
+                return placement.hexagonal_positions(self.patch, radius, **options)
             if way == "growth":
-                return packing.grow(
-                    self.patch, self.disks.radius, seed=seed, walls=self.walls, progress=progress
-                )
-            return placement.random_positions(self.patch, self.disks.radius, seed=seed, walls=self.walls)
+                return packing.grow(self.patch, radius, progress=progress, **options)
+            return placement.random_positions(self.patch, radius, **options)
         except InputError as error:
-            raise InputError(str(Problem("start.positions", f'"{way}"', str(error)))) from None
+            raise InputError(str(Complaint("start.positions", f'"{way}"', str(error)))) from None
 
 
-def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Problem]]:
+def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, list[Complaint]]:
     """Apply every rule to a case: its gas, and all that is wrong; the gas holds as far as nothing is.
 
     A start file's path begins at `folder`; without `start`, in a run that has begun, it is looked at no more.
@@ -224,16 +216,15 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     # The engine makes the sides of the first one.
     sides = () if case.box.material is None else (case.box.material,)
     materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
-    walls = tuple(
-        each.wall(0 if each.material is None else materials.index(each.material)) for each in case.wall
-    )
+    rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
+    walls = tuple(each.wall(row) for each, row in zip(case.wall, rows, strict=True))
     found = [*rules.wrong_names(case), *rules.wrong_pairs(verdicts), *rules.wrong_motion(case)]
     found += rules.wrong_forces(case)
     box, patch, given = Box.open(), None, None
     try:
         patch = case.box.patch(radius)
     except InputError as error:
-        found.append(Problem("box", None, str(error)))
+        found.append(Complaint("box", None, str(error)))
     else:
         box = box if case.box.open or patch is None else patch
         wrong_walls = [*rules.wrong_walls(case, walls, box, radius)]
@@ -254,13 +245,9 @@ def forces_of(case: Case) -> list[Force]:
     from ..model.forces import Drag, Langevin, RandomKicks, Rescale, SpinKicks, TableFriction
 
     kinds: dict[str, Callable[..., Force]] = {
-        "kicks": RandomKicks,
-        "spin_kicks": SpinKicks,
-        "langevin": Langevin,
-        "drag": Drag,
-        "rescale": Rescale,
+        "kicks": RandomKicks, "spin_kicks": SpinKicks, "langevin": Langevin, "drag": Drag, "rescale": Rescale,
         "table_friction": TableFriction,
-    }
+    }  # fmt: skip
     return [kinds[each.kind](**each.model_dump(exclude={"kind"}, exclude_none=True)) for each in case.force]
 
 

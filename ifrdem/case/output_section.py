@@ -24,84 +24,55 @@ _TRACKED = ("histories", "histories_sample", "histories_region", "histories_all"
 class OutputSection(Section):
     """The output of the run."""
 
-    frames: int = key(
-        "frames after the initial one [whole number], evenly spaced in what ends the run",
-        100,
-        100,
-        ge=1,
-        le=MOST_FRAMES,
-    )
-    frames_interval: Interval | None = key("instead: time between two frames [s]", 0.01, None)
-    frames_collisions: Interval | None = key("instead: collisions per disk between two frames [1]", 0.5, None)
-    frames_spacing: Literal["even", "log"] = key(
-        'of a number of frames: "even", or "log" (each later than the one before by a constant factor)',
-        "log",
-        "even",
-    )
+    frames: int = key(100, 100, ge=1, le=MOST_FRAMES)
+    """Frames after the initial one [whole number], evenly spaced in what ends the run."""
+    frames_interval: Interval | None = key(0.01, None)
+    """Instead: time between two frames [s]."""
+    frames_collisions: Interval | None = key(0.5, None)
+    """Instead: collisions per disk between two frames [1]."""
+    frames_spacing: Literal["even", "log"] = key("log", "even")
+    """Of a number of frames: "even", or "log" (each later than the one before by a constant factor)."""
     fields: list[FieldName] = key(
-        "what every frame holds of every disk [list of names]; image: box lengths travelled; angle: how "
-        "far it has turned since the start; last_partner: whom it hit last",
         ["position", "velocity", "angular_velocity", "collisions"],
         ["position", "velocity", "angular_velocity", "collisions"],
     )
-    series: int | None = key(
-        "rows of the time series (energies, temperatures, momentum, collisions by regime, what dissipates "
-        "energy) after the initial one [whole number]. Each may cost the engine's window around it once more. "
-        "Without this key, rows stand where windows end by themselves, up to 10 for each frame, and cost little",
-        1000,
-        None,
-        ge=1,
-        le=MOST_FRAMES,
-    )
-    series_interval: Interval | None = key("instead: time between two rows [s]", 0.001, None)
-    series_collisions: Interval | None = key("instead: collisions per disk between two rows [1]", 0.05, None)
-    series_spacing: Literal["even", "log"] = key('of a number of rows: "even" or "log"', "log", "even")
-    log_from: float = key(
-        'with spacing "log": where the first one stands, as a part of the run [1]', 1e-3, 1e-3, gt=0.0, lt=1.0
-    )
-    ledger: bool = key(
-        "add up what dissipates energy, by mechanism, in the time series [true or false]", True, True
-    )
-    histories: list[Annotated[int, Field(ge=0)]] | None = key(
-        "disks of which every collision is kept [list of their numbers, from 0]; so their paths are exact",
-        [0, 7],
-        None,
-        min_length=1,
-    )
-    histories_sample: int | None = key(
-        "instead: so many disks, drawn by run.seed [whole number]", 100, None, ge=1
-    )
-    histories_region: list[float] | None = key(
-        "instead: disks that start in this rectangle [x_low, y_low, x_high, y_high] [m]",
-        [0.0, 0.0, 0.1, 0.1],
-        None,
-        min_length=4,
-        max_length=4,
-    )
-    histories_all: bool = key("instead: all disks [true or false]", True, False)
-    compression: Literal["none", "gzip", "zstd"] = key(
-        '"none" (fast), "gzip" (about three quarters of the size, slower to write and to read) or "zstd" '
-        "(faster than gzip; the package hdf5plugin is needed here and by whatever reads the file)",
-        "none",
-        "none",
-    )
-    precision: Literal["f4", "f8"] = key(
-        '"f4" or "f8": bytes of each number in the file, whatever run.precision is', "f4", "f4"
-    )
-    checkpoint_minutes: float = key(
-        "real time between two checkpoints, from which `ifrdem resume` goes on [minutes]; one is also "
-        "written when a run is interrupted",
-        10.0,
-        10.0,
-        gt=0.0,
-    )
-    views: bool = key(
-        "write NAME.vtkhdf and NAME.nc at the end, by which ParaView, OVITO and others read NAME.h5 [true "
-        "or false]; they need positions",
-        True,
-        True,
-    )
-    picture: bool = key("draw NAME.png at the end [true or false]", True, True)
+    """What every frame holds of every disk [list of names]; image: box lengths travelled; angle: how far it has turned
+    since the start; last_partner: whom it hit last."""
+    series: int | None = key(1000, None, ge=1, le=MOST_FRAMES)
+    """Rows of the time series (energies, temperatures, momentum, collisions by regime, what dissipates energy) after
+    the initial one [whole number]. Each may cost the engine's window around it once more. Without this key, rows
+    stand where windows end by themselves, up to 10 for each frame, and cost little."""
+    series_interval: Interval | None = key(0.001, None)
+    """Instead: time between two rows [s]."""
+    series_collisions: Interval | None = key(0.05, None)
+    """Instead: collisions per disk between two rows [1]."""
+    series_spacing: Literal["even", "log"] = key("log", "even")
+    """Of a number of rows: "even" or "log"."""
+    log_from: float = key(1e-3, 1e-3, gt=0.0, lt=1.0)
+    """With spacing "log": where the first one stands, as a part of the run [1]."""
+    ledger: bool = key(True, True)
+    """Add up what dissipates energy, by mechanism, in the time series [true or false]."""
+    histories: list[Annotated[int, Field(ge=0)]] | None = key([0, 7], None, min_length=1)
+    """Disks of which every collision is kept [list of their numbers, from 0]; so their paths are exact."""
+    histories_sample: int | None = key(100, None, ge=1)
+    """Instead: so many disks, drawn by run.seed [whole number]."""
+    histories_region: list[float] | None = key([0.0, 0.0, 0.1, 0.1], None, min_length=4, max_length=4)
+    """Instead: disks that start in this rectangle [x_low, y_low, x_high, y_high] [m]."""
+    histories_all: bool = key(True, False)
+    """Instead: all disks [true or false]."""
+    compression: Literal["none", "gzip", "zstd"] = key("none", "none")
+    """ "none" (fast), "gzip" (about three quarters of the size, slower to write and to read) or "zstd" (faster than
+    gzip; the package hdf5plugin is needed here and by whatever reads the file)."""
+    precision: Literal["f4", "f8"] = key("f4", "f4")
+    """ "f4" or "f8": bytes of each number in the file, whatever run.precision is."""
+    checkpoint_minutes: float = key(10.0, 10.0, gt=0.0)
+    """Real time between two checkpoints, from which `ifrdem resume` goes on [minutes]; one is also written when a run
+    is interrupted."""
+    views: bool = key(True, True)
+    """Write NAME.vtkhdf and NAME.nc at the end, by which ParaView, OVITO and others read NAME.h5 [true or false]; they
+    need positions."""
+    picture: bool = key(True, True)
+    """Draw NAME.png at the end [true or false]."""
 
     @field_validator("compression")
     @classmethod

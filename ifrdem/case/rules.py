@@ -25,23 +25,23 @@ from ..model.walls import Wall, check_place
 from ..model.walls import check as check_walls
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
-from .section import Problem
+from .section import Complaint
 from .species import Species
 
 LARGEST_DISK = 1.0 / 3.0
 """Of the shorter side, at most: the engine's limit, which keeps a disk from meeting its own image."""
 
 
-def _at(case: Case, key: str, text: str) -> Problem:
+def _at(case: Case, key: str, text: str) -> Complaint:
     """A problem with the value that a key of the case has."""
     value: Any = case
     for step in re.findall(r"\w+", key):
         value = value[int(step)] if step.isdecimal() else getattr(value, step)
     shown = f"{value:g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
-    return Problem(key, None if value is None else shown, text)
+    return Complaint(key, None if value is None else shown, text)
 
 
-def wrong_names(case: Case) -> Iterator[Problem]:
+def wrong_names(case: Case) -> Iterator[Complaint]:
     """Names of materials and species that are used twice, or are none."""
     names = [each.name for each in case.material]
     for kind, own in (("material", names), ("species", [each.name for each in case.species])):
@@ -74,13 +74,13 @@ def wrong_names(case: Case) -> Iterator[Problem]:
             yield _at(case, key, f"the materials of pair[{first}] too")
 
 
-def wrong_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Problem]:
+def wrong_pairs(verdicts: Iterable[PairVerdict]) -> Iterator[Complaint]:
     """Inadmissible pairs; the same of further species is told once."""
     for key, message in dict.fromkeys((each.key, each.message) for each in verdicts if not each.admissible):
-        yield Problem(key, None, message)
+        yield Complaint(key, None, message)
 
 
-def wrong_motion(case: Case) -> Iterator[Problem]:
+def wrong_motion(case: Case) -> Iterator[Complaint]:
     """A number of collisions that never comes."""
     key, start = "run.collisions_per_disk", case.start
     if case.run.collisions_per_disk is None:
@@ -96,7 +96,7 @@ def _disks(case: Case) -> int:
     return sum(each.number for each in case.species)
 
 
-def wrong_forces(case: Case) -> Iterator[Problem]:
+def wrong_forces(case: Case) -> Iterator[Complaint]:
     """Forces that the gas, the box or the length of the run do not allow."""
     t_end = case.run.t_end
     for i, force in enumerate(case.force):
@@ -116,12 +116,12 @@ def wrong_forces(case: Case) -> Iterator[Problem]:
 
 def wrong_walls(
     case: Case, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
-) -> Iterator[Problem]:
+) -> Iterator[Complaint]:
     """Walls that are no walls of this box, or leave no room."""
     if box.is_open:
         if walls:
             text = "walls in an open box are not supported: leave out box.open and give lengths"
-            yield Problem("wall", None, text)
+            yield Complaint("wall", None, text)
         return
     if case.box.lengths is None and walls:
         text = "walls stand at places in the box: box.lengths is needed instead, and `ifrdem check` says the fraction"
@@ -133,22 +133,20 @@ def wrong_walls(
         try:
             check_place(wall, box)
         except InputError as error:
-            yield Problem(key, None, f"{wall.shape}: {error}")
+            yield Complaint(key, None, f"{wall.shape}: {error}")
             continue
         if _outside(wall, box):
             reaches = f"which reaches from [0, 0] to [{box.lengths[0]:.6g}, {box.lengths[1]:.6g}]"
-            yield Problem(key, None, f"the {wall.shape} lies outside of the box, {reaches}")
+            yield Complaint(key, None, f"the {wall.shape} lies outside of the box, {reaches}")
             continue
         placed.append(wall)
     room, largest = Room(box, tuple(placed)), float(radius.max())
     if len(room.all_walls) > MOST_WALLS:
-        text = (
-            f"{len(room.all_walls)} walls: {MOST_WALLS} at most are supported, the sides of the box included"
-        )
-        yield Problem("wall", None, text)
+        count = f"{len(room.all_walls)} walls: {MOST_WALLS} at most are supported"
+        yield Complaint("wall", None, f"{count}, the sides of the box included")
     elif len(placed) == len(walls) and room.all_walls and room.area(largest) <= 0.0:
         text = f"the walls leave no room for a disk of diameter {2.0 * largest:.6g}"
-        yield Problem("wall" if walls else "box.lengths", None, text)
+        yield Complaint("wall" if walls else "box.lengths", None, text)
 
 
 def _outside(wall: Wall, box: Box) -> bool:
@@ -161,16 +159,15 @@ def _outside(wall: Wall, box: Box) -> bool:
     return bool(np.any(beyond))
 
 
-def wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
+def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
     """Output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
-            yield Problem(
-                f"output.{key}", json.dumps(twice[0]), "it is there already; each may be given once"
-            )
+            text = "it is there already; each may be given once"
+            yield Complaint(f"output.{key}", json.dumps(twice[0]), text)
     if beyond := [each for each in output.histories or () if each >= n]:
-        yield Problem("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
+        yield Complaint("output.histories", str(beyond[0]), f"there are disks 0 to {n - 1}")
     if (output.histories_sample or 0) > n:
         yield _at(case, "output.histories_sample", f"there are {n} disks")
     if region is not None:
@@ -185,12 +182,12 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Problem]:
                 yield _at(case, "output.histories_region", text)
     if output.tracks and box.shear_rate:
         text = "not supported in a sheared box: leave histories out, or shear between walls that move"
-        yield Problem("output.histories", None, text)
+        yield Complaint("output.histories", None, text)
 
 
 def wrong_room(
     case: Case, species: Sequence[Species], radius: NDArray[np.float64], room: Room | None
-) -> Iterator[Problem]:
+) -> Iterator[Complaint]:
     """`room` is where disks start: that of the box, or of a part of an open one, if any."""
     sides = room.box.lengths if room is not None else (math.inf, math.inf)
     fits = True
@@ -198,19 +195,16 @@ def wrong_room(
         largest = 2.0 * float(each.radius.max())
         if largest > LARGEST_DISK * min(sides):
             fits = False
-            yield Problem(
-                "box",
-                f"{sides[0]:.6g} x {sides[1]:.6g}",
-                f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of "
-                "the shorter side: a larger box is needed, or more disks at this packing fraction",
-            )
+            text = f"a disk of species '{each.name}' has diameter {largest:.6g}, more than a third of the shorter side"
+            more = "a larger box is needed, or more disks at this packing fraction"
+            yield Complaint("box", f"{sides[0]:.6g} x {sides[1]:.6g}", f"{text}: {more}")
     if not fits or room is None:
         return
     covered, dense = room.packing_fraction(radius), _size_key(case)
     if covered >= 1.0:
         place = "room between walls" if room.all_walls else "box"
         text = f"the disks cover more than the {place} has" + _attainable(species, radius, room)
-        yield Problem(dense, f"{covered:.4g} of the area", text)
+        yield Complaint(dense, f"{covered:.4g} of the area", text)
     elif case.start.placed and case.start.positions == "hexagonal":
         try:
             placement.hexagonal_positions(room.box, radius, walls=room.walls)
@@ -220,12 +214,10 @@ def wrong_room(
         # Few disks can be denser: the limit holds for many (see placement.random_positions).
         limit = placement.SATURATION + 0.5 / np.sqrt(len(radius))
         if np.ptp(radius) == 0.0 and covered > limit:
-            yield Problem(
-                dense,
-                f"{covered:.4g}",
-                f"too dense for a random start, which ends at {placement.SATURATION}: "
-                'a lower one is needed, or start.positions = "growth" or "hexagonal"',
+            text = (
+                f"too dense for a random start, which ends at {placement.SATURATION}: a lower one is needed"
             )
+            yield Complaint(dense, f"{covered:.4g}", f'{text}, or start.positions = "growth" or "hexagonal"')
 
 
 def _attainable(species: Sequence[Species], radius: NDArray[np.float64], room: Room) -> str:
@@ -240,22 +232,19 @@ def _size_key(case: Case) -> str:
     return "box.packing_fraction" if case.box.lengths is None else "box.lengths"
 
 
-def wrong_open(case: Case, patch: Box | None) -> Iterator[Problem]:
+def wrong_open(case: Case, patch: Box | None) -> Iterator[Complaint]:
     """A rectangle to start in, where it is needed or cannot stand."""
     if not case.box.open:
         return
     if case.start.placed and patch is None:
-        text = (
-            f'disks that start at "{case.start.positions}" places need a rectangle to start in: packing_fraction or '
-            "lengths beside it"
-        )
-        yield _at(case, "box.open", text)
+        text = f'disks that start at "{case.start.positions}" places need a rectangle to start in'
+        yield _at(case, "box.open", f"{text}: packing_fraction or lengths beside it")
     if not case.start.placed and patch is not None:
         text = "cannot stand beside box.open = true where the start says where the disks are"
-        yield Problem(_size_key(case), None, text)
+        yield Complaint(_size_key(case), None, text)
 
 
-def wrong_scan(case: Case) -> Iterator[Problem]:
+def wrong_scan(case: Case) -> Iterator[Complaint]:
     """An impact scan of a gas that is none."""
     if case.start.positions != IMPACT_SCAN:
         return
@@ -268,13 +257,12 @@ def wrong_scan(case: Case) -> Iterator[Problem]:
         text = f"two species with equal numbers are needed, those that hit and those that are hit; there are {found}"
         yield _at(case, key, text)
     if case.force:
-        yield _at(
-            case, key, "no [[force]] can act in a scan: impacts are told from velocities before and after"
-        )
+        text = "no [[force]] can act in a scan: impacts are told from velocities before and after"
+        yield _at(case, key, text)
     yield from _wrong_speeds(case, f'{key} = "{IMPACT_SCAN}": start.speed is the speed of those that hit')
 
 
-def _wrong_speeds(case: Case, beside: str) -> Iterator[Problem]:
+def _wrong_speeds(case: Case, beside: str) -> Iterator[Complaint]:
     """Speeds of species that are given beside a start that says how the disks move."""
     for i, each in enumerate(case.species):
         for speed in ("speed_rms", "spin_rms"):
@@ -283,21 +271,20 @@ def _wrong_speeds(case: Case, beside: str) -> Iterator[Problem]:
 
 
 def given_start(
-    case: Case, radius: NDArray[np.float64], room: Room, folder: Path, found: list[Problem]
+    case: Case, radius: NDArray[np.float64], room: Room, folder: Path, found: list[Complaint]
 ) -> Given | None:
     """The start that a file or a trajectory gives; what is wrong with it is added to `found`."""
     start, box = case.start, room.box
-    key, name = (
-        ("start.file", start.file) if start.trajectory is None else ("start.positions", start.trajectory)
-    )
+    key, name = "start.positions", start.trajectory
+    if name is None:
+        key, name = "start.file", start.file
     if name is None:
         return None
     value = f'"{name}"'
     try:
         if start.trajectory is not None:
-            given = from_trajectory.read(
-                folder / name, start.frame, radius, box, motion=start.motion, walls=room.walls
-            )
+            options: Any = {"motion": start.motion, "walls": room.walls}
+            given = from_trajectory.read(folder / name, start.frame, radius, box, **options)
         else:
             given = from_csv.read(folder / name, len(radius), box, start.form)
             if start.relax is not None:
@@ -305,11 +292,10 @@ def given_start(
             placement.check_no_overlap(box, radius, given.position)
             check_walls(room.all_walls, box, given.position, radius)
     except InputError as error:
-        found += [Problem(key, value, line) for line in str(error).splitlines()]
+        found += [Complaint(key, value, line) for line in str(error).splitlines()]
         return None
-    moving = (
-        any(each.speed_rms for each in case.species) if given.velocity is None else np.any(given.velocity)
-    )
+    drawn = any(each.speed_rms for each in case.species)
+    moving = drawn if given.velocity is None else np.any(given.velocity)
     wanted = case.run.collisions_per_disk
     if wanted is not None and len(radius) > 1 and not moving and not case.sets_in_motion:
         if given.velocity is None:

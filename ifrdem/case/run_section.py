@@ -20,55 +20,32 @@ class RunSection(Section):
 
     choices: ClassVar[tuple[Keys, ...]] = (Keys(("t_end",)), Keys(("collisions_per_disk",)))
 
-    name: str = key(
-        "name [text: letters, digits, _ . + -]; the outputs are NAME.h5 and NAME.png",
-        "cooling",
-        "run",
-        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$",
-        max_length=100,
-    )
-    seed: int = key("seed of every random number [whole number]; one seed, one result", 1, 0, ge=0, lt=2**63)
-    t_end: float | None = key("simulated time at which the run ends [s]", 2.0, None, gt=0.0)
-    collisions_per_disk: float | None = key(
-        "collisions per disk, mean over all disks, at which the run ends [1]", 50.0, None, gt=0.0
-    )
-    arch: Literal["cpu", "cuda"] = key('what computes: "cpu", or "cuda" (an NVIDIA GPU)', "cpu", "cpu")
-    threads: int | None = key(
-        "CPU threads [whole number]; all cores without it. The result does not depend on it", 2, None, ge=1
-    )
-    precision: Literal["f64", "f32"] = key(
-        'numbers that the run computes with: "f64" (double precision), or "f32" (single: less '
-        "memory, less exact)",
-        "f64",
-        "f64",
-    )
-    units: Literal["SI", "reduced"] = key(
-        '"SI": numbers are in the units in brackets; "reduced": in any consistent system, '
-        "and the brackets only tell the dimension. Nothing is converted",
-        "SI",
-        "SI",
-    )
-    collapse: Literal["none", "velocity_cutoff", "tc"] = key(
-        'against collisions without end (inelastic collapse, disks that come to rest): "none", '
-        '"velocity_cutoff" (collisions slower than velocity_cutoff are elastic) or "tc" (those of a disk that collided '
-        "less than contact_time ago are)",
-        "velocity_cutoff",
-        "none",
-    )
-    velocity_cutoff: float | None = key(
-        "normal speed of approach below which collisions are elastic [m/s], with "
-        'collapse = "velocity_cutoff"',
-        1.0e-3,
-        None,
-        gt=0.0,
-    )
-    contact_time: float | None = key(
-        'time after a collision in which further ones are elastic [s], with collapse = "tc"; a '
-        "hundredth of the mean free time changes little",
-        1.0e-4,
-        None,
-        gt=0.0,
-    )
+    name: str = key("cooling", "run", pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.+-]*$", max_length=100)
+    """Name [text: letters, digits, _ . + -]; the outputs are NAME.h5 and NAME.png."""
+    seed: int = key(1, 0, ge=0, lt=2**63)
+    """Seed of every random number [whole number]; one seed, one result."""
+    t_end: float | None = key(2.0, None, gt=0.0)
+    """Simulated time at which the run ends [s]."""
+    collisions_per_disk: float | None = key(50.0, None, gt=0.0)
+    """Collisions per disk, mean over all disks, at which the run ends [1]."""
+    arch: Literal["cpu", "cuda"] = key("cpu", "cpu")
+    """What computes: "cpu", or "cuda" (an NVIDIA GPU)."""
+    threads: int | None = key(2, None, ge=1)
+    """CPU threads [whole number]; all cores without it. The result does not depend on it."""
+    precision: Literal["f64", "f32"] = key("f64", "f64")
+    """Numbers that the run computes with: "f64" (double precision), or "f32" (single: less memory, less exact)."""
+    units: Literal["SI", "reduced"] = key("SI", "SI")
+    """ "SI": numbers are in the units in brackets; "reduced": in any consistent system, and the brackets only tell the
+    dimension. Nothing is converted."""
+    collapse: Literal["none", "velocity_cutoff", "tc"] = key("velocity_cutoff", "none")
+    """Against collisions without end (inelastic collapse, disks that come to rest): "none", "velocity_cutoff"
+    (collisions slower than velocity_cutoff are elastic) or "tc" (those of a disk that collided less than
+    contact_time ago are)."""
+    velocity_cutoff: float | None = key(1.0e-3, None, gt=0.0)
+    """Normal speed of approach below which collisions are elastic [m/s], with collapse = "velocity_cutoff"."""
+    contact_time: float | None = key(1.0e-4, None, gt=0.0)
+    """Time after a collision in which further ones are elastic [s], with collapse = "tc"; a hundredth of the mean free
+    time changes little."""
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:
@@ -88,48 +65,26 @@ class BoxSection(Section):
 
     choices: ClassVar[tuple[Keys, ...]] = (Keys(("packing_fraction",), also=("aspect",)), Keys(("lengths",)))
 
-    packing_fraction: float | None = key(
-        "fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal "
-        "disks; start.positions says how dense a start can be",
-        0.25,
-        None,
-        gt=0.0,
-        le=0.9069,
-    )
-    aspect: float = key("ratio of the sides Lx/Ly [1]", 1.0, 1.0, gt=0.0)
-    lengths: list[Annotated[float, Field(gt=0.0)]] | None = key(
-        "sides [Lx, Ly] [m]", [8.0, 8.0], None, min_length=2, max_length=2
-    )
-    shear_rate: float = key(
-        "rate du_x/dy of a steady shear flow along x [1/s]; starts and temperatures are relative to it",
-        0.5,
-        0.0,
-    )
-    open: bool = key(
-        "no box: disks may fly apart for ever [true or false]. packing_fraction or lengths are then those "
-        "of the rectangle in which they start, and not needed with a start file",
-        True,
-        False,
-    )
-    periodic: list[bool] = key(
-        "whether disks that leave come in on the other side, along x and along y [true or false]; straight "
-        "walls stand at the others",
-        [True, False],
-        [True, True],
-        min_length=2,
-        max_length=2,
-    )
-    material: Name | None = key(
-        "name of the material of walls at the sides [text]; needed where a side is not periodic. That of a "
-        "species, or another one with a [[pair]] for each material of the disks",
-        "steel",
-        None,
-    )
-    gravity: Pair = key(
-        "acceleration [gx, gy] of all disks [m/s^2]; only along directions that are not periodic",
-        [0.0, -9.81],
-        [0.0, 0.0],
-    )
+    packing_fraction: float | None = key(0.25, None, gt=0.0, le=0.9069)
+    """Fraction of the area that disks cover [1], up to 0.9069, the densest packing of equal disks; start.positions
+    says how dense a start can be."""
+    aspect: float = key(1.0, 1.0, gt=0.0)
+    """Ratio of the sides Lx/Ly [1]."""
+    lengths: list[Annotated[float, Field(gt=0.0)]] | None = key([8.0, 8.0], None, min_length=2, max_length=2)
+    """Sides [Lx, Ly] [m]."""
+    shear_rate: float = key(0.5, 0.0)
+    """Rate du_x/dy of a steady shear flow along x [1/s]; starts and temperatures are relative to it."""
+    open: bool = key(True, False)
+    """No box: disks may fly apart for ever [true or false]. packing_fraction or lengths are then those of the
+    rectangle in which they start, and not needed with a start file."""
+    periodic: list[bool] = key([True, False], [True, True], min_length=2, max_length=2)
+    """Whether disks that leave come in on the other side, along x and along y [true or false]; straight walls stand at
+    the others."""
+    material: Name | None = key("steel", None)
+    """Name of the material of walls at the sides [text]; needed where a side is not periodic. That of a species, or
+    another one with a [[pair]] for each material of the disks."""
+    gravity: Pair = key([0.0, -9.81], [0.0, 0.0])
+    """Acceleration [gx, gy] of all disks [m/s^2]; only along directions that are not periodic."""
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:

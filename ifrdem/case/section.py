@@ -14,9 +14,9 @@ LEAST, MOST = 1e-50, 1e50
 """Range of the magnitude of numbers other than 0: products of six of them can be computed with."""
 
 
-def key(about: str, example: object, default: Any = ..., /, **limits: Any) -> Any:
-    """A key of a section: its description with the unit in brackets, an example of its value, its default if any."""
-    return Field(default, description=about, examples=[example], **limits)
+def key(example: object, default: Any = ..., /, **limits: Any) -> Any:
+    """A key of a section: an example of its value, and its default if any; its docstring has the unit in brackets."""
+    return Field(default, examples=[example], **limits)
 
 
 def refusal(text: str, kind: str = "choice") -> PydanticCustomError:
@@ -25,7 +25,7 @@ def refusal(text: str, kind: str = "choice") -> PydanticCustomError:
 
 
 @dataclass(frozen=True)
-class Problem:
+class Complaint:
     """One thing that is wrong: where, what stands there (as text; None where nothing does), why."""
 
     key: str
@@ -78,7 +78,7 @@ class Section(BaseModel):
     """
 
     model_config: ClassVar[ConfigDict] = ConfigDict(
-        extra="forbid", strict=True, allow_inf_nan=False, frozen=True
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True, use_attribute_docstrings=True
     )
     choices: ClassVar[tuple[Keys, ...]] = ()
     choice_optional: ClassVar[bool] = False
@@ -116,7 +116,9 @@ class Section(BaseModel):
             inner = (get_args(found.annotation) or (found.annotation,))[0]
             found = next(each for each in get_args(inner) if isinstance(each, FieldInfo))
         examples = found.examples or []
-        return found.description or "", examples[0] if examples else None
+        text = " ".join((found.description or "").split()).removesuffix(".")
+        text = text[:1].lower() + text[1:] if text[1:2].islower() or text[1:2] == " " else text
+        return text, examples[0] if examples else None
 
     @classmethod
     def mistakes(cls, data: dict[str, Any]) -> list[str]:

@@ -33,13 +33,8 @@ def listing() -> str:
     known = names()
     width = max(len(name) for name in known)
     lines = [f"{name:<{width}}  {title(name)}" for name in known]
-    return "\n".join(
-        (
-            *lines,
-            "",
-            f"`ifrdem run NAME` runs one, `ifrdem new cases/NAME.toml` copies one to change; they are in {FOLDER}",
-        )
-    )
+    hint = "`ifrdem run NAME` runs one, `ifrdem new cases/NAME.toml` copies one to change; they are in"
+    return "\n".join((*lines, "", f"{hint} {FOLDER}"))
 
 
 def find(given: str) -> Path:
@@ -53,10 +48,8 @@ def find(given: str) -> Path:
     if given in names():
         return FOLDER / f"{given}.toml"
     near = [*names(), *(each.name for each in Path().glob("*.toml"))]
-    raise InputError(
-        f"{given}: there is no such file, and no shipped case of this name{nearest(given, near)}; shipped are "
-        f"{', '.join(names())} (`ifrdem cases`)"
-    )
+    text = f"{given}: there is no such file, and no shipped case of this name{nearest(given, near)}"
+    raise InputError(f"{text}; shipped are {', '.join(names())} (`ifrdem cases`)")
 
 
 def new(kind: str) -> str:
@@ -73,7 +66,7 @@ def new(kind: str) -> str:
         return (FOLDER / f"{name}.toml").read_text(encoding="utf-8")
     cases = [f"cases/{each}.toml" for each in names()]
     close = nearest(kind, [*template.TEMPLATES, *names(), *cases])
-    raise InputError(
-        f"no template or shipped case is called '{kind}'{close}; templates: {', '.join(template.TEMPLATES)}; "
-        f"cases: {', '.join(cases)}"
+    text = (
+        f"no template or shipped case is called '{kind}'{close}; templates: {', '.join(template.TEMPLATES)}"
     )
+    raise InputError(f"{text}; cases: {', '.join(cases)}")

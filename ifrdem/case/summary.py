@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, refuse
 from ..kernels.limits import BYTES_PER_DISK
 from ..model.box import describe_sides
 from ..model.walls import Wall
@@ -29,6 +29,8 @@ WRITER_BYTES_PER_DISK = 200
 """Frames that are being told, wait or are written.
 
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
+GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
+"""State and claims of a disk on a GPU; scratch space of the tiles that run at the same time; all of it, if few do."""
 
 COST_OF_RATIO: Mapping[float, float] = {
     1.0: 1.0, 2.0: 1.4, 5.0: 2.1, 10.0: 2.4, 20.0: 3.4, 50.0: 5.4,
@@ -46,13 +48,13 @@ def refuse_cadences(case: Case, gas: CaseGas, estimate: RunEstimate) -> None:
     theory expects; where neither is known, so many must not fall into the shortest time that the case names: a mean
     free time, the flight over a radius, a step of a force. And nothing is written more often than the gas collides.
     """
-    wrong = [
-        f"output.{key} = {value:g}: {text}"
-        for what in ("frames", "series")
-        for key, value, text in _wrong_cadence(case, gas, estimate, what)
-    ]
-    if wrong:
-        raise InputError("\n".join(wrong))
+    refuse(
+        [
+            f"output.{key} = {value:g}: {text}"
+            for what in ("frames", "series")
+            for key, value, text in _wrong_cadence(case, gas, estimate, what)
+        ]
+    )
 
 
 def _wrong_cadence(
@@ -70,10 +72,9 @@ def _wrong_cadence(
         one, per_disk = 2.0 / gas.disks.n, 2.0 * estimate.collisions / gas.disks.n
         least = one if math.isnan(per_disk) else max(one, per_disk / MOST_FRAMES)
         if collisions < least * (1.0 - 1e-9):
+            text = f"more than {many} in {per_disk:.4g} collisions per disk"
             if least == one:
                 text = f"more often than one collision of {gas.disks.n} disks"
-            else:
-                text = f"more than {many} in {per_disk:.4g} collisions per disk"
             yield f"{what}_collisions", collisions, f"{text}: {least:.3g} or more is needed"
 
 
@@ -93,26 +94,28 @@ def refuse_beyond_disk(needed: int, folder: Path) -> None:
     """Raise InputError if a trajectory of `needed` bytes does not fit on the disk of its folder."""
     free = shutil.disk_usage(folder).free
     if needed > free:
-        raise InputError(
-            f"output: the trajectory needs some {size(needed)}, and {size(free)} are free in {folder.resolve()}: fewer "
-            "output.frames or output.fields, or another place (-o)"
-        )
+        place = f"{size(free)} are free in {folder.resolve()}"
+        fewer = "fewer output.frames or output.fields, or another place (-o)"
+        raise InputError(f"output: the trajectory needs some {size(needed)}, and {place}: {fewer}")
 
 
 def refuse_beyond_memory(n: int, arch: str, positions: str = "random") -> None:
-    """Raise InputError if n disks need more memory than is free. Of a GPU's own memory it knows nothing.
+    """Raise InputError if n disks need more memory than is free, or than a GPU has.
 
     `positions` is start.positions: growth needs more.
     """
+    if arch != "cpu":
+        memory = backend.gpu_memory()
+        most = int(max((memory - GPU_SCRATCH) / GPU_BYTES_PER_DISK, memory / GPU_BYTES_OF_FEW))
+        if n > most:
+            raise InputError(f"{n} disks: the GPU has {size(memory)} of memory, in which {most} fit")
     host = GROWTH_BYTES_PER_DISK if positions == "growth" else HOST_BYTES_PER_DISK
     engine = BYTES_PER_DISK if arch == "cpu" else 0
     needed = n * (host + WRITER_BYTES_PER_DISK + engine)
     free = backend.memory_available()
     if free is not None and needed > free:
-        most = n * free // needed
-        raise InputError(
-            f"{n} disks need some {size(needed)} of memory, and {size(free)} are free: {most} would fit"
-        )
+        both = f"some {size(needed)} of memory, and {size(free)} are free"
+        raise InputError(f"{n} disks need {both}: {n * free // needed} would fit")
 
 
 def summary(case: Case, gas: CaseGas, estimate: RunEstimate, device: str) -> str:
@@ -156,9 +159,8 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     lines += [_row(*each) for each in _walls(case, gas, estimate)]
     lines += _forces(case, estimate)
     lines.append(_row("run", f"to {_end(case, estimate)}"))
-    lines.append(
-        _row("file", f"{case.run.name}.h5, {size(estimate.file_bytes)}: {_stored(case, gas, estimate)}")
-    )
+    stored = f"{size(estimate.file_bytes)}: {_stored(case, gas, estimate)}"
+    lines.append(_row("file", f"{case.run.name}.h5, {stored}"))
     per_disk = estimate.array_bytes // max(gas.disks.n, 1)
     engine = f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x {per_disk} bytes)"
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
@@ -303,10 +305,8 @@ def _row(name: str, text: str) -> str:
 
 def _end(case: Case, estimate: RunEstimate) -> str:
     """End of a run, and the collisions that are expected until then."""
-    at_most = "at most " if estimate.collisions_at_most else ""
-    known = (
-        "an unknown number of" if math.isnan(estimate.collisions) else f"{at_most}{estimate.collisions:.4g}"
-    )
+    known = f"{'at most ' if estimate.collisions_at_most else ''}{estimate.collisions:.4g}"
+    known = "an unknown number of" if math.isnan(estimate.collisions) else known
     time = case.unit("time")
     if case.run.t_end is not None:
         return f"t = {case.run.t_end:g}{time}: {known} collisions"

@@ -23,23 +23,21 @@ def _nowhere(data: dict[str, Any], key: str) -> list[str]:
 class MotionSection(Section):
     """Motion of a wall as a whole: a displacement s(t) from where it stands, along a direction."""
 
-    kind: Literal["steady", "sine", "sawtooth"] = key(
-        '"steady" (s = speed t), "sine" (s = amplitude sin(2 pi frequency t + phase)) or "sawtooth" '
-        "(from -amplitude to amplitude at constant speed, and back)",
-        "sine",
-    )
-    direction: Pair | None = key(
-        "direction [x, y] of a positive displacement [1], of any length; upwards, [0, 1], without it",
-        [0.0, 1.0],
-        None,
-    )
-    speed: float | None = key("of a steady motion [m/s]", 0.1, None)
-    amplitude: float | None = key("largest displacement [m]", 5.0e-3, None, gt=0.0)
-    frequency: float | None = key("periods per time [1/s]", 20.0, None, gt=0.0)
-    phase: float | None = key("at t = 0 [rad]; 2 pi is a period, 0 if not given", 0.0, None)
-    rise: float | None = key(
-        "part of the period in which a sawtooth rises [1]; 0.5 if not given", 0.5, None, gt=0.0, lt=1.0
-    )
+    kind: Literal["steady", "sine", "sawtooth"] = key("sine")
+    """ "steady" (s = speed t), "sine" (s = amplitude sin(2 pi frequency t + phase)) or "sawtooth" (from -amplitude to
+    amplitude at constant speed, and back)."""
+    direction: Pair | None = key([0.0, 1.0], None)
+    """Direction [x, y] of a positive displacement [1], of any length; upwards, [0, 1], without it."""
+    speed: float | None = key(0.1, None)
+    """Of a steady motion [m/s]."""
+    amplitude: float | None = key(5.0e-3, None, gt=0.0)
+    """Largest displacement [m]."""
+    frequency: float | None = key(20.0, None, gt=0.0)
+    """Periods per time [1/s]."""
+    phase: float | None = key(0.0, None)
+    """At t = 0 [rad]; 2 pi is a period, 0 if not given."""
+    rise: float | None = key(0.5, None, gt=0.0, lt=1.0)
+    """Part of the period in which a sawtooth rises [1]; 0.5 if not given."""
 
     kinds: ClassVar[Mapping[str, Keys]] = {
         "steady": Keys(("speed",)),
@@ -56,46 +54,33 @@ class MotionSection(Section):
 class WallSection(Section):
     """A wall beside the sides of the box: at rest, moving, with a moving surface, or hot. Up to 31 with the sides."""
 
-    shape: Literal["line", "segment", "container", "post"] = key(
-        '"line" (endless; point, normal), "segment" (both sides and the ends; start, end), "container" (a '
-        'circle around the disks; center, radius) or "post" (a round obstacle; center, radius)',
-        "line",
-    )
-    material: str | None = key(
-        "name of the material [text]: that of a species, or another one with a [[pair]] for each material "
-        "of the disks. Needed but for a thermal wall, which has none",
-        "steel",
-        None,
-        min_length=1,
-        max_length=100,
-    )
-    point: Pair | None = key("a point [x, y] of a line [m]", [0.0, 0.0], None)
-    normal: Pair | None = key(
-        "direction [x, y] from a line to the disks [1], of any length", [0.0, 1.0], None
-    )
-    start: Pair | None = key("one end [x, y] of a segment [m]", [0.1, 0.1], None)
-    end: Pair | None = key("the other end [x, y] of a segment [m]", [0.2, 0.1], None)
-    center: Pair | None = key("centre [x, y] of a container or post [m]", [0.5, 0.5], None)
-    radius: float | None = key("radius of a container or post [m]; a post may have 0", 0.4, None, ge=0.0)
-    motion: MotionSection | None = key(
-        'how it moves as a whole [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, '
-        "frequency, phase; rise), along a direction. At rest without it",
-        {"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0},
-        None,
-    )
-    surface_speed: float = key(
-        "speed of its surface along itself [m/s], as of a belt or drum; positive is clockwise for a "
-        "container, counter-clockwise for a post, and to the left seen along a line's normal",
-        0.5,
-        0.0,
-    )
-    temperature: float | None = key(
-        "a thermal wall: disks leave it with random velocities, as if from a gas of this temperature, "
-        "mean of m v^2 / 2 [J]",
-        5.0e-4,
-        None,
-        gt=0.0,
-    )
+    shape: Literal["line", "segment", "container", "post"] = key("line")
+    """ "line" (endless; point, normal), "segment" (both sides and the ends; start, end), "container" (a circle around
+    the disks; center, radius) or "post" (a round obstacle; center, radius)."""
+    material: str | None = key("steel", None, min_length=1, max_length=100)
+    """Name of the material [text]: that of a species, or another one with a [[pair]] for each material of the disks.
+    Needed but for a thermal wall, which has none."""
+    point: Pair | None = key([0.0, 0.0], None)
+    """A point [x, y] of a line [m]."""
+    normal: Pair | None = key([0.0, 1.0], None)
+    """Direction [x, y] from a line to the disks [1], of any length."""
+    start: Pair | None = key([0.1, 0.1], None)
+    """One end [x, y] of a segment [m]."""
+    end: Pair | None = key([0.2, 0.1], None)
+    """The other end [x, y] of a segment [m]."""
+    center: Pair | None = key([0.5, 0.5], None)
+    """Centre [x, y] of a container or post [m]."""
+    radius: float | None = key(0.4, None, ge=0.0)
+    """Radius of a container or post [m]; a post may have 0."""
+    motion: MotionSection | None = key({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
+    """How it moves as a whole [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
+    phase; rise), along a direction. At rest without it."""
+    surface_speed: float = key(0.5, 0.0)
+    """Speed of its surface along itself [m/s], as of a belt or drum; positive is clockwise for a container,
+    counter-clockwise for a post, and to the left seen along a line's normal."""
+    temperature: float | None = key(5.0e-4, None, gt=0.0)
+    """A thermal wall: disks leave it with random velocities, as if from a gas of this temperature, mean of m v^2 / 2
+    [J]."""
 
     selector = "shape"
     kinds: ClassVar[Mapping[str, Keys]] = {

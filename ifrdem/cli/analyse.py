@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from ..errors import InputError, there_are
+from ..plots.pictures import PICTURES
 from .console import note, say
-from .options import Force, Frames, chosen, flag, one_trajectory, opened, option
+from .options import Colour, Force, Frames, Style, chosen, flag, one_trajectory, opened, option, styled
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from ..analysis.result import Columns, Evaluation
     from ..trajectory.reader import Trajectory
 
@@ -27,25 +26,6 @@ ELSEWHERE = "; --force replaces it, -o DIR writes elsewhere"
 RUN = ("name", "seed", "started")
 """Parameters of a trajectory by which a run is told from others."""
 
-PICTURES = {
-    "temperatures": "both temperatures and their ratio against time, with kinetic theory where it holds",
-    "disks": "the disks of a frame, coloured by spin, or a map of density if there are many",
-    "energy": "translational, rotational and potential energy against time",
-    "ledger": "present, dissipated and put-in energy against time, and their residual",
-    "mechanisms": "energy dissipated by each mechanism",
-    "velocity": "distributions of velocities and spins beside Gaussians",
-    "g": "pair correlation g(r) and its contact value",
-    "S": "structure factor S(k)",
-    "msd": "mean-square displacement and the diffusion coefficient",
-    "vacf": "velocity autocorrelation",
-    "fields": "maps of density, flow and thermal temperature",
-    "clusters": "the largest cluster in time, and cluster sizes",
-    "psi6": "hexatic order of the disks",
-    "cooling": "Haff's law, and the approach of T_rot / T to its end",
-    "impact": "angles of impact beside molecular chaos, and regimes",
-}
-WIDE = ("velocity", "fields", "clusters", "psi6", "cooling", "impact")
-"""Pictures of two panels side by side."""
 PICTURE_LIST = "\n".join(f"{name:<{max(map(len, PICTURES))}}  {text}" for name, text in PICTURES.items())
 
 
@@ -287,12 +267,15 @@ def plot(
         str | None,
         option("PNG", "the picture, NAME.png or NAME (default: FILE-WHAT.png)", "--output", "-o"),
     ] = None,
+    colour: Colour = None,
+    style: Style = None,
     force: Force = False,
 ) -> None:
     """Draw a trajectory, several, or a study: temperatures, disks, velocity, g, S, msd.
 
     Of a study (FILE.nc), and of several trajectories, WHAT is a quantity of the whole gas: T, T_rot, theta, energy,
-    and so on; of a study, with bands of two standard errors over seeds and kinetic theory beside it.
+    and so on; of a study, with bands of two standard errors over seeds and kinetic theory beside it. Of one trajectory,
+    temperatures, energy, ledger and mechanisms can be drawn `--over tau`, too.
     """
     if list:
         say(PICTURE_LIST)
@@ -302,11 +285,31 @@ def plot(
             "a trajectory and what to draw of it are needed: `ifrdem plot --list` says what there is"
         )
     *places, what = words
-    if len(places) > 1 or places[0].endswith(".nc") or over is not None or by is not None:
-        _plot_together(places, what, over, by, frames, output, force=force)
-        return
-    file = one_trajectory(places[0])
+    together = len(places) > 1 or places[0].endswith(".nc")
+    with styled(style):
+        if together or by is not None or (over is not None and what not in PICTURES):
+            _plot_together(places, what, over, by, frames, output, force=force)
+        else:
+            _plot_one(places[0], what, over or "t", frames, colour, output, force=force)
+
+
+def _plot_one(
+    place: str,
+    what: str,
+    over: str,
+    frames: str | None,
+    colour: str | None,
+    output: str | None,
+    *,
+    force: bool,
+) -> None:
+    """A picture of one trajectory."""
+    file = one_trajectory(place)
     _known("picture", what, tuple(PICTURES))
+    if colour is not None:
+        from ..plots.disks import colour_of
+
+        colour_of(colour, "--colour")
     from ..tools.files import check_apart, check_files
 
     with opened(file) as trajectory:
@@ -316,9 +319,9 @@ def plot(
         path = _as_png(path)
         check_apart(path, trajectory.path)
         check_files([path], force=force)
-        from ..plots import run
+        from ..plots import pictures, run
 
-        run.save(draw(trajectory, what, numbers), path)
+        run.save(pictures.figure(trajectory, what, frames=numbers, over=over, color=colour), path)
     note(f"wrote {path}")
 
 
@@ -368,52 +371,3 @@ def _as_png(path: Path) -> Path:
     if path.suffix[1:].isalpha():
         raise InputError(f"-o {path}: pictures are PNG files: the name must end in .png, or have no ending")
     return path.with_name(f"{path.name}.png")
-
-
-def draw(trajectory: Trajectory, what: str, chosen: list[int] | None = None) -> Figure:
-    """A figure by its name in `PICTURES`, of the frames chosen, or of those that suit it.
-
-    Raises InputError if the file does not hold what it takes.
-    """
-    from matplotlib.figure import Figure
-
-    from ..analysis.catalogue import ANALYSES
-    from ..analysis.result import NOT_STEADY, span_text
-    from ..plots import analyses, disks, energies
-    from ..plots import run as plot
-
-    if len(trajectory) == 0:
-        raise InputError(f"{trajectory.path}: no frame to draw")
-    title = plot.title(trajectory)
-    size = (12.0, 5.2) if what in WIDE else (7.5, 6.2)
-    figure = Figure(figsize=size, dpi=200, layout="constrained")
-    if what == "temperatures":
-        _temperatures(figure, trajectory)
-    elif what == "disks":
-        disks.last_frame(figure, figure.subplots(), trajectory, chosen[-1] if chosen else -1)
-    elif what in ("energy", "ledger", "mechanisms"):
-        getattr(energies, what)(figure, trajectory)
-    else:
-        outcome = ANALYSES[what].of(trajectory, chosen)
-        analyses.PANELS[what](figure, trajectory, outcome)
-        title += f"\n{span_text(trajectory, outcome)}"
-        if any(doubt.startswith(NOT_STEADY) for doubt in outcome.doubts):
-            title += f"; {NOT_STEADY}: `ifrdem analyse` says how it changes"
-    figure.suptitle(title, fontsize="medium")
-    return figure
-
-
-def _temperatures(figure: Figure, trajectory: Trajectory) -> None:
-    """With the theory that belongs to the run: sheared, driven or cooling; none between walls."""
-    from ..plots import temperatures
-
-    if trajectory.room.all_walls:
-        temperatures.walled(figure.subplots(), trajectory)
-        return
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
-    if trajectory.box.shear_rate:
-        temperatures.sheared(upper, lower, trajectory)
-    elif trajectory.record("forces", bool, "[]"):
-        temperatures.driven(upper, lower, trajectory)
-    else:
-        temperatures.cooling(upper, lower, trajectory)

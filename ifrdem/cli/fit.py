@@ -328,7 +328,7 @@ def _write(
 
 
 def _progress(fits: int) -> AbstractContextManager[Any]:
-    from ..run.progress import quiet
+    from ..tools.progress import quiet
 
     if fits == 0 or quiet():
         return nullcontext()

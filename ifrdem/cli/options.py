@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO, TypeVar
 
 from cyclopts import Parameter
 
-from ..errors import InputError
+from ..errors import InputError, nearest
 from . import console
 
 if TYPE_CHECKING:
@@ -87,7 +88,39 @@ Frames = Annotated[
 Output = Annotated[
     str | None, option("OUT", "file to write (default: FILE with another ending)", "--output", "-o")
 ]
+Style = Annotated[
+    str | None, option("STYLE", "a style of Matplotlib, such as dark_background, or a file of one")
+]
+Colour = Annotated[
+    str | None,
+    option(
+        "BY", "of disks: spin, speed, direction, temperature, radius, material, collisions or none (default: spin)",
+        "--colour", "--color",
+    ),
+]  # fmt: skip
 Force = Annotated[bool, flag("replace files that exist")]
+
+
+@contextlib.contextmanager
+def styled(style: str | None) -> Iterator[None]:
+    """Draw in a style of Matplotlib; InputError names near ones if there is none of this name."""
+    if style is None:
+        yield
+        return
+    import matplotlib.style
+
+    try:
+        context = matplotlib.style.context(style)
+        context.__enter__()
+    except OSError:
+        known = matplotlib.style.available
+        raise InputError(
+            f"--style {style}: neither a style of Matplotlib nor a file of one{nearest(style, known)}"
+        ) from None
+    try:
+        yield
+    finally:
+        context.__exit__(None, None, None)
 
 
 def overrides(given: list[str] | None, **run: str | None) -> list[str]:
@@ -199,7 +232,7 @@ def counted(
     clock: Callable[[], float] = time.perf_counter,
 ) -> Callable[[Sequence[int]], Iterable[int]]:
     """Progress through frames: a bar on a terminal, elsewhere a line every `interval` seconds; none by `--quiet`."""
-    from ..run.progress import clock_face, quiet
+    from ..tools.progress import clock_face, quiet
 
     out = sys.stderr if stream is None else stream
 

@@ -8,7 +8,21 @@ from typing import Annotated, Any
 
 from ..errors import InputError
 from .console import note, say
-from .options import File, Force, Frames, Output, chosen, counted, flag, opened, option, place
+from .options import (
+    Colour,
+    File,
+    Force,
+    Frames,
+    Output,
+    Style,
+    chosen,
+    counted,
+    flag,
+    opened,
+    option,
+    place,
+    styled,
+)
 
 SHOWN = 10
 """Collisions of a history that are printed."""
@@ -68,30 +82,34 @@ def movie(
     *,
     frames: Frames = None,
     fps: Annotated[str, option("N", "pictures a second (default: 25)")] = "25",
-    size: Annotated[str, option("WxH", "pixels, even numbers (default: 1200x1080)")] = "1200x1080",
-    colour: Annotated[str, option("BY", "spin or temperature (default: spin)")] = "spin",
+    size: Annotated[
+        str | None, option("WxH", "pixels, even numbers (default: as the box is, 1200x1080 at most)")
+    ] = None,
+    colour: Colour = None,
+    style: Style = None,
+    quality: Annotated[str, option("Q", "of a WebP file, 1 to 100 (default: 70)")] = "70",
     output: Output = None,
     force: Force = False,
 ) -> None:
     """Make a movie of a trajectory.
 
-    Writes NAME.mp4: the disks of each frame, coloured by spin or temperature; of more than 1e5 disks a map of the area
-    fraction. Needs the extra: pip install "ifrdem[movie]".
+    Writes NAME.mp4: the disks of each frame, coloured by spin or something else; of more than 1e5 disks a map of the
+    area fraction. Needs the extra: pip install "ifrdem[movie]". Without it, -o NAME.webp and -o NAME.gif write
+    animations for web pages.
     """
     from ..plots import movie as making
-    from ..tools import checked
     from ..tools.arguments import whole
 
-    rate = whole("--fps", fps, 1, 240)
-    pixels = _pixels(size)
-    checked.one_of("--colour", colour, making.COLOURS)
-    with opened(file) as trajectory:
+    rate, level = whole("--fps", fps, 1, 240), whole("--quality", quality, 1, 100)
+    pixels = None if size is None else _pixels(size)
+    with opened(file) as trajectory, styled(style):
         numbers = chosen(frames, len(trajectory))
         out = place(file, output, ".mp4", force=force)
-        making.write(
-            trajectory, out, numbers, fps=rate, size=pixels, colour=colour, progress=counted("movie")
-        )
-    note(f"wrote {out}: {len(numbers)} pictures, {len(numbers) / rate:.3g} s")
+        bytes_there = making.write(
+            trajectory, out, numbers, fps=rate, size=pixels, colour=colour or "spin", quality=level,
+            progress=counted("movie"),
+        )  # fmt: skip
+    note(f"wrote {out}: {len(numbers)} pictures, {len(numbers) / rate:.3g} s, {bytes_there / 1e6:.2g} MB")
 
 
 def _pixels(text: str) -> tuple[int, int]:

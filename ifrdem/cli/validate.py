@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from .console import say
 from .options import flag, option, whole
 
-NAMES = "cases or groups to run: paper (default), bullet, gas, or see --list"
+NAMES = "cases or groups to run: paper (default), bullet, gas, device, or see --list"
 JOBS = "cases at a time, each in a process of its own (default: gas as many as there are cores, others 1)"
 
 
@@ -27,8 +27,8 @@ def validate(
     """Reproduce the paper through the kernels.
 
     Collides disks as the paper does, and compares with its equations, tables and figures; `validate bullet` compares
-    with PyBullet and pymunk instead, `validate gas` holds gases of many disks against the literature. Writes
-    results.json, report.html and the figures. Exit status 0 only if every row passed.
+    with PyBullet and pymunk instead, `validate gas` holds gases of many disks against the literature, `validate device`
+    a GPU against the CPU. Writes results.json, report.html and the figures. Exit status 0 only if every row passed.
     """
     from ..tools import arguments
     from ..validation.report import runner

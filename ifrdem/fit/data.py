@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError, listed, nearest
+from ..errors import InputError, listed, nearest, refuse
 from . import tabular
 from .model import MEASURED, AngleProblem, CollisionProblem, Pair, Problem, RowError
 from .tabular import Form
@@ -27,10 +27,8 @@ _SPELLINGS: Mapping[str, str] = {
     **dict.fromkeys(("ψ", "impactangle", "angleofimpact"), "psi"),
     **dict.fromkeys(("δ1", "deltaone"), "delta_1"),
     **dict.fromkeys(("δ2", "deltatwo"), "delta_2"),
-    **dict.fromkeys(
-        ("rw2v0", "rw2vo", "r2w2", "r2w2v0", "r2w2vo", "r2omega2", "r2omega2v0", "r2omega2vo", "romega2"),
-        "Rw_2",
-    ),
+    **dict.fromkeys((f"{rim}{v}" for rim in ("rw2", "r2w2", "r2omega2") for v in ("", "v0", "vo")), "Rw_2"),
+    "romega2": "Rw_2",
     **dict.fromkeys(("d2d112", "sqrtd2d", "d2d105", "d2d1sqrt", "sqrtd2overd1"), "sqrt_d2_d1"),
     **dict.fromkeys(("et*", "etstar", "etapp", "apparentet"), "e_t_apparent"),
 }
@@ -74,53 +72,39 @@ EXAMPLE_ERROR = 0.7  # [deg]
 class Data:
     """Impacts of disk 1 on disk 2 or on a wall: nothing spins before, and disk 2 is at rest.
 
-    Attributes
-    ----------
-    psi : array (n,)
-        Impact angles from the line of centres [deg], from 0 to below 90.
-    measured : mapping of str to array (n,)
-        Values after the impact, by the names of `model.MEASURED`; angles in degrees; NaN where one is missing.
-    errors : mapping of str to array (n,)
-        Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A
-        single number stands for all impacts; NaN for an error that the residuals are to tell.
-    source : str
-        Where they come from, for messages and titles.
-    line : array (n,) of int, optional
-        Lines of the file they come from; without it messages count the impacts from 1.
-    notes : tuple of str
-        Values that are missing and columns that are not used.
-
-    Raises
-    ------
-    InputError
-        With a line for each value that is wrong, error that is missing, or array that has another length.
+    Raises InputError with a line for each value that is wrong, error that is missing, or array that has another
+    length.
     """
 
     psi: Array
+    """Impact angles from the line of centres [deg], from 0 to below 90; shape (n,)."""
     measured: Mapping[str, Array]
+    """Values after the impact, by the names of `model.MEASURED`; angles in degrees; NaN where one is missing; shape
+    (n,)."""
     errors: Mapping[str, Array]
+    """Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A single
+    number stands for all impacts; NaN for an error that the residuals are to tell; shape (n,)."""
     source: str = "data"
+    """Where they come from, for messages and titles."""
     line: NDArray[np.int64] | None = field(default=None)
+    """Lines of the file they come from; without it messages count the impacts from 1; shape (n,)."""
     notes: tuple[str, ...] = ()
+    """Values that are missing and columns that are not used."""
 
     def __post_init__(self) -> None:
-        wrong = [
-            f"{name}: no such quantity{nearest(name, MEASURED)}; there are {', '.join(MEASURED)}"
-            for name in self.measured
-            if name not in MEASURED
-        ]
+        wrong = _unknown(self.measured, MEASURED)
         if not self.measured:
             wrong.append(f"nothing was measured: at least one is needed of {', '.join(MEASURED)}")
         values = {"psi": self.psi, **self.measured}
-        wrong += _wrong_names(values, self.errors)
-        if wrong:
-            raise InputError("\n".join(f"{self.source}: {each}" for each in wrong))
+        refuse(wrong + _wrong_names(values, self.errors), self.source)
         n = np.size(self.psi)
         arrays = {name: _column(self.source, name, value, n) for name, value in values.items()}
         errors = {name: _errors(self.source, name, value, n) for name, value in self.errors.items()}
         found: list[tuple[int, str]] = []
         for name in values:
             found += _wrong_values(name, arrays[name]) + _wrong_errors(name, errors[name], arrays[name])
+        empty = np.all([np.isnan(arrays[name]) for name in self.measured], axis=0)
+        found += _rows(empty, "nothing was measured after the impact")
         empty = np.all([np.isnan(arrays[name]) for name in self.measured], axis=0)
         found += [(int(i), "nothing was measured after the impact") for i in np.flatnonzero(empty)]
         _end(self.source, found, self.line)
@@ -153,19 +137,19 @@ class Data:
 class Disk:
     """A disk of whole collisions, or disks that differ from collision to collision.
 
-    Attributes
-    ----------
-    mass : float or array (n,)
-        Mass [mass]; infinite for a wall or a fixed disk.
-    radius : float or array (n,)
-        Radius [length].
-    k : float or array (n,)
-        Shape number in I = m R^2 / k.
+    Examples
+    --------
+    >>> from ifrdem import fit
+    >>> fit.Disk(mass=[1.0, 2.0], radius=0.5).k
+    2.0
     """
 
     mass: ArrayLike
+    """Mass [mass]; infinite for a wall or a fixed disk; shape (n,)."""
     radius: ArrayLike
+    """Radius [length]; shape (n,)."""
     k: ArrayLike = 2.0
+    """Shape number in I = m R^2 / k; shape (n,)."""
 
 
 WALL = Disk(mass=math.inf, radius=1.0)
@@ -176,27 +160,7 @@ WALL = Disk(mass=math.inf, radius=1.0)
 class Collisions:
     """Whole collisions of two disks, or of a disk with a wall, in any frame of reference.
 
-    Attributes
-    ----------
-    disk_1, disk_2 : Disk
-        The disks; `WALL` as disk 2.
-    measured : mapping of str to array (n,)
-        Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal
-        nx, ny from disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins,
-        counter-clockwise [rad/time], before and, with _after, after. Any subset; NaN where a value is
-        missing. Of a wall, velocities are 0 unless given, and exact.
-    errors : mapping of str to array (n,)
-        Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
-        value that is known exactly. Those of nx, ny may be of `normal` [rad] instead.
-    covariance : mapping of (str, str) to array (n,), optional
-        Covariances of two quantities of the motion, or of one and "normal" [rad].
-    source, line, notes
-        As in `Data`.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong; also for pairs that separate before the impact.
+    Raises InputError with a line for each thing that is wrong; also for pairs that separate before the impact.
 
     Examples
     --------
@@ -212,32 +176,33 @@ class Collisions:
 
     disk_1: Disk
     disk_2: Disk
+    """disk_1, disk_2: the disks; `WALL` as disk 2."""
     measured: Mapping[str, Array]
+    """Values by the names of `COLLISION_COLUMNS`: places of the centres x_1 ... y_2 [length], or the normal nx, ny
+    from disk 1 to disk 2 [any length]; velocities vx_1 ... [length/time] and spins, counter-clockwise [rad/time],
+    before and, with _after, after. Any subset; NaN where a value is missing. Of a wall, velocities are 0 unless
+    given, and exact; shape (n,)."""
     errors: Mapping[str, Array]
+    """Standard errors, positive; a single number stands for all. NaN for one that the residuals are to tell, 0 for a
+    value that is known exactly. Those of nx, ny may be of `normal` [rad] instead; shape (n,)."""
     covariance: Mapping[tuple[str, str], Array] = field(default_factory=dict)
+    """Covariances of two quantities of the motion, or of one and "normal" [rad]; shape (n,)."""
     source: str = "data"
     line: NDArray[np.int64] | None = field(default=None)
     notes: tuple[str, ...] = ()
+    """source, line, notes: as in `Data`."""
 
     def __post_init__(self) -> None:
-        allowed = set(COLLISION_COLUMNS)
-        wrong = [
-            f"{name}: no such quantity{nearest(name, allowed)}; there are {', '.join(COLLISION_COLUMNS)}"
-            for name in self.measured
-            if name not in allowed
-        ]
+        wrong = _unknown(self.measured, COLLISION_COLUMNS)
         normal, places = (all(name in self.measured for name in names) for names in (NORMAL, PLACES))
         if not normal and not places:
             wrong.append("the normal is missing: columns nx, ny or x_1, y_1, x_2, y_2 are needed")
         if not any(name in self.measured for name in AFTER):
-            wrong.append(
-                f"nothing was measured after the impact: at least one is needed of {', '.join(AFTER)}"
-            )
+            text = "nothing was measured after the impact: at least one is needed of"
+            wrong.append(f"{text} {', '.join(AFTER)}")
         with_normal = {name: value for name, value in self.errors.items() if name != "normal"}
         if "normal" in self.errors:
-            with_normal |= dict.fromkeys(
-                (name for name in NORMAL if name in self.measured), self.errors["normal"]
-            )
+            with_normal |= {name: self.errors["normal"] for name in NORMAL if name in self.measured}
         if wrong and (unused := [each for each in self.notes if each.startswith(UNUSED)]):
             wrong.append(f"{unused[0]}; --column {MOTION[0]}='HEADER' says what one is")
         wrong += _wrong_names(self.measured, with_normal)
@@ -246,45 +211,30 @@ class Collisions:
             for a, b in self.covariance
             if not {a, b} <= {"normal", *({*MOTION, *AFTER} & set(self.measured))} or a == b
         ]
-        if wrong:
-            raise InputError("\n".join(f"{self.source}: {each}" for each in wrong))
+        refuse(wrong, self.source)
         n = max(np.size(value) for value in self.measured.values())
         arrays = {name: _errors(self.source, name, value, n) for name, value in self.measured.items()}
         errors = {
             name: _errors(self.source, f"error of {name}", value, n) for name, value in with_normal.items()
         }
         found: list[tuple[int, str]] = []
-        for name, error in errors.items():
-            bad = ~(np.isnan(error) | (np.isfinite(error) & (error >= 0.0))) & ~np.isnan(arrays[name])
-            found += [
-                (int(i), f"error of {name} = {error[i]:g}: a number of 0 or more is needed")
-                for i in np.flatnonzero(bad)
-            ]
-            infinite = np.isinf(arrays[name])
-            found += [
-                (int(i), f"{name} = {arrays[name][i]:g}: a finite number is needed")
-                for i in np.flatnonzero(infinite)
-            ]
+        for name, e in errors.items():
+            bad = ~(np.isnan(e) | (np.isfinite(e) & (e >= 0.0))) & ~np.isnan(arrays[name])
+            found += _rows(bad, f"error of {name}", e, "a number of 0 or more is needed")
+            found += _rows(np.isinf(arrays[name]), name, arrays[name], "a finite number is needed")
         disks = []
         for number, disk in ((1, self.disk_1), (2, self.disk_2)):
-            numbers = {
-                key: np.broadcast_to(np.asarray(getattr(disk, key), dtype=np.float64), (n,))
-                for key in ("mass", "radius", "k")
-            }
-            for key, value in numbers.items():
-                good = (value > 0.0) & (np.isfinite(value) | ((number == 2) & (key == "mass")))
-                found += [
-                    (int(i), f"{key}_{number} = {value[i]:g}: a positive finite number is needed")
-                    for i in np.flatnonzero(~good)
-                ]
+            numbers = _per_collision(disk, n)
+            for key, v in numbers.items():
+                bad = ~((v > 0.0) & (np.isfinite(v) | ((number == 2) & (key == "mass"))))
+                found += _rows(bad, f"{key}_{number}", v, "a positive finite number is needed")
             disks.append(Disk(**numbers))
         walls = np.isinf(np.asarray(disks[1].mass))
         if walls.any() and not walls.all():
-            found.append(
-                (int(np.argmax(walls)), "mass_2 is infinite: walls and disks cannot stand in one table")
-            )
+            text = "mass_2 is infinite: walls and disks cannot stand in one table"
+            found.append((int(np.argmax(walls)), text))
         x, y = (arrays[NORMAL[i]] if normal else arrays[PLACES[i + 2]] - arrays[PLACES[i]] for i in (0, 1))
-        found += [(int(i), "the normal has no length") for i in np.flatnonzero((x == 0.0) & (y == 0.0))]
+        found += _rows((x == 0.0) & (y == 0.0), "the normal has no length")
         _end(self.source, found, self.line)
         object.__setattr__(self, "measured", arrays)
         object.__setattr__(self, "errors", errors)
@@ -294,11 +244,11 @@ class Collisions:
             apart = self.problem().separating
         except RowError as error:
             raise InputError(f"{self.source}: {self.where(error.row)}: {error.text}") from None
-        _end(
-            self.source,
-            [(int(i), "the disks separate before the impact, or rest: the normal must point from disk 1 to disk 2, and spins be counter-clockwise") for i in np.flatnonzero(apart)],  # noqa: E501
-            self.line,
-        )  # fmt: skip
+        text = (
+            "the disks separate before the impact, or rest: the normal must point from disk 1 to disk 2, and spins be "
+            "counter-clockwise"
+        )
+        _end(self.source, _rows(apart, text), self.line)
 
     def __len__(self) -> int:
         """The number of collisions."""
@@ -339,17 +289,15 @@ class Collisions:
         none = np.full(len(self), math.nan)
         y = np.stack([phi, *(self.measured.get(name, none) for name in names[1:])], axis=-1)
         s = np.stack([s_phi, *(self.errors.get(name, none) for name in names[1:])], axis=-1)
+        n = len(self)
         covariance = {
-            (names.index(a), names.index(b)): np.broadcast_to(
-                np.asarray(value, dtype=np.float64), (len(self),)
-            )
+            (names.index(a), names.index(b)): np.broadcast_to(np.asarray(value, dtype=np.float64), (n,))
             for (a, b), value in self.covariance.items()
             if a in names and b in names
         }
         walls = [np.nan_to_num(self.measured.get(name, none)) for name in MOTION[3:]] if self.wall else []
-        return CollisionProblem(
-            names, y, s, [_group(name) for name in names], self.disk_1, self.disk_2, walls, covariance
-        )
+        disks = [_per_collision(disk, n) for disk in (self.disk_1, self.disk_2)]
+        return CollisionProblem(names, y, s, [_group(name) for name in names], disks, walls, covariance)
 
 
 def read(
@@ -368,6 +316,8 @@ def read(
     converted: angles of a table of angles to degrees, all else to SI units. Missing values are left empty or
     are written nan, NA or -.
 
+    Raises InputError with a line for each thing that is wrong.
+
     Parameters
     ----------
     path : path
@@ -380,11 +330,6 @@ def read(
         Of whole collisions, unless columns mass_1, radius_1, k_1, ... give them.
     form : Form, optional
         Names, units and signs of the file.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong.
 
     Examples
     --------
@@ -414,8 +359,7 @@ def read(
     source = found.source
     if whole and angles:
         raise InputError(
-            f"{source}: columns of angles ({', '.join(angles)}) and of whole collisions "
-            f"({', '.join(whole)}) cannot stand in one table"
+            f"{source}: missing column psi; there are {', '.join(angles) or 'none that is known'}"
         )
     if not whole and "psi" not in angles:
         raise InputError(
@@ -427,13 +371,11 @@ def read(
         )
     quantities = [name for name in (angles or whole) if name not in _DISKS]
     given, wrong = _given_errors(quantities, columns, dict(errors or {}), form, len(found))
-    if wrong:
-        raise InputError(listed([f"{source}: {each}" for each in wrong]))
+    refuse(wrong, source, most=20)
     measured = {name: columns[name] for name in quantities}
     if whole:
         disks = [_disk(source, i, columns, disk) for i, disk in ((1, disk_1), (2, disk_2))]
-        if sum(isinstance(each, str) for each in disks):
-            raise InputError("\n".join(each for each in disks if isinstance(each, str)))
+        refuse([each for each in disks if isinstance(each, str)])
         first, second = (each for each in disks if isinstance(each, Disk))
         return Collisions(
             disk_1=first,
@@ -445,14 +387,12 @@ def read(
             line=found.line,
             notes=tuple(notes),
         )
-    keep = ~np.isnan(columns["psi"]) & np.any(
-        [~np.isnan(measured[name]) for name in quantities if name != "psi"], axis=0
-    )
+    after = [~np.isnan(measured[name]) for name in quantities if name != "psi"]
+    keep = ~np.isnan(columns["psi"]) & np.any(after, axis=0)
     if not keep.all():
         lost = ", ".join(str(line) for line in found.line[~keep][:10]) + ", ..." * bool(np.sum(~keep) > 10)
-        notes.append(
-            f"{np.sum(~keep)} lines without psi or without a value after the impact are left out: {lost}"
-        )
+        text = "lines without psi or without a value after the impact are left out"
+        notes.append(f"{np.sum(~keep)} {text}: {lost}")
     psi = measured.pop("psi")[keep]
     return Data(
         psi=psi,
@@ -548,23 +488,32 @@ def _group(name: str) -> str:
     return next((group for group, names in GROUPS.items() if name in names), name)
 
 
-def _wrong_names(values: Iterable[str], errors: Iterable[str]) -> list[str]:
-    values = list(values)
-    wrong = [f"{name}: no error is given; {_how_to_give(name)}" for name in values if name not in errors]
-    return wrong + [
-        f"error of {name}: {name} was not measured{nearest(name, values)}"
-        for name in errors
-        if name not in values
+def _per_collision(disk: Disk, n: int) -> dict[str, Array]:
+    """Mass, radius and k of a disk for each of n collisions, (n,)."""
+    of = {key: np.asarray(getattr(disk, key), dtype=np.float64) for key in ("mass", "radius", "k")}
+    return {key: np.broadcast_to(value, (n,)) for key, value in of.items()}
+
+
+def _unknown(names: Iterable[str], known: Iterable[str]) -> list[str]:
+    known = list(known)
+    return [
+        f"{name}: no such quantity{nearest(name, known)}; there are {', '.join(known)}"
+        for name in names
+        if name not in known
     ]
 
 
+def _wrong_names(values: Iterable[str], errors: Iterable[str]) -> list[str]:
+    values = list(values)
+    wrong = [f"{name}: no error is given; {_how_to_give(name)}" for name in values if name not in errors]
+    others = [name for name in errors if name not in values]
+    return wrong + [f"error of {name}: {name} was not measured{nearest(name, values)}" for name in others]
+
+
 def _how_to_give(name: str) -> str:
-    group = next((group for group, names in GROUPS.items() if name in names), None)
-    all_of = {"angles": " (or --error DEGREES for all angles)", None: ""}.get(
-        group, f" (or --error {group}=VALUE)"
-    )
-    if name in NORMAL:
-        all_of = " (or --error normal=RADIANS)"
+    group = "normal" if name in NORMAL else _group(name)
+    of_groups = {"angles": "DEGREES for all angles", "normal": "normal=RADIANS"}
+    all_of = f" (or --error {of_groups.get(group, f'{group}=VALUE')})" if group != name else ""
     return f"a column {name}_error or --error {name}=VALUE{all_of} is needed, or --error estimate"
 
 
@@ -587,6 +536,14 @@ def _end(source: str, found: list[tuple[int, str]], line: NDArray[np.int64] | No
         raise InputError(listed([f"{source}: {where(i)}: {text}" for i, text in found], 100))
 
 
+def _rows(
+    wrong: NDArray[np.bool_], name: str, values: Array | None = None, need: str = ""
+) -> list[tuple[int, str]]:
+    """Index and complaint of each row that is wrong: `name` alone, or with its value and what is needed."""
+    text = (lambda i: name) if values is None else (lambda i: f"{name} = {values[i]:g}: {need}")
+    return [(int(i), text(i)) for i in np.flatnonzero(wrong)]
+
+
 def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
     """Index and complaint of each value that cannot be."""
     if name == "psi":
@@ -594,18 +551,17 @@ def _wrong_values(name: str, values: Array) -> list[tuple[int, str]]:
         need = "an impact angle from 0 to below 90 degrees is needed"
     else:
         low, high = MEASURED[name].low, MEASURED[name].high
-        right = np.isnan(values) | (
-            np.isfinite(values) & (values > low if name == "sqrt_d2_d1" else values >= low) & (values <= high)
-        )
+        above = values > low if name == "sqrt_d2_d1" else values >= low
+        right = np.isnan(values) | (np.isfinite(values) & above & (values <= high))
         need = "a finite number is needed"
         if name in ANGLES:
             need = f"an angle from {low:g} to {high:g} degrees is needed"
         elif low == 0.0:
             need = "a positive finite number is needed"
-    return [(int(i), f"{name} = {values[i]:g}: {need}") for i in np.flatnonzero(~right)]
+    return _rows(~right, name, values, need)
 
 
 def _wrong_errors(name: str, errors: Array, values: Array) -> list[tuple[int, str]]:
     least = f"a finite number of at least {LEAST_ERROR:g} is needed"
     wrong = ~np.isnan(errors) & ~((errors >= LEAST_ERROR) & (errors < math.inf)) & ~np.isnan(values)
-    return [(int(i), f"error of {name} = {errors[i]:g}: {least}") for i in np.flatnonzero(wrong)]
+    return _rows(wrong, f"error of {name}", errors, least)

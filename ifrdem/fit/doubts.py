@@ -53,26 +53,21 @@ def doubts(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robust: boo
         if sliding == 0:
             known = "at all"
             if not mu.low_open:
-                also = (
-                    ""
-                    if transition is None
-                    else f" (and the transition above {transition.interval.low:.3g} degrees)"
-                )
-                known = f"beyond being above {mu.low:.3g}{also}"
+                known = f"beyond being above {mu.low:.3g}"
+                if transition is not None:
+                    known += f" (and the transition above {transition.interval.low:.3g} degrees)"
             found.append(f"no impact slides: mu is not determined {known}; impacts at larger psi are needed")
         elif mu.high_open:
             found.append(
                 "mu is not determined: the data set no upper end to it; more sliding impacts are needed"
             )
         if sliding == len(fitted.psi):
-            below = (
-                ""
-                if transition is None
-                else f", and the transition is only known to be below {transition.interval.high:.3g} degrees"
-            )
-            found.append(
-                f"no impact sticks: the kind of sticking is not tested{below}; impacts at smaller psi are needed"
-            )
+            below = ""
+            if transition is not None:
+                high = transition.interval.high
+                below = f", and the transition is only known to be below {high:.3g} degrees"
+            text = "no impact sticks: the kind of sticking is not tested"
+            found.append(f"{text}{below}; impacts at smaller psi are needed")
     for name, whole in (("e_n", 1.0), ("e_t", 2.0), ("beta", 2.0)):
         if name not in estimates:
             continue
@@ -110,28 +105,19 @@ def doubts(fitted: Fitted, others: Sequence[tuple[Array, float]], *, robust: boo
         chi2 -= float(np.sum(fitted.distance[gone]))
         dof -= int(np.sum(fitted.problem.redundancy[gone]))
         probability, left = float(chdtrc(max(dof, 1), chi2)), " without the suspicious lines"
+    of = f"{chi2:.4g} for {dof} degrees of freedom{left}"
     if probability < 0.01:
-        found.append(
-            f"chi2 is {chi2:.4g} for {dof} degrees of freedom{left} (probability {probability:.2g}): the law does not "
-            "hold or the errors are larger than stated, and the intervals are too narrow"
-        )
+        text = "the law does not hold or the errors are larger than stated, and the intervals are too narrow"
+        found.append(f"chi2 is {of} (probability {probability:.2g}): {text}")
     elif probability > 0.99:
-        found.append(
-            f"chi2 is only {chi2:.4g} for {dof} degrees of freedom{left}: the errors are smaller than "
-            "stated, and the intervals are too wide"
-        )
-    if fitted.admissibility is None:
-        return found
-    if not fitted.admissibility.admissible:
-        found.append(
-            "the fit leaves the set in which no collision adds energy (necessary and sufficient): "
-            f"{fitted.admissibility.message}"
-        )
-    elif not fitted.admissibility.strict:
-        found.append(
-            "the fit leaves the strict set, not the necessary and sufficient one: "
-            f"{fitted.admissibility.message}"
-        )
+        text = "the errors are smaller than stated, and the intervals are too wide"
+        found.append(f"chi2 is only {of}: {text}")
+    verdict = fitted.admissibility
+    if verdict is not None and not verdict.strict:
+        text = "the strict set, not the necessary and sufficient one"
+        if not verdict.admissible:
+            text = "the set in which no collision adds energy (necessary and sufficient)"
+        found.append(f"the fit leaves {text}: {verdict.message}")
     return found
 
 
@@ -149,14 +135,11 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
         for each in fitted.suspects[:_MOST_NAMED]
     ]
     if fitted.suspects and not _few(fitted):
-        return [
-            f"{len(fitted.suspects)} of {len(fitted.psi)} impacts are far off: the law or the errors "
-            "are in doubt, rather than "
-            "single lines"
-        ]
+        count = f"{len(fitted.suspects)} of {len(fitted.psi)} impacts are far off"
+        return [f"{count}: the law or the errors are in doubt, rather than single lines"]
+    s = "s" * (len(fitted.suspects) > 1)
     if named:
         more = f" and {len(fitted.suspects) - len(named)} more" if len(fitted.suspects) > len(named) else ""
-        s = "s" * (len(fitted.suspects) > 1)
         found.append(f"suspicious line{s}: {'; '.join(named)}{more}")
     if fitted.without and (named or robust):
         changes = []
@@ -164,13 +147,10 @@ def _outliers(fitted: Fitted, robust: bool) -> list[str]:
             each = fitted.estimates[name]
             by = (other - each.value) / each.standard_error
             changes.append(f"{name} = {other:.4g} ({by:+.1f} standard errors)")
+        first, last = f"without the suspicious line{s}", "; --robust gives outliers little weight"
         if robust:
-            found.append(f"without --robust: {', '.join(changes)}")
-        else:
-            found.append(
-                f"without the suspicious line{'s' * (len(fitted.suspects) > 1)}: {', '.join(changes)}; "
-                "--robust gives outliers little weight"
-            )
+            first, last = "without --robust", ""
+        found.append(f"{first}: {', '.join(changes)}{last}")
     return found
 
 

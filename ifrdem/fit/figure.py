@@ -51,17 +51,14 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
     impacts. Of whole collisions, normal restitution and the slip after the impact over the speed of approach
     are drawn against the angle of incidence at the contact.
 
+    Raises InputError if a file cannot be written.
+
     Parameters
     ----------
     fit : Fit
         The result.
     paths : sequence of Path
         Files to write, each in the format of its ending.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written.
     """
     from matplotlib.figure import Figure
 
@@ -122,26 +119,20 @@ def draw(fit: Fit, paths: Sequence[Path]) -> None:
 def corner(fit: Fit, paths: Sequence[Path]) -> None:
     """Draw the coefficients of every law in pairs: ellipses of 68 and 95 %, from the covariance, and profile intervals.
 
+    Raises InputError if a file cannot be written, or no law has a coefficient that is determined.
+
     Parameters
     ----------
     fit : Fit
         The result.
     paths : sequence of Path
         Files to write.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be written, or no law has a coefficient that is determined.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    laws = [
-        (i, name, each)
-        for i, (name, each) in enumerate(fit.laws.items())
-        if np.isfinite(each.covariance).all()
-    ]
+    determined = [np.isfinite(each.covariance).all() for each in fit.laws.values()]
+    laws = [(i, name, each) for i, (name, each) in enumerate(fit.laws.items()) if determined[i]]
     if not laws:
         raise InputError("no picture of coefficients: none is determined by itself")
     names = list(dict.fromkeys(name for _, _, each in laws for name in each.law.free))
@@ -186,22 +177,14 @@ def corner(fit: Fit, paths: Sequence[Path]) -> None:
                 axes.set_ylabel(SYMBOLS.get(a, a))
             axes.tick_params(labelsize="x-small")
             axes.locator_params(axis="x", nbins=3)
-    handles = [
-        Line2D([], [], color=STYLES[i % len(STYLES)][0], ls=STYLES[i % len(STYLES)][1], marker=STYLES[i % len(STYLES)][2], ms=4, label=name)  # noqa: E501
-        for i, name, _ in laws
-    ]  # fmt: skip
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=min(len(handles), 3),
-        frameon=False,
-        fontsize="small",
-    )
-    figure.suptitle(
-        f"{Path(fit.data.source).name}: 68 and 95 % ellipses, {100 * fit.level:g} % profile intervals (bands)",
-        fontsize="small",
-        parse_math=False,
-    )
+    handles = []
+    for i, name, _ in laws:
+        colour, line, marker = STYLES[i % len(STYLES)]
+        handles.append(Line2D([], [], color=colour, ls=line, marker=marker, ms=4, label=name))
+    ncols = min(len(handles), 3)
+    figure.legend(handles=handles, loc="outside lower center", ncols=ncols, frameon=False, fontsize="small")
+    bands = f"68 and 95 % ellipses, {100 * fit.level:g} % profile intervals (bands)"
+    figure.suptitle(f"{Path(fit.data.source).name}: {bands}", fontsize="small", parse_math=False)
     save(figure, paths)
 
 

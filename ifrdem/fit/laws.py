@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError, nearest, refuse, there_are
 from ..model.ifr import STICKING, IFRLaw
 from ..model.law import CollisionLaw
 
@@ -74,31 +74,21 @@ class Walton(CollisionLaw):
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A law with its free and fixed coefficients.
-
-    Attributes
-    ----------
-    name, about : str
-        As `--model` has it, and in words.
-    kind : type of CollisionLaw
-        The law itself.
-    ranges : mapping of str to (float, float)
-        Lowest and highest value of every coefficient.
-    fixed : mapping of str to float
-        Coefficients that are not fitted.
-    tried : mapping of str to (float, float)
-        Values from which searches start.
-    sticking : str or None
-        Of an IFR law.
-    """
+    """A law with its free and fixed coefficients."""
 
     name: str
     about: str
+    """name, about: as `--model` has it, and in words."""
     kind: type[CollisionLaw]
+    """The law itself."""
     ranges: Mapping[str, Range]
+    """Lowest and highest value of every coefficient."""
     fixed: Mapping[str, float] = field(default_factory=dict)
+    """Coefficients that are not fitted."""
     tried: Mapping[str, Range] = field(default_factory=dict)
+    """Values from which searches start."""
     sticking: str | None = None
+    """Of an IFR law."""
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -157,16 +147,15 @@ class Law:
 
     def _impulses(self, pair: Sequence[Array], row: Sequence[Array]) -> tuple[Array, ...]:
         if self.kind is Walton:
-            found: tuple[Array, ...] = Walton.collide(
+            impulses: tuple[Array, ...] = Walton.collide(
                 SimpleNamespace(**dict(zip(_PAIR, pair, strict=True))), row
             )
-            return found
+            return impulses
         function = inspect.unwrap(self.kind.impulses())  # that of Python, also of a function of Taichi
 
         def one(*numbers: float) -> tuple[float, ...]:
-            P_n, P_t, T = function(
-                SimpleNamespace(**dict(zip(_PAIR, numbers, strict=False))), numbers[len(_PAIR) :]
-            )
+            named = SimpleNamespace(**dict(zip(_PAIR, numbers, strict=False)))
+            P_n, P_t, T = function(named, numbers[len(_PAIR) :])
             return float(P_n), float(P_t), float(T)
 
         try:
@@ -235,6 +224,8 @@ IFR = ("ifr-percussion", "ifr-contact")
 def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> Law:
     """A law of one's own to fit.
 
+    Raises InputError if it is no law, a range is missing, of an unknown coefficient, or empty.
+
     Parameters
     ----------
     kind : type of CollisionLaw
@@ -243,21 +234,13 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
         Lowest and highest finite value of each coefficient, also where searches start; not needed for e_n,
         e_t, mu, beta.
 
-    Raises
-    ------
-    InputError
-        If it is no law, a range is missing, of an unknown coefficient, or empty.
-
     Examples
     --------
     >>> from ifrdem import fit
     >>> fit.own(fit.Walton).free
     ('e_n', 'beta', 'mu')
     """
-    if (
-        not (isinstance(kind, type) and issubclass(kind, CollisionLaw))
-        or kind.impulses() is CollisionLaw.collide
-    ):
+    if not _is_law(kind) or kind.impulses() is CollisionLaw.collide:
         raise InputError(
             f"law = {kind!r}: a class derived from ifrdem.CollisionLaw with a method collide is needed"
         )
@@ -265,35 +248,31 @@ def own(kind: type[CollisionLaw], ranges: Mapping[str, Range] | None = None) -> 
         raise InputError(f"{kind.__name__}: has no coefficients to fit")
     given = dict(ranges or {})
     wrong = [
-        f"{kind.__name__}: no coefficient '{name}'{nearest(name, kind.coefficients)}; it has "
-        f"{', '.join(kind.coefficients)}"
+        f"no coefficient '{name}'{nearest(name, kind.coefficients)}; it has {', '.join(kind.coefficients)}"
         for name in given
         if name not in kind.coefficients
     ]
     wrong += [
-        f"{kind.__name__}: range of {name} = {low:g}:{high:g}: two finite numbers, the lower first, are needed"
+        f"range of {name} = {low:g}:{high:g}: two finite numbers, the lower first, are needed"
         for name, (low, high) in given.items()
         if not (low < high and math.isfinite(low) and math.isfinite(high))
     ]
-    wrong += [
-        f"{kind.__name__}: a range of {name} is needed (--range {name}=LOW:HIGH)"
-        for name in kind.coefficients
-        if name not in given and name not in RANGES
-    ]
-    if wrong:
-        raise InputError("\n".join(wrong))
+    missing = [name for name in kind.coefficients if name not in given and name not in RANGES]
+    wrong += [f"a range of {name} is needed (--range {name}=LOW:HIGH)" for name in missing]
+    refuse(wrong, kind.__name__)
     whole = {name: given.get(name, RANGES.get(name, (0.0, 0.0))) for name in kind.coefficients}
     tried = {name: given.get(name, _TRIED.get(name, (0.0, 0.0))) for name in kind.coefficients}
     return Law(kind.__name__, f"{kind.__name__}, a law of one's own", kind, whole, {}, tried)
 
 
+def _is_law(value: object) -> bool:
+    return isinstance(value, type) and issubclass(value, CollisionLaw)
+
+
 def own_from_file(text: str, ranges: Mapping[str, Range] | None = None) -> Law:
     """`own` of FILE.py:CLASS.
 
-    Raises
-    ------
-    InputError
-        If there is no such file or class.
+    Raises InputError if there is no such file or class.
     """
     name, colon, title = text.rpartition(":")
     path = Path(name)
@@ -309,15 +288,9 @@ def own_from_file(text: str, ranges: Mapping[str, Range] | None = None) -> Law:
         spec.loader.exec_module(module)
     except (ImportError, SyntaxError, NameError) as error:
         raise InputError(f"--law {text}: the file cannot be imported: {error}") from error
-    kinds = [
-        key
-        for key, value in vars(module).items()
-        if isinstance(value, type) and issubclass(value, CollisionLaw)
-    ]
+    kinds = [key for key, value in vars(module).items() if _is_law(value)]
     if title not in kinds:
-        raise InputError(
-            f"--law {text}: no law '{title}'{nearest(title, kinds)}; there are {', '.join(kinds) or 'none'}"
-        )
+        raise InputError(f"--law {text}: no law '{title}'{there_are(title, kinds)}")
     return own(getattr(module, title), ranges)
 
 
@@ -326,10 +299,7 @@ def chosen(
 ) -> dict[str, Law]:
     """Laws by name, "all" for every one of `LAWS`, with coefficients fixed; of laws that become one, the first.
 
-    Raises
-    ------
-    InputError
-        If a name is unknown, or a value to fix is outside of what a law allows, or of no law.
+    Raises InputError if a name is unknown, or a value to fix is outside of what a law allows, or of no law.
     """
     found: dict[str, Law] = {}
     wrong = []
@@ -339,8 +309,9 @@ def chosen(
         elif name in LAWS:
             found[name] = LAWS[name]
         else:
+            allowed = (*LAWS, "all")
             wrong.append(
-                f"model = {name!r}: must be one of {', '.join(LAWS)}, all{nearest(str(name), (*LAWS, 'all'))}"
+                f"model = {name!r}: must be one of {', '.join(allowed)}{nearest(str(name), allowed)}"
             )
     found |= {law.name: law for law in own_laws}
     if not found and not wrong:
@@ -348,19 +319,14 @@ def chosen(
     fixed = dict(fixed or {})
     known = {name for law in found.values() for name in law.ranges}
     for name, value in fixed.items():
-        if found and name not in known:
-            wrong.append(
-                f"{name} = {value:g} cannot be fixed: no such coefficient{nearest(name, known)}; there "
-                f"are {', '.join(sorted(known))}"
-            )
-        elif any(
-            name in law.ranges and not law.ranges[name][0] <= value <= law.ranges[name][1]
-            for law in found.values()
-        ):
-            low, high = next(law.ranges[name] for law in found.values() if name in law.ranges)
+        ranges = [law.ranges[name] for law in found.values() if name in law.ranges]
+        if found and not ranges:
+            named = f"{nearest(name, known)}; there are {', '.join(sorted(known))}"
+            wrong.append(f"{name} = {value:g} cannot be fixed: no such coefficient{named}")
+        elif any(not low <= value <= high for low, high in ranges):
+            low, high = ranges[0]
             wrong.append(f"{name} = {value:g} cannot be fixed: a value from {low:g} to {high:g} is needed")
-    if wrong:
-        raise InputError("\n".join(wrong))
+    refuse(wrong)
     laws = {
         name: law.with_fixed({k: v for k, v in fixed.items() if k not in law.fixed or k == "rho"})
         for name, law in found.items()

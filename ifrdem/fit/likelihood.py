@@ -42,29 +42,14 @@ _RIDGE = 1e-12  # keeps a direction that nothing measured tells in its place
 
 @dataclass(frozen=True)
 class Points:
-    """The nearest points of one set of coefficients.
+    """The nearest points of one set of coefficients."""
 
-    Attributes
-    ----------
-    x : array (n, d)
-        Latent coordinates that fit best.
-    residual : array (n, q)
-        W (y - h), normal with unit variance; 0 where a value is missing.
-    slope : array (n, q, d)
-        Its derivative by x, in the directions that x is free to follow.
-    jacobian : array (n, q, p)
-        Its derivative by the free coefficients, x following.
-    robust : float or None
-        nu of a Student-t likelihood.
-    redundancy : array (n,)
-    """
-
-    x: Array
-    residual: Array
-    slope: Array
-    jacobian: Array
-    robust: float | None
-    redundancy: Array
+    x: Array  # (n, d): latent coordinates that fit best
+    residual: Array  # (n, q): W (y - h), normal with unit variance; 0 where a value is missing
+    slope: Array  # (n, q, d): its derivative by x, in the directions that x is free to follow
+    jacobian: Array  # (n, q, p): its derivative by the free coefficients, x following
+    robust: float | None  # nu of a Student-t likelihood
+    redundancy: Array  # (n,)
 
     @property
     def distance(self) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, counted, refuse
 from . import laws as of_laws
 from .data import Collisions, Data
 from .data import read as read
@@ -17,14 +17,13 @@ from .likelihood import NU, Array, Likelihood, Points
 from .model import AngleProblem, Pair, Problem
 from .result import CONFIDENCE, TELLING, Estimate, Fit, Fitted, Interval, Suspect
 
+Progress = Callable[[int], object]
+
 SPINNING = ("Rw_1", "Rw_2", "e_t_apparent", "rebound_contact", "spin_1_after", "spin_2_after")
 """Quantities that tell rolling friction."""
 
 TRANSIT = "psi_transit"
-_STARTS, _DESCENTS = (
-    32,
-    6,
-)  # points where the likelihood is looked at, and the best of them, from which it is climbed
+_STARTS, _DESCENTS = 32, 6  # points where the likelihood is looked at; the best, from which it is climbed
 _AGREE = 2  # descents that end in the lowest minimum are enough
 _PRECISE = 3e-4  # of the distance of an end from the best value
 _TOLERANCE = {"held": 1e-6, "robust": 1e-8, "plain": 1e-10}  # of descents; robust ones converge linearly
@@ -51,9 +50,11 @@ def fit(
     cross_validate: bool = False,
     bootstrap: int = 0,
     seed: int = 1,
-    progress: Callable[[int], object] | None = None,
+    progress: Progress | None = None,
 ) -> Fit:
     """Fit the coefficients of laws to measured impacts.
+
+    Raises InputError if an option is wrong, or the values are too few for the coefficients.
 
     Parameters
     ----------
@@ -84,11 +85,6 @@ def fit(
     progress : callable, optional
         Gets 1 for each of these data sets that is fitted.
 
-    Raises
-    ------
-    InputError
-        If an option is wrong, or the values are too few for the coefficients.
-
     Examples
     --------
     >>> from ifrdem import fit
@@ -114,19 +110,17 @@ def fit(
         problem = data.problem()
     if rolling:
         if not set(SPINNING) & set(data.names):
-            wrong.append(
-                f"{data.source}: rolling friction changes spins only: a column {' or '.join(SPINNING)} "
-                "is needed to fit "
-                f"rho; there are {', '.join(data.names)}"
+            text = (
+                f"rolling friction changes spins only: a column {' or '.join(SPINNING)} is needed to fit rho"
             )
+            wrong.append(f"{data.source}: {text}; there are {', '.join(data.names)}")
         r = float(np.max(problem.reach()))
         chosen = {name: _rolling(law, r) if "rho" in law.ranges else law for name, law in chosen.items()}
     if bootstrap != 0 and bootstrap < 40:
         wrong.append(f"bootstrap = {bootstrap}: 0, or 40 data sets and more, are needed for intervals")
     if not 0.0 < level < 1.0:
         wrong.append(f"level = {level:g}: a number between 0 and 1 is needed, such as 0.95")
-    if wrong:
-        raise InputError("\n".join(wrong))
+    refuse(wrong)
     nu = NU if robust else None
     found = {}
     for name, law in chosen.items():
@@ -140,9 +134,8 @@ def fit(
 
 def _rolling(law: Law, r: float) -> Law:
     fixed = {name: value for name, value in law.fixed.items() if name != "rho"}
-    return replace(
-        law, fixed=fixed, ranges={**law.ranges, "rho": (0.0, r)}, tried={**law.tried, "rho": (0.0, 0.1 * r)}
-    )
+    ranges, tried = {**law.ranges, "rho": (0.0, r)}, {**law.tried, "rho": (0.0, 0.1 * r)}
+    return replace(law, fixed=fixed, ranges=ranges, tried=tried)
 
 
 class Search:
@@ -196,11 +189,8 @@ class Search:
         tolerance = _TOLERANCE[kind]
         names = list(law.free)
         by_transit = held.pop(TRANSIT, None)
-        moving = [
-            i
-            for i, name in enumerate(names)
-            if name not in held and not (by_transit is not None and name == "mu")
-        ]
+        taken = {*held, *(["mu"] if by_transit is not None else [])}
+        moving = [i for i, name in enumerate(names) if name not in taken]
         base = start.copy()
         for name, value in held.items():
             base[names.index(name)] = value
@@ -217,9 +207,8 @@ class Search:
             J = self.points(whole(free)).as_least_squares()[1]
             found = J[:, moving]
             if by_transit is not None:
-                by = np.array(
-                    [(whole(free + 1e-6 * one)[mu] - whole(free)[mu]) / 1e-6 for one in np.eye(len(moving))]
-                )
+                ones, here = np.eye(len(moving)), whole(free)[mu]
+                by = np.array([(whole(free + 1e-6 * one)[mu] - here) / 1e-6 for one in ones])
                 found = found + J[:, [mu]] * by
             return found
 
@@ -277,12 +266,11 @@ class Search:
         free = self.law.free
         found = []
         for values, other in sorted(self.ends, key=lambda each: each[1]):
-            out = any(
-                not ends[name].low - 1e-3 * (1e-3 + abs(value))
-                <= value
-                <= ends[name].high + 1e-3 * (1e-3 + abs(value))
+            spans = (
+                (ends[name], value, 1e-3 * (1e-3 + abs(value)))
                 for name, value in zip(free, values, strict=True)
             )
+            out = any(not end.low - room <= value <= end.high + room for end, value, room in spans)
             if out and other - loss < rise:
                 found.append((values, other))
         return found
@@ -299,9 +287,7 @@ class _Climb:
     level: float
     profile: bool
 
-    def fitted(
-        self, bootstrap: int, seed: int, progress: Callable[[int], object] | None, cross_validate: bool
-    ) -> Fitted:
+    def fitted(self, bootstrap: int, seed: int, progress: Progress | None, cross_validate: bool) -> Fitted:
         """The fit with its intervals."""
         problem, search = self._search()
         rise = self._rise(problem, search)
@@ -317,10 +303,8 @@ class _Climb:
         value = dict(zip(self.law.free, map(float, best), strict=True))
         error = dict(zip(self.law.free, np.sqrt(np.diag(covariance)), strict=True))
         if search.transits:
-            value[TRANSIT], error[TRANSIT] = (
-                search.transition(best),
-                search.transition_error(best, covariance),
-            )
+            value[TRANSIT] = search.transition(best)
+            error[TRANSIT] = search.transition_error(best, covariance)
         again = self._bootstrap(problem, best, points, bootstrap, seed, progress) if bootstrap else {}
         estimates = {}
         for name in value:
@@ -357,7 +341,7 @@ class _Climb:
             x=points.x,
             psi=np.degrees(points.x[:, 0]),
             regimes=problem.regimes(self.law, best, points.x),
-            residuals=_own_residuals(problem, self.law, best, points.x),
+            residuals=np.nan_to_num((problem.y - problem.predict(self.law, best, points.x)) / problem.s),
             distance=points.distance,
             weight=points.weight,
             problem=problem,
@@ -377,12 +361,10 @@ class _Climb:
             p = len(self.law.free)
             redundancy = int(np.sum(problem.redundancy))
             if redundancy <= p + len(problem.estimated):
+                needed = f"more than {p + len(problem.estimated)} are needed for {p} coefficients"
                 raise InputError(
-                    f"{self.data.source}: {redundancy} value{'s' * (redundancy != 1)} measured after "
-                    "the impact: more than "
-                    f"{p + len(problem.estimated)} are needed for {p} coefficients"
-                    + f" and {len(problem.estimated)} errors"
-                    * bool(problem.estimated)
+                    f"{self.data.source}: {counted(redundancy, 'value')} measured after the impact: {needed}"
+                    + f" and {len(problem.estimated)} errors" * bool(problem.estimated)
                 )
             best, _ = search.best() if start is None else search.descend(start)
             if not problem.estimated:
@@ -421,26 +403,23 @@ class _Climb:
             return [(pair.k_1, pair.k_2, pair.M, 1.0) if pair.M > 0.0 else (pair.k_1, pair.k_1, 1.0, np.inf)]
         assert isinstance(self.data, Collisions)
         one, two = self.data.disk_1, self.data.disk_2
-        return list(
-            dict.fromkeys(
-                zip(*(np.ravel(each).tolist() for each in (one.k, two.k, one.mass, two.mass)), strict=True)
-            )
-        )
+        columns = (np.ravel(each).tolist() for each in (one.k, two.k, one.mass, two.mass))
+        return list(dict.fromkeys(zip(*columns, strict=True)))
 
     def _suspects(self, problem: Problem, points: Points) -> tuple[Suspect, ...]:
         from scipy.special import chdtrc
 
-        c, m = points.distance, np.maximum(problem.redundancy, 1)
-        probability = chdtrc(m, c)
-        own = points.residual
-        return tuple(
-            Suspect(
-                int(i), self.data.where(int(i)), float(c[i]), float(probability[i]),
-                problem.names[int(np.argmax(np.abs(own[i])))], float(own[i][np.argmax(np.abs(own[i]))]),
-            )
-            for i in np.argsort(probability, kind="stable")
-            if probability[i] < _SUSPICIOUS / len(c)
-        )  # fmt: skip
+        probability = chdtrc(np.maximum(problem.redundancy, 1), points.distance)
+        found = []
+        for i in np.argsort(probability, kind="stable"):
+            if probability[i] < _SUSPICIOUS / len(probability):
+                own = points.residual[i]
+                at = int(np.argmax(np.abs(own)))
+                numbers = float(points.distance[i]), float(probability[i])
+                found.append(
+                    Suspect(int(i), self.data.where(int(i)), *numbers, problem.names[at], float(own[at]))
+                )
+        return tuple(found)
 
     def _without(self, problem: Problem, best: Array, suspects: tuple[Suspect, ...]) -> dict[str, float]:
         """Coefficients of the Gaussian fit beside a robust one, or of the fit without suspects beside a Gaussian one."""  # noqa: E501
@@ -454,8 +433,7 @@ class _Climb:
         likelihood = Likelihood(problem, self.law)
         if np.sum(problem.redundancy) <= len(best):
             return {}
-        search = Search(likelihood)
-        values, _ = min((search.descend(start) for start in search.near(best)), key=lambda each: each[1])
+        values = _lower(Search(likelihood), best)
         return dict(zip(self.law.free, map(float, values), strict=True))
 
     def _cross_validated(self, problem: Problem, best: Array) -> float:
@@ -468,13 +446,7 @@ class _Climb:
         return total / len(problem.rows)
 
     def _bootstrap(
-        self,
-        problem: Problem,
-        best: Array,
-        points: Points,
-        number: int,
-        seed: int,
-        progress: Callable[[int], object] | None,
+        self, problem: Problem, best: Array, points: Points, number: int, seed: int, progress: Progress | None
     ) -> dict[str, Array]:
         """Percentiles (2,) of each quantity over synthetic data sets."""
         rng = np.random.default_rng(seed)
@@ -484,13 +456,18 @@ class _Climb:
         for _ in range(number):
             noise = np.einsum("nab,nb->na", spread, rng.standard_normal(exact.shape))
             other = Search(Likelihood(problem.of(exact + noise), self.law, self.robust))
-            values, _ = min((other.descend(start) for start in other.near(best)), key=lambda each: each[1])
+            values = _lower(other, best)
             found.append([*values, *([other.transition(values)] if other.transits else [])])
             if progress is not None:
                 progress(1)
         tail = 0.5 * (1.0 - self.level)
         names = (*self.law.free, TRANSIT)
         return dict(zip(names, np.quantile(found, [tail, 1.0 - tail], axis=0).T, strict=False))
+
+
+def _lower(search: Search, best: Array) -> Array:
+    """The lowest minimum (p,) near the best values of other data."""
+    return min((search.descend(start) for start in search.near(best)), key=lambda each: each[1])[0]
 
 
 def intervals(search: Search, best: Array, rise: float, *, profile: bool = True) -> dict[str, Interval]:
@@ -511,20 +488,14 @@ def intervals(search: Search, best: Array, rise: float, *, profile: bool = True)
         limits[TRANSIT] = (0.0, search.transition(steepest))
     found = {}
     for name in value:
-        if not profile:
-            low, high = (value[name] + sign * np.sqrt(rise) * float(errors[name]) for sign in (-1.0, 1.0))
-            found[name] = Interval(
-                max(low, limits[name][0]),
-                min(high, limits[name][1]),
-                bool(low <= limits[name][0]),
-                bool(high >= limits[name][1]),
-            )
-            continue
-        ends = [
-            _end(search, best, name, value[name], float(errors[name]), limits[name][side], rise)
-            for side in (0, 1)
-        ]
-        found[name] = Interval(ends[0][0], ends[1][0], ends[0][1], ends[1][1])
+        if profile:
+            end = (best, name, value[name], float(errors[name]))
+            (low, low_open), (high, high_open) = (_end(search, *end, limit, rise) for limit in limits[name])
+        else:
+            half = np.sqrt(rise) * float(errors[name])
+            low_open, high_open = value[name] - half <= limits[name][0], value[name] + half >= limits[name][1]
+            low, high = max(value[name] - half, limits[name][0]), min(value[name] + half, limits[name][1])
+        found[name] = Interval(low, high, bool(low_open), bool(high_open))
     return found
 
 
@@ -540,9 +511,8 @@ def _end(
     sign = 1.0 if limit > value else -1.0
     if room < 1e-9:
         return limit, True
-    seen: dict[float, tuple[float, Array]] = {
-        0.0: (-z, best)
-    }  # by distance: root of the rise less z, coefficients
+    # By distance: root of the rise less z, and coefficients.
+    seen: dict[float, tuple[float, Array]] = {0.0: (-z, best)}
 
     def rest(distance: float) -> float:
         if distance not in seen:
@@ -573,18 +543,22 @@ def _end(
 
 def covariance_of(information: Array) -> Array:
     """Inverse of (p, p), infinite if there is none."""
-    diagonal = np.diag(information)
-    unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    unit = _unit(information)
     scaled = information * np.outer(unit, unit)
-    if np.any(diagonal <= 0.0) or np.linalg.cond(scaled) > 1e12:
+    if np.any(np.diag(information) <= 0.0) or np.linalg.cond(scaled) > 1e12:
         return np.full_like(information, np.inf)
     return np.asarray(np.linalg.inv(scaled) * np.outer(unit, unit))
 
 
+def _unit(information: Array) -> Array:
+    """Scale (p,) of each coefficient by its own information; 1 where there is none."""
+    diagonal = np.diag(information)
+    return np.asarray(1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)))
+
+
 def _flat(information: Array, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the coefficients along a combination of which the loss does not change, if there is one."""
-    diagonal = np.diag(information)
-    unit = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    unit = _unit(information)
     values, vectors = np.linalg.eigh(information * np.outer(unit, unit))
     if values[0] > 1e-10 * values[-1]:
         return ()
@@ -599,9 +573,8 @@ def _redundancies(points: Points, *, with_coefficients: bool = True) -> Array:
     if with_coefficients:
         covariance = covariance_of(points.information)
         if np.isfinite(covariance).all():
-            hat = hat + points.weight[:, None] * np.einsum(
-                "nqa,ab,nqb->nq", points.jacobian, covariance, points.jacobian
-            )
+            J = points.jacobian
+            hat = hat + points.weight[:, None] * np.einsum("nqa,ab,nqb->nq", J, covariance, J)
     return np.where(there, np.clip(1.0 - hat, 0.0, 1.0), 0.0)
 
 
@@ -629,8 +602,3 @@ def _group_errors(problem: Problem, groups: tuple[str, ...]) -> dict[str, float]
         values = np.where(problem.known[:, members], np.nan, problem.s[:, members])
         of[group] = float(np.nanmedian(values))
     return of
-
-
-def _own_residuals(problem: Problem, law: Law, values: Array, x: Array) -> Array:
-    """Residuals (n, q) over their errors, at the true motion; 0 where a value is missing."""
-    return np.nan_to_num((problem.y - problem.predict(law, values, x)) / problem.s)

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, refuse
 from ..model.ifr import Regime
 from .laws import LARGEST, SMALLEST, Law
 
@@ -53,19 +53,7 @@ MEASURED: Mapping[str, Quantity] = {
 class Pair:
     """The two disks of a table of angles: disk 1 hits disk 2, which is at rest; neither spins.
 
-    Attributes
-    ----------
-    M : float
-        Mass ratio m_1 / m_2 [1]; 0 for a wall or a fixed disk 2.
-    k_1, k_2 : float
-        Shape numbers in I = m R^2 / k: 2 homogeneous disk, 1 hoop.
-    R_1, R_2 : float or None
-        Radii [length], needed for rolling friction only.
-
-    Raises
-    ------
-    InputError
-        With a line for each value that is not positive and finite, or if one radius is given alone.
+    Raises InputError with a line for each value that is not positive and finite, or if one radius is given alone.
 
     Examples
     --------
@@ -76,10 +64,13 @@ class Pair:
     """
 
     M: float
+    """Mass ratio m_1 / m_2 [1]; 0 for a wall or a fixed disk 2."""
     k_1: float = 2.0
     k_2: float = 2.0
+    """k_1, k_2: shape numbers in I = m R^2 / k: 2 homogeneous disk, 1 hoop."""
     R_1: float | None = None
     R_2: float | None = None
+    """R_1, R_2: radii [length], needed for rolling friction only."""
 
     def __post_init__(self) -> None:
         values = {name: getattr(self, name) for name in ("M", "k_1", "k_2", "R_1", "R_2")}
@@ -90,8 +81,7 @@ class Pair:
         ]
         if (self.R_1 is None) != (self.R_2 is None):
             wrong.append("R_1, R_2: both radii are needed, or none")
-        if wrong:
-            raise InputError("\n".join(wrong))
+        refuse(wrong)
 
     @property
     def has_radii(self) -> bool:
@@ -154,9 +144,8 @@ class Problem(ABC):
         self.names, self.y, self.groups = tuple(names), y, tuple(groups)
         there = ~np.isnan(y)
         unknown = np.isnan(s) & there
-        self.estimated = tuple(
-            dict.fromkeys(g for g, each in zip(groups, unknown.T, strict=True) if each.any())
-        )
+        each_group = zip(groups, unknown.T, strict=True)
+        self.estimated = tuple(dict.fromkeys(group for group, each in each_group if each.any()))
         for group in self.estimated:  # of any size at first; then `scaled`
             members = [i for i, each in enumerate(groups) if each == group]
             s[:, members] = np.where(unknown[:, members], self.first_guess(group), s[:, members])
@@ -204,11 +193,8 @@ class Problem(ABC):
         if self.low < 0.0:
             inner = [*inner, *(-each for each in inner)]
         shape = (*values.shape[:-1], len(self.y))
-        ends = [
-            np.full(shape, self.low),
-            *(np.broadcast_to(each, shape) for each in inner),
-            np.full(shape, self.high),
-        ]
+        low, high = np.full(shape, self.low), np.full(shape, self.high)
+        ends = [low, *(np.broadcast_to(each, shape) for each in inner), high]
         return np.clip(np.sort(np.stack(ends, axis=-1), axis=-1), self.low, self.high)
 
     def regimes(self, law: Law, values: Array, x: Array) -> NDArray[np.int8]:
@@ -370,19 +356,12 @@ class CollisionProblem(Problem):
         y: Array,
         s: Array,
         groups: Sequence[str],
-        disk_1: Any,
-        disk_2: Any,
+        disks: Sequence[Mapping[str, Array]],
         wall: Sequence[Array],
         covariance: Mapping[tuple[int, int], Array],
     ) -> None:
         n = len(y)
-        one, two = (
-            [
-                np.broadcast_to(np.asarray(getattr(disk, key), dtype=np.float64), (n,))
-                for key in ("mass", "radius", "k")
-            ]
-            for disk in (disk_1, disk_2)
-        )
+        one, two = (list(disk.values()) for disk in disks)
         self.wall = bool(wall)
         zero = np.zeros(n)
         v_x, v_y, w = wall if wall else (zero, zero, zero)
@@ -422,11 +401,8 @@ class CollisionProblem(Problem):
         g_n = (v_1x - v_2x) * n_x + (v_1y - v_2y) * n_y
         g_t = (v_1y - v_2y) * n_x - (v_1x - v_2x) * n_y + R_1 * w_1 + R_2 * w_2
         G = np.maximum(np.hypot(g_n, g_t), 1e-6 * self.speed)
-        measured = [
-            name
-            for name in ("normal", "vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
-            if name in self.names
-        ]
+        before_names = ("normal", "vx_1", "vy_1", "spin_1", "vx_2", "vy_2", "spin_2")
+        measured = [name for name in before_names if name in self.names]
         whole = np.all([~np.isnan(columns[name]) for name in measured], axis=0)
         apart = g_n < -4.0 * np.nan_to_num(errors["vx_1"] + errors["vy_1"]) - 0.05 * G
         self.separating = whole & (apart | ((g_n == 0.0) & (g_t == 0.0)))
@@ -437,8 +413,11 @@ class CollisionProblem(Problem):
         else:
             x, y = v_1x - share * (v_1x - v_2x), v_1y - share * (v_1y - v_2y)
             self.start = np.stack([chi, phi, G, x, y, w_1, w_2], axis=-1)
-        variance = sum(np.nan_to_num(errors[name], nan=np.inf) ** 2 * by**2 for name, by in
-                       [(name, {"spin_1": R_1, "spin_2": R_2}.get(name, 1.0)) for name in measured[1:]])  # fmt: skip
+        lever = {"spin_1": R_1, "spin_2": R_2}
+        squares = (
+            np.nan_to_num(errors[name], nan=np.inf) ** 2 * lever.get(name, 1.0) ** 2 for name in measured[1:]
+        )
+        variance = sum(squares)
         self.spread = np.where(whole, np.sqrt(variance) / G + errors["normal"], np.inf)
         spin = self.speed / float(np.median(R_1))
         scale = [1.0, 1.0, self.speed, spin] if self.wall else [1.0, 1.0, *[self.speed] * 3, spin, spin]

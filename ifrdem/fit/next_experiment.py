@@ -14,36 +14,26 @@ from .result import Fit, Fitted
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Expected outcome of `number` further impacts at each angle, with the errors of those that were fitted.
-
-    Attributes
-    ----------
-    psi : array (a,)
-        Angles of incidence [deg].
-    number : int
-        Impacts that are added at one angle.
-    errors : mapping of str to array (a,)
-        Standard errors of the coefficients of the best law with them, by the expected information.
-    now : mapping of str to float
-        Standard errors as they are.
-    against : mapping of str to array (a,)
-        For each other law, by how much its -2 ln L would exceed that of the best law, beyond what it does
-        now, if the best law is true; its coefficients fitted again.
-    """
+    """Expected outcome of `number` further impacts at each angle, with the errors of those that were fitted."""
 
     psi: Array
+    """Angles of incidence [deg]; shape (a,)."""
     number: int
+    """Impacts that are added at one angle."""
     errors: Mapping[str, Array]
+    """Standard errors of the coefficients of the best law with them, by the expected information; shape (a,)."""
     now: Mapping[str, float]
+    """Standard errors as they are."""
     against: Mapping[str, Array]
+    """For each other law, by how much its -2 ln L would exceed that of the best law, beyond what it does now, if the
+    best law is true; its coefficients fitted again; shape (a,)."""
 
     def table(self) -> str:
         """The figures as text, with the best angle of each column marked by *."""
         names = [*self.errors, *(f"vs {name}" for name in self.against)]
         columns = [*self.errors.values(), *self.against.values()]
-        best = [int(np.argmin(each)) for each in self.errors.values()] + [
-            int(np.argmax(each)) for each in self.against.values()
-        ]
+        best = [int(np.argmin(each)) for each in self.errors.values()]
+        best += [int(np.argmax(each)) for each in self.against.values()]
         width = max(12, *(len(name) + 2 for name in names))
         lines = [
             f"{self.number} further impacts at one angle: expected standard errors, and expected gain "
@@ -52,9 +42,8 @@ class Design:
             f"  {'now':>10}" + "".join(f"{self.now[name]:>{width}.4f}" for name in self.errors),
         ]
         for i, psi in enumerate(self.psi):
-            cells = (
-                f"{column[i]:.4f}{'*' if i == at else ' '}" for column, at in zip(columns, best, strict=True)
-            )
+            each = zip(columns, best, strict=True)
+            cells = (f"{column[i]:.4f}{'*' if i == at else ' '}" for column, at in each)
             lines.append(f"  {psi:>10.0f}" + "".join(f"{cell:>{width}}" for cell in cells))
         return "\n".join(lines)
 
@@ -110,11 +99,8 @@ def _gain(best: Fitted, other: Fitted, angles: Array, number: int) -> Array:
         # One step of Gauss and Newton on both together: a refit that costs nothing.
         information = before.information + number * points.information
         gradient = number * np.einsum("nqp,nq->p", points.jacobian, points.residual)
-        step = (
-            -covariance_of(information) @ gradient
-            if np.isfinite(covariance_of(information)).all()
-            else np.zeros_like(gradient)
-        )
+        covariance = covariance_of(information)
+        step = -covariance @ gradient if np.isfinite(covariance).all() else np.zeros_like(gradient)
         change = number * points.loss + gradient @ step
         found.append(max(float(change), 0.0))
     return np.array(found)

@@ -7,6 +7,7 @@ import math
 import textwrap
 from collections.abc import Iterator
 from dataclasses import asdict
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from ..errors import InputError
 from .data import Data
 from .model import MEASURED
-from .result import Estimate, Fit, Fitted, Interval
+from .result import Fit, Fitted, Interval
 
 _UNITS = {"psi_transit": "deg", "rho": "length"}
 _DIGITS = 6  # of the coefficients in a material, after the point
@@ -49,9 +50,8 @@ def table(fit: Fit) -> str:
         mark = "   <- preferred by the data" if name == fit.best and fit.decided and len(fit.laws) > 1 else ""
         lines += ["", f"{name}: {fitted.law.about}{mark}"]
         if fitted.errors:
-            told = ", ".join(
-                f"{group} {each:.3g}{_unit(fit, group)}" for group, each in fitted.errors.items()
-            )
+            errors = fitted.errors.items()
+            told = ", ".join(f"{group} {each:.3g}{_unit(fit, group)}" for group, each in errors)
             lines.append(f"  errors by the residuals (one sigma): {told}{likelihood}")
         lines += _fitted(fit, fitted)
     if fit.warnings:
@@ -91,18 +91,13 @@ def _errors(fit: Fit) -> Iterator[str]:
         if np.isnan(error).all():
             continue
         low, high = np.nanmin(error), np.nanmax(error)
-        alike = high - low <= 1e-6 * high
-        yield (
-            f"{name} {low:.3g}{_unit(fit, name)}"
-            if alike
-            else f"{name} {low:.3g} to {high:.3g}{_unit(fit, name)}"
-        )
+        end = "" if high - low <= 1e-6 * high else f" to {high:.3g}"
+        yield f"{name} {low:.3g}{end}{_unit(fit, name)}"
 
 
 def _comparison(fit: Fit) -> Iterator[str]:
     """Laws side by side."""
-    lowest = min(each.AIC for each in fit.laws.values())
-    lowest_BIC = min(each.BIC for each in fit.laws.values())
+    lowest, lowest_BIC = (min(getattr(each, name) for each in fit.laws.values()) for name in ("AIC", "BIC"))
     crossed = any(math.isfinite(each.cross_validation) for each in fit.laws.values())
     last = "  -2 ln L of an unseen impact" if crossed else ""
     yield f"  {'law':<18}{'p':>3}{'log-likelihood':>16}{'AIC - best':>12}{'BIC - best':>12}{'chi2 / dof':>18}{last}"
@@ -117,27 +112,26 @@ def _comparison(fit: Fit) -> Iterator[str]:
 
 def _fitted(fit: Fit, fitted: Fitted) -> Iterator[str]:
     boot = any(each.bootstrap for each in fitted.estimates.values())
-    heading = f"  {'':<18}{'value':>10}{'std. error':>12}   {f'{100.0 * fit.level:g} % interval':<24}{'bootstrap' if boot else ''}"  # noqa: E501
-    yield heading.rstrip()
+    level = f"{100.0 * fit.level:g} % interval"
+    yield f"  {'':<18}{'value':>10}{'std. error':>12}   {level:<24}{'bootstrap' if boot else ''}".rstrip()
     for name, each in fitted.estimates.items():
         unit = f" [{_UNITS[name]}]" if name in _UNITS else ""
         row = f"  {name + unit:<18}{_short(each.value):>10}{_short(each.standard_error):>12}   "
         row += f"{_interval(each.interval):<24}" + (_interval(each.bootstrap) if each.bootstrap else "")
         yield row.rstrip()
-    if any(_at_limit(each) for each in fitted.estimates.values()):
+    if any(each.interval.low_open or each.interval.high_open for each in fitted.estimates.values()):
         yield "  *: a limit of what is allowed; the data set no end there"
     held = {name: value for name, value in fitted.law.fixed.items() if name != "rho" or value}
     if held:
         yield "  fixed: " + ", ".join(f"{name} = {value:g}" for name, value in held.items())
     names = fitted.law.free
-    pairs = [(i, j) for i in range(len(names)) for j in range(i + 1, len(names))]
-    if pairs:
-        yield "  correlation: " + ", ".join(
-            f"{names[i]} {names[j]} {fitted.correlation[i, j]:.2f}" for i, j in pairs
-        )
-    tested = (
-        f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else " (by the errors)"
+    pairs = (
+        f"{names[i]} {names[j]} {fitted.correlation[i, j]:.2f}" for i, j in combinations(range(len(names)), 2)
     )
+    if len(names) > 1:
+        yield f"  correlation: {', '.join(pairs)}"
+    known = math.isfinite(fitted.probability)
+    tested = f", probability {fitted.probability:.3g}" if known else " (by the errors)"
     yield (
         f"  chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}; "
         f"AIC = {fitted.AIC:.2f}, BIC = {fitted.BIC:.2f}"
@@ -169,15 +163,7 @@ def _short(value: float) -> str:
 
 
 def _interval(each: Interval) -> str:
-    low, high = (
-        f"{_short(end)}{'*' * opened}"
-        for end, opened in ((each.low, each.low_open), (each.high, each.high_open))
-    )
-    return f"{low} to {high}"
-
-
-def _at_limit(each: Estimate) -> bool:
-    return each.interval.low_open or each.interval.high_open
+    return f"{_short(each.low)}{'*' * each.low_open} to {_short(each.high)}{'*' * each.high_open}"
 
 
 def figures(fit: Fit) -> dict[str, Any]:
@@ -258,15 +244,12 @@ def _finite(value: Any) -> Any:
 def material(fit: Fit, name: str) -> str:
     """A `[[material]]` table of the best law, for a case file.
 
+    Raises InputError if the fitted law can add energy in collisions of the fitted pair: no case would take it.
+
     Parameters
     ----------
     name : str
         Of the material.
-
-    Raises
-    ------
-    InputError
-        If the fitted law can add energy in collisions of the fitted pair: no case would take it.
 
     Examples
     --------
@@ -287,12 +270,10 @@ def material(fit: Fit, name: str) -> str:
     if not verdict.admissible:
         raise InputError(f"no material is written, because no case would take it: {verdict.message}")
     chosen = (
-        "preferred by the data"
-        if fit.decided and len(fit.laws) > 1
-        else "as asked for"
-        if len(fit.laws) == 1
-        else "not told from other laws by the data: the first of these"
+        "preferred by the data" if fit.decided else "not told from other laws by the data: the first of these"
     )
+    if len(fit.laws) == 1:
+        chosen = "as asked for"
     tested = f", probability {fitted.probability:.3g}" if math.isfinite(fitted.probability) else ""
     disks = "; ".join(_disks(fit))
     lines = [
@@ -300,14 +281,14 @@ def material(fit: Fit, name: str) -> str:
         f"`ifrdem fit`; {disks}.",
         f"# {fit.best}, {chosen}. chi2 = {fitted.chi2:.4g} for {fitted.dof} degrees of freedom{tested}.",
         *(f"# Warning: {each}" for each in fitted.warnings),
-        *_material(name, fitted.coefficients, fitted),
+        *_material(name, fitted),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _material(name: str, coefficients: dict[str, float], fitted: Fitted) -> list[str]:
+def _material(name: str, fitted: Fitted) -> list[str]:
     lines = ["[[material]]", f"name = {json.dumps(name, ensure_ascii=False)}"]
-    for key, number in coefficients.items():
+    for key, number in fitted.coefficients.items():
         if key == "rho" and number == 0.0:
             continue
         unit = "[length, in the unit of the fitted radii]" if key == "rho" else "[1]"
@@ -323,15 +304,12 @@ def _material(name: str, coefficients: dict[str, float], fitted: Fitted) -> list
 def draws(fit: Fit, number: int, seed: int = 1) -> str:
     """A CSV table of coefficients of the best law, drawn from their joint distribution: a line a draw.
 
+    Raises InputError as `Fitted.draw`.
+
     Parameters
     ----------
     number, seed : int
         Of draws, and of the random numbers.
-
-    Raises
-    ------
-    InputError
-        As `Fitted.draw`.
 
     Examples
     --------

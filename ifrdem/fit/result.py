@@ -25,20 +25,15 @@ TELLING = 2.0
 
 @dataclass(frozen=True)
 class Interval:
-    """An interval of confidence.
-
-    Attributes
-    ----------
-    low, high : float
-        Its ends.
-    low_open, high_open : bool
-        The end is a limit of what the law allows (or, for mu and rho, of the search); the data do not set it.
-    """
+    """An interval of confidence."""
 
     low: float
     high: float
+    """low, high: its ends."""
     low_open: bool = False
     high_open: bool = False
+    """low_open, high_open: the end is a limit of what the law allows (or, for mu and rho, of the search); the data do
+    not set it."""
 
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high
@@ -46,121 +41,76 @@ class Interval:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted quantity: a coefficient [1; rho: length], or psi_transit [deg].
-
-    Attributes
-    ----------
-    value : float
-        Of maximum likelihood.
-    standard_error : float
-        From the curvature of the likelihood; infinite where that is flat.
-    interval : Interval
-        By profile likelihood.
-    bootstrap : Interval or None
-        Percentiles of a parametric bootstrap, if one was asked for.
-    """
+    """A fitted quantity: a coefficient [1; rho: length], or psi_transit [deg]."""
 
     value: float
+    """Of maximum likelihood."""
     standard_error: float
+    """From the curvature of the likelihood; infinite where that is flat."""
     interval: Interval
+    """By profile likelihood."""
     bootstrap: Interval | None = None
+    """Percentiles of a parametric bootstrap, if one was asked for."""
 
 
 @dataclass(frozen=True)
 class Suspect:
-    """An impact that hardly belongs to the others.
+    """An impact that hardly belongs to the others."""
 
-    Attributes
-    ----------
-    index : int
-        Its place among the impacts, from 0.
-    where : str
-        Its line in the file.
-    distance : float
-        Squared distance from the law, in units of its errors.
-    probability : float
-        Of such a distance or a larger one.
-    quantity : str
-        The quantity that is furthest off.
-    residual : float
-        Of that quantity at the best true motion, over its error.
-    """
-
-    index: int
-    where: str
-    distance: float
-    probability: float
-    quantity: str
-    residual: float
+    index: int  # its place among the impacts, from 0
+    where: str  # its line in the file
+    distance: float  # squared distance from the law, in units of its errors
+    probability: float  # of such a distance or a larger one
+    quantity: str  # the quantity that is furthest off
+    residual: float  # of that quantity at the best true motion, over its error
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """The fit of one law.
-
-    Attributes
-    ----------
-    law : Law
-    estimates : mapping of str to Estimate
-        The free coefficients, and psi_transit where the law has one transition for all impacts.
-    covariance : array (p, p)
-        Of the free coefficients, from the curvature; infinite where the likelihood is flat.
-    flat : tuple of str
-        Coefficients along a combination of which the likelihood does not change at all; empty if there is none.
-    chi2, dof, probability : float, int, float
-        Sum of squares, degrees of freedom, and the probability of a larger sum if law and errors hold; the probability
-        is NaN if errors were estimated.
-    log_likelihood, AIC, BIC : float
-    cross_validation : float
-        Mean of -2 ln L of an impact that the fit did not see, without its constant; NaN if not asked for.
-    x : array (n, d)
-        Fitted true motion before the impacts; of a table of angles psi [rad].
-    psi : array (n,)
-        Angles of incidence at the contact [deg], of the true motion.
-    regimes : array (n,) of int8
-        Values of `Regime` there.
-    residuals : array (n, q)
-        Residuals of the problem's quantities over their errors, at the true motion.
-    distance, weight : array (n,)
-        Squared distance of each impact in units of its errors, and its weight in a robust fit.
-    problem : Problem
-        With the errors as they were estimated.
-    errors : mapping of str to float
-        Estimated errors by group of quantities, in standard units (angles of a table of angles in degrees).
-    suspects : tuple of Suspect
-    without : mapping of str to float
-        Coefficients of the other fit: of the Gaussian one beside a robust one; of the one without suspects beside a
-        Gaussian one. Empty if there is none.
-    admissibility : Admissibility or None
-        The verdict on added energy: the necessary and sufficient set, and the strict one. None for another
-        law than IFR.
-    warnings : tuple of str
-        Doubts about the figures.
-    """
+    """The fit of one law."""
 
     law: Law
     estimates: Mapping[str, Estimate]
+    """The free coefficients, and psi_transit where the law has one transition for all impacts."""
     covariance: Array
+    """Of the free coefficients, from the curvature; infinite where the likelihood is flat; shape (p, p)."""
     flat: tuple[str, ...]
+    """Coefficients along a combination of which the likelihood does not change at all; empty if there is none."""
     chi2: float
     dof: int
     probability: float
+    """chi2, dof, probability: sum of squares, degrees of freedom, and the probability of a larger sum if law and
+    errors hold; the probability is NaN if errors were estimated."""
     log_likelihood: float
     AIC: float
     BIC: float
     cross_validation: float
+    """Mean of -2 ln L of an impact that the fit did not see, without its constant; NaN if not asked for."""
     x: Array
+    """Fitted true motion before the impacts; of a table of angles psi [rad]; shape (n, d)."""
     psi: Array
+    """Angles of incidence at the contact [deg], of the true motion; shape (n,)."""
     regimes: NDArray[np.int8]
+    """Values of `Regime` there; shape (n,)."""
     residuals: Array
+    """Residuals of the problem's quantities over their errors, at the true motion; shape (n, q)."""
     distance: Array
     weight: Array
+    """distance, weight: squared distance of each impact in units of its errors, and its weight in a robust fit; shape
+    (n,)."""
     problem: Problem
+    """With the errors as they were estimated."""
     errors: Mapping[str, float] = field(default_factory=dict)
+    """Estimated errors by group of quantities, in standard units (angles of a table of angles in degrees)."""
     suspects: tuple[Suspect, ...] = ()
     without: Mapping[str, float] = field(default_factory=dict)
+    """Coefficients of the other fit: of the Gaussian one beside a robust one; of the one without suspects beside a
+    Gaussian one. Empty if there is none."""
     admissibility: Admissibility | None = None
+    """The verdict on added energy: the necessary and sufficient set, and the strict one. None for another law than
+    IFR."""
     warnings: tuple[str, ...] = ()
+    """Doubts about the figures."""
 
     @property
     def coefficients(self) -> dict[str, float]:
@@ -192,10 +142,7 @@ class Fitted:
     def ifr(self, k: float = 2.0) -> IFRLaw:
         """The fitted law for disks of shape number k.
 
-        Raises
-        ------
-        InputError
-            If it is another law, or can add energy in collisions of the fitted disks.
+        Raises InputError if it is another law, or can add energy in collisions of the fitted disks.
         """
         if self.law.sticking is None or self.admissibility is None:
             raise InputError(f"{self.law.about}: is not an IFR law")
@@ -208,17 +155,14 @@ class Fitted:
     def draw(self, number: int, seed: int = 1) -> list[dict[str, float]]:
         """Coefficients drawn from their joint distribution, Gaussian with the covariance, within what the law allows.
 
+        Raises InputError if the likelihood is flat, or one draw in a thousand at most is one that the law allows.
+
         Parameters
         ----------
         number : int
             Of draws.
         seed : int
             Of the random numbers.
-
-        Raises
-        ------
-        InputError
-            If the likelihood is flat, or one draw in a thousand at most is one that the law allows.
         """
         if not np.all(np.isfinite(self.covariance)):
             raise InputError(
@@ -252,43 +196,28 @@ def _allowed(coefficients: Mapping[str, float], sticking: str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Laws fitted to one set of impacts.
-
-    Attributes
-    ----------
-    data : Data or Collisions
-    pair : Pair or None
-        The disks of a table of angles.
-    laws : mapping of str to Fitted
-        By name, as `--model` has it.
-    best : str
-        The law with the lowest AIC; of those within `TELLING` of it, the first that was asked for.
-    decided : bool
-        True if all others are further off, or only one was fitted.
-    level : float
-        Of confidence of the intervals.
-    robust : float or None
-        nu of a Student-t likelihood.
-    warnings : tuple of str
-        Those of the data and of the choice between laws.
-    """
+    """Laws fitted to one set of impacts."""
 
     data: Data | Collisions
     pair: Pair | None
+    """The disks of a table of angles."""
     laws: Mapping[str, Fitted]
+    """By name, as `--model` has it."""
     best: str
+    """The law with the lowest AIC; of those within `TELLING` of it, the first that was asked for."""
     decided: bool
+    """True if all others are further off, or only one was fitted."""
     level: float = CONFIDENCE
+    """Of confidence of the intervals."""
     robust: float | None = None
+    """nu of a Student-t likelihood."""
     warnings: tuple[str, ...] = ()
+    """Those of the data and of the choice between laws."""
 
     def law(self, name: str | None = None) -> IFRLaw:
         """The fitted IFR law, the best one unless told.
 
-        Raises
-        ------
-        InputError
-            If it is another law, or can add energy in collisions of these disks.
+        Raises InputError if it is another law, or can add energy in collisions of these disks.
         """
         return self.laws[self.best if name is None else name].ifr(self.smallest_k)
 

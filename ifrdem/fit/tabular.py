@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest, printable
+from ..errors import InputError, counted, nearest, printable, refuse
 from ..tools import csv as csv_rows
 
 Array = NDArray[np.float64]
@@ -39,28 +39,15 @@ _NEARLY_ALIKE = 0.8  # of a column that is rather misspelt than another
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
-    """Columns of a file.
+class ReadTable:
+    """Columns of a file."""
 
-    Attributes
-    ----------
-    columns : mapping of str to array (n,)
-        Values in standard units by standard names, NaN where one is missing; errors as NAME_error.
-    line : array (n,) of int
-        Lines of the file.
-    missing : int
-        Number of values that are missing.
-    unused : tuple of str
-        Columns of the file that no name stands for.
-    source : str
-        The file.
-    """
-
+    # (n,): values in standard units by standard names, NaN where one is missing; errors as NAME_error
     columns: Mapping[str, Array]
-    line: NDArray[np.int64]
-    missing: int
-    unused: tuple[str, ...]
-    source: str
+    line: NDArray[np.int64]  # (n,): lines of the file
+    missing: int  # number of values that are missing
+    unused: tuple[str, ...]  # columns of the file that no name stands for
+    source: str  # the file
 
     def __len__(self) -> int:
         return len(self.line)
@@ -69,17 +56,6 @@ class Table:
 @dataclass(frozen=True)
 class Form:
     """The writing of a file, where it differs from commas, points and the standard names.
-
-    Attributes
-    ----------
-    columns : mapping of str to str
-        Header of the file for a standard name.
-    units : mapping of str to str
-        Unit of a column by its standard name, or a factor.
-    known : mapping of str to float
-        Values that every line has, exactly, in standard units.
-    delimiter, decimal : str
-        One character that separates columns, and one that separates decimals.
 
     Examples
     --------
@@ -92,24 +68,24 @@ class Form:
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)
+    """Header of the file for a standard name."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Unit of a column by its standard name, or a factor."""
     known: Mapping[str, float] = field(default_factory=dict)
+    """Values that every line has, exactly, in standard units."""
     delimiter: str = ","
     decimal: str = "."
+    """delimiter, decimal: one character that separates columns, and one that separates decimals."""
 
     def __post_init__(self) -> None:
-        wrong = [
-            f"{name} = {value!r}: one character is needed{more}"
-            for name, value, more in (
-                ("delimiter", self.delimiter, ""),
-                ("decimal", self.decimal, ", . or ,"),
-            )
-            if len(value) != 1 or (name == "decimal" and value not in ".,")
-        ]
+        wrong = []
+        if len(self.delimiter) != 1:
+            wrong.append(f"delimiter = {self.delimiter!r}: one character is needed")
+        if self.decimal not in (".", ","):
+            wrong.append(f"decimal = {self.decimal!r}: one character is needed, . or ,")
         if not wrong and self.delimiter == self.decimal:
             wrong.append(f"delimiter and decimal are both {self.delimiter!r}: they must differ")
-        if wrong:
-            raise InputError("\n".join(wrong))
+        refuse(wrong)
 
 
 def read(
@@ -119,8 +95,10 @@ def read(
     form: Form = Form(),
     *,
     most: int = MOST_BYTES,
-) -> Table:
+) -> ReadTable:
     """Read a table.
+
+    Raises InputError with a line for each column or value that is wrong.
 
     Parameters
     ----------
@@ -134,11 +112,6 @@ def read(
         The writing of the file.
     most : int
         Largest size of the file [bytes].
-
-    Raises
-    ------
-    InputError
-        With a line for each column or value that is wrong.
     """
     path = Path(path)
     source = str(path)
@@ -158,10 +131,8 @@ def read(
     missing = 0
     for i, (row, line) in enumerate(zip(rows[1:], lines[1:], strict=True)):
         if len(row) != len(names):
-            count = f"{len(row)} value{'s' * (len(row) != 1)}"
-            wrong.append(
-                f"{source}: line {line}: {count}, and {len(names)} are needed ({', '.join(rows[0])})"
-            )
+            count = f"{counted(len(row), 'value')}, and {len(names)} are needed"
+            wrong.append(f"line {line}: {count} ({', '.join(rows[0])})")
             continue
         for name, factor, text in zip(names, factors, row, strict=True):
             if not name:
@@ -171,54 +142,39 @@ def read(
             if text.lower() in _MISSING:
                 missing += 1
             elif not csv_rows.is_number(number) or (form.decimal == "," and "." in text):
-                hint = (
-                    "; --decimal , reads a comma"
-                    if form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
-                    else ""
-                )
-                wrong.append(f"{source}: line {line}: {name} = {printable(text)}: a number is needed{hint}")
+                commas = form.decimal == "." and csv_rows.is_number(text.replace(",", "."))
+                hint = "; --decimal , reads a comma" if commas else ""
+                wrong.append(f"line {line}: {name} = {printable(text)}: a number is needed{hint}")
             elif not math.isfinite(float(number)) and not name.startswith("mass_"):
-                wrong.append(f"{source}: line {line}: {name} = {text}: a finite number is needed")
+                wrong.append(f"line {line}: {name} = {text}: a finite number is needed")
             else:
                 values[name][i] = factor * float(number)
-    if wrong:
-        raise InputError(_at_once(wrong))
+    refuse(wrong, source)
     for name, value in form.known.items():
         values[name] = np.full(n, value)
-    return Table(values, np.array(lines[1:], dtype=np.int64), missing, tuple(unused), source)
-
-
-def _at_once(wrong: Sequence[str], most: int = 100) -> str:
-    """Every wrong line, as these are to be put right one by one; of more than 100, the first."""
-    more = [f"and {len(wrong) - most} more mistakes like these"] if len(wrong) > most else []
-    return "\n".join([*wrong[:most], *more])
+    return ReadTable(values, np.array(lines[1:], dtype=np.int64), missing, tuple(unused), source)
 
 
 def _check_form(source: str, form: Form, kinds: Mapping[str, str]) -> None:
-    wrong = []
-    for what, given in (("column", form.columns), ("unit", form.units), ("known value", form.known)):
-        for name in given:
-            if name.removesuffix("_error") not in kinds:
-                wrong.append(
-                    f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(each for each in kinds if ':' not in each)}"  # noqa: E501
-                )
+    names = [each for each in kinds if ":" not in each]
+    wrong = [
+        f"{what} {name}: no such quantity{nearest(name, kinds)}; there are {', '.join(names)}"
+        for what, given in (("column", form.columns), ("unit", form.units), ("known value", form.known))
+        for name in given
+        if name.removesuffix("_error") not in kinds
+    ]
     for name, unit in form.units.items():
         kind = kinds.get(name.removesuffix("_error"))
         if kind and unit not in UNITS[kind] and not _factor(unit):
-            wrong.append(
-                f"unit {name}={unit}: {', '.join(UNITS[kind])} or a positive factor is "
-                f"needed{nearest(unit, UNITS[kind])}"
-            )
-    wrong += [
-        f"known value {name} = {value}: a finite number is needed"
-        for name, value in form.known.items()
-        if not math.isfinite(value)
-    ]
+            needed = f"{', '.join(UNITS[kind])} or a positive factor is needed{nearest(unit, UNITS[kind])}"
+            wrong.append(f"unit {name}={unit}: {needed}")
+    for name, value in form.known.items():
+        if not math.isfinite(value):
+            wrong.append(f"known value {name} = {value}: a finite number is needed")
     wrong += [
         f"{name}: is named as a column and as a known value" for name in form.known if name in form.columns
     ]
-    if wrong:
-        raise InputError("\n".join(f"{source}: {each}" for each in wrong))
+    refuse(wrong, source)
 
 
 def _factor(text: str) -> float | None:
@@ -263,9 +219,8 @@ def _header(
             name = ""  # another column stands for it
         kind = kinds.get(name.removesuffix("_error"), "")
         if not name:
-            close = difflib.get_close_matches(
-                text, [*kinds, *(f"{each}_error" for each in kinds)], 1, _NEARLY_ALIKE
-            )
+            known = [*kinds, *(f"{each}_error" for each in kinds)]
+            close = difflib.get_close_matches(text, known, 1, _NEARLY_ALIKE)
             if close and text not in asked and not _standard(text, spellings)[0]:
                 said = printable(text)
                 hint = f"(did you mean '{close[0]}'?); --column {close[0]}='{said}' says that it is"
@@ -273,16 +228,12 @@ def _header(
             unused.append(text)
             unit = None
         unit = form.units.get(name) or form.units.get(name.removesuffix("_error")) or unit
-        factor = 1.0
-        if unit and kind and unit in UNITS[kind]:
-            factor = UNITS[kind][unit]
-        elif unit and kind and (given := _factor(unit)):
-            factor = given
-        elif unit and kind:
+        factor = UNITS.get(kind, {}).get(unit or "") or (_factor(unit) if unit and kind else 1.0)
+        if factor is None:
             what = "a pure number" if kind == "number" else f"a{'n' * (kind[0] in 'a')} {kind}"
             wrong.append(f"line {line}: column '{text}': {name} is {what}, not in {unit}")
         names.append(name)
-        factors.append(factor)
+        factors.append(factor or 1.0)
     wrong += [
         f"line {line}: column '{name}' stands twice"
         for name in dict.fromkeys(names)
@@ -294,8 +245,7 @@ def _header(
         if name.endswith("_error") and name.removesuffix("_error") not in names
     ]
     wrong += [f"{name}: is a column and a known value" for name in form.known if name in names]
-    if wrong:
-        raise InputError("\n".join(f"{source}: {each}" for each in wrong))
+    refuse(wrong, source)
     return names, factors, [each for each in unused if each]
 
 

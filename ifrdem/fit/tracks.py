@@ -20,12 +20,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, listed
+from ..errors import InputError, refuse
 from . import tabular
-from .data import Disk
+from .data import NORMAL, Disk
 from .tabular import Form
 
 Array = NDArray[np.float64]
+Wall = tuple[float, float, float, float]
 
 KINDS = {"frame": "number", "t": "time", "id": "number", "x": "length", "y": "length", "angle": "angle"}
 _SPELLINGS = {
@@ -47,52 +48,27 @@ _MOST_DISKS = 500
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """Places of disks in the frames of a video.
+    """Places of disks in the frames of a video."""
 
-    Attributes
-    ----------
-    time : mapping of int to array (f,)
-        Times [time] of the frames that show a disk, by its id, ascending.
-    position : mapping of int to array (f, 2)
-        Its centre [length].
-    angle : mapping of int to array (f,)
-        The angle by which it has turned, counter-clockwise, unwrapped [rad]; empty if none was tracked.
-    source : str
-    missing : int
-        Lines without a place.
-    """
-
-    time: Mapping[int, Array]
-    position: Mapping[int, Array]
+    time: Mapping[int, Array]  # (f,): times [time] of the frames that show a disk, by its id, ascending
+    position: Mapping[int, Array]  # (f, 2): its centre [length]
+    # (f,): the angle by which it has turned, counter-clockwise, unwrapped [rad]; empty if none was tracked
     angle: Mapping[int, Array]
     source: str
-    missing: int = 0
+    missing: int = 0  # lines without a place
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """Collisions that were found.
+class FoundCollisions:
+    """Collisions that were found."""
 
-    Attributes
-    ----------
-    columns : mapping of str to array (n,)
-        A table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
-        and covariances, and mass, radius and k of the disks.
-    noise : float
-        Standard error of a coordinate of a place [length].
-    angle_noise : float
-        Of an angle [rad]; NaN if none was tracked.
-    left_out : tuple of str
-        Encounters that gave no collision, and why.
-    bent : int
-        Flights that are not straight within the noise.
-    """
-
+    # (n,): a table as `ifrdem.fit.read` takes it: t, id_1, id_2, nx, ny, velocities and spins with their errors
+    # and covariances, and mass, radius and k of the disks
     columns: Mapping[str, Array]
-    noise: float
-    angle_noise: float
-    left_out: tuple[str, ...]
-    bent: int
+    noise: float  # standard error of a coordinate of a place [length]
+    angle_noise: float  # of an angle [rad]; NaN if none was tracked
+    left_out: tuple[str, ...]  # encounters that gave no collision, and why
+    bent: int  # flights that are not straight within the noise
 
     def __len__(self) -> int:
         """The number of collisions."""
@@ -110,6 +86,8 @@ class Found:
 def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> Tracks:  # noqa: B008  (frozen)
     """Read tracks: a line a frame and disk, with columns id, x, y, and t or frame; angle if disks were seen to turn.
 
+    Raises InputError with a line for each thing that is wrong.
+
     Parameters
     ----------
     path : path
@@ -118,72 +96,54 @@ def read(path: Path | str, *, fps: float | None = None, form: Form = Form()) -> 
         Frames per time, needed with a column frame.
     form : Form, optional
         The writing of the file.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong.
     """
     table = tabular.read(path, KINDS, _SPELLINGS, form)
     columns, source = table.columns, table.source
     missing = [name for name in ("id", "x", "y") if name not in columns]
     if "t" not in columns and "frame" not in columns:
         missing.append("t or frame")
-    wrong = (
-        [f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}"]
-        if missing
-        else []
-    )
+    wrong = []
+    if missing:
+        wrong.append(f"missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}")
     if "t" not in columns and "frame" in columns and fps is None:
         wrong.append("a column frame needs --fps, the frames per second")
     if fps is not None and not 0.0 < fps < math.inf:
         wrong.append(f"fps = {fps:g}: a positive finite number is needed")
-    if wrong:
-        raise InputError("\n".join(f"{source}: {each}" for each in wrong))
+    refuse(wrong, source)
     times = columns["t"] if "t" in columns else columns["frame"] / float(fps or 1.0)
     ids = columns["id"]
     whole = np.all([~np.isnan(each) for each in (times, ids, columns["x"], columns["y"])], axis=0)
-    bad = whole & (ids != np.round(ids))
-    found = [
-        f"{source}: line {table.line[i]}: id = {ids[i]:g}: a whole number is needed"
-        for i in np.flatnonzero(bad)
-    ]
+    bad = np.flatnonzero(whole & (ids != np.round(ids)))
+    found = [f"line {table.line[i]}: id = {ids[i]:g}: a whole number is needed" for i in bad]
     time, position, angle = {}, {}, {}
     for one in np.unique(ids[whole]) if not found else ():
         rows = np.flatnonzero(whole & (ids == one))
         rows = rows[np.argsort(times[rows], kind="stable")]
         twice = np.flatnonzero(np.diff(times[rows]) <= 0.0)
-        found += [
-            f"{source}: line {table.line[rows[i + 1]]}: disk {one:g} stands twice at one time" for i in twice
-        ]
+        found += [f"line {table.line[rows[i + 1]]}: disk {one:g} stands twice at one time" for i in twice]
         time[int(one)] = times[rows]
         position[int(one)] = np.stack([columns["x"][rows], columns["y"][rows]], axis=-1)
         if "angle" in columns:
-            angle[int(one)] = _unwrapped(np.radians(columns["angle"][rows]))
+            angle[int(one)] = value = np.radians(columns["angle"][rows])
+            seen = ~np.isnan(value)
+            value[seen] = np.unwrap(value[seen])
     if len(time) > _MOST_DISKS:
-        found.append(f"{source}: {len(time)} disks: at most {_MOST_DISKS} are looked through")
-    if found:
-        raise InputError(listed(found, 100))
+        found.append(f"{len(time)} disks: at most {_MOST_DISKS} are looked through")
+    refuse(found, source)
     return Tracks(time, position, angle, source, int(np.sum(~whole)))
-
-
-def _unwrapped(angle: Array) -> Array:
-    """Without jumps of a turn; NaN where it was not seen."""
-    seen = ~np.isnan(angle)
-    found = angle.copy()
-    found[seen] = np.unwrap(angle[seen])
-    return found
 
 
 def find(
     tracks: Tracks,
     disks: Mapping[int, Disk] | Disk,
     *,
-    wall: tuple[float, float, float, float] | None = None,
+    wall: Wall | None = None,
     window: int = WINDOW,
     noise: float | None = None,
-) -> Found:
+) -> FoundCollisions:
     """Find the impacts of two disks, or of disks with a wall, and the motion before and after.
+
+    Raises InputError if a disk is unknown, an option is wrong, or no impact was found.
 
     Parameters
     ----------
@@ -197,11 +157,6 @@ def find(
         Frames of a flight that are used at most.
     noise : float, optional
         Standard error of a coordinate of a place [length]; by the scatter about the flights without it.
-
-    Raises
-    ------
-    InputError
-        If a disk is unknown, an option is wrong, or no impact was found.
     """
     wrong = []
     if window < LEAST:
@@ -212,8 +167,7 @@ def find(
         wrong.append(f"wall = {wall}: two different points are needed")
     of = {one: disks if isinstance(disks, Disk) else disks.get(one) for one in tracks.time}
     wrong += [f"disk {one}: its mass and radius are not given" for one, disk in of.items() if disk is None]
-    if wrong:
-        raise InputError("\n".join(wrong))
+    refuse(wrong)
     known = {one: disk for one, disk in of.items() if disk is not None}
     meetings = _meetings(tracks, known, wall)
     begun: dict[int, list[float]] = {}
@@ -224,9 +178,7 @@ def find(
     for meeting in meetings:
         fitted = _fit(tracks, known, meeting, begun, wall, window)
         if isinstance(fitted, str):
-            left_out.append(
-                f"disks {' and '.join(map(str, meeting.ids))} at t = {meeting.time:.6g}: {fitted}"
-            )
+            left_out.append(f"{meeting.about} at t = {meeting.time:.6g}: {fitted}")
         else:
             fits.append(fitted)
     if not fits:
@@ -235,27 +187,22 @@ def find(
     # Least squares of the scatter, with all flights together.
     sigma = noise or math.sqrt(sum(each.squares for each in fits) / max(sum(each.dof for each in fits), 1))
     if sigma < 1e-9 * min(float(np.min(disk.radius)) for disk in known.values()):
-        raise InputError(
-            f"{tracks.source}: the places do not scatter about the flights: --noise has to say how exact they are"
-        )
+        text = "the places do not scatter about the flights: --noise has to say how exact they are"
+        raise InputError(f"{tracks.source}: {text}")
     turned = [each for each in fits if each.angle_dof > 0]
-    sigma_angle = (
-        math.sqrt(sum(each.angle_squares for each in turned) / sum(each.angle_dof for each in turned))
-        if turned
-        else math.nan
-    )
+    squares, dof = sum(each.angle_squares for each in turned), sum(each.angle_dof for each in turned)
+    sigma_angle = math.sqrt(squares / dof) if turned else math.nan
     rows, kept = [], []
     for each in fits:
         row = each.row(sigma, sigma_angle)
-        if (
-            row["_approach"] > _SURE * row["_approach_error"]
-            and -row["_parting"] < _SURE * row["_approach_error"] + 0.02 * row["_approach"]
-        ):
+        sure = _SURE * row["_approach_error"]
+        if row["_approach"] > sure and -row["_parting"] < sure + 0.02 * row["_approach"]:
             rows.append(row)
             kept.append(each)
         else:
-            pair = " and ".join(map(str, each.meeting.ids))
-            left_out.append(f"disks {pair} at t = {each.time:.6g}: passed each other without an impact")
+            left_out.append(
+                f"{each.meeting.about} at t = {each.time:.6g}: passed each other without an impact"
+            )
     if not rows:
         raise InputError(
             f"{tracks.source}: no impact was found; {len(left_out)} encounters changed no velocity"
@@ -263,7 +210,7 @@ def find(
     names = list(dict.fromkeys(name for row in rows for name in row if not name.startswith("_")))
     columns = {name: np.array([row.get(name, math.nan) for row in rows]) for name in names}
     bent = sum(each.squares > sigma**2 * (each.dof + 4.0 * math.sqrt(2.0 * each.dof)) for each in kept)
-    return Found(columns, sigma, sigma_angle, tuple(left_out), int(bent))
+    return FoundCollisions(columns, sigma, sigma_angle, tuple(left_out), int(bent))
 
 
 @dataclass(frozen=True)
@@ -271,10 +218,12 @@ class _Meeting:
     ids: tuple[int, ...]
     time: float
 
+    @property
+    def about(self) -> str:
+        return f"disks {' and '.join(map(str, self.ids))}"
 
-def _meetings(
-    tracks: Tracks, disks: Mapping[int, Disk], wall: tuple[float, float, float, float] | None
-) -> list[_Meeting]:
+
+def _meetings(tracks: Tracks, disks: Mapping[int, Disk], wall: Wall | None) -> list[_Meeting]:
     """Minima of the distance that are near contact."""
     found = []
     ids = sorted(tracks.time)
@@ -298,10 +247,8 @@ def _meetings(
         scale = float(np.asarray(disks[pair[0]].radius))
         # One meeting for each stretch of frames near contact: noise makes several minima of it.
         near_contact = np.concatenate([[False], gap < 1.5 * near + 0.15 * scale, [False]])
-        begin, end = (
-            np.flatnonzero(near_contact[1:] & ~near_contact[:-1]),
-            np.flatnonzero(near_contact[:-1] & ~near_contact[1:]),
-        )
+        begin = np.flatnonzero(near_contact[1:] & ~near_contact[:-1])
+        end = np.flatnonzero(near_contact[:-1] & ~near_contact[1:])
         far = begin[1:] - end[:-1] >= 2 * LEAST
         if len(begin):
             begin, end = begin[np.concatenate([[True], far])], end[np.concatenate([far, [True]])]
@@ -344,10 +291,7 @@ class _Flights:
         """A line of the table; also the speeds of approach and parting along the normal, names that begin with _."""
         # The constraint on the distance has its own weight, the last line of the Jacobian.
         weight = np.full(len(self.jacobian), 1.0 / sigma)
-        if self.wall is None:
-            weight[-1] = 1.0 / (_CONTACT * sum(float(np.asarray(each.radius)) for each in self.disks))
-        else:
-            weight[-1] = 1.0 / (_CONTACT * float(np.asarray(self.disks[0].radius)))
+        weight[-1] = 1.0 / (_CONTACT * sum(float(np.asarray(each.radius)) for each in self.disks))
         J = self.jacobian * weight[:, None]
         size = np.sqrt(np.sum(J**2, axis=0))  # times, lengths and velocities
         covariance = np.linalg.inv((J / size).T @ (J / size)) / np.outer(size, size)
@@ -378,10 +322,8 @@ class _Flights:
         C = T @ covariance @ T.T
         error = np.sqrt(np.diag(C))
         for name, each in zip(names, error, strict=True):
-            if name == "normal":
-                row |= {"nx_error": float(each), "ny_error": float(each)}
-            else:
-                row[f"{name}_error"] = float(each)
+            for key in NORMAL if name == "normal" else (name,):
+                row[f"{key}_error"] = float(each)
         if self.wall is not None:
             row |= {"nx_error": 1e-5, "ny_error": 1e-5}  # a straight wall is known much better than a flight
         for i, a in enumerate(names):
@@ -413,7 +355,7 @@ def _fit(
     disks: Mapping[int, Disk],
     meeting: _Meeting,
     begun: Mapping[int, Sequence[float]],
-    wall: tuple[float, float, float, float] | None,
+    wall: Wall | None,
     window: int,
 ) -> _Flights | str:
     """The flights of a meeting, or why there are none."""
@@ -432,7 +374,8 @@ def _fit(
         here = np.flatnonzero(inside & (t == at))
         rows = np.concatenate([before[-window:], here, after[:window]])
         if min(len(before), len(after)) < LEAST:
-            return f"disk {one} is seen in {len(before)} frames of its flight before and {len(after)} after, and {LEAST} are needed"  # noqa: E501
+            flights = f"{len(before)} frames of its flight before and {len(after)} after"
+            return f"disk {one} is seen in {flights}, and {LEAST} are needed"
         if len(rows) > 1 and float(np.max(np.diff(t[rows]))) > 3.5 * step:
             return f"disk {one} was lost near the impact"
         seen.append(rows)
@@ -454,10 +397,8 @@ def _fit(
             x_c, v, w = p[1 + 6 * i : 3 + 6 * i], p[3 + 6 * i : 5 + 6 * i], p[5 + 6 * i : 7 + 6 * i]
             tau = (t - p[0])[:, None]
             found.append((x - x_c - np.minimum(tau, 0.0) * v - np.maximum(tau, 0.0) * w).ravel())
-        if line is None:
-            found.append(np.array([(math.hypot(p[7] - p[1], p[8] - p[2]) - contact)]))
-        else:
-            found.append(np.array([line[1] - line[0] @ p[1:3] - contact]))
+        apart = math.hypot(p[7] - p[1], p[8] - p[2]) if line is None else line[1] - line[0] @ p[1:3]
+        found.append(np.array([apart - contact]))
         return np.concatenate(found)
 
     ended = least_squares(
@@ -468,10 +409,7 @@ def _fit(
     angles: list[tuple[Array, Array] | None] = []
     angle_squares, angle_dof = 0.0, 0
     for one, rows, t in zip(meeting.ids, seen, times, strict=True):
-        if one not in tracks.angle:
-            angles.append(None)
-            continue
-        value = tracks.angle[one][rows]
+        value = tracks.angle.get(one, np.full(len(tracks.time[one]), math.nan))[rows]
         good = ~np.isnan(value)
         tau = (t - ended.x[0])[good]
         if min(np.sum(tau < 0.0), np.sum(tau > 0.0)) < LEAST:

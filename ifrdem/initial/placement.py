@@ -194,9 +194,8 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[
     )
     # Few disks have no sharp limit: 4 of them in a box that just holds a square of them reach 0.785.
     if wanted > SATURATION + 0.5 / math.sqrt(n) and np.ptp(radii) == 0.0:
-        raise InputError(
-            f"packing fraction = {wanted:.4f}: random positions of equal disks end at {SATURATION}; {instead}"
-        )
+        limit = f"random positions of equal disks end at {SATURATION}"
+        raise InputError(f"packing fraction = {wanted:.4f}: {limit}; {instead}")
 
     placed = np.empty(0, dtype=np.intp)
     attempts_left = ATTEMPTS_PER_DISK * n + 100_000  # the second term matters for few disks
@@ -206,12 +205,9 @@ def random_positions(box: Box, radius: ArrayLike, *, seed: int, walls: Sequence[
         todo = members
         while len(todo):
             if attempts_left <= 0:
-                reached = (
-                    f"{room.packing_fraction(radii[placed]):.4f}, with {len(placed)} of {n} disks placed"
-                )
-                raise InputError(
-                    f"packing fraction = {wanted:.4f}: random positions ended at {reached}; {instead}"
-                )
+                covered = room.packing_fraction(radii[placed])
+                reached = f"random positions ended at {covered:.4f}, with {len(placed)} of {n} disks placed"
+                raise InputError(f"packing fraction = {wanted:.4f}: {reached}; {instead}")
             # When few disks are left space is scarce: try each of them many times in one go.
             owner = np.resize(todo, max(len(todo), min(n, 50_000), 200))
             attempts_left -= len(owner)

@@ -146,10 +146,8 @@ def check(distribution: str, **parameters: float | None) -> None:
     ifrdem.errors.InputError: low = 0.6: must lie below high = 0.4
     """
     if distribution not in PARAMETERS:
-        known = ", ".join(PARAMETERS)
-        raise InputError(
-            f"distribution = '{distribution}': unknown{nearest(distribution, PARAMETERS)}; known are {known}"
-        )
+        known = f"{nearest(distribution, PARAMETERS)}; known are {', '.join(PARAMETERS)}"
+        raise InputError(f"distribution = '{distribution}': unknown{known}")
     given = {name: value for name, value in parameters.items() if value is not None}
     wrong = wrong_parameters(distribution, given)
     if wrong is not None:
@@ -190,9 +188,8 @@ def wrong_parameters(distribution: str, given: Mapping[str, object]) -> str | No
     foreign = [name for name in given if name not in needed + also]
     if not missing and not foreign:
         return None
-    text = f'"{distribution}" needs {", ".join(needed)}' + (
-        f" and may have {', '.join(also)}" if also else ""
-    )
+    may = f" and may have {', '.join(also)}" if also else ""
+    text = f'"{distribution}" needs {", ".join(needed)}{may}'
     text += f"; missing: {', '.join(missing)}" if missing else ""
     return text + (f"; not for it: {', '.join(foreign)}" if foreign else "")
 

@@ -129,10 +129,8 @@ def _meetings(one: _Boundary, other: _Boundary) -> list[float]:
         step = across / d * np.array((-dy, dx))
         points = np.array((foot - step, foot + step))
     low, _ = one.ends(0.0)
-    return [
-        float((math.atan2(y - one.center[1], x - one.center[0]) - low) % (2.0 * math.pi) + low)
-        for x, y in points
-    ]
+    angles = (math.atan2(y - one.center[1], x - one.center[0]) for x, y in points)
+    return [float((angle - low) % (2.0 * math.pi) + low) for angle in angles]
 
 
 def _anchor(boundary: _Boundary) -> Point:
@@ -249,9 +247,8 @@ class Room:
             for s, s_1 in itertools.pairwise(ends):
                 tested = one.at(s + _ALONG * (s_1 - s))
                 inward = [(j, other.inward(tested)) for j, other in enumerate(boundaries) if j != i]
-                if all(np.all(d > -same) for _, d in inward) and not any(
-                    j < i and np.all(np.abs(d) <= same) for j, d in inward
-                ):
+                inside = all(np.all(d > -same) for _, d in inward)
+                if inside and not any(j < i and np.all(np.abs(d) <= same) for j, d in inward):
                     yield one, s, s_1
 
 

@@ -66,40 +66,28 @@ def regime_name(number: int) -> str:
 
 
 class Admissibility(NamedTuple):
-    """Verdict on a law: whether it can add energy in the collisions of one kind of pair.
-
-    Attributes
-    ----------
-    admissible, strict : bool
-        No collision adds energy; not even the tangential impulses taken alone do.
-    message : str
-        The reason, with the inequality that decides and its numbers.
-    """
+    """Verdict on a law: whether it can add energy in the collisions of one kind of pair."""
 
     admissible: bool
     strict: bool
+    """admissible, strict: no collision adds energy; not even the tangential impulses taken alone do."""
     message: str
+    """The reason, with the inequality that decides and its numbers."""
 
 
 class Collision(NamedTuple):
-    """The outcome of `collide`; the leading axes `...` are those of its arguments.
-
-    Attributes
-    ----------
-    velocity, spin : arrays (..., 2, 2) and (..., 2)
-        After the collision: velocities [length/time], disk, then component; spins, counter-clockwise [rad/time].
-    P_n, P_t : array (...)
-        Impulses [mass length/time] that the first disk gives to the second along the normal n and along t = (-n_y,
-        n_x).
-    regime : array (...) of int8
-        Values of `Regime`.
-    """
+    """The outcome of `collide`; the leading axes `...` are those of its arguments."""
 
     velocity: Array
     spin: Array
+    """velocity, spin: after the collision: velocities [length/time], disk, then component; spins, counter-clockwise
+    [rad/time]."""
     P_n: Array
     P_t: Array
+    """P_n, P_t: impulses [mass length/time] that the first disk gives to the second along the normal n and along t =
+    (-n_y, n_x); shape (...)."""
     regime: NDArray[np.int8]
+    """Values of `Regime`; shape (...)."""
 
 
 def _number(name: str, value: object, low: float, high: float, why: str) -> float:

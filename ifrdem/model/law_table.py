@@ -19,9 +19,7 @@ from .law import CollisionLaw, checked_class, compiled
 from .state import Disks
 
 PAIRS = 4096
-_ROUND_OFF = (
-    1e-9  # of an impulse or an energy, in single precision too where its sums do not go into the state
-)
+_ROUND_OFF = 1e-9  # of an impulse or energy, in single precision too where its sums do not go into the state
 
 
 def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence[int], speed: float) -> None:
@@ -78,15 +76,11 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
     gaining = np.count_nonzero(gain > _ROUND_OFF)
-    outcome = (
-        f"{gaining} did, one of them {100.0 * gain.max():.3g} % of the pair's" if gaining else "none did"
-    )
-    warnings.warn(
-        f"law {kind.__name__}: whether it adds energy is not known as it is of the IFR law; of {PAIRS} random "
-        f"collisions {outcome}. Simulation.dissipated_energy tells what becomes of it",
-        EnergyWarning,
-        stacklevel=4,
-    )
+    of_pair = f"{gaining} did, one of them {100.0 * gain.max():.3g} % of the pair's"
+    text = "whether it adds energy is not known as it is of the IFR law; of"
+    outcome = f"{text} {PAIRS} random collisions {of_pair if gaining else 'none did'}"
+    more = "Simulation.dissipated_energy tells what becomes of it"
+    warnings.warn(f"law {kind.__name__}: {outcome}. {more}", EnergyWarning, stacklevel=4)
 
 
 def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:

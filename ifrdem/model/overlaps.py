@@ -154,6 +154,8 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
 
     Of each overlapping pair both disks move by half of the overlap, along the line of centres, until none overlaps.
 
+    Raises InputError that names every pair that overlaps by more, or the disk that would have to move further.
+
     Parameters
     ----------
     radius : array_like (n,)
@@ -167,11 +169,6 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
     -------
     array (n, 2)
         Centres without overlaps.
-
-    Raises
-    ------
-    InputError
-        Names every pair that overlaps by more, or the disk that would have to move further.
     """
     radii, centres = checked_radii(radius), np.array(position, dtype=np.float64)
     begun = centres.copy()
@@ -202,8 +199,6 @@ def relax(box: Box, radius: ArrayLike, position: ArrayLike, tolerance: float) ->
         way = np.linalg.norm(centres - begun, axis=-1)
         if np.any(way > tolerance * (1.0 + 1e-6) + _APART * float(radii.max())):
             worst = int(np.argmax(way))
-            raise InputError(
-                f"disk {worst} would have to move by {way[worst]:.6g}, more than relax = {tolerance:g}, "
-                "to overlap with none"
-            )
+            moved = f"disk {worst} would have to move by {way[worst]:.6g}"
+            raise InputError(f"{moved}, more than relax = {tolerance:g}, to overlap with none")
     raise InputError(f"disks still overlap after {_MOST_PASSES} passes of relax = {tolerance:g}")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import InputError
 from ..tools import checked
 from ..tools.checked import Array
+from ..tools.pictured import Pictured
 from ..tools.reprs import Brief
 from ..tools.sealed import Sealed
 
@@ -93,7 +94,7 @@ _COUNTS = (
 
 
 @dataclass(eq=False, repr=False)
-class State(Brief, Sealed):
+class State(Brief, Sealed, Pictured):
     """Positions and motion of n disks at one time.
 
     InputError if shapes do not fit or a value is not finite (the first such disk is named).

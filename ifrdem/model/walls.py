@@ -131,24 +131,6 @@ class WallOptions(TypedDict, total=False):
 class Wall:
     """A wall. Make one by `line`, `segment`, `container` or `post`.
 
-    Attributes
-    ----------
-    shape : {"line", "segment", "container", "post"}
-    place, towards : two floats each
-        A point of a line and its unit normal towards the disks; the beginning of a segment and the vector to its end
-        [length]; the centre of a circle [length].
-    radius : float
-        Of a circle [length].
-    material : int
-        Row of the law's table.
-    motion : Motion
-    surface_speed : float
-        Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
-        that points to the disk, that is clockwise for a container and counter-clockwise for a post.
-    temperature : float or None
-        Of a thermal wall, above 0 [energy]: the mean of m v_x^2 of the disks of a gas behind it, so that T = <m v^2>/2,
-        and of I omega^2. None for a wall that follows the law.
-
     Notes
     -----
     A disk that hits a thermal wall leaves it with a random velocity, whatever it had, in the frame of the wall's
@@ -173,11 +155,19 @@ class Wall:
     shape: Literal["line", "segment", "container", "post"]
     place: Point
     towards: Point = (0.0, 0.0)
+    """place, towards: a point of a line and its unit normal towards the disks; the beginning of a segment and the
+    vector to its end [length]; the centre of a circle [length]."""
     radius: float = 0.0
+    """Of a circle [length]."""
     material: int = 0
+    """Row of the law's table."""
     motion: Motion = Motion()
     surface_speed: float = 0.0
+    """Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
+    that points to the disk, that is clockwise for a container and counter-clockwise for a post."""
     temperature: float | None = None
+    """Of a thermal wall, above 0 [energy]: the mean of m v_x^2 of the disks of a gas behind it, so that T = <m v^2>/2,
+    and of I omega^2. None for a wall that follows the law."""
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
@@ -188,9 +178,8 @@ class Wall:
         set_(self, "place", checked.finite_pair(f"{name}, place", self.place))
         set_(self, "towards", checked.finite_pair(f"{name}, direction", self.towards))
         if self.shape in ("line", "segment") and math.hypot(*self.towards) == 0.0:
-            wrong = (
-                "normal = (0, 0): it has no direction" if self.shape == "line" else "both ends are the same"
-            )
+            line = self.shape == "line"
+            wrong = "normal = (0, 0): it has no direction" if line else "both ends are the same"
             raise InputError(f"{name}: {wrong}")
         if self.shape == "line":
             length = math.hypot(*self.towards)
@@ -211,10 +200,8 @@ class Wall:
     @classmethod
     def segment(cls, start: Point, end: Point, **options: Unpack[WallOptions]) -> Wall:
         """A straight wall from `start` to `end`, without thickness; disks collide with both sides and the ends."""
-        (x, y), (x_1, y_1) = (
-            checked.finite_pair("segment wall, start", start),
-            checked.finite_pair("segment wall, end", end),
-        )
+        x, y = checked.finite_pair("segment wall, start", start)
+        x_1, y_1 = checked.finite_pair("segment wall, end", end)
         return cls("segment", (x, y), (x_1 - x, y_1 - y), **options)
 
     @classmethod
@@ -318,14 +305,9 @@ def check_place(wall: Wall, box: Box) -> None:
 
 
 def check(
-    walls: Sequence[Wall],
-    box: Box,
-    position: Array,
-    radius: Array,
-    materials: int | None = None,
-    time: float = 0.0,
-    tolerance: float = 0.0,
-) -> None:
+    walls: Sequence[Wall], box: Box, position: Array, radius: Array, materials: int | None = None,
+    time: float = 0.0, tolerance: float = 0.0,
+) -> None:  # fmt: skip
     """Refuse walls that cannot be simulated, or that disks overlap at the start, which is at `time` [time].
 
     `materials` is how many the law's table has, if it is known; overlaps up to `tolerance` [length] do not count.
@@ -335,15 +317,13 @@ def check(
         instead = "use a box with sides, large enough for the disks not to reach them"
         raise InputError(f"walls are not supported in an open box: {instead}")
     if len(walls) > MOST_WALLS:
-        raise InputError(
-            f"{len(walls)} walls: {MOST_WALLS} at most are supported, the sides of the box included"
-        )
+        most = f"{MOST_WALLS} at most are supported, the sides of the box included"
+        raise InputError(f"{len(walls)} walls: {most}")
     for w, wall in enumerate(walls):
         name = f"wall {w} ({wall.shape})"
         if materials is not None and not 0 <= wall.material < materials:
-            raise InputError(
-                f"{name}: material index {wall.material}: the law table has {materials} materials"
-            )
+            index = f"material index {wall.material}"
+            raise InputError(f"{name}: {index}: the law table has {materials} materials")
         try:
             check_place(wall, box)
         except InputError as error:
@@ -352,10 +332,8 @@ def check(
             gap = wall.gap(position, radius, time)
             worst = int(np.argmin(gap))
             if gap[worst] < -tolerance:
-                raise InputError(
-                    f"disk {worst} at ({position[worst, 0]:.6g}, {position[worst, 1]:.6g}) overlaps {name} by "
-                    f"{-gap[worst]:.3g}"
-                )
+                where = f"disk {worst} at ({position[worst, 0]:.6g}, {position[worst, 1]:.6g})"
+                raise InputError(f"{where} overlaps {name} by {-gap[worst]:.3g}")
 
 
 def to_json(walls: Sequence[Wall]) -> str:

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .. import analysis
 from ..analysis.result import Evaluation
+from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from .style import (
     ACROSS,
+    KINDS,
     OPEN,
     RATIO,
     ROTATION,
     TRANSLATION,
+    bar_beside,
     few_labels,
     from_zero,
     grid,
@@ -23,20 +27,18 @@ from .style import (
     legend_above,
     place_axes,
     unit_of,
+    with_unit,
 )  # fmt: skip
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
 
-# Okabe and Ito's colours for kinds of disks.
-KINDS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#999999")
 MARKERS = "os^Dv<>P"
 POINTS: dict[str, Any] = {"fmt": "o", "lw": 0.8, "mfc": "none", "color": TRANSLATION}
 
 
-def velocity(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def velocity(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """Distributions of velocity components and spins, logarithmic, beside Gaussians and their Sonine expansion."""
-    left, right = figure.subplots(1, 2, sharey=True)
     x = np.linspace(-5.0, 5.0, 400)
     lowest = highest = float(analysis.gaussian(x).max())
     for i, (name, found) in enumerate(outcome.result.items()):
@@ -54,65 +56,107 @@ def velocity(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> Non
         axes.plot(x, analysis.gaussian(x), "-", color=RATIO, lw=1.2, label="Gaussian")
         if np.isfinite(a2) and len(outcome.result) == 1:
             expansion = analysis.sonine_density(x, a2)
-            shown = np.where(expansion > 0.0, expansion, np.nan)
+            # Not beyond where it falls below 0: it is no density there, and what comes after is none either.
+            end = np.min(np.abs(x), where=expansion <= 0.0, initial=np.inf)
+            shown = np.where(np.abs(x) < end, expansion, np.nan)
             highest = max(highest, float(np.nanmax(shown)))
             axes.plot(x, shown, "--", color=ROTATION, lw=1.2, label=rf"with ${text} = {a2:.3g}$")
         if not axes.lines or not np.isfinite(a2):
             axes.text(0.5, 0.5, "no spins", transform=axes.transAxes, ha="center")
         axes.set(yscale="log", xlim=(-5.0, 5.0))
         legend_above(axes)
-    left.set_ylim(0.3 * lowest, 2.0 * highest)  # the right one shares it
+    left.set_ylim(0.3 * lowest, 2.0 * highest)
+    right.set_ylim(left.get_ylim())
     left.set(xlabel=r"$c = v_{x,y} / \sqrt{2 T / m}$", ylabel="probability density")
     right.set_xlabel(r"$w = \omega / \sqrt{2 T_\mathrm{rot} / I}$")
     grid(left, right)
 
 
-def pairs(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+WIDEST = 0.05
+"""Width, as part of r, that bins of g(r) have at most when they are drawn as one."""
+ENOUGH = 0.01
+"""Relative standard error of g below which no more bins are merged."""
+CLEARLY = 0.01
+"""Height of the plateau above 1 from which on it is pointed out, besides its error."""
+
+
+def merged(found: analysis.PairCorrelation) -> tuple[Array, Array, Array]:
+    """r, g and its standard error, with neighbouring bins merged until the error is small: the noise of the rest goes.
+
+    Below the lowest r that any pair has, bins are as they were.
+    """
+    rows, first = [], 0
+    for last in range(len(found.r)):
+        some = slice(first, last + 1)
+        area, count = found.r[some], found.pairs[some].sum()  # of rings of one width
+        width = (last + 2 - first) * (found.r[1] - found.r[0])  # with the next one
+        if 0.0 < count < ENOUGH**-2 and width < WIDEST * found.r[last] and last + 1 < len(found.r):
+            continue
+        error = np.sqrt(np.sum((area * found.g_error[some]) ** 2)) if count else 0.0
+        rows.append([area.mean(), area @ found.g[some] / area.sum(), error / area.sum()])
+        first = last + 1
+    r, g, error = np.array(rows).T
+    return r, g, error
+
+
+def pairs(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """g(r) with its errors, and its value at contact."""
-    axes, found = figure.subplots(), outcome.result
-    r, seen = found.r / (2.0 * float(trajectory.disks.radius.mean())), found.pairs > 0.0
-    low, high = ((found.g + sign * found.g_error)[seen] for sign in (-1.0, 1.0))
-    axes.fill_between(r[seen], low, high, color=ACROSS, lw=0.0, alpha=0.6)
-    axes.plot(r, found.g, "-", color=TRANSLATION, lw=1.2, label="disks, band: standard error")
+    found = outcome.result
+    unit = 1.0 if trajectory is None else 2.0 * float(trajectory.disks.radius.mean())
+    r, g, error = merged(found)
+    axes.fill_between(r / unit, g - error, g + error, color=ACROSS, lw=0.0, alpha=0.6)
+    axes.plot(r / unit, g, "-", color=TRANSLATION, lw=1.2, label="disks, band: standard error")
     axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
+    far = r > 0.7 * r[-1]
+    plateau, of_plateau = (
+        float(g[far].mean()),
+        float(np.sqrt(np.sum(error[far] ** 2)) / np.count_nonzero(far)),
+    )
+    if plateau - 1.0 > max(CLEARLY, 4.0 * of_plateau):
+        why = "walls" if trajectory is not None and trajectory.room.all_walls else "clusters"
+        text = f"{plateau:.3g}: above 1, as the density varies ({why})"
+        axes.plot(r[far][[0, -1]] / unit, [plateau, plateau], "--", color=ROTATION, lw=1.5, label=text)
     for row in outcome.rows:
         if row.name == "g at contact":
             text = f"at contact: {row.value:.3f} $\\pm$ {row.error:.3f}"
             look = OPEN | {"color": ROTATION, "marker": "D", "ms": 6}
             axes.errorbar([1.0], [row.value], [row.error], label=text, **look)
-    axes.set(xlim=(0.0, float(r[-1])), xlabel="$r$ (mean diameters)", ylabel="$g(r)$")
+    text = "$r$" if trajectory is None else "$r$ (mean diameters)"
+    axes.set(xlim=(0.0, float(found.r[-1]) / unit), xlabel=text, ylabel="$g(r)$")
     axes.set_ylim(bottom=0.0)
     axes.legend(loc="best", frameon=False)
     grid(axes)
 
 
-def structure(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def structure(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """S(k), double logarithmic, with its errors."""
-    axes, found = figure.subplots(), outcome.result
-    k = found.k * 2.0 * float(trajectory.disks.radius.mean())
+    found = outcome.result
+    k, text = found.k, "$k$"
+    if trajectory is not None:
+        k, text = k * 2.0 * float(trajectory.disks.radius.mean()), r"$k$ $\times$ mean diameter"
     axes.errorbar(k, found.S, found.S_error, ms=3, label="disks", **POINTS)
     axes.axhline(1.0, color=RATIO, ls=":", lw=1.2, label="ideal gas")
-    axes.set(xscale="log", yscale="log", xlabel=r"$k$ $\times$ mean diameter", ylabel="$S(k)$")
+    axes.set(xscale="log", yscale="log", xlabel=text, ylabel="$S(k)$")
     axes.legend(loc="best", frameon=False)
     grid(axes)
 
 
-def msd(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def msd(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """The mean-square displacement, double logarithmic, with ballistic flight and the fitted diffusion."""
-    axes = figure.subplots()
     found, fit = outcome.result
     later = found.lag > 0.0
     t, value = found.lag[later], found.value[later]
     axes.errorbar(t, value, found.error[later], ms=3.5, label="disks", **POINTS)
     axes.plot(t, value[0] * (t / t[0]) ** 2, ":", color=RATIO, lw=1.2, label="free flight, $t^2$")
-    used = (t >= fit.lags[0]) & (t <= fit.lags[1])
-    line = value[used].mean() + 2.0 * found.components * fit.D * (t - t[used].mean())
-    text = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2/time') or ''}".rstrip()
-    if outcome.doubts:  # no single D
-        text = "straight line (the gas is not steady: no $D$)"
-    elif abs(fit.exponent - 1.0) > 0.2:
-        text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
-    axes.plot(t[used], line[used], "-", color=ROTATION, lw=2.0, zorder=5, label=text)
+    if fit is not None:
+        used = (t >= fit.lags[0]) & (t <= fit.lags[1])
+        line = value[used].mean() + 2.0 * found.components * fit.D * (t - t[used].mean())
+        text = f"line, $D$ = {fit.D:.3g} $\\pm$ {fit.error:.1g} {unit_of(trajectory, 'length^2/time') or ''}".rstrip()
+        if outcome.doubts:  # no single D
+            text = "straight line (the gas is not steady: no $D$)"
+        elif abs(fit.exponent - 1.0) > 0.2:
+            text += f"\n(no diffusion: exponent {fit.exponent:.2f})"
+        axes.plot(t[used], line[used], "-", color=ROTATION, lw=2.0, zorder=5, label=text)
     axes.set(xscale="log", yscale="log", ylim=(0.5 * value.min(), 3.0 * value.max()))
     few_labels(axes)
     axes.set_xlabel(label(trajectory, "lag $t$", "time"))
@@ -121,9 +165,9 @@ def msd(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     grid(axes)
 
 
-def vacf(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def vacf(axes: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """The velocity autocorrelation over its value at 0; over a logarithmic time, without lag 0, if frames are so."""
-    axes, found = figure.subplots(), outcome.result
+    found = outcome.result
     step = np.diff(found.lag)
     # Evenly spaced frames have steps of one length, those due at collisions of a gas that cools longer and longer ones.
     logarithmic = len(step) > 2 and step.max() > 10.0 * step.min()
@@ -138,15 +182,15 @@ def vacf(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     grid(axes)
 
 
-def fields(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def fields(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """Maps of the packing fraction with the flow, and of the thermal temperature."""
-    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     found = outcome.result
     half = [0.5 * (one[1] - one[0]) if len(one) > 1 else one[0] for one in (found.x, found.y)]
     region = (found.x[0] - half[0], found.x[-1] + half[0], found.y[0] - half[1], found.y[-1] + half[1])
     look: dict[str, Any] = {"origin": "lower", "extent": region, "interpolation": "nearest"}
     drawn = left.imshow(found.packing_fraction.T, cmap="cividis", vmin=0.0, **look)
-    figure.colorbar(drawn, ax=left, shrink=0.8).set_label("packing fraction")
+    place_axes(left, trajectory)
+    bar_beside(left, drawn, "packing fraction")
     every = max(1, -(-max(len(found.x), len(found.y)) // 24))
     where = (slice(every // 2, None, every),) * 2
     u = np.nan_to_num(found.velocity)
@@ -159,42 +203,48 @@ def fields(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     T = found.temperature
     high = float(np.nanquantile(T, 0.995)) if np.any(np.isfinite(T)) else 1.0
     drawn = right.imshow(T.T, cmap="inferno", vmin=0.0, vmax=high if high > 0.0 else 1.0, **look)
-    bar = figure.colorbar(drawn, ax=right, extend="max", shrink=0.8)
-    bar.set_label(label(trajectory, "thermal temperature $T$", "energy"))
-    for axes in (left, right):
-        place_axes(axes, trajectory)
-    right.set_ylabel("")
+    place_axes(right, trajectory)
+    bar_beside(right, drawn, label(trajectory, "thermal temperature $T$", "energy"), "max")
 
 
-def clusters(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def clusters(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """The largest cluster in time, and how many clusters have which size in the last frame."""
-    left, right = figure.subplots(1, 2)
     found = outcome.result
     left.plot(found.times, [one.largest for one in found.clusters], "o-", ms=4, mfc="none", color=TRANSLATION)
     left.set(xlabel=label(trajectory, "time $t$", "time"), ylabel="share of disks in the largest cluster")
     from_zero(left)
-    right.plot(
-        *np.unique(found.clusters[-1].sizes, return_counts=True), "o", ms=4, mfc="none", color=ROTATION
-    )
-    right.set(xscale="log", yscale="log", xlabel="disks in a cluster", ylabel="clusters, last frame")
+    _sizes(right, trajectory, found.clusters[-1])
+    right.set_ylabel("clusters, last frame")
+    grid(left)
+
+
+def _sizes(right: Axes, trajectory: Trajectory | None, found: analysis.Clusters) -> None:
+    """Number of clusters of each size."""
+    right.plot(*np.unique(found.sizes, return_counts=True), "o", ms=4, mfc="none", color=ROTATION)
+    right.set(xscale="log", yscale="log", xlabel="disks in a cluster", ylabel="clusters")
     few_labels(right)
-    gap = trajectory.with_unit(f"{found.clusters[-1].gap:.3g}", "length")
+    gap = with_unit(trajectory, f"{found.gap:.3g}", "length")
     right.set_title(f"joined where surfaces are nearer than {gap}", fontsize="medium")
-    grid(left, right)
+    grid(right)
 
 
-def psi6(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def psi6(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """|psi_6| of the disks of the last frame used, in place, and its distribution."""
-    left, right = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
-    value, whole = np.abs(outcome.result.psi6), outcome.result.whole
+    found = outcome.result
+    value, whole = np.abs(found.psi6), found.whole
+    assert trajectory is not None
     frame = trajectory[int(np.argmin(np.abs(trajectory.times - outcome.times[1])))]
     place_axes(left, trajectory, plot_disks.shown_region(trajectory, frame.position))
     # Some 4 points of the picture a disk where there are few, and a dot where there are many.
     size = float(np.clip(4e4 / len(frame.position), 0.2, 40.0))
     look: dict[str, Any] = {"c": value, "s": size, "lw": 0.0, "cmap": "cividis", "vmin": 0.0, "vmax": 1.0}
-    drawn = left.scatter(*frame.position.T, rasterized=True, **look)
-    figure.colorbar(drawn, ax=left, shrink=0.85).set_label(r"$|\psi_6|$")
-    left.set_title(f"$t$ = {trajectory.with_unit(f'{frame.time:.4g}', 'time')}", fontsize="medium")
+    bar_beside(left, left.scatter(*frame.position.T, rasterized=True, **look), r"$|\psi_6|$")
+    left.set_title(f"$t$ = {with_unit(trajectory, f'{frame.time:.4g}', 'time')}", fontsize="medium")
+    _order(right, value, whole)
+
+
+def _order(right: Axes, value: Array, whole: float) -> None:
+    """Distribution of |psi_6|."""
     right.hist(value, 50, range=(0.0, 1.0), density=True, color=TRANSLATION)
     right.axvline(value.mean(), color=ROTATION, ls="--", lw=1.5, label=f"mean {value.mean():.3f}")
     right.axvline(whole, color=RATIO, ls=":", lw=1.5, label=rf"$|\langle\psi_6\rangle|$ {whole:.3f}")
@@ -208,15 +258,14 @@ def _with_error(value: float, error: float) -> str:
     return f"({value:.3g} $\\pm$ {error:.1g})" if np.isfinite(error) else f"{value:.3g}"
 
 
-def cooling(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def cooling(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """T against time with Haff's law, and theta against collisions per disk with its exponential."""
-    left, right = figure.subplots(1, 2)
     haff, ratio = outcome.result
     table = outcome.tables[""]
     t, T, tau, theta = (table[name] for name in ("time", "temperature", "collisions_per_disk", "theta"))
     left.plot(1.0 + (t - t[0]) / haff.t_H, T, "o", ms=4, mfc="none", color=TRANSLATION, label="disks")
     x = np.geomspace(1.0, 1.0 + (t[-1] - t[0]) / haff.t_H, 200)
-    text = f"Haff's law, $t_H$ = {trajectory.with_unit(_with_error(haff.t_H, haff.t_H_error), 'time')}"
+    text = f"Haff's law, $t_H$ = {with_unit(trajectory, _with_error(haff.t_H, haff.t_H_error), 'time')}"
     if not haff.describes:
         text = f"the nearest of {text},\nwhich does not describe it"
     left.plot(x, haff.T0 / x**2, "--", color=RATIO, lw=1.5, label=text)
@@ -240,9 +289,8 @@ def cooling(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None
     grid(left, right)
 
 
-def impact(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
+def impact(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
     """The density of the angle of impact beside that of molecular chaos, and shares of the regimes."""
-    left, right = figure.subplots(1, 2, width_ratios=(1.4, 1.0))
     found = outcome.result
     text = f"{found.collisions} collisions"
     left.errorbar(np.degrees(found.psi), found.density, found.density_error, ms=4, label=text, **POINTS)
@@ -261,8 +309,46 @@ def impact(figure: Figure, trajectory: Trajectory, outcome: Evaluation) -> None:
     grid(left, right)
 
 
+class Panels(NamedTuple):
+    """A picture of an analysis: how it is drawn, and the arguments of `Figure.subplots`."""
+
+    draw: Callable[..., None]
+    layout: dict[str, Any] = {}  # noqa: RUF012
+
+
+TWO: dict[str, Any] = {"ncols": 2}
 PANELS = {
-    "velocity": velocity, "g": pairs, "S": structure, "msd": msd, "vacf": vacf, "fields": fields, "clusters": clusters,
-    "psi6": psi6, "cooling": cooling, "impact": impact,
+    "velocity": Panels(velocity, TWO), "g": Panels(pairs), "S": Panels(structure), "msd": Panels(msd),
+    "vacf": Panels(vacf), "fields": Panels(fields, TWO), "clusters": Panels(clusters, TWO),
+    "psi6": Panels(psi6, TWO | {"width_ratios": (1.3, 1.0)}), "cooling": Panels(cooling, TWO),
+    "impact": Panels(impact, TWO | {"width_ratios": (1.4, 1.0)}),
 }  # fmt: skip
-"""Name of the analysis -> what draws it."""
+"""Name of the analysis -> its picture."""
+
+
+def _alone(found: Any) -> Evaluation:
+    """A result that belongs to no file."""
+    return Evaluation(found, [], {}, [], (np.nan, np.nan))
+
+
+def _correlation(axes: Axes, found: analysis.Correlation) -> None:
+    """A mean-square displacement, which begins at 0, or an autocorrelation."""
+    if found.value[0] == 0.0:
+        msd(axes, None, _alone((found, None)))
+    else:
+        vacf(axes, None, _alone(found))
+
+
+RESULTS = {
+    analysis.VelocityDistribution: Panels(
+        lambda left, right, found: velocity(left, right, None, _alone({"all": found})), TWO
+    ),
+    analysis.PairCorrelation: Panels(lambda axes, found: pairs(axes, None, _alone(found))),
+    analysis.StructureFactor: Panels(lambda axes, found: structure(axes, None, _alone(found))),
+    analysis.Correlation: Panels(_correlation),
+    analysis.Fields: Panels(lambda left, right, found: fields(left, right, None, _alone(found)), TWO),
+    analysis.Clusters: Panels(lambda axes, found: _sizes(axes, None, found)),
+    analysis.Hexatic: Panels(lambda axes, found: _order(axes, np.abs(found.psi6), found.whole)),
+    analysis.Impacts: Panels(lambda left, right, found: impact(left, right, None, _alone(found)), TWO),
+}  # fmt: skip
+"""Type of a result of `ifrdem.analysis` -> its picture, which takes the axes and the result."""

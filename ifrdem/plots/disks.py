@@ -1,25 +1,33 @@
-"""The panel of a run's last frame: its disks and walls, or a map of where the disks are."""
+"""Disks and walls at one time, drawn to scale in many colours, or a map of where the disks are."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import InputError, nearest
 from ..model.box import Box
+from ..model.state import Disks, State
 from ..model.walls import Wall
+from ..simulation.simulation import Simulation
 from ..tools.checked import Array
+from ..trajectory.frame import Frame
 from ..trajectory.reader import Trajectory
-from .style import place_axes, unit_of
+from .style import KINDS, Gas, bar_beside, foreground, is_dark, label, place_axes, unit_of, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
 
-# Diverging, dark in the middle, so that disks without spin show on white; orange is counter-clockwise.
+# Diverging; the middle stands out against the background, so that disks without spin show. Orange is counter-clockwise.
 SPINS = ("#56B4E9", "#2A6A99", "#333333", "#A84A00", "#FF9A3D")
+SPINS_ON_DARK = ("#1E88E5", "#7FB6E6", "#D8D8D8", "#F0A868", "#FF7F0E")
 DENSITIES = "cividis"
-WALL, POST, HOT = "#000000", "#999999", "#CC79A7"
+POST, HOT, PLAIN = "#999999", "#CC79A7", "#888888"
 
 MOST_DISKS = 100_000
 """Above this many disks one by one are smaller than a pixel, and slow: a density map is drawn."""
@@ -27,77 +35,208 @@ MOST_DISKS = 100_000
 MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 30 disks each at phi = 0.25
 
 
-def last_frame(figure: Any, axes: Axes, trajectory: Trajectory, index: int = -1) -> None:
-    """The disks of the last frame (or another), coloured by spin, or a map of where they are if they are too many."""
-    frame = trajectory[index]
-    position = frame.position if "position" in trajectory.fields else np.zeros((1, 2))
-    place_axes(axes, trajectory, shown_region(trajectory, position))
-    draw_walls(axes, trajectory, frame.time)
-    if "position" not in trajectory.fields:
-        axes.set_title("the file holds no positions")
-        return
-    time = f"$t$ = {trajectory.with_unit(f'{frame.time:.4g}', 'time')}"
-    if trajectory.disks.n > MOST_DISKS:
-        cell = _density_map(figure, axes, trajectory, position)
-        size = trajectory.with_unit(f"{cell:.3g}", "length")
+@dataclass(frozen=True, eq=False)
+class View:
+    """Disks at one time, and what is around them; `units` is None where they are not known."""
+
+    disks: Disks
+    box: Box
+    walls: tuple[Wall, ...]
+    units: dict[str, str] | None
+    moving: Frame | State
+    stored: tuple[str, ...]
+
+    @classmethod
+    def of(cls, thing: Frame | Simulation) -> View:
+        """View of a frame, or of a simulation as it is now."""
+        if isinstance(thing, Frame):
+            trajectory = thing.trajectory
+            return cls(
+                trajectory.disks, trajectory.box, trajectory.walls, trajectory.units, thing, trajectory.fields
+            )
+        stored = ("position", "velocity", "angular_velocity", "collisions")
+        return cls(thing.disks, thing.box, thing.walls, None, thing.state, stored)
+
+    @property
+    def time(self) -> float:
+        """[time]."""
+        return self.moving.time
+
+
+class Colour(NamedTuple):
+    """Colours of disks: values (n,), the label of their bar, and the kind of their scale."""
+
+    values: Callable[[View], Array]
+    label: Callable[[View], str]
+    scale: str  # "signed", "positive", "span", "cyclic" or "kinds"
+    field: str = "position"
+
+
+def spin_label(gas: Gas | None) -> str:
+    unit = unit_of(gas, "time")
+    text = "" if unit is None else f" (rad/{unit})"
+    if gas is not None and gas.units == {}:
+        text = " (reduced units)"
+    return f"spin $\\omega${text}\ncounter-clockwise positive"
+
+
+def _temperature(view: View) -> Array:
+    mass = np.where(view.disks.movable, view.disks.mass, 0.0)
+    return np.asarray(0.5 * mass * np.sum(view.moving.peculiar_velocity**2, axis=1))
+
+
+COLOURS = {
+    "spin": Colour(lambda view: view.moving.spin, spin_label, "signed", "angular_velocity"),
+    "speed": Colour(
+        lambda view: np.linalg.norm(view.moving.peculiar_velocity, axis=1),
+        lambda view: label(view, "speed", "length/time"), "positive", "velocity",
+    ),
+    "direction": Colour(
+        lambda view: np.degrees(np.arctan2(*view.moving.peculiar_velocity.T[::-1])),
+        lambda view: "direction of the velocity (degrees)", "cyclic", "velocity",
+    ),
+    "temperature": Colour(
+        _temperature, lambda view: label(view, "temperature of each disk $m c^2 / 2$", "energy"), "positive", "velocity"
+    ),
+    "radius": Colour(lambda view: view.disks.radius, lambda view: label(view, "radius", "length"), "span"),
+    "material": Colour(lambda view: view.disks.material.astype(float), lambda view: "material", "kinds"),
+    "collisions": Colour(
+        lambda view: view.moving.collisions.astype(float), lambda view: "collisions of the disk", "span", "collisions"
+    ),
+}  # fmt: skip
+"""Name -> colour of the disks."""
+
+
+def colour_of(name: str, option: str = "color =") -> Colour | None:
+    """A colour by its name, None for "none"; InputError names those that there are."""
+    known = [*COLOURS, "none"]
+    if name not in known:
+        raise InputError(f"{option} {name}: allowed are {', '.join(known)}{nearest(name, known)}")
+    return COLOURS.get(name)
+
+
+def colour_map(scale: str, *, dark: bool, kinds: int = 1) -> Colormap:
+    """Map of colours for a kind of scale, on a light background or a dark one."""
+    from matplotlib import colormaps
+    from matplotlib.colors import LinearSegmentedColormap, ListedColormap
+
+    if scale == "signed":
+        return LinearSegmentedColormap.from_list("spins", SPINS_ON_DARK if dark else SPINS)
+    if scale == "kinds":
+        return ListedColormap([KINDS[i % len(KINDS)] for i in range(max(kinds, 1))])
+    if scale == "cyclic":
+        return colormaps["hsv"]
+    return colormaps["inferno" if dark else "viridis"]
+
+
+def limits(scale: str, values: Array) -> tuple[float, float]:
+    """Ends of the colours.
+
+    A heavy tail of fast disks must not wash out all others: colours are full from the 95th percentile on.
+    """
+    if scale == "cyclic":
+        return -180.0, 180.0
+    if not len(values):
+        return 0.0, 1.0
+    if scale == "kinds":
+        return -0.5, float(values.max()) + 0.5
+    if scale == "span":
+        low, high = (float(each) for each in (values.min(), values.max()))
+        return low, high if high > low else low + 1.0
+    top = float(np.quantile(np.abs(values), 0.95)) or float(np.abs(values).max()) or 1.0
+    return (-top, top) if scale == "signed" else (0.0, top)
+
+
+def draw(axes: Axes, view: View, color: str = "spin") -> None:
+    """Draw disks and walls into axes, and a bar of the colours unless all are the same; or a map of many disks."""
+    colour = colour_of(color)
+    for field in ("position", *([] if colour is None else [colour.field])):
+        if field not in view.stored and isinstance(view.moving, Frame):
+            view.moving.trajectory.dataset(field)  # says that it is missing
+    position = view.moving.position
+    place_axes(axes, view, shown_region(view, position))
+    draw_walls(axes, view, view.time)
+    time = f"$t$ = {with_unit(view, f'{view.time:.4g}', 'time')}"
+    if view.disks.n > MOST_DISKS:
+        size = with_unit(view, f"{_density_map(axes, view, position):.3g}", "length")
         axes.set_title(f"area fraction at {time}, in cells of {size}\n(too many disks to draw each)")
     else:
-        spin = frame.spin if "angular_velocity" in trajectory.fields else np.zeros(trajectory.disks.n)
-        _disks(figure, axes, trajectory, position, spin, frame.time)
+        _disks(axes, view, position, colour)
         axes.set_title(f"disks at {time}")
 
 
-def shown_region(trajectory: Trajectory, position: Array) -> Array:
+def last_frame(axes: Axes, trajectory: Trajectory, index: int = -1, color: str | None = None) -> None:
+    """The disks of the last frame (or another), by default coloured by spin if the file holds it."""
+    frame = trajectory[index]
+    if "position" not in trajectory.fields:
+        place_axes(axes, trajectory, shown_region(trajectory, np.zeros((1, 2))))
+        draw_walls(axes, trajectory, frame.time)
+        axes.set_title("the file holds no positions")
+        return
+    draw(axes, View.of(frame), color or ("spin" if "angular_velocity" in trajectory.fields else "none"))
+
+
+def shown_region(gas: Gas, position: Array) -> Array:
     """Ends of x and of y [length], shape (2, 2), of the box; of an open one, of what holds these positions."""
-    if not trajectory.box.is_open:
-        return np.array([[0.0, side] for side in trajectory.box.lengths])
+    if not gas.box.is_open:
+        return np.array([[0.0, side] for side in gas.box.lengths])
+    if not len(position):
+        return np.array([[0.0, 1.0]] * 2)
     low, high = position.min(axis=0), position.max(axis=0)
-    middle, half = (low + high) / 2.0, float((high - low).max()) * 0.52 + float(trajectory.disks.radius.max())
+    middle, half = (low + high) / 2.0, float((high - low).max()) * 0.52 + float(gas.disks.radius.max())
     return np.stack([middle - half, middle + half], axis=1)
 
 
-def _disks(
-    figure: Any, axes: Axes, trajectory: Trajectory, position: Array, spin: Array, time: float
-) -> None:
-    from matplotlib.collections import EllipseCollection
-    from matplotlib.colors import LinearSegmentedColormap
+def figure_size(gas: Gas, position: Array) -> tuple[float, float]:
+    """Size of a figure that the disks fill [inches]."""
+    width, height = np.ptp(shown_region(gas, position), axis=1)
+    room_for_a_title = 5.5
+    return max(min(7.5, 1.6 + 5.2 * width / height), room_for_a_title), min(6.2, 1.2 + 5.9 * height / width)
 
-    radius = trajectory.disks.radius
-    position, owner = with_images(position, radius, trajectory.box, time)
-    # A heavy tail of fast spins must not wash out all others: colours are full from the 95th percentile on.
-    limit = float(np.quantile(np.abs(spin), 0.95)) if len(spin) else 0.0
-    limit = limit if limit > 0.0 else 1.0
+
+def _disks(axes: Axes, view: View, position: Array, colour: Colour | None) -> None:
+    from matplotlib.collections import EllipseCollection
+
+    radius = view.disks.radius
+    position, owner = with_images(position, radius, view.box, view.time)
     width = 2.0 * radius[owner]
     drawn = EllipseCollection(
         width, width, np.zeros(len(owner)), units="xy", offsets=position, offset_transform=axes.transData,
-        array=spin[owner], cmap=LinearSegmentedColormap.from_list("spins", SPINS), clim=(-limit, limit), linewidths=0.0,
+        linewidths=0.0,
     )  # fmt: skip
+    values = None if colour is None else colour.values(view)
+    if colour is None or values is None or np.all(values == values[:1]):  # nothing to tell apart
+        drawn.set_facecolor(PLAIN)
+    else:
+        low, high = limits(colour.scale, values)
+        drawn.set(
+            array=values[owner], clim=(low, high),
+            cmap=colour_map(colour.scale, dark=is_dark(axes), kinds=round(high + 0.5)),
+        )  # fmt: skip
+        bar_beside(axes, drawn, colour.label(view), extend(colour.scale))
     axes.add_collection(drawn)
-    figure.colorbar(drawn, ax=axes, extend="both", shrink=0.85).set_label(spin_label(trajectory))
 
 
-def spin_label(trajectory: Trajectory) -> str:
-    unit = unit_of(trajectory, "time")
-    return (
-        rf"spin $\omega$ ({'reduced units' if unit is None else f'rad/{unit}'}), counter-clockwise positive"
-    )
+def extend(scale: str) -> str:
+    """Ends of a colour bar that values may lie beyond."""
+    return {"signed": "both", "positive": "max"}.get(scale, "neither")
 
 
-def _density_map(figure: Any, axes: Axes, trajectory: Trajectory, position: Array) -> float:
+def _density_map(axes: Axes, view: View, position: Array) -> float:
     """Draw the local area fraction and return the mean side of its cells [length]."""
-    region = shown_region(trajectory, position)
-    covered = area_fraction(trajectory, position, region)
+    region = shown_region(view, position)
+    covered = area_fraction(view, position, region)
     drawn = axes.imshow(
         covered.T, origin="lower", extent=(*region[0], *region[1]), cmap=DENSITIES, vmin=0.0,
         vmax=float(np.quantile(covered, 0.999)), interpolation="nearest",
     )  # fmt: skip
-    figure.colorbar(drawn, ax=axes, extend="max", shrink=0.85).set_label("area fraction")
+    bar_beside(axes, drawn, "area fraction", "max")
     return cell_side(covered, region)
 
 
-def area_fraction(trajectory: Trajectory, position: Array, region: Array) -> Array:
+def area_fraction(gas: Gas, position: Array, region: Array) -> Array:
     """The part that disks cover of each cell of a region [length], shape (2, 2): cells along x and along y."""
-    radius = trajectory.disks.radius
+    radius = gas.disks.radius
     lengths = np.ptp(region, axis=1)
     cell = MAP_CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
     counts = np.clip(np.rint(lengths / cell), 1, 1000).astype(int)
@@ -133,13 +272,13 @@ def with_images(position: Array, radius: Array, box: Box, time: float) -> tuple[
     return position, owner
 
 
-def draw_walls(axes: Axes, trajectory: Trajectory, time: float) -> None:
+def draw_walls(axes: Axes, gas: Gas, time: float) -> None:
     """Draw the walls where they are at this time, with arrows along moving surfaces; thick sides are walls too."""
-    for periodic, sides in zip(trajectory.box.periodic, (("left", "right"), ("bottom", "top")), strict=True):
+    for periodic, sides in zip(gas.box.periodic, (("left", "right"), ("bottom", "top")), strict=True):
         for side in sides:
-            axes.spines[side].set_linewidth(0.8 if periodic or trajectory.box.is_open else 2.5)
-    for wall in trajectory.walls:
-        _wall(axes, wall, max(trajectory.box.lengths), time)
+            axes.spines[side].set_linewidth(0.8 if periodic or gas.box.is_open else 2.5)
+    for wall in gas.walls:
+        _wall(axes, wall, max(gas.box.lengths), time)
 
 
 def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
@@ -147,7 +286,7 @@ def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
 
     place = np.array(wall.place) + np.array(wall.motion.direction) * wall.motion.displacement(time)
     towards = np.array(wall.towards)
-    colour = WALL if wall.temperature is None else HOT
+    colour = foreground(axes) if wall.temperature is None else HOT
     if wall.shape in ("line", "segment"):
         if wall.shape == "line":
             along = 2.0 * size * np.array((towards[1], -towards[0]))

@@ -1,4 +1,4 @@
-"""Movies of trajectories: MP4, a picture a frame."""
+"""Movies of trajectories, a picture a frame: MP4, and WebP or GIF for web pages."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError, nearest
+from ..errors import InputError
 from ..tools.checked import Array
 from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
 from ..trajectory.reader import Trajectory
 from . import disks as plot_disks
 from . import run
-from .style import label, place_axes
+from .style import bar_beside, is_dark, place_axes
 
 MARK_WIDTH = 0.18  # half the width of an orientation mark, in radii
 LEAST_MARKED = 5.0  # radius [pixels] below which no mark would be seen
@@ -105,97 +105,147 @@ def _marked(x: Array, y: Array, radius: Array | np.float64, angle: Array | np.fl
     return (along >= 0.0) & (np.abs(across) <= MARK_WIDTH * radius)
 
 
-COLOURS = ("spin", "temperature")
 ANGLES = ("angle", "orientation")  # names of fields that say how far a disk has turned
 SHADES = 256  # numbers of colours; two more follow:
 EMPTY, MARK = SHADES, SHADES + 1
 FINER = 2  # pixels are drawn so much finer along each axis, and averaged
 SAMPLES = 9  # frames that decide on the range of the colours
 DPI = 100
+LARGEST = (1200, 1080)
+"""Width and height that a movie has at most, unless its size is given [pixels]."""
+SMALL = 480
+"""Width or height below which letters shrink [pixels]."""
+MARGIN = 0.08  # around everything [inches]
+FORMATS = (".mp4", ".webp", ".gif")
 
 
 class Scene:
     """The picture of which every frame is a variant: axes, colour bar and walls are drawn once.
 
-    Up to `disks.MOST_DISKS` disks are drawn as disks, coloured by "spin" or by the "temperature" of each, m c^2 / 2
-    with the velocity c relative to the mean flow of a sheared box; of more than that a map of the area fraction. The
-    range of the colours is that of the whole movie. InputError if the colour is another word, or a field that is needed
-    is not stored.
+    Up to `disks.MOST_DISKS` disks are drawn as disks, in one of `disks.COLOURS`; of more than that a map of the area
+    fraction. The range of the colours is that of the whole movie. Without a `size` (width, height) [pixels], the
+    picture is as large as `LARGEST` allows, and no larger than the box and what stands around it. InputError if the
+    colour is another word, or a field that is needed is not stored.
     """
 
     def __init__(
-        self, trajectory: Trajectory, frames: Sequence[int], size: tuple[int, int], colour: str = "spin"
+        self,
+        trajectory: Trajectory,
+        frames: Sequence[int],
+        size: tuple[int, int] | None = None,
+        colour: str = "spin",
     ) -> None:
-        if colour not in COLOURS:
-            raise InputError(f"--colour {colour}: allowed are {', '.join(COLOURS)}{nearest(colour, COLOURS)}")
-        from matplotlib import colormaps
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.cm import ScalarMappable
-        from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
-        from matplotlib.figure import Figure
-
-        self._trajectory, self._colour = trajectory, colour
+        self._trajectory, self._colour = trajectory, plot_disks.colour_of(colour, "--colour")
         self._is_map = trajectory.disks.n > plot_disks.MOST_DISKS
         trajectory.dataset("position")  # says that it is missing
+        if self._colour is not None:
+            trajectory.dataset(self._colour.field)
         self._angle = next((name for name in ANGLES if name in trajectory.fields), None)
         samples = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, SAMPLES).astype(int))]
         regions = [plot_disks.shown_region(trajectory, trajectory[i].position) for i in samples]
         self._region = np.column_stack([np.min(regions, axis=0)[:, 0], np.max(regions, axis=0)[:, 1]])
-        self._low, self._high = low, high = self._range(samples)
-        map_ = colormaps[plot_disks.DENSITIES]
-        if colour == "spin" and not self._is_map:
-            map_ = LinearSegmentedColormap.from_list("spins", plot_disks.SPINS)
-        shades = map_(np.linspace(0.0, 1.0, SHADES))[:, :3]
-        self._shades = (
-            (255.0 * np.vstack([shades, to_rgb("white"), to_rgb("white")])).round().astype(np.uint8)
-        )
+        self._low, self._high = self._range(samples)
+        from matplotlib import rc_context, rcParams
 
-        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI, layout="compressed")
+        small = min(*(size or LARGEST), SMALL) / SMALL  # letters shrink with a small picture
+        with rc_context({"font.size": small * rcParams["font.size"]}):
+            self._compose(size or self._fitting())
+
+    def _fitting(self) -> tuple[int, int]:
+        """The size of the picture without empty margins [pixels]: both even, as movies want them."""
+        self._compose(LARGEST)
+        needed = self._canvas.figure.get_tightbbox(self._canvas.get_renderer())
+        width, height = needed.width, needed.height + self._head
+        return tuple(
+            min(most, 2 * int(0.5 * DPI * (side + 2.0 * MARGIN) + 1.0))
+            for most, side in zip(LARGEST, (width, height), strict=True)
+        )  # type: ignore[return-value]
+
+    def _compose(self, size: tuple[int, int]) -> None:
+        """Draw all but the disks, walls and time."""
+        from matplotlib import colormaps, rcParams
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.cm import ScalarMappable
+        from matplotlib.colors import Normalize, to_rgb
+        from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+        figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI)
         self._canvas = FigureCanvasAgg(figure)
         self._axes = axes = figure.add_subplot()
-        place_axes(axes, trajectory, self._region)
-        bar = figure.colorbar(
-            ScalarMappable(Normalize(low, high), map_), ax=axes, shrink=0.85,
-            extend="both" if colour == "spin" and not self._is_map else "max",
-        )  # fmt: skip
-        bar.set_label(self._label())
-        figure.suptitle(run.gas(trajectory))
-        self._title = axes.set_title("$t$ = 0")
+        place_axes(axes, self._trajectory, self._region)
+        scale = "map" if self._is_map else "none" if self._colour is None else self._colour.scale
+        map_ = colormaps[plot_disks.DENSITIES]
+        if not self._is_map and self._colour is not None:
+            map_ = plot_disks.colour_map(scale, dark=is_dark(axes), kinds=round(self._high + 0.5))
+        shades = map_(np.linspace(0.0, 1.0, SHADES))[:, :3]
+        if scale == "none":
+            shades[:] = to_rgb(plot_disks.PLAIN)
+        back = to_rgb(axes.get_facecolor())
+        self._shades = (255.0 * np.vstack([shades, back, back])).round().astype(np.uint8)
+        if self._is_map or self._colour is not None:
+            view = plot_disks.View.of(self._trajectory[0])
+            text = "area fraction" if self._is_map or self._colour is None else self._colour.label(view)
+            drawn = ScalarMappable(Normalize(self._low, self._high), map_)
+            bar_beside(axes, drawn, text, "max" if self._is_map else plot_disks.extend(scale))
+        points = float(axes.title.get_fontsize())
+        above = rcParams["axes.titlepad"]
+        # Two lines, which may be wider than the axes: the layout leaves room above, and does not know of them.
+        self._head = (above + 3.0 * points) / 72.0
+        figure.set_layout_engine(
+            ConstrainedLayoutEngine(
+                w_pad=MARGIN, h_pad=MARGIN, rect=(0.0, 0.0, 1.0, 1.0 - self._head * DPI / size[1])
+            )
+        )
+        look: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "ha": "center"}
+        texts = (("$t$ = 0", above), (run.gas(self._trajectory), above + 1.5 * points))
+        self._title, name = (
+            axes.annotate(text, (0.5, 1.0), (0.0, up), fontsize=points, **look) for text, up in texts
+        )
+        for each in (self._title, name):
+            each.set_in_layout(False)
         self._canvas.draw()
+        while (width := name.get_window_extent().width) > 0.97 * size[0] and points > 3.0:
+            points *= 0.95 * size[0] / width  # letters are not of every size
+            name.set_fontsize(points)
+        box = axes.get_window_extent()
+        middle = 0.5 * name.get_window_extent().width / box.width  # of the title, kept on the picture
+        at = np.clip(0.5, middle + (5.0 - box.x0) / box.width, (size[0] - 5.0 - box.x0) / box.width - middle)
+        name.xy = (float(at), 1.0)
         figure.set_layout_engine("none")  # it stays as it is now
         self._title.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)
-        box = axes.get_window_extent()
         height = self._canvas.get_width_height()[1]
         # Agg counts rows from the top.
         self._rows = slice(height - round(box.y1), height - round(box.y0))
         self._columns = slice(round(box.x0), round(box.x1))
 
-    def _label(self) -> str:
-        if self._is_map:
-            return "area fraction"
-        if self._colour == "spin":
-            return plot_disks.spin_label(self._trajectory)
-        return label(self._trajectory, "temperature of each disk $m c^2 / 2$", "energy")
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height [pixels]."""
+        width, height = self._canvas.get_width_height()
+        return width, height
 
     def _range(self, samples: Sequence[int]) -> tuple[float, float]:
         """Ends of the colours: few of the whole movie's values lie beyond."""
         if self._is_map:
             tops = [np.quantile(self._covered(i), 0.999) for i in samples]
             return 0.0, float(max(tops)) or 1.0
-        tops = [np.quantile(np.abs(self._values(i)), 0.95) for i in samples if self._trajectory.disks.n]
-        top = float(np.median(tops)) if tops else 1.0
-        top = top if top > 0.0 else 1.0
-        return (-top, top) if self._colour == "spin" else (0.0, top)
+        if self._colour is None or not self._trajectory.disks.n:
+            return 0.0, 1.0
+        each = [self._values(i) for i in samples]
+        if not any(np.any(values) for values in each):  # one colour says nothing
+            self._colour = None
+            return 0.0, 1.0
+        if self._colour.scale in ("signed", "positive"):  # frames in which nothing moves say nothing
+            each = [values for values in each if np.any(values)] or each[:1]
+        return plot_disks.limits(self._colour.scale, np.concatenate(each))
 
     def _values(self, index: int) -> Array:
         """Values by which the disks are coloured, shape (n,)."""
-        frame, mass = self._trajectory[index], self._trajectory.disks.mass
-        if self._colour == "spin":
-            return frame.spin
-        movable = self._trajectory.disks.movable
-        return 0.5 * np.where(movable, mass, 0.0) * np.sum(frame.peculiar_velocity**2, axis=1)
+        view = plot_disks.View.of(self._trajectory[index])
+        return np.zeros(view.disks.n) if self._colour is None else self._colour.values(view)
 
     def _covered(self, index: int) -> Array:
         return plot_disks.area_fraction(self._trajectory, self._trajectory[index].position, self._region)
@@ -261,34 +311,68 @@ def write(
     frames: Sequence[int],
     *,
     fps: int = 25,
-    size: tuple[int, int] = (1200, 1080),
+    size: tuple[int, int] | None = None,
     colour: str = "spin",
+    quality: int = 70,
     progress: Callable[[Sequence[int]], Iterable[int]] = iter,
-) -> None:
-    """Write a movie (H.264 in MP4), a picture for each of `frames` in their order, `fps` a second.
+) -> int:
+    """Write a movie, a picture for each of `frames` in their order, `fps` a second; returns its bytes.
 
-    The file appears whole or not at all, and replaces one that is there. `size` is (width, height) in pixels, both
-    even; `colour` as for `Scene`; `progress` wraps the frames, to show how far it is. InputError if imageio-ffmpeg is
-    not installed, there is nothing to draw, or the file cannot be written: a folder, a device, the trajectory itself.
+    H.264 in MP4, or an animation that web pages show, by the ending: .mp4 (or none), .webp, .gif. The file appears
+    whole or not at all, and replaces one that is there. `size` and `colour` as for `Scene`, both sides even; `quality`
+    of WebP, 1 to 100; `progress` wraps the frames, to show how far it is. InputError if the ending is another one,
+    imageio-ffmpeg is not installed (.mp4), there is nothing to draw, or the file cannot be written: a folder, a device,
+    the trajectory.
     """
-    ffmpeg: Any = tables.needed("imageio_ffmpeg", "movie")
+    kind = place.suffix.lower() or FORMATS[0]
+    if kind not in FORMATS:
+        raise InputError(f"output {place}: a movie is a file with the ending {', '.join(FORMATS)}")
     if len(frames) == 0 or trajectory.disks.n == 0:
         raise InputError(f"{trajectory.path}: no {'disks' if len(frames) else 'frames'} to draw")
     check_apart(place, trajectory.path)
+    encode = _ffmpeg(fps) if kind == FORMATS[0] else _pillow(kind[1:], fps, quality)
     scene = Scene(trajectory, frames, size, colour)
 
-    def encode(aside: Path) -> None:
-        pictures = ffmpeg.write_frames(
+    def whole(aside: Path) -> None:
+        encode(aside, scene.size, (scene.draw(index) for index in progress(frames)))
+        if not aside.exists() or aside.stat().st_size == 0:
+            raise InputError(f"output {place}: nothing was written")
+
+    write_aside(place, whole)
+    return place.stat().st_size
+
+
+Encoder = Callable[[Path, tuple[int, int], Iterable[NDArray[np.uint8]]], None]
+
+
+def _ffmpeg(fps: int) -> Encoder:
+    """H.264 in MP4."""
+    ffmpeg: Any = tables.needed("imageio_ffmpeg", "movie")
+
+    def encode(aside: Path, size: tuple[int, int], pictures: Iterable[NDArray[np.uint8]]) -> None:
+        file = ffmpeg.write_frames(
             str(aside), size, fps=fps, quality=7, macro_block_size=2, ffmpeg_log_level="error",
             output_params=["-movflags", "+faststart", "-f", "mp4"],
         )  # fmt: skip
-        pictures.send(None)
+        file.send(None)
         try:
-            for index in progress(frames):
-                pictures.send(scene.draw(index))
+            for picture in pictures:
+                file.send(picture)
         finally:
-            pictures.close()
-        if not aside.exists() or aside.stat().st_size == 0:
-            raise InputError(f"output {place}: ffmpeg wrote nothing")
+            file.close()
 
-    write_aside(place, encode)
+    return encode
+
+
+def _pillow(kind: str, fps: int, quality: int) -> Encoder:
+    """An animation that plays again and again."""
+    from PIL import Image
+
+    def encode(aside: Path, size: tuple[int, int], pictures: Iterable[NDArray[np.uint8]]) -> None:
+        first, *others = (Image.fromarray(picture) for picture in pictures)
+        how: dict[str, Any] = {"quality": quality, "method": 4} if kind == "webp" else {"optimize": True}
+        first.save(
+            aside, kind, save_all=True, append_images=others, duration=round(1000 / fps), loop=0, **how
+        )
+
+    return encode

@@ -17,7 +17,7 @@ import numpy as np
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import HOT
-from .style import ACROSS, RATIO, ROTATION, TRANSLATION, grid, label
+from .style import ACROSS, RATIO, ROTATION, TRANSLATION, foreground, grid, label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -140,6 +140,8 @@ def _value_axis(axes: Axes, profile: Strips, text: str, *, from_zero: bool = Tru
     """Label the axis of the values, and let it begin at 0."""
     if profile.axis == 1:
         axes.set_xlabel(text)
+        axes.locator_params(axis="x", nbins=4)  # narrow panels
+        axes.ticklabel_format(axis="x", scilimits=(-2, 4))
         if from_zero:
             axes.set_xlim(left=0.0)
     else:
@@ -190,7 +192,7 @@ def flow(axes: Axes, trajectory: Trajectory) -> None:
         middles = (np.arange(SLABS) + 0.5) * height / SLABS
         with np.errstate(invalid="ignore"):
             axes.plot(sum_ / count, middles, "o", ms=5, mfc="none", color=TRANSLATION, label="disks")
-    axes.plot(imposed, edges, "-", lw=1.0, color="black", label=r"$\dot\gamma (y - L_y / 2)$")
+    axes.plot(imposed, edges, "-", lw=1.0, color=foreground(axes), label=r"$\dot\gamma (y - L_y / 2)$")
     axes.set(ylim=(0.0, height), ylabel=label(trajectory, "$y$", "length"), title="mean flow, second half")
     axes.set_xlabel(label(trajectory, r"$\langle v_x \rangle$", "length/time"))
     grid(axes)

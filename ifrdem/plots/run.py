@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,11 +15,13 @@ from ..trajectory.reader import Trajectory
 from . import disks, profiles, temperatures
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+Run = str | os.PathLike[str] | Trajectory
+Place = str | os.PathLike[str] | None
 
-def cooling(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+
+def cooling(run: Run, path_png: Place = None) -> Figure:
     """Draw a cooling gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
     The theory is `theory.prediction` from the first frame on, of one kind of disks or of a mixture. Where it does not
@@ -27,21 +30,26 @@ def cooling(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -
 
     Parameters
     ----------
-    path_h5 : path
-        A trajectory with the observables `temperature` and `rotational_temperature` and, for the theory, the
-        parameter `laws` that `ifrdem run` writes: rows of IFRLaw arguments as JSON.
-    path_png : path
+    run : path or Trajectory
+        A trajectory, or its file, with the observables `temperature` and `rotational_temperature` and, for the theory,
+        the parameter `laws` that `ifrdem run` writes: rows of IFRLaw arguments as JSON.
+    path_png : path, optional
         The picture to write: it appears whole or not at all. An existing one is replaced.
+
+    Returns
+    -------
+    Figure
+        The same, to change or to show.
 
     Examples
     --------
     >>> from ifrdem import plots
-    >>> plots.cooling("cooling.h5", "cooling.png")  # of `ifrdem run cooling`
+    >>> figure = plots.cooling("cooling.h5", "cooling.png")  # of `ifrdem run cooling`
     """
-    _draw(path_h5, path_png, temperatures.cooling)
+    return _draw(run, path_png)
 
 
-def driven(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+def driven(run: Run, path_png: Place = None) -> Figure:
     """Draw a driven gas: its temperatures against time beside kinetic theory, and its disks at the end.
 
     As `cooling`, with the parameter `forces` that `ifrdem run` writes, a list of the keys of each force as JSON; of one
@@ -50,12 +58,12 @@ def driven(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) ->
     Examples
     --------
     >>> from ifrdem import plots
-    >>> plots.driven("driven.h5", "driven.png")  # of `ifrdem run driven`
+    >>> figure = plots.driven("driven.h5", "driven.png")  # of `ifrdem run driven`
     """
-    _draw(path_h5, path_png, temperatures.driven)
+    return _draw(run, path_png)
 
 
-def sheared(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+def sheared(run: Run, path_png: Place = None) -> Figure:
     """Draw a sheared gas: its temperatures against time beside kinetic theory, its flow, and its disks at the end.
 
     As `cooling`, of a sheared box, with `sheared_gas.steady_state`; theory knows one kind of disks without forces. The
@@ -64,12 +72,12 @@ def sheared(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -
     Examples
     --------
     >>> from ifrdem import plots
-    >>> plots.sheared("shear.h5", "shear.png")  # of `ifrdem run shear`
+    >>> figure = plots.sheared("shear.h5", "shear.png")  # of `ifrdem run shear`
     """
-    _draw(path_h5, path_png, temperatures.sheared, flow=True)
+    return _draw(run, path_png, flow=True)
 
 
-def walled(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+def walled(run: Run, path_png: Place = None) -> Figure:
     """Draw a gas between walls: temperatures against time, profiles across it (`profiles.py`), and its last frame.
 
     As `cooling`, without theory. Profiles go upwards under gravity (the parameter `gravity`, two numbers as JSON), else
@@ -78,50 +86,48 @@ def walled(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) ->
     Examples
     --------
     >>> from ifrdem import plots
-    >>> plots.walled("drum.h5", "drum.png")  # of `ifrdem run drum`
+    >>> figure = plots.walled("drum.h5", "drum.png")  # of `ifrdem run drum`
     """
-    with drawing(path_h5, path_png) as (trajectory, figure):
+    with drawing(run, path_png) as (trajectory, figure):
         width, height = trajectory.box.lengths
         right = 7.0 / max(min(height / width, 2.0), 1.0)
         figure.set_size_inches(8.2 + right, 7.5)
         grid = figure.add_gridspec(2, 2, width_ratios=(8.2, right), height_ratios=(1.0, 1.5))
-        temperatures.walled(figure.add_subplot(grid[0, 0]), trajectory)
+        temperatures.draw(figure.add_subplot(grid[0, 0]), trajectory)
         found = profiles.of(trajectory)
         if found is not None:
             profiles.draw(figure, grid[1, 0], trajectory, found)
-        disks.last_frame(figure, figure.add_subplot(grid[:, 1]), trajectory)
+        disks.last_frame(figure.add_subplot(grid[:, 1]), trajectory)
+    return figure
 
 
-def _draw(
-    path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str],
-    draw: Callable[[Axes, Axes, Trajectory], None], *, flow: bool = False,
-) -> None:  # fmt: skip
+def _draw(run: Run, path_png: Place, *, flow: bool = False) -> Figure:
     """A picture of temperatures (left, and their ratio below), the flow if wished, and disks (right)."""
-    with drawing(path_h5, path_png) as (trajectory, figure):
+    with drawing(run, path_png) as (trajectory, figure):
         figure.set_size_inches(16.5 if flow else 13.5, 6.3)
         widths = (1.0, 0.4, 1.15) if flow else (1.0, 1.15)
         grid = figure.add_gridspec(2, len(widths), width_ratios=widths, height_ratios=(3.0, 1.0))
         upper = figure.add_subplot(grid[0, 0])
-        draw(upper, figure.add_subplot(grid[1, 0], sharex=upper), trajectory)
+        temperatures.draw(upper, trajectory, lower=figure.add_subplot(grid[1, 0], sharex=upper))
         if flow:
             profiles.flow(figure.add_subplot(grid[:, 1]), trajectory)
-        disks.last_frame(figure, figure.add_subplot(grid[:, -1]), trajectory)
+        disks.last_frame(figure.add_subplot(grid[:, -1]), trajectory)
+    return figure
 
 
 @contextmanager
-def drawing(
-    path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]
-) -> Iterator[tuple[Trajectory, Figure]]:
-    """A trajectory with frames, and a figure that gets its title and is written in the end."""
+def drawing(run: Run, path_png: Place) -> Iterator[tuple[Trajectory, Figure]]:
+    """A trajectory with frames, and a figure that gets its title and is written in the end, if it has a place."""
     from matplotlib.figure import Figure
 
-    with Trajectory(path_h5) as trajectory:
+    with contextlib.nullcontext(run) if isinstance(run, Trajectory) else Trajectory(run) as trajectory:
         if len(trajectory) == 0:
-            raise InputError(f"{path_h5}: no frame to draw")
+            raise InputError(f"{trajectory.path}: no frame to draw")
         figure = Figure(dpi=200, layout="constrained")
         yield trajectory, figure
         figure.suptitle(title(trajectory))
-        save(figure, Path(path_png))
+        if path_png is not None:
+            save(figure, Path(path_png))
 
 
 def title(trajectory: Trajectory) -> str:
@@ -145,4 +151,5 @@ def gas(trajectory: Trajectory) -> str:
 
 def save(figure: Figure, path: Path) -> None:
     """Write a picture; it appears whole or not at all."""
+    figure.draw_without_rendering()  # margins fit the labels that this layout has chosen from the next one on
     write_aside(path, lambda aside: figure.savefig(aside, format="png"))

@@ -3,22 +3,41 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from ..model.box import Box
+from ..model.state import Disks
+from ..model.walls import Wall
 from ..tools.checked import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..trajectory.reader import Trajectory
-
-# Okabe and Ito's blue and vermilion: told apart with every kind of colour blindness, and in grey.
-TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#444444"
+# Okabe and Ito's blue and vermilion: told apart with every kind of colour blindness, and in grey; and a grey that
+# stands out against black and white.
+TRANSLATION, ROTATION, RATIO = "#0072B2", "#D55E00", "#777777"
 OPEN: dict[str, Any] = {"mfc": "none", "ls": "none"}
 """Open markers, so that a curve below shows."""
 ACROSS = "#56B4E9"  # their sky blue: the part of the translation that is across an axis
+
+
+# Okabe and Ito's colours for kinds of disks and curves.
+KINDS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#999999")
+
+
+class Gas(Protocol):
+    """What has disks in a box: a trajectory, a simulation; its units by quantity, empty for reduced ones."""
+
+    @property
+    def disks(self) -> Disks: ...
+    @property
+    def box(self) -> Box: ...
+    @property
+    def walls(self) -> tuple[Wall, ...]: ...
+    @property
+    def units(self) -> dict[str, str] | None: ...
 
 
 def positive(values: Array) -> Array:
@@ -26,18 +45,52 @@ def positive(values: Array) -> Array:
     return np.where(values > 0.0, values, np.nan)
 
 
-def unit_of(trajectory: Trajectory, quantity: str) -> str | None:
-    """Unit of a quantity such as "length^2/time" in the words of a file; None in reduced units."""
-    words, units = re.findall("[a-z]+", quantity), trajectory.units
+def unit_of(gas: Gas | None, quantity: str) -> str | None:
+    """Unit of a quantity such as "length^2/time" in the words of a file; None in reduced or unknown units."""
+    units = (gas and gas.units) or {}
+    words = re.findall("[a-z]+", quantity)
     if not set(words) <= units.keys():
         return None
     text = re.sub("[a-z]+", lambda word: units[word[0]], quantity)
     return text.replace("^2", "\N{SUPERSCRIPT TWO}")
 
 
-def label(trajectory: Trajectory, text: str, quantity: str) -> str:
-    """Label of an axis, with the unit of a quantity in brackets."""
-    return f"{text} ({unit_of(trajectory, quantity) or 'reduced units'})"
+def label(gas: Gas | None, text: str, quantity: str) -> str:
+    """Label of an axis, with the unit of a quantity in brackets if units are known."""
+    if gas is None or gas.units is None:
+        return text
+    return f"{text} ({unit_of(gas, quantity) or 'reduced units'})"
+
+
+def with_unit(gas: Gas | None, text: str, quantity: str) -> str:
+    """A text with the unit of a quantity behind it, if there is one."""
+    return f"{text} {unit_of(gas, quantity) or ''}".rstrip()
+
+
+def is_dark(axes: Axes) -> bool:
+    """True if the background is dark, as in Matplotlib's style "dark_background"."""
+    from matplotlib.colors import to_rgb
+
+    return sum(to_rgb(axes.get_facecolor())) < 1.5
+
+
+def foreground(axes: Axes) -> str:
+    """Colour of walls: black, or white on a dark background."""
+    return "white" if is_dark(axes) else "black"
+
+
+def bar_beside(axes: Axes, drawn: Any, text: str, extend: str = "neither") -> Any:
+    """A colour bar right beside the axes, whatever their aspect."""
+    from matplotlib.ticker import MaxNLocator
+
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    part = min(max(1.0, abs((y1 - y0) / (x1 - x0))), 4.0) if axes.get_aspect() == 1.0 else 1.0
+    place = axes.inset_axes((1.0 + 0.03 * part, 0.05, 0.035 * part, 0.9))
+    bar = axes.figure.colorbar(drawn, cax=place, extend=extend, format="%.3g")
+    bar.set_label(text)
+    if drawn.get_cmap().N < 20:  # kinds
+        bar.locator = MaxNLocator(integer=True)
+    return bar
 
 
 def grid(*panels: Axes) -> None:
@@ -45,12 +98,12 @@ def grid(*panels: Axes) -> None:
         axes.grid(True, which="major", lw=0.4, alpha=0.5)
 
 
-def place_axes(axes: Axes, trajectory: Trajectory, region: Array | None = None) -> None:
+def place_axes(axes: Axes, gas: Gas | None, region: Array | None = None) -> None:
     """Make axes those of places in the box; `region`: ends of x and of y [length], shape (2, 2)."""
     if region is not None:
         axes.set(xlim=region[0], ylim=region[1])
     axes.set_aspect("equal")
-    axes.set(xlabel=label(trajectory, "$x$", "length"), ylabel=label(trajectory, "$y$", "length"))
+    axes.set(xlabel=label(gas, "$x$", "length"), ylabel=label(gas, "$y$", "length"))
 
 
 def from_zero(axes: Axes) -> None:

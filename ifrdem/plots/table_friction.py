@@ -2,38 +2,45 @@
 
 from __future__ import annotations
 
-import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 from .disks import shown_region
-from .run import drawing
-from .style import RATIO, ROTATION, TRANSLATION, grid, label, place_axes, positive
+from .run import Place, Run, drawing
+from .style import RATIO, ROTATION, TRANSLATION, bar_beside, grid, label, legend_above, place_axes, positive
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_PATHS = 2000
 """Above this many disks, their paths are a grey haze: only the final places are drawn."""
 
 
-def table(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+def table(run: Run, path_png: Place = None) -> Figure:
     """Draw disks on a table: energies (logarithmic) and moving disks against time; paths and final places.
 
     As `run.cooling`, of a trajectory with positions, velocities, spins and the observables `translational_energy` and
-    `rotational_energy`.
+    `rotational_energy`. The axis of time ends when all are at rest.
+
+    Examples
+    --------
+    >>> from ifrdem import plots
+    >>> figure = plots.table("coins_on_table.h5")  # doctest: +SKIP
     """
-    with drawing(path_h5, path_png) as (trajectory, figure):
+    with drawing(run, path_png) as (trajectory, figure):
         figure.set_size_inches(13.5, 6.3)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.0, 1.15), height_ratios=(2.0, 1.0))
         upper = figure.add_subplot(grid[0, 0])
         _energies(upper, trajectory)
-        _moving(figure.add_subplot(grid[1, 0], sharex=upper), trajectory)
+        rest = _moving(figure.add_subplot(grid[1, 0], sharex=upper), trajectory)
+        upper.set_xlim(0.0, rest)
         upper.tick_params(labelbottom=False)
-        _paths(figure, figure.add_subplot(grid[:, 1]), trajectory)
+        _paths(figure.add_subplot(grid[:, 1]), trajectory)
+    return figure
 
 
 def _energies(axes: Axes, trajectory: Trajectory) -> None:
@@ -47,22 +54,25 @@ def _energies(axes: Axes, trajectory: Trajectory) -> None:
             axes.set_yscale("log")
     axes.set_ylabel(label(trajectory, "energy of all disks", "energy"))
     grid(axes)
-    axes.legend(loc="lower left", frameon=False)
+    legend_above(axes)
 
 
-def _moving(axes: Axes, trajectory: Trajectory) -> None:
+def _moving(axes: Axes, trajectory: Trajectory) -> float:
+    """Draw how many disks are not at rest; returns the time of the first frame after which none moves, or the last."""
     moves = (np.any(each.velocity != 0.0, axis=1) | (each.spin != 0.0) for each in trajectory)
     moving = [int(np.sum(each)) for each in moves]
     axes.plot(trajectory.times, moving, "-", color=RATIO)
+    last = max((i for i, count in enumerate(moving) if count), default=0)
     axes.set(
         xlabel=label(trajectory, "time $t$", "time"),
         ylabel="disks not at rest",
         ylim=(0.0, 1.08 * max(*moving, 1)),
     )
     grid(axes)
+    return float(trajectory.times[min(last + 1, len(moving) - 1)])
 
 
-def _paths(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
+def _paths(axes: Axes, trajectory: Trajectory) -> None:
     """Paths from frame to frame, and the final places, coloured by how far away from the start they are."""
     from matplotlib.collections import EllipseCollection, LineCollection
 
@@ -89,7 +99,7 @@ def _paths(figure: Any, axes: Axes, trajectory: Trajectory) -> None:
         offset_transform=axes.transData, array=away, cmap="cividis", linewidths=0.0,
     )  # fmt: skip
     axes.add_collection(drawn)
-    bar = figure.colorbar(drawn, ax=axes, shrink=0.85)
-    bar.set_label(label(trajectory, "distance from the start", "length"))
+    if np.any(away):
+        bar_beside(axes, drawn, label(trajectory, "distance from the start", "length"))
     time = trajectory.with_unit(f"{trajectory.times[-1]:.4g}", "time")
     axes.set_title(f"disks at $t$ = {time}" + (", and their paths" if n <= MOST_PATHS else ""))

@@ -19,8 +19,8 @@ from ..theory.sheared_gas import TheoryWarning
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
 
-Curves = tuple[Array, Array, Array]
-"""Times, and T and T_rot [energy] at them."""
+Curves = tuple[Array, Array, Array, Array]
+"""Times, T and T_rot [energy] and collisions per disk at them."""
 
 MOST_KINDS = 16
 """Of disks: every pair of kinds is summed at every step, which takes seconds from there on."""
@@ -53,7 +53,10 @@ class _Gas:
                 self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
                 shear_rate=shear_rate,
             )  # fmt: skip
-        return elapsed + trajectory.times[0], found.T, found.T_rot
+        collisions = found.collisions_per_disk
+        if "collisions" in trajectory.observables:
+            collisions = collisions + 2.0 * float(trajectory.observables["collisions"][0]) / self.disks.n
+        return elapsed + trajectory.times[0], found.T, found.T_rot, collisions
 
     @property
     def text(self) -> str:
@@ -145,10 +148,10 @@ def driven(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] |
         return None, None, "a force that is not linear: no kinetic theory here"
     if (not gas.T0.any() and not any(drive.power for drive in known)) or times[-1] <= times[0]:
         return None, None, "nothing moves: no kinetic theory here"
-    when, T, T_rot = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400))
+    when, T, T_rot, tau = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400))
     T = np.where(T > 0.0, T, np.nan)
     steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 else None
-    return (when, T, T_rot), steady, gas.text
+    return (when, T, T_rot, tau), steady, gas.text
 
 
 def sheared(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] | None, str]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..case import file as case_file
 from ..case.case import Case
 from ..case.gas import CaseGas
-from ..errors import InputError, listed
+from ..errors import InputError, refuse
 from ..fit import tabular
 from ..fit.figure import save
 from ..fit.tabular import Form
@@ -44,64 +44,42 @@ _COEFFICIENTS = ("e_n", "e_t", "mu", "rho")
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Places that were measured.
+    """Places that were measured."""
 
-    Attributes
-    ----------
-    id : array (m,) of int
-        Disks, by their number in the run.
-    time : array (m,)
-        Times [time]; infinite for the end.
-    position : array (m, 2)
-        Centres [length].
-    error : array (m, 2)
-        Their standard errors [length].
-    angle, angle_error : array (m,)
-        Angle by which a disk has turned [rad]; NaN where it was not measured.
-    """
-
-    id: NDArray[np.int64]
-    time: Array
-    position: Array
-    error: Array
-    angle: Array
-    angle_error: Array
+    id: NDArray[np.int64]  # (m,): disks, by their number in the run
+    time: Array  # (m,): times [time]; infinite for the end
+    position: Array  # (m, 2): centres [length]
+    error: Array  # (m, 2): their standard errors [length]
+    angle: Array  # (m,): angle by which a disk has turned [rad]; NaN where it was not measured
+    angle_error: Array  # (m,): [rad]
 
 
 def read(path: Path | str, errors: Mapping[str, float], form: Form) -> Measured:
     """Read measured places: a line a disk, with columns id, x, y; t if not of the end; angle; NAME_error.
 
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong.
+    Raises InputError with a line for each thing that is wrong.
     """
     table = tabular.read(path, KINDS, _SPELLINGS, form)
     columns, source, n = table.columns, table.source, len(table)
     missing = [name for name in ("id", "x", "y") if name not in columns]
-    wrong = (
-        [f"{source}: missing column {', '.join(missing)}; there are {', '.join((*columns, *table.unused))}"]
-        if missing
-        else []
-    )
-    if wrong:
-        raise InputError("\n".join(wrong))
+    if missing:
+        have = ", ".join((*columns, *table.unused))
+        raise InputError(f"{source}: missing column {', '.join(missing)}; there are {have}")
     keep = np.all([~np.isnan(columns[name]) for name in ("id", "x", "y")], axis=0)
     ids = columns["id"]
-    wrong += [
-        f"{source}: line {table.line[i]}: id = {ids[i]:g}: a whole number of 0 or more is needed"
+    wrong = [
+        f"line {table.line[i]}: id = {ids[i]:g}: a whole number of 0 or more is needed"
         for i in np.flatnonzero(keep & ((ids != np.round(ids)) | (ids < 0)))
     ]
     if not keep.any():
-        wrong.append(f"{source}: no line has id, x and y")
+        wrong.append("no line has id, x and y")
     error = [columns.get(f"{name}_error", np.full(n, errors.get("positions", 0.0))) for name in ("x", "y")]
     for name, each in zip("xy", error, strict=True):
         wrong += [
-            f"{source}: line {table.line[i]}: error of {name} = {each[i]:g}: a number of 0 or more is needed"
+            f"line {table.line[i]}: error of {name} = {each[i]:g}: a number of 0 or more is needed"
             for i in np.flatnonzero(keep & ~(each >= 0.0))
         ]
-    if wrong:
-        raise InputError(listed(wrong, 100))
+    refuse(wrong, source)
     blank = np.full(n, math.nan)
     angle = np.radians(columns.get("angle", blank))
     angle_error = np.radians(columns.get("angle_error", np.full(n, errors.get("angles", 0.0))))
@@ -114,34 +92,16 @@ def read(path: Path | str, errors: Mapping[str, float], form: Form) -> Measured:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A run beside what was measured.
-
-    Attributes
-    ----------
-    measured : Measured
-    position : array (m, 2)
-        Places in the run [length].
-    angle : array (m,)
-        Angles in the run [rad]; NaN if it has none.
-    members : array (s, m, 2)
-        Places in the runs with drawn starts and laws; empty without them.
-    spread : array (m, 2)
-        Their standard deviation; NaN without them.
-    paths : array (f, n, 2)
-        Places of all disks in the frames of the run.
-    radius : array (n,)
-    unit : str
-        Of lengths, with a blank before it.
-    """
+    """A run beside what was measured."""
 
     measured: Measured
-    position: Array
-    angle: Array
-    members: Array
-    spread: Array
-    paths: Array
-    radius: Array
-    unit: str
+    position: Array  # (m, 2): places in the run [length]
+    angle: Array  # (m,): angles in the run [rad]; NaN if it has none
+    members: Array  # (s, m, 2): places in the runs with drawn starts and laws; empty without them
+    spread: Array  # (m, 2): their standard deviation; NaN without them
+    paths: Array  # (f, n, 2): places of all disks in the frames of the run
+    radius: Array  # (n,)
+    unit: str  # of lengths, with a blank before it
 
     @property
     def distance(self) -> Array:
@@ -187,44 +147,30 @@ class Comparison:
         """The figures as text."""
         m, unit = self.measured, self.unit
         drawn = len(self.members) > 0
-        lines = [
-            f"{len(m.id)} places" + (f", {len(self.members)} runs with drawn start and law" if drawn else "")
-            + f"; lengths in{unit or ' reduced units'}, angles in degrees"
-        ]  # fmt: skip
-        heads = (
-            ["disk", "t", "x", "y", "x run", "y run", "distance"]
-            + (["spread x", "spread y"] if drawn else [])
-            + ["/ error"]
-        )
+        runs = f", {len(self.members)} runs with drawn start and law" if drawn else ""
+        lines = [f"{len(m.id)} places{runs}; lengths in{unit or ' reduced units'}, angles in degrees"]
+        spreads = ["spread x", "spread y"] if drawn else []
+        heads = ["disk", "t", "x", "y", "x run", "y run", "distance", *spreads, "/ error"]
         turned = np.isfinite(m.angle) & np.isfinite(self.angle)
         heads += ["turned", "turned run"] if turned.any() else []
         lines.append("".join(f"{head:>12}" for head in heads))
         for i in range(len(m.id)):
             time = "end" if math.isinf(m.time[i]) else f"{m.time[i]:.4g}"
-            cells = [
-                f"{m.id[i]}",
-                time,
-                *(f"{value:.4g}" for value in (*m.position[i], *self.position[i], self.distance[i])),
-            ]
+            places = (*m.position[i], *self.position[i], self.distance[i])
+            cells = [f"{m.id[i]}", time, *(f"{value:.4g}" for value in places)]
             cells += [f"{value:.3g}" for value in self.spread[i]] if drawn else []
             cells.append(f"{self.deviation[i]:.2f}" if np.isfinite(self.deviation[i]) else "-")
             if turned.any():
-                cells += [
-                    f"{math.degrees(value):.1f}" if turned[i] else "-"
-                    for value in (m.angle[i], self.angle[i])
-                ]
+                angles = (m.angle[i], self.angle[i])
+                cells += [f"{math.degrees(value):.1f}" if turned[i] else "-" for value in angles]
             lines.append("".join(f"{cell:>12}" for cell in cells))
         rms = math.sqrt(float(np.mean(self.distance**2)))
-        lines.append(
-            f"root mean square distance {rms:.4g}{unit}, {rms / float(np.mean(self.radius)):.3g} radii"
-        )
+        radii = rms / float(np.mean(self.radius))
+        lines.append(f"root mean square distance {rms:.4g}{unit}, {radii:.3g} radii")
         known = self.probability[np.isfinite(self.probability)]
         if len(known):
-            inside = [float(np.mean(known < part)) for part in (0.68, 0.95)]
-            lines.append(
-                f"within the 68 % ellipse {inside[0]:.0%}, within the 95 % ellipse {inside[1]:.0%} of "
-                f"{len(known)} places"
-            )
+            inside = (f"the {part} % ellipse {np.mean(known < 0.01 * part):.0%}" for part in (68, 95))
+            lines.append(f"within {', within '.join(inside)} of {len(known)} places")
         return "\n".join(lines)
 
     def csv(self) -> str:
@@ -233,19 +179,17 @@ class Comparison:
         columns = {
             "id": m.id, "t": m.time, "x": m.position[:, 0], "y": m.position[:, 1], "x_run": self.position[:, 0],
             "y_run": self.position[:, 1], "distance": self.distance, "spread_x": self.spread[:, 0],
-            "spread_y": self.spread[:, 1], "deviation": self.deviation, "probability": self.probability, "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),  # noqa: E501
+            "spread_y": self.spread[:, 1], "deviation": self.deviation, "probability": self.probability,
+            "angle": np.degrees(m.angle), "angle_run": np.degrees(self.angle),
         }  # fmt: skip
-        rows = np.stack([np.asarray(each, dtype=np.float64) for each in columns.values()], axis=-1)
-        lines = (
-            ",".join("" if not math.isfinite(value) else f"{value:.9g}" for value in row) for row in rows
-        )
+        rows = zip(*columns.values(), strict=True)
+        lines = (",".join(f"{value:.9g}" if math.isfinite(value) else "" for value in row) for row in rows)
         return "\n".join((",".join(columns), *lines)) + "\n"
 
     def draw(self, paths: Sequence[Path]) -> None:
         """Draw the run and its paths, the measured places on top, and ellipses of 95 % of the drawn runs."""
         from matplotlib.collections import EllipseCollection
         from matplotlib.figure import Figure
-        from matplotlib.lines import Line2D
 
         blue, orange = "#0072B2", "#D55E00"
         figure = Figure(figsize=(8.0, 7.6), dpi=200, layout="constrained")
@@ -270,51 +214,21 @@ class Comparison:
                 ellipse = vectors * np.sqrt(np.maximum(values, 0.0)) @ circle
                 axes.plot(*(centre[:, None] + ellipse), color=blue, lw=0.9, ls="--", zorder=3)
         m = self.measured
-        axes.errorbar(
-            m.position[:, 0],
-            m.position[:, 1],
-            xerr=m.error[:, 0],
-            yerr=m.error[:, 1],
-            fmt="x",
-            ms=6,
-            mew=1.6,
-            color=orange,
-            zorder=5,
-        )
+        (x, y), (dx, dy) = m.position.T, m.error.T
+        axes.errorbar(x, y, dy, dx, fmt="x", ms=6, mew=1.6, color=orange, zorder=5)
         for one, (x, y) in zip(m.id, m.position, strict=True):
             axes.annotate(str(one), (x, y), textcoords="offset points", xytext=(4, 4), fontsize="x-small")
         low, high = shown.min(axis=0), shown.max(axis=0)
         margin = 0.06 * float(np.max(high - low)) + float(self.radius.max())
-        axes.set_xlim(low[0] - margin, high[0] + margin)
-        axes.set_ylim(low[1] - margin, high[1] + margin)
-        axes.set_aspect("equal")
         of = self.unit.strip() or "reduced units"
-        axes.set_xlabel(f"$x$ ({of})")
-        axes.set_ylabel(f"$y$ ({of})")
-        handles = [
-            Line2D(
-                [],
-                [],
-                color=blue,
-                ls="none",
-                marker="o",
-                ms=9,
-                mfc="#0072B233",
-                label="run: disks at the end, and paths",
-            ),
-            Line2D([], [], color=orange, ls="none", marker="x", ms=7, mew=1.6, label="measured"),
-        ]
+        axes.set(xlabel=f"$x$ ({of})", ylabel=f"$y$ ({of})", aspect="equal")
+        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+        axes.plot([], [], "o", color=blue, ms=9, mfc="#0072B233", label="run: disks at the end, and paths")
+        axes.plot([], [], "x", color=orange, ms=7, mew=1.6, label="measured")
         if drawn:
-            handles.append(
-                Line2D(
-                    [],
-                    [],
-                    color=blue,
-                    ls="--",
-                    label=f"95 % ellipses by {len(self.members)} runs with drawn start and law",
-                )
-            )
-        figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False, fontsize="small")
+            label = f"95 % ellipses by {len(self.members)} runs with drawn start and law"
+            axes.plot([], [], "--", color=blue, label=label)
+        figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize="small")
         save(figure, paths)
 
 
@@ -343,6 +257,9 @@ def compare(
 ) -> Comparison:
     """Hold a run against measured places, and against itself with drawn starts and laws.
 
+    Raises InputError if the run has no positions, a disk or time that it does not have was measured, or a start cannot
+    be drawn.
+
     Parameters
     ----------
     run : path
@@ -361,11 +278,6 @@ def compare(
         Case file of the run, whose start file may have errors of its columns; without it the case that the run holds.
     progress : callable, optional
         Wraps the sequence of members, as `tqdm` does.
-
-    Raises
-    ------
-    InputError
-        If the run has no positions, a disk or time that it does not have was measured, or a start cannot be drawn.
     """
     errors = dict(errors or {})
     with Trajectory(run) as trajectory:
@@ -374,43 +286,32 @@ def compare(
             raise InputError(f"{run}: holds no positions")
         times = np.array([frame.time for frame in trajectory])
         paths = np.stack([np.asarray(frame.position, dtype=np.float64) for frame in trajectory])
-        turned = "angle" in trajectory.fields
-        angles = (
-            np.stack([np.asarray(frame.angle) for frame in trajectory])
-            if turned
-            else np.full((len(times), n), math.nan)
-        )
+        angles = np.full((len(times), n), math.nan)
+        if "angle" in trajectory.fields:
+            angles = np.stack([np.asarray(frame.angle) for frame in trajectory])
         text, overrides = (str(trajectory.parameters.get(key, "")) for key in ("case", "overrides"))
         first = trajectory[0]
-        as_f64 = lambda each: np.asarray(each, dtype=np.float64)  # noqa: E731
-        start = State(as_f64(first.position), as_f64(first.velocity), as_f64(first.spin))
+        x, v, w = (np.asarray(first[name], dtype=np.float64) for name in ("position", "velocity", "spin"))
+        start = State(x, v, w)
     if 0 < members < LEAST_MEMBERS:
         raise InputError(f"members = {members}: 0, or {LEAST_MEMBERS} runs and more, are needed for a spread")
     wrong = [f"disk {one}: the run has disks 0 to {n - 1}" for one in np.unique(measured.id) if one >= n]
-    late = np.isfinite(measured.time) & (
-        (measured.time > times[-1] * (1.0 + 1e-9)) | (measured.time < times[0])
-    )
-    wrong += [
-        f"t = {t:g}: the run lasts from {times[0]:g} to {times[-1]:g}" for t in np.unique(measured.time[late])
-    ]
-    if wrong:
-        raise InputError(listed([f"{run}: {each}" for each in wrong]))
+    before_end = measured.time <= times[-1] * (1.0 + 1e-9)
+    late = np.unique(measured.time[np.isfinite(measured.time) & ~(before_end & (measured.time >= times[0]))])
+    wrong += [f"t = {t:g}: the run lasts from {times[0]:g} to {times[-1]:g}" for t in late]
+    refuse(wrong, run, most=20)
     asked = np.minimum(measured.time, times[-1])
-    position = np.stack(
-        [
-            [np.interp(t, times, paths[:, one, axis]) for axis in (0, 1)]
-            for one, t in zip(measured.id, asked, strict=True)
-        ]
-    )
-    angle = np.array([np.interp(t, times, angles[:, one]) for one, t in zip(measured.id, asked, strict=True)])
+    seen = list(zip(measured.id, asked, strict=True))
+    position = np.array([[np.interp(t, times, paths[:, one, axis]) for axis in (0, 1)] for one, t in seen])
+    angle = np.array([np.interp(t, times, angles[:, one]) for one, t in seen])
     found: list[Array] = []
     if members:
-        file = _case_of(text, overrides) if case is None else case_file.read(case).case
-        gas = (
-            CaseGas.from_case(file, start=False)
-            if case is None
-            else CaseGas.from_case(file, Path(case).parent)
-        )
+        if case is None:
+            file = _case_of(text, overrides)
+            gas = CaseGas.from_case(file, start=False)
+        else:
+            file = case_file.read(case).case
+            gas = CaseGas.from_case(file, Path(case).parent)
         if gas.disks.n != n:
             raise InputError(f"{case}: has {gas.disks.n} disks, and the run {n}: it is another case")
         rng = np.random.default_rng(seed)
@@ -439,11 +340,9 @@ def _drawn(gas: CaseGas, start: State, errors: Mapping[str, float], rng: np.rand
     s_v = np.stack([error("vx", "velocities"), error("vy", "velocities")], axis=-1)
     velocity = start.velocity + s_v * rng.standard_normal((n, 2))
     spin = start.spin + error("spin", "spins") * rng.standard_normal(n)
-    size = float(np.max(s, initial=0.0))
-    position = relax(
-        gas.box, gas.disks.radius, position, 10.0 * size + 1e-5 * float(np.max(gas.disks.radius))
-    )
-    return State(gas.box.wrap(position), velocity, spin)
+    R = gas.disks.radius
+    least = 10.0 * float(np.max(s, initial=0.0)) + 1e-5 * float(np.max(R))
+    return State(gas.box.wrap(relax(gas.box, R, position, least)), velocity, spin)
 
 
 def _case_of(text: str, overrides: str) -> Case:
@@ -485,10 +384,7 @@ def _places(simulation: Simulation, ids: NDArray[np.int64], times: Array) -> Arr
 def read_draws(path: Path | str) -> list[dict[str, float]]:
     """Coefficients that `ifrdem fit --draw` wrote.
 
-    Raises
-    ------
-    InputError
-        If a column is unknown, a coefficient missing, or a value no number.
+    Raises InputError if a column is unknown, a coefficient missing, or a value no number.
     """
     kinds = dict.fromkeys(_COEFFICIENTS, "number")
     table = tabular.read(path, kinds, {tabular.plain(name): name for name in kinds}, Form())

@@ -68,10 +68,8 @@ def _describe_fields(trajectory: Trajectory) -> list[str]:
             filters = f", {damage.compression(dataset)}" if damage.compression(dataset) else ""
             stored = size(dataset.id.get_storage_size())
         frame = int(np.prod(dataset.shape[1:])) * dataset.dtype.itemsize
-        lines.append(
-            f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, "
-            f"{size(frame)} a frame, {stored} stored{filters}"
-        )
+        held = f"{size(frame)} a frame, {stored} stored{filters}"
+        lines.append(f"  {name:<18}{dataset.dtype}{_shape(dataset.shape[2:])}, {held}")
         if len(dataset) > len(trajectory):
             lines[-1] += f", {len(dataset) - len(trajectory)} uncommitted"
     lines.append("observables (per frame)")
@@ -110,10 +108,8 @@ def _describe_histories(trajectory: Trajectory) -> list[str]:
     events, start, end = trajectory.tracked_events
     some = ", ".join(map(str, ids[:8])) + (", ..." if len(ids) > 8 else "")
     until = trajectory.with_unit(f"{end:.6g}", "time")
-    return [
-        f"histories of {len(ids)} disks ({some})",
-        f"  events            {events}, time {start:.6g} to {until}",
-    ]
+    heading = f"histories of {len(ids)} disks ({some})"
+    return [heading, f"  events            {events}, time {start:.6g} to {until}"]
 
 
 def _describe_beside(trajectory: Trajectory) -> list[str]:

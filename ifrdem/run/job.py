@@ -27,12 +27,12 @@ from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
 from ..simulation.tracking import Events
+from ..tools.progress import Progress, Stage
 from ..tools.versions import revision
 from ..trajectory.background import QueuedWriter
 from ..trajectory.views import write_views
 from ..trajectory.writer import TrajectoryWriter
 from .outputs import Outputs
-from .progress import Progress, Stage
 from .recorder import Ledger, Recorder
 from .signals import Stops
 from .status import Status
@@ -141,47 +141,35 @@ def drive(
     Raises Stopped or KeyboardInterrupt or EngineError or TrajectoryError as `run`.
     """
     case, simulation = job.file.case, job.simulation
-    recorder = Recorder(
-        job.writer, job.ledger, simulation.take_events if case.output.tracks else None, job.pending
-    )
+    run = case.run
+    take = simulation.take_events if case.output.tracks else None
+    recorder = Recorder(job.writer, job.ledger, take, job.pending)
     status = Status(
-        job.outputs.trajectory,
-        name=case.run.name,
-        t_end=case.run.t_end,
-        collisions_per_disk_end=case.run.collisions_per_disk,
-        device=device_of(case),
-    )
+        job.outputs.trajectory, name=run.name, t_end=run.t_end,
+        collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),
+    )  # fmt: skip
     stops = Stops(max_hours=max_hours, every_minutes=case.output.checkpoint_minutes, warn=warn)
-    n = job.gas.disks.n
+    n, unit = job.gas.disks.n, UNITS[run.units]["time"] if run.units == "SI" else ""
     progress = Progress(
-        n,
-        t_end=case.run.t_end,
-        collisions_per_disk=case.run.collisions_per_disk,
-        unit=UNITS[case.run.units]["time"] if case.run.units == "SI" else "",
+        n, t_end=run.t_end, collisions_per_disk=run.collisions_per_disk, unit=unit, kernels=backend.kernels
     )
 
     def tell(time: float, collisions: int) -> None:
         progress(time, collisions)
         status.update(
-            time=time,
-            collisions=collisions,
-            collisions_per_disk=2.0 * collisions / max(n, 1),
-            fraction=progress.fraction,
-            collisions_per_second=progress.collisions_per_second,
-            eta_seconds=progress.seconds_left,
-            frames=len(job.writer),
-            series_rows=job.writer.series_rows,
-        )
+            time=time, collisions=collisions, collisions_per_disk=2.0 * collisions / max(n, 1),
+            fraction=progress.fraction, collisions_per_second=progress.collisions_per_second,
+            eta_seconds=progress.seconds_left, frames=len(job.writer), series_rows=job.writer.series_rows,
+        )  # fmt: skip
 
     def row(measure: Measure) -> None:
         recorder.row(measure)
+        ledger = job.ledger
         status.update(
-            temperature=measure.temperature,
-            rotational_temperature=measure.rotational_temperature,
-            energy=measure.energy,
-            dissipated_energy=job.ledger.dissipated(measure),
-            ledger_residual=job.ledger.relative_residual(measure),
-        )
+            temperature=measure.temperature, rotational_temperature=measure.rotational_temperature,
+            energy=measure.energy, dissipated_energy=ledger.dissipated(measure),
+            ledger_residual=ledger.relative_residual(measure),
+        )  # fmt: skip
 
     def between() -> None:
         recorder.between(simulation.time)
@@ -270,20 +258,19 @@ def finish(job: Job, began: float, before: int, rate: float, say: Callable[[str]
         say(f"  {path} ({check.size(bytes_there)})")
 
 
-def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], None]:
+def _draw(case: Case, gas: CaseGas) -> Callable[[Path, Path], object]:
     """Function that draws the picture of a case."""
-    from ..plots import impact_scan, table_friction
-    from ..plots import run as plot  # Matplotlib takes a second, which no run need wait for at its beginning
+    from .. import plots  # Matplotlib takes a second, which no run need wait for at its beginning
 
     if case.start.file is None and case.start.positions == IMPACT_SCAN:
-        return impact_scan.impact_scan
+        return plots.impact_scan
     if any(each.kind == "table_friction" for each in case.force):
-        return table_friction.table
+        return plots.table
     if case.walled:
-        return plot.walled
+        return plots.walled
     if gas.box.shear_rate:
-        return plot.sheared
-    return plot.driven if case.force else plot.cooling
+        return plots.sheared
+    return plots.driven if case.force else plots.cooling
 
 
 def _one_line(text: str) -> str:

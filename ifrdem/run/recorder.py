@@ -32,13 +32,6 @@ COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "c
 class Ledger:
     """Energy ledger of a trajectory: `observables` makes quantities of the whole gas from the measure of each frame.
 
-    Attributes
-    ----------
-    first, latest : Measure or None
-        Those in the trajectory.
-    frames : int
-        How many it has.
-
     Examples
     --------
     >>> import ifrdem
@@ -51,7 +44,9 @@ class Ledger:
 
     first: Measure | None = None
     latest: Measure | None = None
+    """first, latest: those in the trajectory."""
     frames: int = 0
+    """How many it has."""
 
     def dissipated(self, measure: Measure) -> float:
         """Energy that collisions have taken since the first frame [energy]."""
@@ -68,9 +63,8 @@ class Ledger:
         """The same, over all energy that was there or put in."""
         residual = self.residual(measure)
         assert self.first is not None
-        turned = sum(
-            map(abs, (self.first.energy, measure.energy_input, measure.wall_work, measure.wall_heat))
-        )
+        first, now = self.first, measure
+        turned = sum(map(abs, (first.energy, now.energy_input, now.wall_work, now.wall_heat)))
         return None if residual is None or turned == 0.0 else residual / turned
 
     def observables(self, measure: Measure) -> dict[str, Any]:
@@ -106,17 +100,13 @@ def _plain(measure: Measure | None) -> dict[str, Any] | None:
     if measure is None:
         return None
     values = {each.name: getattr(measure, each.name) for each in fields(measure)}
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()
-    }
+    return {name: each.tolist() if isinstance(each, np.ndarray) else each for name, each in values.items()}
 
 
 def _measure(record: Mapping[str, Any] | None) -> Measure | None:
     if record is None:
         return None
-    values: dict[str, Any] = {
-        name: np.array(each) if isinstance(each, list) else each for name, each in record.items()
-    }
+    values: Any = {name: np.array(each) if isinstance(each, list) else each for name, each in record.items()}
     return Measure(**values)
 
 

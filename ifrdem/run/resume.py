@@ -83,9 +83,8 @@ def resume(
         checkpoint.check_versions(record, path)
         extra: Mapping[str, Any] = record["extra"]
         if "course" not in extra:
-            raise InputError(
-                f"{path}: a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
-            )
+            text = "a checkpoint of `Simulation.save_checkpoint`: Simulation.load_checkpoint goes on with it"
+            raise InputError(f"{path}: {text}")
         if not ignore_case_changes:
             _refuse_changed(path, extra)
         case = Case.model_validate_json(extra["case_as_set"])
@@ -97,9 +96,8 @@ def resume(
         ledger = Ledger.from_record(extra["ledger"])
         course = Course.from_record(extra["course"], case.output.frame_cadence, case.output.series_cadence)
         state, tracked = checkpoint.state_of(arrays), arrays["tracked"]
-        seen: dict[str, Any] = {
-            name: operator.index(extra["seen"][name]) for name in ("frames", "series_rows", "events")
-        }
+        names = ("frames", "series_rows", "events")
+        seen: dict[str, Any] = {name: operator.index(extra["seen"][name]) for name in names}
     if threads is not None:
         case = case.model_copy(update={"run": case.run.model_copy(update={"threads": threads})})
     device.check(case.run.arch, case.run.threads, case.run.precision)
@@ -114,10 +112,9 @@ def resume(
         simulation.load_checkpoint(path)
         later = len(writer) - ledger.frames
         more = f"; {later} later frames of the file are computed again and compared" if later > 0 else ""
-        say(
-            f"{case.run.name}: {gas.disks.n} disks go on at t = {simulation.time:.6g}{case.unit('time')}, "
-            f"after {simulation.collisions} collisions and {ledger.frames} frames, on {how(case)}{more}"
-        )
+        begun_at = f"t = {simulation.time:.6g}{case.unit('time')}, after {simulation.collisions} collisions"
+        frames = f"{ledger.frames} frames, on {how(case)}{more}"
+        say(f"{case.run.name}: {gas.disks.n} disks go on at {begun_at} and {frames}")
         job = Job(file, gas, outputs, simulation, course, ledger, queue, pending)
         before = simulation.collisions
         rate = drive(job, max_hours=max_hours, say=say, warn=warn)
@@ -141,9 +138,8 @@ def _refuse_changed(path: Path, extra: Mapping[str, Any]) -> None:
         return
     if present == extra["case"]:
         return
-    diff = difflib.unified_diff(
-        extra["case"].splitlines(), present.splitlines(), "begun", "now", lineterm="", n=0
-    )
+    old, new = extra["case"].splitlines(), present.splitlines()
+    diff = difflib.unified_diff(old, new, lineterm="", n=0)
     lines = [line for line in diff if not line.startswith(("---", "+++", "@@"))]
     more = f" (and {len(lines) - 6} lines more)" if len(lines) > 6 else ""
     raise InputError(

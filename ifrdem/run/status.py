@@ -21,7 +21,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from ..errors import InputError, printable
 from ..tools import files
-from .progress import clock_face
+from ..tools.progress import clock_face
 
 ENDING = ".status.json"
 RUNNING = "running"
@@ -212,10 +212,8 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise InputError(f"{place} is not a status file of ifrdem: {error}") from error
     if record.state == RUNNING and not _lives(record):
         record.state = "dead"
-        record.message = (
-            f"process {record.pid} is gone without a word; "
-            f"{record.trajectory} holds the {record.frames or 'first'} frames it had committed"
-        )
+        held = f"{record.trajectory} holds the {record.frames or 'first'} frames it had committed"
+        record.message = f"process {record.pid} is gone without a word; {held}"
     return record.model_dump()
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -20,15 +21,20 @@ from ..kernels.language import ti
 from ..kernels.limits import ADDRESSABLE, ALONE, WALL
 from ..kernels.shear import displacement
 from ..kernels.walls import HEAT, TEMPERATURE
+from ..kernels.windows import exchange
 from ..model.box import Box
 from ..model.state import Disks, State
 from . import device
 
 CELL = 1.0 + 1e-6  # side of a cell in largest diameters, at least: what rounding leaves of it
 LEAST_GAP = 2.0  # ratio of radii on both sides of a gap between them, from which on cells have two layers
-LEAST_TILE = 12.0  # side of a tile in largest diameters, at least
+LEAST_TILE, GPU_LEAST_TILE = 12.0, 8.0  # side of a tile in largest diameters, at least
 FEWER_WINDOWS = 4.0  # of gases in one tile, which need no halo
-GPU_COLLISIONS, GPU_TILE = 0.4, 100  # the same for a GPU, a thread a tile: by a model, not measured
+CHAINS, GPU_CHAINS = 4.0, 4.0  # halo for those who hit one another in chains, in largest diameters
+GPU_COLLISIONS, GPU_TILE = 0.4, 64  # the same for a GPU
+GPU_THREADS = 32768  # of which some work on events, spread over all multiprocessors
+BURST = 64  # windows of a gas in one tile that one launch runs at most
+GPU_BURST = 20_000_000  # disks times windows, of a GPU
 ROOM = 0.5  # around an open gas, in extents of what it fills: beyond, its cells have no ends
 SLACK = 1.3  # of the scratch space of a lane, beyond what the densest tile needed
 
@@ -123,8 +129,11 @@ class DeviceArrays:
             self.kind.from_numpy(self._kind.astype(np.int32))
         self.law = ti.ndarray(self._type, law_table.shape)
         self.law.from_numpy(law_table.astype(self.real))
-        # Small arrays that the host reads after every launch: kernels take NumPy arrays as they are on a CPU.
-        self.counter = np.zeros(16, dtype=np.int32)
+        # Small arrays that the host reads after every launch. Kernels on a CPU take NumPy arrays as they are; a GPU has
+        # arrays of its own for them (`launch`).
+        self.on_gpu = options.arch != "cpu"
+        self._twins: dict[str, Any] = {}
+        self.counter = np.zeros(20, dtype=np.int32)
         self.clock = np.zeros(16)
         self.grid = np.zeros(24, dtype=np.int32)
         self.scale = np.zeros(20, dtype=self.real)
@@ -147,11 +156,13 @@ class DeviceArrays:
             rows[self.thermal, HEAT] = np.arange(len(self.thermal))
             self.walls.from_numpy(rows)
         self.sums = np.zeros(k.TALLY + len(self.thermal))
+        self.tile: Any = None
+        self.listed: Any = None
         self.disk: Any = None
         self.meta: Any = None
         self.past: Any = None
         self.hits: Any = None
-        self._lanes = 0
+        self._lanes = self.batch = 0
         self.trail = self._vectors(2, ti.i32, self.room)
         self.way = self._array(ti.f32, self.room)
         self.back = self._array(ti.i32, self.room)
@@ -222,7 +233,7 @@ class DeviceArrays:
         self._replace("link", self._vectors(16, ti.i32, rows))
         self._replace("mark", self._vectors(6, ti.i32, rows))
         self._replace("begun", self._vectors(2, self._type, rows))
-        self._replace("chosen", self._vectors(3, ti.i32, rows))
+        self._replace("chosen", self._vectors(4, ti.i32, rows))
         self._replace("since", self._array(self._type, rows if uses.remembers else 1))
         self._replace("turn", self._array(ti.f64, rows if uses.turned else 1))
         self._replace("head", self._array(ti.i32, lanes * cells))
@@ -268,12 +279,19 @@ class DeviceArrays:
         if self.uses.sheared:
             self.scale[k.DRIFT] = self.box.shear_rate * edges[1][1]
         total = self.tiles = tiles[0] * tiles[1]
-        self.edge_x, self.edge_y = edges
-        self.tile = np.zeros((total, 8), dtype=np.int32)
-        self.listed = np.zeros(total, dtype=np.int32)
-        self.reach = np.zeros((total, 4), dtype=self.real)
-        self.tally = np.zeros((total, 2, k.TALLY))
-        self.heat = np.zeros((total, 2, max(len(self.thermal), 1)))
+        heats = max(len(self.thermal), 1)
+        for axis, name in enumerate(("edge_x", "edge_y")):
+            self._replace(name, self._array(ti.f64, len(edges[axis])))
+            getattr(self, name).from_numpy(edges[axis])
+        self._replace("tile", self._array(ti.i32, total, 8))
+        self._replace("listed", self._array(ti.i32, total))
+        self._replace("reach", self._array(self._type, total, 5))
+        self._replace("tally", self._array(ti.f64, total, 2, k.TALLY))
+        self._replace("heat", self._array(ti.f64, total, 2, heats))
+        blocks = (total + k.BLOCK_OF_TILES - 1) // k.BLOCK_OF_TILES
+        columns = k.FIRST_SUM + 2 * (k.TALLY + heats)
+        self._replace("found", self._array(ti.f64, blocks, columns))
+        self.total = np.zeros(columns)
         self.scale[k.LENGTH_X], self.scale[k.LENGTH_Y] = (
             edges[0][-1] - edges[0][0],
             edges[1][-1] - edges[1][0],
@@ -294,18 +312,22 @@ class DeviceArrays:
         self.area = float(np.prod(high - low))
         phi = self.packing_fraction = min(float(np.pi * np.sum(disks.radius**2)) / self.area, 0.85)
         collisions, tile_disks = division(phi)
-        if options.arch != "cpu":
+        if self.on_gpu:
             collisions, tile_disks = min(collisions, GPU_COLLISIONS), GPU_TILE
         free = self.area / max(n, 1)  # of a disk
         few = n <= ALONE
         sheared = self.uses.sheared
-        if few and not sheared:
+        if few and not sheared and not self.on_gpu:
             collisions *= FEWER_WINDOWS
+        if options.window_collisions is not None:  # whatever the device: windows decide the bits
+            collisions = options.window_collisions
         mean = 2.0 * float(disks.radius.mean()) if n else 1.0
         self.clock[k.PATH] = collisions * free / (math.sqrt(2.0 * math.pi) * mean * chi(phi))
         # A gas in one tile: nobody goes round the box in a window, for the grid of places.
         own = float((high - low).min())
-        if sheared or not few:
+        if options.window_collisions is not None:
+            own = min(own, math.sqrt(GPU_TILE * free))
+        elif sheared or not few or self.on_gpu:
             own = min(own, math.sqrt(tile_disks * free))
         self.clock[k.TILE_SIDE] = own
         least = float((high - low).max()) / 3e4  # columns and rows of cells are counted in 16 bits
@@ -320,7 +342,8 @@ class DeviceArrays:
         self.alone = options.order == "alone" or (options.order is None and few and options.arch == "cpu")
         self.alone = self.alone and not sheared
         if not self.alone:
-            side = max(math.sqrt((options.tile_disks or tile_disks) * free), LEAST_TILE * self.widest)
+            least_tile = GPU_LEAST_TILE if self.on_gpu else LEAST_TILE
+            side = max(math.sqrt((options.tile_disks or tile_disks) * free), least_tile * self.widest)
             tiles = tuple(max(1, int(length / side)) for length in (high - low))  # type: ignore[assignment]
         self.divide((tiles[0], tiles[1]), low, high)
         if sheared:  # no last resort: windows are short enough for the tiles
@@ -332,6 +355,14 @@ class DeviceArrays:
         self.clock[k.FREE_PATH], self.clock[k.IN_WINDOW] = self.clock[k.PATH], 0.5 * n * collisions
         lanes = 1 if self.alone else min(device.lanes(), self.tiles)
         self.grid[k.LANES], self.grid[k.ALONE] = lanes, int(self.alone)
+        spread = min(max(GPU_THREADS // self.tiles, 1), k.TEAM)
+        self.grid[k.STRIDE] = 1 << (spread.bit_length() - 1)
+        self.batch = lanes if self.on_gpu else self.tiles  # tiles that one launch runs at most
+        # Windows that follow one another without a look by the host, which would cost a GPU as long as a small gas.
+        self.burst = BURST if self.alone else 1
+        if self.on_gpu:
+            self.burst = 1 if sheared or self.alone else min(BURST, 1 + GPU_BURST // max(n, 1))
+        self.scale[k.CHAIN] = self.widest * ((GPU_CHAINS if self.on_gpu else CHAINS) + 3.0 * phi)
         if self.alone:
             places, cells = n, int(1.3 * np.prod(np.maximum((high - low) / side, 1.0))) + 64
         else:
@@ -412,9 +443,14 @@ class DeviceArrays:
             hits[:n, k.WALL_HITS] = state.wall_hits[order]
             hits[:n, k.LAST_PARTNER] = state.last_partner[order]
             self.hits.from_numpy(hits)
-        count = np.bincount(tile, minlength=self.tiles)
-        self.tile[:, k.COUNT] = count
-        self.tile[:, k.START] = np.cumsum(count) - count
+        self.set_lists(0, np.bincount(tile, minlength=self.tiles))
+
+    def set_lists(self, part: int, count: NDArray[np.int64], start: NDArray[np.int64] | None = None) -> None:
+        """Say how many disks each tile lists, and where its list begins: one after another, if not told."""
+        tile = self.tile.to_numpy()
+        tile[:, k.COUNT + part] = count
+        tile[:, k.START + part] = np.cumsum(count) - count if start is None else start
+        self.tile.from_numpy(tile)
 
     def list_anew(self) -> None:
         """List the disks by the tiles they are in; places stay what they are, to the last bit."""
@@ -422,7 +458,8 @@ class DeviceArrays:
         rows = slice(part * self.room, part * self.room + n)
         held = {name: getattr(self, name).to_numpy() for name, kept in self.state_arrays().items() if kept}
         counts = np.array([self.grid[k.TILES_X], self.grid[k.TILES_Y]])
-        first, count = self.tile[:, k.START + part], self.tile[:, k.COUNT + part]
+        lists = self.tile.to_numpy()
+        first, count = lists[:, k.START + part], lists[:, k.COUNT + part]
         listed = np.empty(n, dtype=np.int64)
         for tile in range(self.tiles):
             listed[first[tile] : first[tile] + count[tile]] = tile
@@ -444,10 +481,7 @@ class DeviceArrays:
         for name, values in held.items():
             values[rows] = values[rows][order]
             getattr(self, name).from_numpy(values)
-        found = np.bincount(tile, minlength=self.tiles)
-        self.tile[:, k.COUNT + part] = found
-        self.tile[:, k.START + part] = np.cumsum(found) - found
-        self.reach[:, k.PROTRUDES] = 0.0
+        self.set_lists(part, np.bincount(tile, minlength=self.tiles))
 
     def state_arrays(self) -> dict[str, bool]:
         """Names of the arrays that hold a state, and whether this gas keeps them."""
@@ -459,6 +493,34 @@ class DeviceArrays:
 
     def launch(self, kernel: Callable[..., Any], *numbers: float, **given: Any) -> Any:
         """Run a kernel: its first arguments are `numbers`, the others arrays, `given` or found here by their names."""
+        if not self.on_gpu:
+            return self._call(kernel, numbers, given)
+        with self.sent():
+            return self._call(kernel, numbers, given | self._twins)
+
+    @contextmanager
+    def sent(self) -> Iterator[Callable[..., Any]]:
+        """Run several kernels, by what this gives, before the host sees what became of the small arrays."""
+        if not self.on_gpu:
+            yield self.launch
+            return
+        if not self._twins:
+            for name in _SMALL:
+                kind = {np.dtype(np.int32): ti.i32, np.dtype(np.float32): ti.f32}.get(
+                    getattr(self, name).dtype, ti.f64
+                )
+                self._twins[name] = self._array(kind, len(getattr(self, name)))
+        own = [getattr(self, name) for name in _SMALL]
+        board = np.concatenate(own).astype(np.float64)
+        exchange(board, 1, *self._twins.values())
+        yield lambda kernel, *numbers, **given: self._call(kernel, numbers, given | self._twins)
+        exchange(board, 0, *self._twins.values())
+        at = 0
+        for array in own:
+            array[:] = board[at : at + len(array)]
+            at += len(array)
+
+    def _call(self, kernel: Callable[..., Any], numbers: tuple[float, ...], given: dict[str, Any]) -> Any:
         if kernel not in self._arguments:
             self._arguments[kernel] = list(inspect.signature(kernel).parameters)
         names = self._arguments[kernel][len(numbers) :]
@@ -496,6 +558,9 @@ class DeviceArrays:
         for name, array in self._on_device().items():
             device.free_array(array)
             setattr(self, name, None)
+        for value in self._twins.values():
+            device.free_array(value)
 
 
 _STATE = ("disk", "meta", "past", "hits")
+_SMALL = ("grid", "scale", "clock", "sums", "counter", "total")

@@ -23,7 +23,7 @@ from ..errors import EngineError, InputError, nearest
 
 ARCHITECTURES = ("cpu", "cuda")
 PRECISIONS = ("f64", "f32")
-GPU_LANES = 16384  # threads with a tile each: some 128 on each multiprocessor of a large one
+GPU_LANES = 65536  # tiles that have scratch space at the same time
 LOG = logging.getLogger("ifrdem")
 
 
@@ -156,9 +156,37 @@ def cuda_absence() -> str | None:
     return None
 
 
+def _gpu() -> tuple[ctypes.CDLL, ctypes.c_int]:
+    """The driver and its first device; there must be one (`cuda_absence`)."""
+    driver, handle = ctypes.CDLL("libcuda.so"), ctypes.c_int(0)
+    driver.cuInit(0)
+    driver.cuDeviceGet(ctypes.byref(handle), 0)
+    return driver, handle
+
+
+def gpu_name() -> str:
+    """Name of the GPU."""
+    driver, handle = _gpu()
+    name = ctypes.create_string_buffer(256)
+    driver.cuDeviceGetName(name, 256, handle)
+    return name.value.decode(errors="replace")
+
+
+def gpu_memory() -> int:
+    """Bytes of memory of the GPU."""
+    driver, handle = _gpu()
+    memory = ctypes.c_size_t(0)
+    driver.cuDeviceTotalMem_v2(ctypes.byref(memory), handle)
+    return memory.value
+
+
 def device(arch: str) -> Device:
     """A device, which may be there or not."""
-    return Device(arch, f"{cpu_name()}, {cores()} threads" if arch == "cpu" else "NVIDIA GPU (CUDA)")
+    if arch == "cpu":
+        return Device(arch, f"{cpu_name()}, {cores()} threads")
+    if cuda_absence() is not None:
+        return Device(arch, "NVIDIA GPU (CUDA)")
+    return Device(arch, f"{gpu_name()} (CUDA)")
 
 
 def available() -> list[Device]:
@@ -234,6 +262,13 @@ def lanes() -> int:
     """Tiles that the device runs at the same time."""
     assert _running is not None
     return _running.threads if _running.arch == "cpu" else GPU_LANES
+
+
+def kernels() -> int:
+    """Number of kernels compiled so far, or found in the cache."""
+    import taichi as ti
+
+    return int(ti.lang.impl.get_runtime().get_num_compiled_functions())
 
 
 def free_array(array: Any) -> None:

@@ -89,6 +89,9 @@ class EngineOptions:
         bits.
     tile_disks : int or None
         Disks of a tile; by default what is fastest.
+    window_collisions : float or None
+        Collisions that a disk has in a window, at most 10; by default what is fastest on the device. Bits depend on it:
+        with the same, a CPU and a GPU give the same (`exactness`).
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
     velocity_cutoff : float
@@ -106,6 +109,7 @@ class EngineOptions:
     precision: str = "f64"
     order: str | None = None
     tile_disks: int | None = None
+    window_collisions: float | None = None
     gravity: tuple[float, float] = (0.0, 0.0)
     velocity_cutoff: float = 0.0
     contact_time: float = 0.0
@@ -119,6 +123,10 @@ class EngineOptions:
         object.__setattr__(self, "seed", seeds.of_device(self.seed))
         if self.order not in (None, *ORDERS):
             raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
+        if self.window_collisions is not None and not 0.0 < self.window_collisions <= 10.0:
+            raise InputError(
+                f"window_collisions = {self.window_collisions!r}: allowed are numbers above 0, at most 10"
+            )
 
 
 @dataclass(frozen=True)
@@ -454,7 +462,7 @@ class Engine:
         self, t_end: float, collisions: int | None, kick: float, pause_at: float, pause_after: int | None
     ) -> None:
         from ..kernels.layout import COLLISIONS, PAIRS, TRACKED
-        from .windows import BURST
+        from .arrays import BURST
 
         windows = self.windows
         watching = PAIRS if self.keep_collisions else TRACKED if self.tracking is not None else 0

@@ -24,6 +24,9 @@ from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
 from ..model.walls import Wall, check_types, sides
 from ..tools import checked
+from ..tools.pictured import PicturedDisks
+from ..tools.progress import Progress as Bar
+from ..tools.progress import seen
 from ..tools.sealed import Sealed
 from . import checkpoint, checks
 from . import device as backend
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
     from ..model.forces import Force
     from .tracking import Statistics
 
+
+BAR_STEPS = 100
+"""Pauses of a run that shows a bar, unless its series asks for others."""
 
 Called = TypeVar("Called")
 
@@ -53,7 +59,7 @@ class _Stopped(Exception):
     """The end of a run that `Simulation.stop` has asked for."""
 
 
-class Simulation(Sealed):
+class Simulation(Sealed, PicturedDisks):
     """Rough disks in a box, periodic, sheared or between walls, collided exactly by the IFR law.
 
     Parameters
@@ -77,6 +83,9 @@ class Simulation(Sealed):
         Threads on the CPU, all cores by default. The trajectory is the same to the last bit for any number.
     precision : {"f64", "f32"}
         Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
+    window_collisions : float, optional
+        Collisions that a disk has in a window of the engine, at most 10; by default what is fastest on the device.
+        Windows decide the last bits: with the same number, a CPU and a GPU give the same (`ifrdem docs exactness`).
     walls : sequence of Wall
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit
         first.
@@ -145,6 +154,7 @@ class Simulation(Sealed):
         arch: str = "cpu",
         threads: int | None = None,
         precision: str = "f64",
+        window_collisions: float | None = None,
         walls: Sequence[Wall] = (),
         gravity: tuple[float, float] = (0.0, 0.0),
         collapse: str = "none",
@@ -179,8 +189,9 @@ class Simulation(Sealed):
         with backend.sole_use():
             self._engine = Engine(
                 disks, box, state, table, arch=arch, threads=threads, precision=precision,
-                walls=walls, gravity=gravity, velocity_cutoff=remedy.velocity_cutoff or 0.0,
-                contact_time=remedy.contact_time or 0.0, forces=forces, seed=seed,
+                window_collisions=window_collisions, walls=walls, gravity=gravity,
+                velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
+                forces=forces, seed=seed,
                 law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
@@ -330,6 +341,11 @@ class Simulation(Sealed):
     def box(self) -> Box:
         """The box."""
         return self._engine.box
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """Walls beside those at the sides of the box."""
+        return tuple(self._engine.walls[: self._engine.given_walls])
 
     @property
     def time(self) -> float:
@@ -487,7 +503,7 @@ class Simulation(Sealed):
         observers: Iterable[Observer] = (),
         series: int | Cadence | None = None,
         samplers: Iterable[Sampler] = (),
-        progress: Progress | None = None,
+        progress: Progress | bool | None = None,
     ) -> None:
         """Run to a time, or until each disk has had so many collisions on average since the start.
 
@@ -508,8 +524,11 @@ class Simulation(Sealed):
             How often samplers are called, likewise.
         samplers : iterable of callables
             Each is called as `sampler(measure)` at the beginning, the end, and in between.
-        progress : callable
-            Called as `progress(time, collisions)` after every window; after some, where those of a small gas are short.
+        progress : bool or callable, optional
+            A bar in a notebook or on a terminal, which says how many kernels it has compiled until the gas moves; by
+            default only there, and not of a run below half a second. True writes lines elsewhere, False nothing
+            anywhere. A function is called as `progress(time, collisions)` after every window; after some, where those
+            of a small gas are short.
 
         Notes
         -----
@@ -539,7 +558,20 @@ class Simulation(Sealed):
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
-        self.follow(Course(span, frames, series), observers=observers, samplers=samplers, progress=progress)
+        bar = None
+        if progress is True or (progress is None and seen()):
+            progress = bar = Bar(
+                self.disks.n, t_end=t_end, collisions_per_disk=collisions_per_disk, unit="", kernels=backend.kernels,
+                brief=True,
+            )  # fmt: skip
+            series = Cadence(number=BAR_STEPS) if series is None else series  # pauses, which change no bit
+        with bar or contextlib.nullcontext():
+            self.follow(
+                Course(span, frames, series),
+                observers=observers,
+                samplers=samplers,
+                progress=progress or None,
+            )
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.
@@ -623,9 +655,10 @@ class Simulation(Sealed):
                 )  # fmt: skip
                 if progress is not None:
                     progress(self.time, self.collisions)
-                if sampling and row.reached(self.time, self.collisions):
+                if course.series is not None and row.reached(self.time, self.collisions):
                     course.next_row = rows.after(course.next_row, self.time, self.collisions)
-                    self._sample(samplers)
+                    if sampling:
+                        self._sample(samplers)
                 if between is not None and not frame.reached(self.time, self.collisions):
                     between()
                 self._stop_if_asked()

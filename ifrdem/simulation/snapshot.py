@@ -58,9 +58,9 @@ def take(engine: Engine) -> Snapshot:
         for name, kept in a.state_arrays().items():
             if kept:
                 found[name] = getattr(a, name).to_numpy()[rows]
-        found["tile"] = a.tile[:, [k.START + part, k.COUNT + part]]
-        found["edge_x"], found["edge_y"] = a.edge_x, a.edge_y
-        found["protrudes"] = a.reach[:, k.PROTRUDES].copy()
+        found["tile"] = a.tile.to_numpy()[:, [k.START + part, k.COUNT + part]]
+        found["edge_x"], found["edge_y"] = a.edges
+        found["protrudes"] = np.array([windows.protrudes])
         found["scales"] = np.array([*a.clock[_LENGTHS], a.scale[k.CELL_SIDE], a.area], np.float64)
         found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess])
         found.update(windows.snapshot())
@@ -97,8 +97,9 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
         raise InputError(f"checkpoint: {len(found['disk'])} disks, here are {n}")
     low, high = (np.array([found["edge_x"][end], found["edge_y"][end]]) for end in (0, -1))
     a.divide((len(found["edge_x"]) - 1, len(found["edge_y"]) - 1), low, high)
-    a.edge_x, a.edge_y = found["edge_x"].copy(), found["edge_y"].copy()
-    a.edges = [a.edge_x, a.edge_y]
+    for axis, name in enumerate(("edge_x", "edge_y")):
+        a.edges[axis] = found[name]
+        getattr(a, name).from_numpy(found[name])
     a.alone = a.alone and a.tiles == 1
     a.grid[k.PART] = 0
     for name, kept in a.state_arrays().items():
@@ -106,13 +107,13 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
             values = getattr(a, name).to_numpy()
             values[:n] = found[name]
             getattr(a, name).from_numpy(values)
-    a.tile[:, [k.START, k.COUNT]] = found["tile"]
-    a.reach[:, k.PROTRUDES] = found["protrudes"]
+    a.set_lists(0, found["tile"][:, 1], found["tile"][:, 0])
     *lengths, a.scale[k.CELL_SIDE], a.area = found["scales"].tolist()
     a.clock[_LENGTHS] = lengths
     _time, engine._collided_at, engine._flow_excess = found["clock"].tolist()
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
     engine._before, engine._parted = (before[0], before[1]), bool(parted)
+    windows.protrudes = float(found["protrudes"].max())
     windows.put_back(found, k.TRACKED if engine.tracking is not None else 0)
     if engine.tracking is not None:
         engine.tracking.take()  # of what was before, nothing

@@ -14,15 +14,20 @@ from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse
 from ..kernels import layout as k
-from ..kernels.windows import LARGEST_WAY, path_from, run_windows, survey, verify, window_length
-from .arrays import SLACK, DeviceArrays
+from ..kernels.windows import (
+    LARGEST_WAY,
+    LEAST_HALO,
+    path_from,
+    run_windows,
+    survey,
+    usual_halo,
+    verify,
+    window_length,
+)
+from .arrays import BURST, SLACK, DeviceArrays
 from .tracking import Statistics
 
-WIDER = 1.6  # halo of a tile that has to be run again
-NARROWER = 0.97  # a halo that had to be wider is so in the next windows too, less from window to window
-LEAST_HALO = 0.7  # of the least side of a tile, that the widest halo may have before disks are listed anew
 MOST_HALVINGS = 40  # of the window of a sheared gas
-BURST = 64  # windows of a gas in one tile that one launch runs at most
 
 
 class Windows:
@@ -48,7 +53,10 @@ class Windows:
         self._moment_now = 0.0
         size = len(arrays.sums)
         self._done, self._at_end, self._at_moment = np.zeros(size), np.zeros(size), np.zeros(size)
-        self._wider = np.ones(0)  # of each tile: its halo, as a multiple of the one that all begin with
+        self.protrudes = (
+            0.0  # how far disks are beyond the sides of the tiles that list them, at the beginning
+        )
+        self._burst = 1  # windows of a GPU that went well one after another
         self._claimed = 0  # claims of the tiles that ran last
         self._counted = math.nan  # beginning of the window that the statistics have counted
         self._watched: list[tuple[NDArray[Any], NDArray[Any]]] = []
@@ -110,6 +118,8 @@ class Windows:
         """Have a window begin at the present time, which is no moment within one."""
         part, _since = self.part
         self._done = self.sums
+        if self._ahead and self.now == self.end:
+            self.protrudes = self._most(k.MOST_PROTRUDES)
         self.arrays.grid[k.PART] = part
         self.begin = self.end = self.now
         self._forget()
@@ -117,6 +127,7 @@ class Windows:
     def settle_at(self, time: float) -> None:
         """Have a window begin at a time at which a state is laid into the arrays anew."""
         self._done = self.sums
+        self.protrudes = 0.0
         self.begin = self.end = self.now = time
         self._forget()
 
@@ -164,13 +175,11 @@ class Windows:
         if not self._surveyed:
             a.clock[k.SQUARE_UNIT] = 1.0
             a.launch(survey)
-            a.clock[k.SQUARE_UNIT] = square_unit(float(a.tally[:, k.AT_END, k.FASTEST].max()))
+            a.clock[k.SQUARE_UNIT] = square_unit(self._most(k.MOST_SPEED))
             a.launch(survey)
             self._surveyed = True
-        fastest2 = float(a.tally[:, k.AT_END, k.FASTEST].max())
-        mean_square = (
-            float(a.tally[:, k.AT_END, k.SQUARES].sum()) * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
-        )
+        fastest2 = self._most(k.MOST_SPEED)
+        mean_square = self._tally(k.AT_END)[k.SQUARES] * float(a.clock[k.SQUARE_UNIT]) / max(a.n, 1)
         pull = math.hypot(float(a.scale[k.GX]), float(a.scale[k.GY]))
         length = window_length(
             mean_square, fastest2, a.clock[k.PATH], a.clock[k.TILE_SIDE], pull, a.clock[k.WALL_SPEED]
@@ -193,12 +202,14 @@ class Windows:
             self.arrays.grid[k.PART] = 1 - self.arrays.grid[k.PART]
             self._ahead, self._surveyed, self._moment, self._moment_now = False, True, math.inf, 0.0
             a = self.arrays
+            self.protrudes = self._most(k.MOST_PROTRUDES)
             a.clock[k.PATH] = path_from(
                 a.clock[k.PATH], a.clock[k.FREE_PATH], a.clock[k.IN_WINDOW],
                 a.clock[k.SPEED] * (self.end - self.begin), self._at_end[k.COLLISIONS],
             )  # fmt: skip
             if not a.alone and not a.uses.sheared and self._widest_halo() < LEAST_HALO * self._least_side():
                 self.arrays.list_anew()
+                self.protrudes = 0.0
         if not self._ahead and not self._ready:
             self.plan(kick)
             self._ready = True
@@ -225,13 +236,16 @@ class Windows:
         if self._ahead and watching and self._watching != watching:
             self._compute(self._moment_now, 1, watching)  # from its beginning, to see what happened in it
         if self._paused or not self._ahead:
-            if a.alone or stop < self.end:
+            if a.alone or stop < self.end or (a.burst > 1 and math.isfinite(stop)):
                 a.make_moment()
             a.clock[[k.STOP, k.PAUSE, k.KICK]] = stop, pause_at, kick
             a.clock[k.WANTED] = math.inf if wanted is None else wanted
             a.clock[k.PAUSE_AFTER] = math.inf if pause_after is None else pause_after
             moment = stop - self.begin if stop < self.end else math.inf
-            self._compute(moment, most if a.alone else 1, watching, pausing=a.alone and watching != k.TRACKED)
+            pausing = a.alone and not a.on_gpu and watching != k.TRACKED
+            self._compute(
+                moment, min(most, a.burst, self._burst if a.on_gpu else most), watching, pausing=pausing
+            )
         if self._paused:
             self._moment_now = self._moment
             by_count = a.counter[k.PAUSED] == k.BY_COUNT
@@ -275,7 +289,7 @@ class Windows:
         return np.concatenate(real), np.concatenate(whole)
 
     def _compute(self, moment: float, most: int, watching: int, *, pausing: bool = False) -> None:
-        """Run the window to its end; `most` of them, where one tile is the whole box.
+        """Run the window to its end; up to `most` of them.
 
         When `pausing`, which only a gas in one tile can, to the moment or to so many collisions, and on from there.
         """
@@ -301,15 +315,16 @@ class Windows:
         self._launch(1 if alone else a.tiles, most, pausing=pausing, resuming=resuming)
         again = bool(begin == self._counted)
         self.statistics.windows -= again
-        if alone:
-            self._paused = bool(a.counter[k.PAUSED])
-            self.statistics.windows += int(a.counter[k.N_WINDOWS])
-            self._done = a.sums.copy()
-            self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
-            self._collect(watching)
-        else:
-            self.statistics.windows += 1
-            self._collect(watching)
+        self._paused = bool(a.counter[k.PAUSED])
+        done = int(a.counter[k.N_WINDOWS])
+        self._burst = max(2 * most, self._burst) if done >= most else max(done, 1)
+        self.statistics.windows += done
+        self._collect(watching)
+        self._done = a.sums.copy()
+        self.begin, self.end = float(a.clock[k.BEGIN]), float(a.clock[k.END])
+        if not alone:
+            if self.begin != begin:
+                self.protrudes = self._least_side() - float(a.scale[k.MOST_HALO])
             kept = replace(self.statistics)
             halvings = 0
             while True:
@@ -352,10 +367,12 @@ class Windows:
 
     def _tally(self, when: int) -> NDArray[np.float64]:
         """Sums over the tiles, one after another: the same for any number of threads."""
-        a = self.arrays
-        found = np.ascontiguousarray(a.tally[:, when].T).sum(axis=1)
-        heat = np.ascontiguousarray(a.heat[:, when].T).sum(axis=1)
-        return np.concatenate([found, heat[: len(a.thermal)]])
+        first = k.FIRST_SUM + when * (k.TALLY + max(len(self.arrays.thermal), 1))
+        return self.arrays.total[first : first + k.TALLY + len(self.arrays.thermal)].copy()
+
+    def _most(self, column: int) -> float:
+        """The largest of all tiles."""
+        return float(self.arrays.total[column])
 
     def _launch(
         self, tiles: int, most: int, again: int = 0, *, pausing: bool = False, resuming: bool = False
@@ -369,7 +386,13 @@ class Windows:
             if again:
                 a.counter[k.N_CLAIMED] = self._claimed
             a.sums[:] = self._done  # one window after another, so that sums do not depend on launches
-            a.launch(run_windows, tiles, most)
+            alone = bool(a.grid[k.ALONE])
+            with a.sent() as launch:
+                for _ in range(1 if alone else most):
+                    for first in range(0, tiles, a.batch):
+                        launch(run_windows, first, min(first + a.batch, tiles), most)
+                    if not alone:
+                        launch(verify)
             self._claimed = int(a.counter[k.N_CLAIMED])
             full, needed = int(a.counter[k.FULL]), int(a.counter[k.NEEDED])
             if a.counter[k.STALLED] == 2:
@@ -426,14 +449,13 @@ class Windows:
         a = self.arrays
         window = self.end - self.begin
         pull = float(np.hypot(a.scale[k.GX], a.scale[k.GY]))
-        way = (self.fastest + float(a.clock[k.WALL_SPEED])) * window + 0.5 * pull * window**2
         drift = abs(float(a.scale[k.DRIFT])) * window
-        halo = a.widest * (4.0 + 3.0 * a.packing_fraction) + 2.0 * way + drift
-        self._most_halo = self._widest_halo()
-        if len(self._wider) != a.tiles:
-            self._wider = np.ones(a.tiles)
-        self._wider = np.maximum(NARROWER * self._wider, 1.0)
-        a.reach[:, k.HALO] = np.minimum(halo * self._wider, self._most_halo)
+        halo = (
+            usual_halo(float(a.scale[k.CHAIN]), self.fastest, pull, float(a.clock[k.WALL_SPEED]), window)
+            + drift
+        )
+        a.scale[k.LEAST_SIDE] = self._least_side()
+        a.scale[k.USUAL_HALO], a.scale[k.MOST_HALO] = halo, self._widest_halo()
 
     def _least_side(self) -> float:
         """Beyond it around a tile, the tiles around it would not have all disks."""
@@ -444,32 +466,26 @@ class Windows:
 
     def _widest_halo(self) -> float:
         """The same, of disks that have left the tiles that list them."""
-        return self._least_side() - max(float(self.arrays.reach[:, k.PROTRUDES].max()), 0.0)
+        return self._least_side() - self.protrudes
 
     def _verify(self, watching: int) -> None:
         """Run tiles again, with wider halos, until all are good; at last the whole box by one thread."""
-        a, most = self.arrays, self._most_halo
+        a = self.arrays
+        most = float(a.scale[k.MOST_HALO])
         bad = 0
         while True:
-            a.counter[[k.NEXT_TILE, k.N_BAD]] = 0
-            a.launch(verify)
             count = int(a.counter[k.N_BAD])
-            reach = (
-                a.widest + max(float(a.reach[:, k.BEYOND].max()), 0.0) + float(a.reach[:, k.FURTHEST].max())
-            )
+            reach = a.widest + self._most(k.MOST_BEYOND) + self._most(k.MOST_FURTHEST)
             if a.uses.sheared:
                 reach += abs(float(a.scale[k.DRIFT])) * (self.end - self.begin)
             if count == 0 and reach <= most:
                 break
             bad += count
-            again = a.listed[:count]
-            if reach > most or a.reach[again, k.HALO].max() >= most:
+            if reach > most or a.counter[k.STUCK]:
                 self._whole_box(watching)
                 break
-            a.reach[again, k.HALO] = np.minimum(WIDER * a.reach[again, k.HALO], most)
-            self._wider[again] *= WIDER
             if watching:
-                self._drop_watched(again)
+                self._drop_watched(a.listed.to_numpy()[:count])
             try:
                 self._launch(count, 1, again=1)
             except _Again:
@@ -498,7 +514,6 @@ class Windows:
         a.grid[k.LANES] = 1
         if watching:
             self._watched = []
-        a.tally[:] = a.heat[:] = 0.0
         self._launch(1, 1)
         self._collect(watching)
         a.grid[k.LANES] = lanes

@@ -42,10 +42,7 @@ FILE = "file"
 def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
     """Whole-gas quantities of trajectories at equal collisions per disk, as results with the dimension `file`.
 
-    Raises
-    ------
-    InputError
-        As `ifrdem.concat`.
+    Raises InputError as `ifrdem.concat`.
     """
     found = joined(trajectories)
     units = trajectories[0].units
@@ -61,6 +58,8 @@ def of_trajectories(trajectories: Sequence[Trajectory]) -> Results:
 def draw(results: Results, what: str, over: str | None = None, by: str | None = None) -> Figure:
     """Draw a quantity: its mean over seeds, a band of two standard errors, and kinetic theory, dashed.
 
+    Raises InputError if there is no such quantity or key, or there are too many panels.
+
     Parameters
     ----------
     results : Results
@@ -72,11 +71,6 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     by : str, optional
         The swept key of which each value is a curve, the first one without it. Every combination of the others is a
         panel.
-
-    Raises
-    ------
-    InputError
-        If there is no such quantity or key, or there are too many panels.
     """
     from matplotlib.figure import Figure
 
@@ -84,9 +78,8 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     name = SHORT.get(what, what)
     known = [each.removesuffix("_mean") for each in results.variables if each.endswith("_mean")]
     if f"{name}_mean" not in results.variables:
-        raise InputError(
-            f"no quantity is called '{what}'{nearest(what, [*known, *SHORT])}; there are: {', '.join(known)}"
-        )
+        near = nearest(what, [*known, *SHORT])
+        raise InputError(f"no quantity is called '{what}'{near}; there are: {', '.join(known)}")
     mean = results.variables[f"{name}_mean"]
     rows = mean.dims[len(swept) :]
     x, curve = _x(results, over, mean.dims), None
@@ -97,9 +90,8 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
     panels = [dim for dim in swept if dim not in (x, curve)]
     wanted = list(itertools.product(*(range(len(results.values(dim))) for dim in panels)))
     if len(wanted) > MOST_PANELS:
-        raise InputError(
-            f"{len(wanted)} panels, one for each {', '.join(panels)}: {MOST_PANELS} at most are drawn"
-        )
+        text = f"{len(wanted)} panels, one for each {', '.join(panels)}"
+        raise InputError(f"{text}: {MOST_PANELS} at most are drawn")
     columns = min(3, len(wanted))
     lines = math.ceil(len(wanted) / columns)
     figure = Figure(figsize=(2.2 + 4.4 * columns, 0.9 + 3.9 * lines), dpi=200, layout="constrained")
@@ -110,10 +102,8 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
             continue
         fixed = dict(zip(panels, place, strict=True))
         _panel(axes, results, name, x, curve, fixed)
-        if fixed:
-            axes.set_title(
-                ", ".join(f"{dim} = {_value(results, dim, i)}" for dim, i in fixed.items()), fontsize="medium"
-            )
+        title = ", ".join(f"{dim} = {_value(results, dim, i)}" for dim, i in fixed.items())
+        axes.set_title(title, fontsize="medium")
     _scales(grid.ravel()[0], x in rows or x == "time")
     first = grid.ravel()[0]
     _legend(first, results, f"{name}_theory" in results.variables, f"{name}_error" in results.variables)
@@ -140,9 +130,8 @@ def _dim(results: Results, option: str, given: str, allowed: Sequence[str]) -> s
     """A dimension, by its own name or by a key of the case that varies along it."""
     keys: Mapping[str, str] = json.loads(results.attributes["keys"])
     names = {name: dim for dim, names in results.axes.items() for name in names}
-    names |= {keys[name]: dim for name, dim in list(names.items()) if name in keys} | {
-        dim: dim for dim in allowed
-    }
+    names |= {keys[name]: dim for name, dim in list(names.items()) if name in keys}
+    names |= {dim: dim for dim in allowed}
     if names.get(given) not in allowed:
         known = [name for name, dim in names.items() if dim in allowed]
         raise InputError(f"{option} {given}: allowed here are {', '.join(known)}{nearest(given, known)}")
@@ -150,12 +139,7 @@ def _dim(results: Results, option: str, given: str, allowed: Sequence[str]) -> s
 
 
 def _panel(
-    axes: Axes,
-    results: Results,
-    name: str,
-    x: str,
-    curve: str | None,
-    fixed: Mapping[str, int],
+    axes: Axes, results: Results, name: str, x: str, curve: str | None, fixed: Mapping[str, int]
 ) -> None:
     """The curves of one panel; of rows that are not drawn over, the last one counts."""
     count = len(results.values(curve)) if curve is not None else 1
@@ -178,11 +162,8 @@ def _panel(
             return one.values[taken]
 
         y, error, theory = along(f"{name}_mean"), along(f"{name}_error"), along(f"{name}_theory")
-        where = (
-            results.values(x)
-            if x in results.variables and results.variables[x].dims == (x,)
-            else along(f"{x}_mean")
-        )
+        own = x in results.variables and results.variables[x].dims == (x,)
+        where = results.values(x) if own else along(f"{x}_mean")
         assert y is not None
         assert where is not None
         if where.dtype.kind not in "iuf":
@@ -202,11 +183,7 @@ def _panel(
 
 def _scales(axes: Axes, rows: bool) -> None:
     """Logarithmic where values span decades; all panels share their axes."""
-    y = (
-        np.concatenate([np.asarray(line.get_ydata(), float) for line in axes.lines])
-        if axes.lines
-        else np.array([])
-    )
+    y = np.concatenate([[], *(np.asarray(line.get_ydata(), float) for line in axes.lines)])
     y = y[np.isfinite(y)]
     if len(y) and y.min() > 0.0 and y.max() > SEVERAL_DECADES * y.min():
         axes.set_yscale("log")
@@ -222,9 +199,8 @@ def _scales(axes: Axes, rows: bool) -> None:
 
 def _legend(axes: Axes, results: Results, theory: bool, error: bool) -> None:
     if error:
-        axes.fill_between(
-            [], [], [], color="black", alpha=0.25, lw=0, label=f"$\\pm {BAND:g}$ standard errors"
-        )
+        label = f"$\\pm {BAND:g}$ standard errors"
+        axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
     if theory:
         axes.plot([], [], "--", color="black", lw=1.1, label="kinetic theory (homogeneous)")
     axes.legend(frameon=False, fontsize="small")

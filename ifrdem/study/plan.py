@@ -78,12 +78,8 @@ class Range(_Part):
         """The numbers, to 12 digits: 0.8, not 0.7999999999999999; whole ones where both ends are."""
         space = np.geomspace if self.spacing == "log" else np.linspace
         found = [float(f"{each:.12g}") for each in space(self.start, self.to, self.number)]
-        whole = (
-            isinstance(self.start, int)
-            and isinstance(self.to, int)
-            and all(one.is_integer() for one in found)
-        )
-        return [int(one) for one in found] if whole else list(found)
+        whole = isinstance(self.start, int) and isinstance(self.to, int)
+        return [int(one) for one in found] if whole and all(map(float.is_integer, found)) else list(found)
 
 
 class EnsembleSection(_Part):
@@ -92,7 +88,7 @@ class EnsembleSection(_Part):
     seeds: Any = 1
 
 
-class OutputSection(_Part):
+class StudyOutput(_Part):
     """Output that is kept of every run."""
 
     series: int | None = Field(default=None, ge=1, le=100_000)
@@ -115,9 +111,8 @@ class ClusterSection(_Part):
     def _one_place(self) -> ClusterSection:
         given = [name for name in ("workers", "scheduler", "kind") if getattr(self, name) is not None]
         if len(given) > 1:
-            raise PydanticCustomError(
-                "place", f"at most one is needed of workers, scheduler, kind; given: {given}"
-            )
+            text = f"at most one is needed of workers, scheduler, kind; given: {given}"
+            raise PydanticCustomError("place", text)
         return self
 
 
@@ -129,7 +124,7 @@ class StudyFile(_Part):
     sweep: dict[str, Any] = Field(default={})
     zip: list[dict[str, Any]] = Field(default=[])
     ensemble: EnsembleSection = EnsembleSection()
-    output: OutputSection = OutputSection()
+    output: StudyOutput = StudyOutput()
     cluster: ClusterSection = ClusterSection()
 
 
@@ -143,9 +138,8 @@ class Axis:
 
     def label(self, i: int) -> str:
         """ "e_n = 0.8" of position i."""
-        return ", ".join(
-            f"{name} = {_text(each)}" for name, each in zip(self.names, self.values[i], strict=True)
-        )
+        pairs = zip(self.names, self.values[i], strict=True)
+        return ", ".join(f"{name} = {_text(each)}" for name, each in pairs)
 
     def assignments(self, i: int) -> list[str]:
         """The same as the overrides of a case are spelled."""
@@ -154,31 +148,15 @@ class Axis:
 
 @dataclass(frozen=True)
 class Plan:
-    """A study that is in order.
+    """A study that is in order."""
 
-    Attributes
-    ----------
-    name : str
-        Of its results.
-    path : Path
-        The base case, which files that it names stand beside.
-    text : str
-        Its text.
-    overrides : tuple of str
-        What every run changes of it.
-    axes : tuple of Axis
-    seeds : tuple of int
-    output : OutputSection
-    cluster : ClusterSection
-    """
-
-    name: str
-    path: Path
-    text: str
-    overrides: tuple[str, ...]
+    name: str  # of its results
+    path: Path  # the base case, which files that it names stand beside
+    text: str  # its text
+    overrides: tuple[str, ...]  # what every run changes of it
     axes: tuple[Axis, ...]
     seeds: tuple[int, ...]
-    output: OutputSection
+    output: StudyOutput
     cluster: ClusterSection
 
     @property
@@ -210,29 +188,22 @@ class Plan:
                 good[point] = file.case  # without its arrays, of which there may be many
             except InputError as error:
                 for line in str(error).replace(" [set on the command line]", "").splitlines():
-                    wrong.setdefault(line.removeprefix(f"{self.path}: ").removeprefix("--set "), []).append(
-                        self.label(point)
-                    )
+                    line = line.removeprefix(f"{self.path}: ").removeprefix("--set ")
+                    wrong.setdefault(line, []).append(self.label(point))
         of_all = 0 if good else math.prod(self.shape[:-1])
-        more = {
-            line: f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
-            for line, labels in wrong.items()
-        }
-        return good, [
-            line if len(labels) == of_all else f"{labels[0]}{more[line]}: {line}"
-            for line, labels in wrong.items()
-        ]
+        told = []
+        for line, labels in wrong.items():
+            more = f" (and {len(labels) - 1} more)" if len(labels) > 1 else ""
+            told.append(line if len(labels) == of_all else f"{labels[0]}{more}: {line}")
+        return good, told
 
     def tasks(self, good: dict[tuple[int, ...], Case], folder: Path) -> Iterator[Task]:
         """The runs of the points that are in order, whose results stand in a folder."""
         for point, case in good.items():
             kept = self.output.model_dump(exclude={"series", "series_spacing"})  # which the case has
             record = case.model_dump(mode="json", exclude={"run": {"name", "threads"}})
-            outside = {
-                name: _digest(self.path.parent / name)
-                for name in (case.start.file, case.start.trajectory)
-                if name
-            }
+            names = filter(None, (case.start.file, case.start.trajectory))
+            outside = {name: _digest(self.path.parent / name) for name in names}
             for i, seed in enumerate(self.seeds):
                 record["run"]["seed"] = seed
                 said = [record, outside, kept, __version__]
@@ -251,6 +222,8 @@ def read(
 ) -> Plan:
     """The plan of a study file; or of a case file and keys to vary.
 
+    Raises InputError with a line for each thing that is wrong with the study itself.
+
     Parameters
     ----------
     path : path
@@ -261,11 +234,6 @@ def read(
         Overrides of the case, as `ifrdem run --set` takes them.
     seeds : str or int, optional
         A number of seeds, or a list "1,2,5".
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong with the study itself.
     """
     path = shipped.find(str(path))
     text, raw = case_file.load(path)
@@ -304,31 +272,25 @@ def axis_of(text: str) -> dict[str, Any]:
     for part in text.split(";"):
         key, equals, values = (each.strip() for each in part.partition("="))
         if not (key and equals and values):
-            raise InputError(
-                f"--vary {text}: KEY=VALUES is needed, such as material[0].e_n=0.7,0.8,0.9 or material[0].mu=0.1:0.5:5"
-            )
+            such = "such as material[0].e_n=0.7,0.8,0.9 or material[0].mu=0.1:0.5:5"
+            raise InputError(f"--vary {text}: KEY=VALUES is needed, {such}")
         if key in found:
             raise InputError(f"--vary {text}: {key} is there twice")
         number = r"[-+\d.eE_]+"
         if match := re.fullmatch(rf"({number}):({number}):(\d+)(?::(linear|log))?", values):
-            start, to = (
-                tomllib.loads(f"v = {each}")["v"] if _is_toml(each) else each for each in match.group(1, 2)
-            )
+            start, to = (_toml(each, each) for each in match.group(1, 2))
             found[key] = {"from": start, "to": to, "number": int(match[3]), "spacing": match[4] or "linear"}
         else:
-            found[key] = (
-                tomllib.loads(f"v = [{values}]")["v"]
-                if _is_toml(f"[{values}]")
-                else [each.strip() for each in values.split(",")]
-            )
+            found[key] = _toml(f"[{values}]", [each.strip() for each in values.split(",")])
     return found
 
 
-def _is_toml(value: str) -> bool:
+def _toml(value: str, other: Any) -> Any:
+    """A value as TOML has it; `other` if it is none."""
     try:
-        return "\n" not in value and bool(tomllib.loads(f"v = {value}"))
+        return other if "\n" in value else tomllib.loads(f"v = {value}")["v"]
     except ValueError:
-        return False
+        return other
 
 
 def _values(key: str, given: Any) -> list[Any]:
@@ -341,9 +303,8 @@ def _values(key: str, given: Any) -> list[Any]:
     elif isinstance(given, list):
         values = given
     else:
-        raise InputError(
-            f"{key}: a list of values is needed, or a range {{ from = 0.1, to = 0.9, number = 5 }}"
-        )
+        text = "a list of values is needed, or a range { from = 0.1, to = 0.9, number = 5 }"
+        raise InputError(f"{key}: {text}")
     texts = [json.dumps(each) for each in values]
     if not values:
         raise InputError(f"{key}: no value to vary it by")
@@ -359,9 +320,8 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
         case_file.parse_assignment(f"{key}=0")  # which refuses what is no key
         if key in keys[:i]:
             raise InputError(f"{key}: two axes of this name; it can vary along one")
-        if why := FIXED.get(key) or (
-            "the study's own [output] says what is kept" if key.startswith("output") else None
-        ):
+        own = "the study's own [output] says what is kept" if key.startswith("output") else None
+        if why := FIXED.get(key, own):
             raise InputError(f"{key}: cannot be swept: {why}")
     names: dict[str, str] = {}
     for key in keys:
@@ -378,11 +338,8 @@ def _axes(groups: list[dict[str, list[Any]]]) -> tuple[Axis, ...]:
             counts = ", ".join(f"{key} has {count}" for key, count in lengths.items())
             raise InputError(f"keys that vary together need as many values each: {counts}")
         if group:
-            axes.append(
-                Axis(
-                    tuple(names[key] for key in group), tuple(group), tuple(zip(*group.values(), strict=True))
-                )
-            )
+            values = tuple(zip(*group.values(), strict=True))
+            axes.append(Axis(tuple(names[key] for key in group), tuple(group), values))
     return tuple(axes)
 
 
@@ -411,7 +368,7 @@ def _number(case: dict[str, Any], key: str) -> float:
     return value if isinstance(value, int | float) else 0
 
 
-def _output_overrides(case: dict[str, Any], output: OutputSection) -> Iterator[str]:
+def _output_overrides(case: dict[str, Any], output: StudyOutput) -> Iterator[str]:
     """Changes of the case's [output] by a study: rows of series at the same places in every run, no pictures."""
     given = case.get("output")
     given = given if isinstance(given, dict) else {}
@@ -434,14 +391,11 @@ def _output_overrides(case: dict[str, Any], output: OutputSection) -> Iterator[s
             raise InputError(f"analyses_at = {at}: the run goes from 0 to {end:g}")
         parts = [Fraction(str(each)) for each in at if each > 0.0]
         share = math.lcm(*(each.denominator for each in parts))
-        step = Fraction(math.gcd(*(int(each * share) for each in parts)), share) or Fraction(
-            str(t_end or per_disk)
-        )
+        step = Fraction(math.gcd(*(int(each * share) for each in parts)), share)
+        step = step or Fraction(str(t_end or per_disk))
         if max(at) / step > MOST_FRAMES:
-            raise InputError(
-                f"analyses_at = {at}: frames at every {float(step):g} would be needed, more than {MOST_FRAMES}; "
-                "multiples of one number need fewer"
-            )
+            text = f"frames at every {float(step):g} would be needed, more than {MOST_FRAMES}"
+            raise InputError(f"analyses_at = {at}: {text}; multiples of one number need fewer")
         yield f"output.frames_{'interval' if t_end else 'collisions'}={float(step)}"
 
 
@@ -454,10 +408,8 @@ def _checked(raw: dict[str, Any], path: Path) -> StudyFile:
 
 def _lines(error: ValidationError, model: type[BaseModel] = StudyFile) -> Iterator[str]:
     """A line for each mistake."""
-    sections: dict[str, type[BaseModel]] = {
-        "ensemble": EnsembleSection,
-        "output": OutputSection,
-        "cluster": ClusterSection,
+    sections = {
+        name: type(StudyFile.model_fields[name].default) for name in ("ensemble", "output", "cluster")
     }
     for each in error.errors(include_url=False):
         place = ".".join(str(step) for step in each["loc"] if step not in ("int", "float"))

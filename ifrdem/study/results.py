@@ -71,16 +71,11 @@ class Results:
     def write(self, path: str | os.PathLike[str]) -> None:
         """Write a NetCDF-4 file, which is one of HDF5; it appears whole or not at all.
 
-        Raises
-        ------
-        InputError
-            If it cannot be written.
+        Raises InputError if it cannot be written.
         """
-        sizes = {
-            dim: size
-            for one in self.variables.values()
-            for dim, size in zip(one.dims, one.values.shape, strict=True)
-        }
+        sizes: dict[str, int] = {}
+        for one in self.variables.values():
+            sizes |= dict(zip(one.dims, one.values.shape, strict=True))
 
         def fill(aside: Path) -> None:
             with h5py.File(aside, "w", track_order=True) as file:
@@ -106,10 +101,7 @@ class Results:
     def read(cls, path: str | os.PathLike[str]) -> Results:
         """The results in a file that `write` made.
 
-        Raises
-        ------
-        InputError
-            If it is no such file.
+        Raises InputError if it is no such file.
         """
         try:
             with h5py.File(path, "r") as file:
@@ -118,11 +110,9 @@ class Results:
                 found = cls({}, {name: str(text) for name, text in file.attrs.items()})
                 for name, stored in file.items():
                     if not stored.attrs.get("NAME", b"").startswith(NO_VALUES.encode()):
-                        dims = (
-                            (name,)
-                            if stored.is_scale
-                            else tuple(axis[0].name.lstrip("/") for axis in stored.dims)
-                        )
+                        dims: tuple[str, ...] = (name,)
+                        if not stored.is_scale:
+                            dims = tuple(axis[0].name.lstrip("/") for axis in stored.dims)
                         values = stored.asstr()[()] if h5py.check_string_dtype(stored.dtype) else stored[()]
                         found.variables[name] = Variable(dims, values, str(stored.attrs.get("units", "")))
             return found
@@ -141,9 +131,8 @@ class Results:
             for name, one in self.variables.items()
         }
         coordinates = {name: one for name, one in made.items() if (name,) == one.dims or name in swept}
-        return xarray.Dataset(
-            {name: one for name, one in made.items() if name not in coordinates}, coordinates, self.attributes
-        )
+        others = {name: one for name, one in made.items() if name not in coordinates}
+        return xarray.Dataset(others, coordinates, self.attributes)
 
 
 def _dataset(file: h5py.File, name: str, one: Variable) -> h5py.Dataset:
@@ -182,10 +171,9 @@ def collect(
         if not task.result.exists():
             continue
         for name, one in load(task.result)[0].items():
-            whole = found.get(name) or Variable(
-                (*swept, SEED, *one.dims), np.full((*plan.shape, *one.values.shape), np.nan), one.unit
-            )
-            room = grown(whole.values, (*plan.shape, *one.values.shape))
+            shape = (*plan.shape, *one.values.shape)
+            whole = found.get(name) or Variable((*swept, SEED, *one.dims), np.full(shape, np.nan), one.unit)
+            room = grown(whole.values, shape)
             corner: Any = (*task.index, *(slice(size) for size in one.values.shape))
             room[corner] = one.values
             found[name] = Variable(whole.dims, room, one.unit)
@@ -197,34 +185,24 @@ def collect(
         variables["runs"] = Variable(swept, np.isfinite(found["temperature"].values[..., 0]).sum(axis=-1))
         variables |= _theory(plan, good, row_axis, variables)
     used = {dim for one in variables.values() for dim in one.dims if len(one.dims) > 1} | {SEED, row_axis}
+    keys = [each for axis in plan.axes for each in zip(axis.names, axis.keys, strict=True)]
     attributes = {
         "title": f"{plan.name}: {math.prod(plan.shape[:-1])} points, {len(plan.seeds)} seeds",
         "axes": json.dumps({axis.names[0]: axis.names for axis in plan.axes}),
-        "keys": json.dumps(
-            {name: key for axis in plan.axes for name, key in zip(axis.names, axis.keys, strict=True)}
-        ),
+        "keys": json.dumps(dict(keys)),
         "case": plan.text,
         "overrides": "\n".join(plan.overrides),
         "ifrdem": __version__,
         "written": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    return Results(
-        {
-            name: one
-            for name, one in variables.items()
-            if len(one.dims) != 1 or one.dims[0] in used or one.dims[0] in swept
-        },
-        attributes,
-    )
+    kept = {name for name, one in variables.items() if len(one.dims) != 1 or one.dims[0] in {*used, *swept}}
+    return Results({name: one for name, one in variables.items() if name in kept}, attributes)
 
 
 def _coordinate(values: tuple[Any, ...]) -> NDArray[Any]:
     number = all(isinstance(each, int | float) and not isinstance(each, bool) for each in values)
-    return (
-        np.array(values)
-        if number
-        else np.array([each if isinstance(each, str) else json.dumps(each) for each in values])
-    )
+    texts = (each if number or isinstance(each, str) else json.dumps(each) for each in values)
+    return np.array(list(texts))
 
 
 def _means(found: Mapping[str, Variable], over: int) -> dict[str, Variable]:
@@ -284,14 +262,13 @@ def predicted(case: Case, folder: Path, end: float) -> tuple[NDArray[np.float64]
     disks, phi = gas.disks, gas.box.packing_fraction(gas.disks.radius)
     if len(np.unique(np.stack([disks.mass, disks.radius, disks.k, disks.material]), axis=1).T) > MOST_KINDS:
         return None
-    later = (
-        np.linspace(0.0, 1.0, 1500)[1:] if case.force or gas.box.shear_rate else np.geomspace(1e-5, 1.0, 1500)
-    )
+    driven = bool(case.force or gas.box.shear_rate)
+    later = np.linspace(0.0, 1.0, 1500)[1:] if driven else np.geomspace(1e-5, 1.0, 1500)
     steps = BEYOND * end * np.r_[0.0, later]
     try:
         with warnings.catch_warnings():
-            for told in (EnergyWarning, TheoryWarning):
-                warnings.simplefilter("ignore", told)
+            for each in (EnergyWarning, TheoryWarning):
+                warnings.simplefilter("ignore", each)
             mixture, which = Mixture.of(disks, laws, phi)
             T0, T_rot0 = (
                 np.array([each[which == kind].mean() for kind in range(mixture.species)])

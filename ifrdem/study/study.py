@@ -17,11 +17,11 @@ from ..case import summary
 from ..case.estimate import RunEstimate
 from ..case.gas import CaseGas
 from ..errors import InputError, listed
-from ..run.progress import clock_face, quiet
 from ..run.signals import Stopped, Stops
 from ..run.status import Status
 from ..simulation import device
 from ..tools.files import check_files
+from ..tools.progress import clock_face, quiet
 from . import workers
 from .plan import ClusterSection, Plan, read
 from .results import ENDING, RUNS, Results, collect
@@ -40,6 +40,8 @@ class Study:
 
     Runs that are done are kept, in a folder beside the results: `run` goes on where it was stopped, and computes only
     what a changed study adds.
+
+    Raises InputError with a line for each thing that is wrong.
 
     Parameters
     ----------
@@ -62,11 +64,6 @@ class Study:
         What there is to do.
     output, folder : Path
         The results; where runs are kept.
-
-    Raises
-    ------
-    InputError
-        With a line for each thing that is wrong.
 
     Examples
     --------
@@ -117,10 +114,8 @@ class Study:
     ) -> list[str]:
         """Refuse what can be refused before anything starts; returns lines on points that are left out.
 
-        Raises
-        ------
-        InputError
-            If a point is refused (unless `keep_going`), there is no room, or the results cannot be written.
+        Raises InputError if a point is refused (unless `keep_going`), there is no room, or the results cannot be
+        written.
         """
         good, wrong = self._judged
         if wrong and not (keep_going and good):
@@ -165,11 +160,8 @@ class Study:
         done = [task for task in self.tasks if task.result.exists()][:20]
         missing = [task for task in self.tasks if not task.result.exists()]
         if done:
-            return (
-                sum(load(task.result)[1] for task in done)
-                / sum(task.weight for task in done)
-                * sum(task.weight for task in missing)
-            )
+            spent, work = sum(load(task.result)[1] for task in done), sum(task.weight for task in done)
+            return spent / work * sum(task.weight for task in missing)
         rows = self._judged[0][missing[0].index[:-1]].output.series_cadence.number or 0 if missing else 0
         return sum(0.5 * task.weight / RATE + rows * ROW_SECONDS + RUN_SECONDS for task in missing)
 
@@ -177,10 +169,8 @@ class Study:
         """Lines on what there is to do."""
         plan, done = self.plan, sum(task.result.exists() for task in self.tasks)
         processes, _ = self._processes(self._place(workers, scheduler))
-        lines = [
-            f"{plan.name}: {math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds = {self.runs} runs of "
-            f"{plan.path}"
-        ]
+        points = f"{math.prod(plan.shape[:-1])} points x {len(plan.seeds)} seeds"
+        lines = [f"{plan.name}: {points} = {self.runs} runs of {plan.path}"]
         for axis in plan.axes:
             for name, key, values in zip(axis.names, axis.keys, zip(*axis.values, strict=True), strict=True):
                 shown = [str(each) for each in values]
@@ -219,17 +209,10 @@ class Study:
         say, warn : callable
             Take the lines to show.
 
-        Returns
-        -------
-        dict
-            Messages of the runs that failed, by what they are. They are tried again next time.
+        Returns messages of the runs that failed, by what they are; they are tried again next time.
 
-        Raises
-        ------
-        InputError
-            If something can be refused before anything starts.
-        Stopped
-            If it was stopped by a signal; what is done is kept, and the results of it are written.
+        Raises InputError if something can be refused before anything starts, Stopped if it was stopped by a signal;
+        what is done is kept, and the results of it are written.
         """
         for line in self.check(keep_going=keep_going, workers=workers, scheduler=scheduler):
             warn(f"left out: {line}")
@@ -237,16 +220,11 @@ class Study:
         missing = [task for task in tasks if not task.result.exists()]
         failed: dict[str, str] = {}
         self.folder.mkdir(exist_ok=True)
-        stops = Stops(
-            warn=lambda text: warn(
-                text.replace("the run stops after this window, with a checkpoint", "the study stops")
-            )
-        )
-        status = Status(
-            self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}",
-            name=self.plan.name,
-        )
-        progress = Progress(len(tasks), [task.weight for task in missing], status)
+        said, says = "the run stops after this window, with a checkpoint", "the study stops"
+        stops = Stops(warn=lambda text: warn(text.replace(said, says)))
+        beside = self.folder.with_suffix("") if part is None else self.folder / f"part{part[0]}"
+        status = Status(beside, name=self.plan.name)
+        progress = StudyProgress(len(tasks), [task.weight for task in missing], status)
         work = self._work(missing, self._place(workers, scheduler), say)
         try:
             with stops:
@@ -259,10 +237,8 @@ class Study:
         except Stopped as stop:
             left = sum(not task.result.exists() for task in tasks)
             status.finish("interrupted", str(stop))
-            raise Stopped(
-                f"{stop}: {len(tasks) - left} of {len(tasks)} runs are done; the same command goes on",
-                stop.status,
-            ) from None
+            text = f"{len(tasks) - left} of {len(tasks)} runs are done; the same command goes on"
+            raise Stopped(f"{stop}: {text}", stop.status) from None
         except InputError:  # nothing has started
             status.path.unlink()
             with contextlib.suppress(OSError):  # of a folder that holds runs already
@@ -283,10 +259,7 @@ class Study:
     def results(self) -> Results:
         """The results of all runs that are done by now.
 
-        Raises
-        ------
-        InputError
-            If none is.
+        Raises InputError if none is.
         """
         if not any(task.result.exists() for task in self.tasks):
             raise InputError(f"{self.folder}: no run is done yet: Study.run() or `ifrdem study` does them")
@@ -295,12 +268,27 @@ class Study:
     def dataset(self) -> xarray.Dataset:
         """The same as a data set of xarray (extra `analysis`), with means and standard errors over seeds.
 
-        Raises
-        ------
-        InputError
-            If no run is done, or xarray is not installed.
+        Raises InputError if no run is done, or xarray is not installed.
         """
         return self.results().to_xarray()
+
+    def _repr_html_(self) -> str:
+        """The plan as a table, and the first of the results if there are some, for a notebook."""
+        from ..plots.objects import page
+
+        rows: dict[str, Any] = {"case": self.plan.path, "runs": self.runs, "seeds": len(self.plan.seeds)}
+        for axis in self.plan.axes:
+            for key, values in zip(axis.keys, zip(*axis.values, strict=True), strict=True):
+                rows[key] = ", ".join(map(str, values))
+        figure = None
+        if self.output.exists():
+            from .figure import draw
+
+            figure = draw(Results.read(self.output), "T")
+            figure.set_size_inches(4.2, 3.2)
+        return page(
+            f"Study {self.plan.name}", rows | {"results": self.output if figure else "none yet"}, figure
+        )
 
     def _name(self, task: Task) -> str:
         return f"{self.plan.label(task.index[:-1])}, seed {self.plan.seeds[task.index[-1]]}"
@@ -334,7 +322,7 @@ class Study:
         return workers.dask(missing, place, processes, threads, say)
 
 
-class Progress:
+class StudyProgress:
     """Runs that are done and the time that is left: a bar on a terminal, a line every `interval` seconds elsewhere."""
 
     def __init__(
@@ -359,21 +347,16 @@ class Progress:
         done = self._weight - first
         left = (now - began) * (self._all - self._weight) / done if done > 0.0 else math.inf
         fraction = self._done / self._runs if self._runs else 1.0
-        self._status.update(
-            fraction=fraction, eta_seconds=left, runs=self._runs, runs_done=self._done, runs_failed=failed
-        )
+        counts = {"runs": self._runs, "runs_done": self._done, "runs_failed": failed}
+        self._status.update(fraction=fraction, eta_seconds=left, **counts)
         due = now - self._printed >= (0.2 if self._bar else self._interval)
         if not quiet() and (due or self._done == self._runs):
             ill = f", {failed} failed" if failed else ""
             text = (
                 f"{100.0 * fraction:5.1f} %  {self._done} of {self._runs} runs{ill}, ETA {clock_face(left)}"
             )
-            print(
-                f"\r{text:<60}" if self._bar else text,
-                end="" if self._bar else "\n",
-                file=self._stream,
-                flush=True,
-            )
+            shown, end = (f"\r{text:<60}", "") if self._bar else (text, "\n")
+            print(shown, end=end, file=self._stream, flush=True)
             self._printed = now
 
     def close(self) -> None:

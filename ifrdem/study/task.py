@@ -44,38 +44,18 @@ class Variable(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """A run, as it goes to a worker.
+    """A run, as it goes to a worker."""
 
-    Attributes
-    ----------
-    key : str
-        Hash of all that decides its result: the name of its file.
-    index : tuple of int
-        Its place on the axes of the study, and among the seeds.
-    text, path, overrides
-        Its case.
-    folder : str
-        Where results stand.
-    analyses : tuple of str
-        Names as in `ifrdem analyse`.
-    at : tuple of float
-        Where frames are analysed, in what ends the run.
-    trajectory : bool
-        Keep the trajectory.
-    weight : float
-        Its part of the work: disks times collisions per disk.
-    """
-
-    key: str
-    index: tuple[int, ...]
-    text: str
-    path: str
-    overrides: tuple[str, ...]
-    folder: str
-    analyses: tuple[str, ...]
-    at: tuple[float, ...]
-    trajectory: bool
-    weight: float
+    key: str  # hash of all that decides its result: the name of its file
+    index: tuple[int, ...]  # its place on the axes of the study, and among the seeds
+    text: str  # of its case
+    path: str  # of its case, which files that it names stand beside
+    overrides: tuple[str, ...]  # changes of its case
+    folder: str  # where results stand
+    analyses: tuple[str, ...]  # names as in `ifrdem analyse`
+    at: tuple[float, ...]  # where frames are analysed, in what ends the run
+    trajectory: bool  # keep the trajectory
+    weight: float  # its part of the work: disks times collisions per disk
 
     @property
     def result(self) -> Path:
@@ -95,12 +75,8 @@ class Task:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # the study has told what there is to be told, once
                 if not self.result.exists():
-                    began = time.perf_counter()
-                    found = (
-                        self._long(threads)
-                        if self.analyses or self.trajectory
-                        else _series_alone(self.file(threads))
-                    )
+                    began, long = time.perf_counter(), self.analyses or self.trajectory
+                    found = self._long(threads) if long else _series_alone(self.file(threads))
                     save(self.result, found, seconds=time.perf_counter() - began)
         except (EngineError, InputError, TrajectoryError) as error:
             return str(error)
@@ -132,22 +108,17 @@ class Task:
         try:
             if not outputs.checkpoint.exists():
                 raise InputError("a run that begins")
-            resume.resume(
-                outputs.trajectory, ignore_case_changes=True, threads=threads, say=silent, warn=silent
-            )
+            threaded: dict[str, Any] = {"ignore_case_changes": True, "threads": threads}
+            resume.resume(outputs.trajectory, **threaded, say=silent, warn=silent)
         except InputError:  # of no checkpoint, or of one that does not fit: the run begins anew
             job.run(file, outputs, force=True, say=silent, warn=silent)
         with Trajectory(outputs.trajectory) as trajectory:
             series = trajectory.series
-            found = _on_rows(
-                file.case,
-                trajectory.disks.n,
-                {"time": series.time, **{name: series[name] for name in series}},
-            )
+            rows = {"time": series.time, **{name: series[name] for name in series}}
+            found = _on_rows(file.case, trajectory.disks.n, rows)
+            axis = "time" if file.case.run.t_end else "collisions_per_disk"
             for name in self.analyses:
-                found |= _analysed(
-                    trajectory, name, self.at, "time" if file.case.run.t_end else "collisions_per_disk"
-                )
+                found |= _analysed(trajectory, name, self.at, axis)
         if not self.trajectory:
             for ending in (".h5", ".status.json"):
                 outputs.trajectory.with_name(f"{self.key}{ending}").unlink(missing_ok=True)
@@ -224,11 +195,8 @@ def _analysed(trajectory: Any, name: str, at: tuple[float, ...], axis: str) -> d
     try:
         if name in OVER_TIME or not at:
             return _outcome(name, [ANALYSES[name].of(trajectory, None)], ())
-        reached = (
-            trajectory.times
-            if axis == "time"
-            else 2.0 * trajectory.observables["collisions"] / trajectory.disks.n
-        )
+        per_disk = 2.0 * trajectory.observables["collisions"] / trajectory.disks.n
+        reached = trajectory.times if axis == "time" else per_disk
         frames = np.searchsorted(reached, np.array(at) * (1.0 - 1e-12)).clip(max=len(trajectory) - 1)
         return _outcome(name, [ANALYSES[name].of(trajectory, [int(frame)]) for frame in frames], (AT,))
     except InputError as error:
@@ -243,10 +211,8 @@ def _outcome(name: str, outcomes: list[Any], dims: tuple[str, ...]) -> dict[str,
         ]
         for table, columns in outcome.tables.items():
             row = _named(name, table, "row")
-            parts += [
-                ((row,), _named(name, table, one), np.asarray(values, float), "")
-                for one, values in columns.items()
-            ]
+            for one, values in columns.items():
+                parts.append(((row,), _named(name, table, one), np.asarray(values, float), ""))
         for inner, key, values, unit in parts:
             if key not in found:
                 found[key] = Variable((*dims, *inner), np.full((len(outcomes), *values.shape), np.nan), unit)
@@ -284,20 +250,14 @@ def save(path: Path, found: dict[str, Variable], *, seconds: float) -> None:
 def load(path: Path) -> tuple[dict[str, Variable], float]:
     """A result, and the seconds that the run took.
 
-    Raises
-    ------
-    InputError
-        If it cannot be read.
+    Raises InputError if it cannot be read.
     """
     try:
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
-            found = {
-                name: Variable(tuple(dims), stored[name], unit)
-                for name, (dims, unit) in head["variables"].items()
-            }
+            variables = head["variables"].items()
+            found = {name: Variable(tuple(dims), stored[name], unit) for name, (dims, unit) in variables}
         return found, float(head["seconds"])
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"{path}: is no result of a study: {error}; delete it, and it is computed again"
-        ) from None
+        text = f"is no result of a study: {error}; delete it, and it is computed again"
+        raise InputError(f"{path}: {text}") from None

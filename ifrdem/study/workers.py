@@ -125,10 +125,7 @@ def dask(
 ) -> Done:
     """Runs on a cluster of Dask: one of this machine, one that a scheduler has, or jobs of a batch system.
 
-    Raises
-    ------
-    InputError
-        If the cluster does not answer, or cannot be asked.
+    Raises InputError if the cluster does not answer, or cannot be asked.
     """
     if not has_dask():
         raise InputError('Dask is not installed, which this cluster needs: pip install "ifrdem[cluster]"')
@@ -141,23 +138,17 @@ def dask(
             place = stack.enter_context(_jobs(cluster, threads))
             place.scale(jobs=cluster.jobs)
         else:
-            place = stack.enter_context(
-                distributed.LocalCluster(
-                    n_workers=workers,
-                    threads_per_worker=1,
-                    processes=True,
-                    memory_limit=0,
-                    dashboard_address="127.0.0.1:0",
-                    silence_logs=50,
-                )
-            )
+            local = distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, memory_limit=0,
+                dashboard_address="127.0.0.1:0", silence_logs=50,
+            )  # fmt: skip
+            place = stack.enter_context(local)
         try:
             client = stack.enter_context(distributed.Client(place, timeout=ANSWER, set_as_default=False))
         except (OSError, ValueError) as error:  # of an address that is none, too
             reason = str(error).splitlines()[0] if str(error) else "no answer"
-            raise InputError(
-                f"scheduler {cluster.scheduler}: does not answer within {ANSWER:g} s: {reason}"
-            ) from None
+            where = f"scheduler {cluster.scheduler}: does not answer within {ANSWER:g} s"
+            raise InputError(f"{where}: {reason}") from None
 
         class Deaf(distributed.WorkerPlugin):
             """Workers ignore Ctrl-C."""
@@ -207,23 +198,21 @@ def _jobs(cluster: ClusterSection, threads: int) -> Any:
     try:
         import dask_jobqueue
     except ImportError:
-        raise InputError(
-            f'cluster.kind = "{cluster.kind}": dask-jobqueue is not installed: pip install "ifrdem[cluster]"'
-        ) from None
+        text = 'dask-jobqueue is not installed: pip install "ifrdem[cluster]"'
+        raise InputError(f'cluster.kind = "{cluster.kind}": {text}') from None
     kind = str(cluster.kind)
     if shutil.which(COMMANDS[kind]) is None:
-        raise InputError(
-            f'cluster.kind = "{kind}": there is no command {COMMANDS[kind]} here: is this a login node?'
-        )
+        text = f"there is no command {COMMANDS[kind]} here: is this a login node?"
+        raise InputError(f'cluster.kind = "{kind}": {text}')
     make = getattr(dask_jobqueue, f"{kind.upper()}Cluster")
     classes = [*inspect.getmro(make)[:-1], *inspect.getmro(make.job_cls)[:-1]]
     known = {name for one in classes for name in inspect.signature(one).parameters} - {"args", "kwargs"}
     for name in cluster.options:
         if name not in known:
-            raise InputError(
-                f"cluster.options.{name}: dask-jobqueue has no such option{nearest(name, known)}; it has "
-                f"{', '.join(sorted(known))}"
+            text = (
+                f"dask-jobqueue has no such option{nearest(name, known)}; it has {', '.join(sorted(known))}"
             )
+            raise InputError(f"cluster.options.{name}: {text}")
     given = {"cores": 1, "processes": None, "memory": "4 GB"} | cluster.options
     given["processes"] = given["processes"] or max(1, int(given["cores"]) // threads)
     return make(**given)

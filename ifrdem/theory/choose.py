@@ -21,22 +21,16 @@ from .mixtures import Mixture, MixtureTemperatures
 
 @dataclass(frozen=True, repr=False)
 class Prediction(Brief):
-    """Temperatures of a homogeneous gas over time.
-
-    Attributes
-    ----------
-    kind : {"cooling", "driven", "sheared"}
-    T, T_rot, collisions_per_disk : array (steps,)
-        Of all disks [energy], [energy], as `observables.measure` has them.
-    species : MixtureTemperatures or None
-        The same of each species, in the order of `Mixture.of`; None in a sheared gas.
-    """
+    """Temperatures of a homogeneous gas over time."""
 
     kind: Literal["cooling", "driven", "sheared"]
     T: Array
     T_rot: Array
     collisions_per_disk: Array
+    """T, T_rot, collisions_per_disk: of all disks [energy], [energy], as `observables.measure` has them; shape
+    (steps,)."""
     species: MixtureTemperatures | None = None
+    """The same of each species, in the order of `Mixture.of`; None in a sheared gas."""
 
 
 def prediction(

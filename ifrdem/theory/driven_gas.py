@@ -28,20 +28,14 @@ from .cooling_gas import checked_times, cooling_rates
 
 @dataclass(frozen=True)
 class Drive:
-    """Heating and friction by all forces together.
-
-    Attributes
-    ----------
-    power, spin_power : float
-        Energy that a disk's motion and its spin get per time [energy/time].
-    rate, spin_rate : float
-        Friction rates of velocities and spins [1/time].
-    """
+    """Heating and friction by all forces together."""
 
     power: float = 0.0
     spin_power: float = 0.0
+    """power, spin_power: energy that a disk's motion and its spin get per time [energy/time]."""
     rate: float = 0.0
     spin_rate: float = 0.0
+    """rate, spin_rate: friction rates of velocities and spins [1/time]."""
 
     @classmethod
     def of(cls, forces: Iterable[Mapping[str, Any]], mass: float, inertia: float) -> Drive | None:

@@ -119,9 +119,8 @@ class Mixture:
         if not isinstance(law, IFRLaw):
             material = kinds[:, 3].astype(int)
             if material.max() >= len(law):
-                raise InputError(
-                    f"law table: a square table of at least {material.max() + 1} materials is needed"
-                )
+                most = material.max() + 1
+                raise InputError(f"law table: a square table of at least {most} materials is needed")
             table = [[law[a][b] for b in material] for a in material]
         mass, radius, k, _ = kinds.T
         mixture = cls(mass, radius, table, packing_fraction, k=k, fraction=number, contact=contact)
@@ -201,9 +200,8 @@ def _temperatures(mixture: Mixture, T: ArrayLike, T_rot: ArrayLike) -> tuple[Arr
         try:
             column = np.array(np.broadcast_to(np.asarray(value, dtype=np.float64), mixture.species))
         except ValueError:
-            raise InputError(
-                f"{name} has shape {np.shape(value)}: a number for each of {mixture.species} species is needed"
-            ) from None
+            shape = f"{name} has shape {np.shape(value)}"
+            raise InputError(f"{shape}: a number for each of {mixture.species} species is needed") from None
         if not np.all(np.isfinite(column) & (column >= 0.0)):
             raise InputError(f"{name} = {column}: finite numbers of 0 or more are needed")
         found.append(column)
@@ -301,9 +299,8 @@ def mixture_driven(
     if len(drives) != s:
         raise InputError(f"drives: {len(drives)} for {s} species; one each is needed")
     names = ("power", "spin_power", "rate", "spin_rate")
-    power, spin_power, rate, spin_rate = (
-        np.array([getattr(each, name) for each in drives]) for name in names
-    )
+    columns = ([getattr(each, name) for each in drives] for name in names)
+    power, spin_power, rate, spin_rate = map(np.array, columns)
     if not T0.any() and not power.any():
         raise InputError("T0 = 0 and no power: nothing moves")
     if len(when) == 0:

@@ -66,12 +66,6 @@ MOST_CALLS = 10_000
 """Evaluations of the right-hand side that one integration may take; hundreds over nine decades of both rates."""
 
 
-def _half_normal() -> tuple[Array, Array]:
-    """Nodes and weights of averages over the positive half of a normal variable, of total weight 1/2."""
-    nodes = 0.5 * _HIGHEST * (_NODES + 1.0)
-    return nodes, 0.5 * _HIGHEST * _WEIGHTS * np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
-
-
 def relaxation(theta: float, law: IFRLaw, k: float) -> float:
     r"""Rate l at which collisions make velocities isotropic, in units of the collision rate nu of a disk.
 
@@ -92,7 +86,8 @@ def relaxation(theta: float, law: IFRLaw, k: float) -> float:
     e, S = law.e_n, 1.0 + k * theta
     c = {"percussion_center": 0.5, "contact_point": 1.0 / (1.0 + k)}[law.sticking]
     eta, gamma = (1.0 + law.e_t) / (2.0 * (1.0 + k)), 0.5 * c
-    nodes, weights = _half_normal()
+    nodes = 0.5 * _HIGHEST * (_NODES + 1.0)  # of averages over half a normal variable, of total weight 1/2
+    weights = 0.5 * _HIGHEST * _WEIGHTS * np.exp(-0.5 * nodes**2) / math.sqrt(2.0 * math.pi)
     y, u = nodes[:, None], nodes[None, :]
     weight = 2.0 * weights[:, None] * weights[None, :]  # both signs of u give the same
     p = eta * math.sqrt(S) * u + gamma * np.minimum(math.sqrt(S) * u, law.mu * (1.0 + e) * y / c)
@@ -150,14 +145,9 @@ class _Flow(NamedTuple):
         frequency = 8.0 * packing_fraction * contact_value(packing_fraction)
         found = frequency * collisional_changes(p_xx, p_yy, p_xy, self.turn, self.tau, g, law, k)
         rate, xx, yy, xy, turn, spinning = (float(one) for one in found)
-        along = xx - 2.0 * self.tilt * xy + self.tilt**2 * yy
-        return (
-            yy / p_yy,
-            along / math.exp(self.along),
-            -g + (xy - self.tilt * yy) / p_yy,
-            turn,
-            spinning - self.turn * turn / (2.0 * k),
-        ), rate
+        along = (xx - 2.0 * self.tilt * xy + self.tilt**2 * yy) / math.exp(self.along)
+        tilt, tau = -g + (xy - self.tilt * yy) / p_yy, spinning - self.turn * turn / (2.0 * k)
+        return (yy / p_yy, along, tilt, turn, tau), rate
 
 
 def collisional_changes(
@@ -209,9 +199,8 @@ def collisional_changes(
     I_2 = h * I_1 + I_0 / q
     I_3 = h * I_2 + 2.0 * I_1 / q
     I_4 = h * I_3 + 3.0 * I_2 / q
-    exponent = np.minimum(
-        0.5 * (q * h**2 - fixed), 0.0
-    )  # Cauchy and Schwarz; rounding of fast flows may say else
+    # Cauchy and Schwarz; rounding of fast flows may say else.
+    exponent = np.minimum(0.5 * (q * h**2 - fixed), 0.0)
     weight = np.exp(exponent) * root_S / (2.0 * math.pi * np.sqrt(det)) * g_n
     weight = weight * (half * _FEW_WEIGHTS).ravel()
 
@@ -245,12 +234,10 @@ def _check(law: IFRLaw, packing_fraction: float, shear_rate: float) -> None:
     if not (math.isfinite(shear_rate) and shear_rate != 0.0):
         raise InputError(f"shear_rate = {shear_rate}: a finite number other than 0 is needed")
     if law.e_n < LEAST_E_N or packing_fraction > MOST_PACKING:
-        warnings.warn(
-            f"theory of a sheared gas: e_n = {law.e_n:g}, packing fraction {packing_fraction:.4g}: it has been "
-            f"compared with simulations for e_n >= {LEAST_E_N} and packing fractions to {MOST_PACKING} only",
-            TheoryWarning,
-            stacklevel=1,  # one place, so that it is shown once
-        )
+        of = f"e_n = {law.e_n:g}, packing fraction {packing_fraction:.4g}"
+        range_ = f"e_n >= {LEAST_E_N} and packing fractions to {MOST_PACKING} only"
+        text = f"theory of a sheared gas: {of}: it has been compared with simulations for {range_}"
+        warnings.warn(text, TheoryWarning, stacklevel=1)  # one place, so that it is shown once
 
 
 def steady_state(

@@ -86,25 +86,19 @@ def _stored(trajectory: Trajectory, index: int) -> dict[str, NDArray[Any]]:
 
 def _csv(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
     n = trajectory.disks.n
-    names = [end for name, value in _empty(trajectory).items() for end, _ in tables.columns(name, value)]
+    empty = {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
+    names = [end for name, value in empty.items() for end, _ in tables.columns(name, value)]
 
     def rows() -> Iterable[list[str]]:
         ids = np.arange(n).astype(str)
         for index in frames:
-            flat = [
-                _texts(column)
-                for name, value in _stored(trajectory, index).items()
-                for _, column in tables.columns(name, value)
-            ]
+            stored = _stored(trajectory, index).items()
+            parts = (part for name, value in stored for part in tables.columns(name, value))
+            flat = [_texts(column) for _, column in parts]
             head = [np.full(n, str(index)), np.full(n, repr(float(trajectory.times[index]))), ids]
             yield from np.column_stack([*head, *flat]).tolist()
 
     write_csv(place, ["frame", "time", "id", *names], rows())
-
-
-def _empty(trajectory: Trajectory) -> dict[str, NDArray[Any]]:
-    """No disks, in the shapes of the fields."""
-    return {name: np.zeros((0, *trajectory.dataset(name).shape[2:])) for name in trajectory.fields}
 
 
 def kinds(trajectory: Trajectory) -> tuple[list[str], NDArray[np.intp]] | None:
@@ -154,12 +148,10 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
                 width, height = box.lengths
                 cell = f'Lattice="{width!r} 0 0 {above!r} {height!r} 0 0 0 1" '
             periodic = " ".join("T" if one else "F" for one in (*box.periodic, False))
-            file.write(
-                f'{disks.n}\n{cell}Properties={":".join(properties)} pbc="{periodic}" time={time!r} frame={index}\n'
-            )
-            file.writelines(
-                f"{' '.join(row)}\n" for row in zip(*(each.tolist() for each in columns), strict=True)
-            )
+            head = f'{cell}Properties={":".join(properties)} pbc="{periodic}" time={time!r} frame={index}'
+            file.write(f"{disks.n}\n{head}\n")
+            rows = zip(*(each.tolist() for each in columns), strict=True)
+            file.writelines(f"{' '.join(row)}\n" for row in rows)
 
 
 def _gsd(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:

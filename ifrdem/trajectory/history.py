@@ -147,10 +147,9 @@ class History:
         at = np.asarray(t, dtype=np.float64)
         wrong = ~((at >= self.start) & (at <= self.end))
         if wrong.any():
-            raise InputError(
-                f"t = {at[wrong].flat[0] if at.ndim else float(at):.17g}: the history of disk {self.disk} is known "
-                f"from {self.start:.17g} to {self.end:.17g}"
-            )
+            asked = at[wrong].flat[0] if at.ndim else float(at)
+            known = f"is known from {self.start:.17g} to {self.end:.17g}"
+            raise InputError(f"t = {asked:.17g}: the history of disk {self.disk} {known}")
         event = np.searchsorted(self._flights["time"], at, side="right") - 1
         return at, {name: value[event] for name, value in self._flights.items()}
 

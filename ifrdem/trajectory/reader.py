@@ -33,6 +33,7 @@ from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
+from ..tools.pictured import Pictured, plots
 from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
 from .frame import SPIN, Frame
@@ -40,6 +41,7 @@ from .history import History
 from .series import Series
 
 if TYPE_CHECKING:
+    import MDAnalysis
     import pandas
     import xarray
 
@@ -91,7 +93,7 @@ class DiskPath:
         )
 
 
-class Trajectory(Sealed, Sequence[Frame]):
+class Trajectory(Sealed, Pictured, Sequence[Frame]):
     """A trajectory file as a sequence of frames, read lazily: memory holds what was asked for.
 
     Only committed frames count. A file that a run is still writing can be read; what it adds after opening is seen
@@ -434,6 +436,57 @@ class Trajectory(Sealed, Sequence[Frame]):
         Raises InputError if xarray is not installed.
         """
         return tables.to_xarray(self)
+
+    def plot(
+        self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
+        color: str | None = None,
+    ) -> Any:  # fmt: skip
+        """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, g, S, msd, ...
+
+        Parameters
+        ----------
+        what : str
+            Its name.
+        ax : Axes or several, optional
+            Axes of Matplotlib to draw into, as many as the picture has panels; of temperatures and the ledger one will
+            do, for the upper panel. By default those of a new figure of `pyplot`.
+        frames : sequence of int, optional
+            Of which frames; by default of those that suit the picture.
+        over : {"t", "tau"}
+            Time, or collisions per disk: of temperatures, energy, ledger and mechanisms.
+        color : str, optional
+            Of "disks", as `Frame.plot` has it.
+
+        Returns
+        -------
+        Axes, or an array of them
+
+        Raises
+        ------
+        InputError
+            If there is no such picture, the file does not hold what it takes, or axes are missing.
+        """
+        return plots().trajectory(self, what, ax, frames, over, color)
+
+    def universe(self) -> MDAnalysis.Universe:
+        """A universe of MDAnalysis over this file, in the units of the file (nothing is converted).
+
+        It has an atom for each disk, with masses, radii and types (materials); coordinates are single precision.
+
+        Raises
+        ------
+        InputError
+            If MDAnalysis is not installed, or the file holds no positions.
+
+        Examples
+        --------
+        >>> import ifrdem
+        >>> with ifrdem.Trajectory("cooling.h5") as run:  # of `ifrdem run cooling`
+        ...     universe = run.universe()
+        ...
+        >>> universe.atoms.center_of_mass()  # doctest: +SKIP
+        """
+        return tables.universe(self)
 
     def with_unit(self, text: str, quantity: str) -> str:
         """A text with the unit of a quantity behind it; unchanged in reduced units."""

@@ -38,6 +38,9 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
     one is not in it. Either answer is given only after the file, or its copy, was opened
     and read to its end.
 
+    Raises InputError if nothing can be kept: the message says why and what can be done; or if either is a folder or a
+    device.
+
     Parameters
     ----------
     path : Path
@@ -46,11 +49,6 @@ def repair(path: Path, place: Path, *, say: Callable[[str], object] = print) -> 
         Where to write: whole or not at all. `path` itself replaces it; a link or another name of it is refused.
     say : callable
         Takes lines that say what is wrong.
-
-    Raises
-    ------
-    InputError
-        If nothing can be kept: the message says why and what can be done; or if either is a folder or a device.
     """
     check_file(path)
     if place != path:
@@ -136,9 +134,8 @@ class _Kept:
             good &= here
         self.frames = np.flatnonzero(good)
         if len(self.frames) == 0:
-            raise InputError(
-                f"{path}: no frame of {self.committed} is whole: nothing can be kept{_otherwise(path)}"
-            )
+            none = f"no frame of {self.committed} is whole: nothing can be kept"
+            raise InputError(f"{path}: {none}{_otherwise(path)}")
         columns = {name: self._all_of(file[f"{layout.PARTICLES}/{name}"]) for name in layout.STATIC}
         self._disks = Disks(len(columns["mass"]), **columns)
         for dataset in self._fields.values():

@@ -16,6 +16,7 @@ from ..tools import checked
 from .layout import STATIC
 
 if TYPE_CHECKING:
+    import MDAnalysis
     import pandas
     import xarray
 
@@ -102,9 +103,8 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     attributes = {key: value for key, value in trajectory.parameters.items() if key != "case"}
     found = xarray.Dataset(data, coords=coordinates, attrs=attributes)
     for name, variable in found.variables.items():
-        if unit := trajectory.units.get(
-            QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")
-        ):
+        quantity = QUANTITIES.get(str(name).removeprefix("observables_").removeprefix("series_"), "")
+        if unit := trajectory.units.get(quantity):
             variable.attrs["units"] = unit
     return found
 
@@ -114,16 +114,12 @@ def whole_gas(trajectory: Trajectory) -> dict[str, NDArray[np.float64]]:
 
     Among them `time`, `collisions_per_disk` and `theta`, the ratio of the temperatures.
 
-    Raises
-    ------
-    InputError
-        If the file does not count collisions.
+    Raises InputError if the file does not count collisions.
     """
     source = trajectory.series if "collisions" in trajectory.series else trajectory.observables
     if "collisions" not in source or not len(source.time):
-        raise InputError(
-            f"{trajectory.path}: holds no collisions of the whole gas, by which it could be joined"
-        )
+        text = "holds no collisions of the whole gas, by which it could be joined"
+        raise InputError(f"{trajectory.path}: {text}")
     found = {name: source[name].astype(np.float64) for name in source}
     with np.errstate(divide="ignore", invalid="ignore"):
         if {"temperature", "rotational_temperature"} <= found.keys():
@@ -157,6 +153,8 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
     Rows of series, or frames where there are none, stand at those of the first trajectory, as far as all go; between
     the rows of the others they are interpolated linearly. Gases that cool at different rates are comparable so.
 
+    Raises InputError if there is none, one has no whole-gas quantities, or xarray is not installed (extra `analysis`).
+
     Parameters
     ----------
     trajectories : iterable of Trajectory or path
@@ -165,11 +163,6 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
     -------
     xarray.Dataset
         Dimensions `run` and `collisions_per_disk`; `run` has the names of the files.
-
-    Raises
-    ------
-    InputError
-        If there is none, one has no whole-gas quantities, or xarray is not installed (extra `analysis`).
 
     Examples
     --------
@@ -250,3 +243,19 @@ def _lazy(xarray: Any, trajectory: Trajectory, name: str) -> Any:
             )
 
     return xarray.Variable(("time", "disk", "axis")[: stored.ndim], indexing.LazilyIndexedArray(Stored()))
+
+
+def universe(trajectory: Trajectory) -> MDAnalysis.Universe:
+    """See `Trajectory.universe`."""
+    mda: Any = needed("MDAnalysis", "readers")
+    trajectory.dataset("position")  # says that it is missing
+    disks = trajectory.disks
+    made = mda.Universe.empty(disks.n, trajectory=True, velocities="velocity" in trajectory.fields)
+    for name, values in (
+        ("masses", disks.mass),
+        ("radii", disks.radius),
+        ("types", disks.material.astype(str)),
+    ):
+        made.add_TopologyAttr(name, values)
+    made.load_new(str(trajectory.path), format="H5MD", convert_units=False)
+    return made

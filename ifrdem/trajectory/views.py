@@ -54,11 +54,8 @@ def write_views(path: str | os.PathLike[str]) -> tuple[Path, Path]:
         check_apart(place, Path(path))
     check_files(made, force=True, elsewhere="views stand beside the trajectory")
     with Trajectory(path) as trajectory:
-        needs = {
-            "frames": len(trajectory),
-            "disks": trajectory.disks.n,
-            "positions": "position" in trajectory.fields,
-        }
+        n, positions = trajectory.disks.n, "position" in trajectory.fields
+        needs = {"frames": len(trajectory), "disks": n, "positions": positions}
         if missing := [name for name, there in needs.items() if not there]:
             raise InputError(f"{path}: a view needs {missing[0]}, and there are none")
         for place, fill in zip(made, (_fill_vtkhdf, _fill_netcdf), strict=True):
@@ -176,9 +173,8 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     names = {"position": "coordinates", "velocity": "velocities"}
     for name in trajectory.fields:
         tail = (3,) if trajectory.dataset(name).ndim == 3 else ()
-        view = _view(
-            file, names.get(name, name), trajectory, trajectory.dataset(name).name, (frames, n, *tail)
-        )
+        place = names.get(name, name)
+        view = _view(file, place, trajectory, trajectory.dataset(name).name, (frames, n, *tail))
         unit = units.get({"position": "length"}.get(name, ""))
         attach(view, "frame", "atom", *(("spatial",) if tail else ()), unit=unit)
     for zeros in file[ZEROS].values():

@@ -14,8 +14,8 @@ from support.figures import texts
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter
 from ifrdem.analysis import catalogue, steadiness
 from ifrdem.analysis.result import NOT_STEADY
-from ifrdem.cli import analyse
 from ifrdem.cli import main as cli
+from ifrdem.plots import pictures
 
 pytestmark = pytest.mark.unoptimised
 
@@ -146,7 +146,7 @@ def test_autocorrelation_of_a_gas_that_cools_says_that_it_decays_by_that_too(tmp
         assert doubt.startswith(
             f"{NOT_STEADY}: T goes from 1.5 J to 0.003401 J in that time: velocities shrink"
         )
-        assert NOT_STEADY in texts(analyse.draw(trajectory, "vacf"))
+        assert NOT_STEADY in texts(pictures.figure(trajectory, "vacf"))
     with Trajectory(write(tmp_path / "steady.h5")) as trajectory:
         assert catalogue.ANALYSES["vacf"].of(trajectory, None).doubts == []
 
@@ -155,7 +155,7 @@ def test_time_of_an_autocorrelation_is_logarithmic_where_frames_are_spaced_so(tm
     log = np.concatenate(([0.0], np.geomspace(1e-3, 10.0, FRAMES - 1)))
     for times, scale in ((None, "linear"), (log, "log")):
         with Trajectory(write(tmp_path / f"{scale}.h5", times=times)) as trajectory:
-            figure = analyse.draw(trajectory, "vacf")
+            figure = pictures.figure(trajectory, "vacf")
         axes = figure.axes[0]
         assert axes.get_xscale() == scale
         drawn = np.asarray(axes.lines[0].get_xdata(), dtype=float)
@@ -167,7 +167,7 @@ def test_tables_and_pictures_say_how_many_frames_were_averaged_and_of_which_time
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with Trajectory(write(tmp_path / "run.h5")) as trajectory:
-        assert "\n11 frames, t = 2 to 4 s" in texts(analyse.draw(trajectory, "velocity"))
+        assert "\n11 frames, t = 2 to 4 s" in texts(pictures.figure(trajectory, "velocity"))
     assert cli.main(["analyse", "run.h5", "velocity", "fields", "clusters"]) == 0
     shown = capsys.readouterr().out
     assert "Sonine coefficients, 11 frames, t = 2 to 4 s\n" in shown

@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.image import imread
 from support.figures import texts
 
 from ifrdem import Box, Disks, State, Trajectory, TrajectoryWriter, analysis, observables
@@ -19,10 +20,10 @@ from ifrdem.analysis import catalogue
 from ifrdem.analysis import result as outcome
 from ifrdem.analysis import result as stored
 from ifrdem.analysis.catalogue import number
-from ifrdem.cli import analyse
 from ifrdem.cli import main as cli
 from ifrdem.cli.analyse import NAMES
 from ifrdem.errors import InputError
+from ifrdem.plots import pictures
 from ifrdem.trajectory.layout import EVENT_COLUMNS, START_COLUMNS
 
 N, FRAMES, SPAN = 300, 12, 4.0
@@ -248,7 +249,7 @@ def test_a_gas_that_does_not_cool_by_haffs_law_is_said_not_to_and_gets_no_errors
     assert record["values"]["t_H"]["error"] is None
     assert len(record["doubts"]) == 2
     with Trajectory(path) as trajectory:
-        said = texts(analyse.draw(trajectory, "cooling"))
+        said = texts(pictures.figure(trajectory, "cooling"))
     assert said.count("which does not describe it") == 2
     assert "nan" not in said
 
@@ -262,7 +263,7 @@ def test_pressure_and_diffusion_of_a_gas_that_cools_are_said_to_be_those_of_no_s
         pressure = catalogue.ANALYSES["pressure"].of(trajectory, None)
         msd = catalogue.ANALYSES["msd"].of(trajectory, None)
         short = catalogue.ANALYSES["msd"].of(trajectory, list(range(3, 7)))
-        label = texts(analyse.draw(trajectory, "msd"))
+        label = texts(pictures.figure(trajectory, "msd"))
     for doubt in (pressure.doubts[0], msd.doubts[0], short.doubts[0]):
         assert doubt.startswith("the gas is not steady: T goes from ")
     assert "T goes from 1.5 to 0.1667 in that time" in msd.doubts[0]
@@ -349,7 +350,7 @@ def test_regimes_are_those_of_the_whole_gas_where_the_series_counts_them(tmp_pat
         group["collisions_by_regime"].attrs["columns"] = columns
     with Trajectory(path) as trajectory:
         outcome_ = catalogue.ANALYSES["impact"].of(trajectory, None)
-        said = texts(analyse.draw(trajectory, "impact"))
+        said = texts(pictures.figure(trajectory, "impact"))
     found = outcome_.result
     assert found.regime_collisions == 4 * 2000
     assert {name: share for name, (share, _) in found.regimes.items()} == {
@@ -387,12 +388,12 @@ def test_denser_series_are_used_where_the_file_has_them(tmp_path: Path) -> None:
     assert len(found.tables[""]["time"]) == 499
 
 
-@pytest.mark.parametrize("what", [name for name in analyse.PICTURES if name != "mechanisms"])
+@pytest.mark.parametrize("what", [name for name in pictures.PICTURES if name != "mechanisms"])
 def test_every_picture_is_drawn_with_labels_and_legends(what: str, tmp_path: Path) -> None:
     path = write(tmp_path / "run.h5")
     add_histories(path)
     with Trajectory(path) as trajectory:
-        figure = analyse.draw(trajectory, what)
+        figure = pictures.figure(trajectory, what)
         assert isinstance(figure, Figure)
         for axes in figure.axes[:2]:
             assert axes.get_xlabel() or axes.get_ylabel()
@@ -419,7 +420,7 @@ def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_pat
             totals["dissipated_by_mechanism"] = i * np.arange(1.0, 7.0)
             writer.write(State(frame.position, frame.velocity, frame.spin, time=frame.time), totals)
     with Trajectory(tmp_path / "all.h5") as trajectory:
-        figure = analyse.draw(trajectory, what)
+        figure = pictures.figure(trajectory, what)
     figure.draw_without_rendering()
     legends = 0
     title = next(one for one in figure.texts if "disks" in one.get_text()).get_window_extent()
@@ -462,7 +463,28 @@ def test_plot_writes_a_png_once(
     assert run("plot", "run.h5", "energy") == 2
     assert "exists already" in capsys.readouterr().err
     assert run("plot", "--list") == 0
-    assert capsys.readouterr().out.count("\n") == len(analyse.PICTURES)
+    assert capsys.readouterr().out.count("\n") == len(pictures.PICTURES)
+
+
+def test_plots_have_colours_styles_and_an_axis_of_collisions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path / "run.h5")
+    assert run("plot", "run.h5", "disks", "--colour", "speed", "--style", "dark_background") == 0
+    assert imread("run-disks.png")[0, 0, :3].max() < 0.1
+    assert run("plot", "run.h5", "disks", "--color", "speed", "-o", "light") == 0
+    assert imread("light.png")[0, 0, :3].min() > 0.9
+    assert run("plot", "run.h5", "temperatures", "--over", "tau") == 0
+    for words, said in (
+        (("disks", "--colour", "sped"), "--colour sped: allowed are spin, speed"),
+        (("energy", "--colour", "speed"), "color = speed: only of disks, not of energy"),
+        (("disks", "--style", "dark_backgroud"), "(did you mean 'dark_background'?)"),
+        (("g", "--over", "tau"), "over = tau: only of temperatures, energy, ledger, mechanisms, not of g"),
+    ):
+        assert run("plot", "run.h5", *words, "-o", "no.png") == 2
+        assert said in capsys.readouterr().err
+    assert not Path("no.png").exists()
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,10 @@ from ifrdem.cli.main import main
 from ifrdem.errors import EngineError, TrajectoryError
 from ifrdem.model.observables import Measure
 from ifrdem.model.state import State
-from ifrdem.run import progress
 from ifrdem.run.recorder import Recorder
 from ifrdem.simulation import device
 from ifrdem.simulation.simulation import Simulation
+from ifrdem.tools import progress
 from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised

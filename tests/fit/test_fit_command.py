@@ -16,6 +16,7 @@ from ifrdem import fit
 from ifrdem.cli.main import main
 
 ROOT = Path(__file__).parents[2]
+FIT_EXAMPLE = ("fit", "data.csv", "--M", "1", "--error", "0.7")
 
 
 @pytest.fixture
@@ -44,8 +45,8 @@ def test_example_is_printed_as_it_is(capsys: pytest.CaptureFixture[str]) -> None
 
 
 def test_fit_writes_what_was_asked_for(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["data.csv", "--M", "1", "--error", "0.7", "--json", "fit.json", "--model", "ifr-percussion"]
-    assert main(["fit", *arguments, "--write-material", "coins.toml", "--material-name", "al"]) == 0
+    more = ["--write-material", "coins.toml", "--material-name", "al"]
+    assert main([*FIT_EXAMPLE, "--json", "fit.json", "--model", "ifr-percussion", *more]) == 0
     shown = capsys.readouterr().out
     assert "ifr-percussion: IFR, percussion centre (Eq. 15)" in shown
     assert "wrote fit.json, coins.toml" in shown
@@ -59,23 +60,7 @@ def test_fit_writes_what_was_asked_for(folder: Path, capsys: pytest.CaptureFixtu
 
 
 def test_material_fits_into_a_case_that_check_likes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert (
-        main(
-            [
-                "fit",
-                "data.csv",
-                "--M",
-                "1",
-                "--error",
-                "0.7",
-                "--model",
-                "ifr-percussion",
-                "--write-material",
-                "coins.toml",
-            ]
-        )
-        == 0
-    )
+    assert main([*FIT_EXAMPLE, "--model", "ifr-percussion", "--write-material", "coins.toml"]) == 0
     case = (ROOT / "cases" / "cooling.toml").read_text(encoding="utf-8")
     begin, end = case.index("[[material]]"), case.index("# The coin of 1 pta")
     case = case[:begin] + (folder / "coins.toml").read_text(encoding="utf-8") + case[end:]
@@ -162,21 +147,9 @@ def test_bad_input_is_refused_all_at_once(
 
 def test_existing_files_are_kept_unless_forced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "fit.pdf").write_text("mine", encoding="utf-8")
-    (line,) = refused(["data.csv", "--M", "1", "--error", "0.7", "--picture", "fit"], folder, capsys)
+    (line,) = refused([*FIT_EXAMPLE[1:], "--picture", "fit"], folder, capsys)
     assert line == "output fit.pdf: exists already; --force replaces it, another name keeps it"
-    arguments = [
-        "data.csv",
-        "--M",
-        "1",
-        "--error",
-        "0.7",
-        "--model",
-        "smooth",
-        "--json",
-        "fit.pdf",
-        "--force",
-    ]
-    assert main(["fit", *arguments]) == 0
+    assert main([*FIT_EXAMPLE, "--model", "smooth", "--json", "fit.pdf", "--force"]) == 0
     assert json.loads((folder / "fit.pdf").read_text(encoding="utf-8"))["best"] == "smooth"
 
 

@@ -14,7 +14,7 @@ from ifrdem.cli import main as cli
 from ifrdem.errors import InputError
 from ifrdem.initial import impact_scan
 from ifrdem.model.state import Disks
-from ifrdem.plots import impact_scan as scan_picture
+from ifrdem.plots import impact_angles as scan_picture
 from ifrdem.trajectory.reader import Trajectory
 
 pytestmark = pytest.mark.unoptimised

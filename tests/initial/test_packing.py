@@ -18,7 +18,7 @@ from ifrdem.errors import InputError
 from ifrdem.initial import packing, radii
 from ifrdem.initial.placement import check_no_overlap
 from ifrdem.model.box import Box
-from ifrdem.run.progress import Stage
+from ifrdem.tools.progress import Stage
 
 pytestmark = pytest.mark.unoptimised
 

@@ -154,7 +154,7 @@ def test_angles_are_marked_where_the_file_holds_them(tmp_path, monkeypatch):
 
 # imageio-ffmpeg's reader leaves its pipes to the garbage collector.
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
-@pytest.mark.parametrize("colour", movie.COLOURS)
+@pytest.mark.parametrize("colour", ["spin", "direction"])
 def test_the_file_plays_with_as_many_pictures_as_frames(tmp_path, colour, capsys):
     import imageio_ffmpeg
 
@@ -187,7 +187,10 @@ def test_wrong_options_are_refused_before_work(tmp_path, capsys):
         (["--size", "321x300"], "--size 321x300: width x height in pixels are needed, even numbers"),
         (["--size", "big"], "such as 1280x720"),
         (["--fps", "0"], "--fps = 0: a whole number, 1 to 240"),
-        (["--colour", "spni"], "allowed are spin, temperature (did you mean 'spin'?)"),
+        (
+            ["--colour", "spni"],
+            "--colour spni: allowed are spin, speed, direction, temperature, radius, material",
+        ),
         (["--frames", "7"], "names none of the 3 frames"),
     ):
         assert main(["movie", str(path), *arguments]) == 2
@@ -210,3 +213,88 @@ def test_disks_have_the_temperature_of_their_peculiar_velocity(tmp_path):
         with Trajectory(tmp_path / "run.h5") as trajectory:
             scene = movie.Scene(trajectory, [0], (600, 500), "temperature")
             assert scene._values(0).tolist() == pytest.approx([expected], rel=1e-15)
+
+
+@pytest.mark.parametrize("lengths", [(0.8, 0.5), (0.3, 2.0), (30.0, 20.0)])
+def test_a_movie_is_no_larger_than_the_box_and_what_stands_around_it(tmp_path, lengths):
+    """Margins are narrow on all four sides, and nothing is cut: the outermost pixels are background."""
+    scale = min(lengths)
+    with TrajectoryWriter(
+        tmp_path / "run.h5", Disks(2, mass=1.0, radius=0.05 * scale), Box(lengths)
+    ) as writer:
+        writer.write(State(np.array([[0.3, 0.3], [0.7, 0.7]]) * lengths, np.zeros((2, 2)), [1.0, -2.0]))
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        scene = movie.Scene(trajectory, [0])
+        picture = scene.draw(0)
+    width, height = scene.size
+    assert picture.shape == (height, width, 3)
+    assert width % 2 == height % 2 == 0
+    assert width <= 1200
+    assert height <= 1080
+    assert max(width / 1200, height / 1080) > 0.97
+    used = np.argwhere((picture != 255).any(axis=2))
+    low, high = used.min(axis=0), (height, width) - used.max(axis=0)
+    assert low.min() > 1
+    assert high.min() > 1
+    assert max(*low, *high) < 40  # pixels
+
+
+def test_titles_stay_on_small_pictures_and_the_time_stands_below_the_name(tmp_path):
+    two_disks(tmp_path / "run.h5", parameters={"name": "a name that is far too long for a picture"})
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        scene = movie.Scene(trajectory, range(3), (320, 300))
+    time, name = (each for each in scene._axes.texts if each.get_text())
+    extent = name.get_window_extent()
+    assert 0.0 <= extent.x0 < extent.x1 <= 320.0
+    assert extent.y1 <= 300.0
+    assert time.get_window_extent().y1 <= extent.y0
+    assert scene._axes.get_window_extent().y1 <= time.get_window_extent().y0
+
+
+def test_the_scale_of_spins_is_that_of_frames_in_which_some_spin(tmp_path):
+    """Disks at rest in most of the frames do not make the scale that of nothing."""
+    disks = Disks(2, mass=1.0, radius=2.0)
+    with TrajectoryWriter(tmp_path / "run.h5", disks, BOX) as writer:
+        for i in range(9):
+            spin = [8.0, -8.0] if i == 8 else [0.0, 0.0]
+            writer.write(State([[5.0, 15.0], [20.0, 4.0]], np.zeros((2, 2)), spin, time=1.0 * i))
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        assert (scene := movie.Scene(trajectory, range(9)))._high == 8.0
+        assert scene._axes.child_axes
+        assert not movie.Scene(trajectory, range(8))._axes.child_axes  # no spin, no bar
+
+
+@pytest.mark.parametrize("kind", ["webp", "gif"])
+def test_animations_for_web_pages_have_a_picture_a_frame(tmp_path, kind, capsys):
+    from PIL import Image
+
+    write(tmp_path / "run.h5", n=50, frames=6)
+    out = tmp_path / f"a.{kind}"
+    style = ["--style", "dark_background"]
+    assert (
+        main(["movie", str(tmp_path / "run.h5"), "-o", str(out), "--fps", "10", "--size", "320x300", *style])
+        == 0
+    )
+    assert f"wrote {out}: 6 pictures, 0.6 s" in capsys.readouterr().out
+    with Image.open(out) as shown:
+        assert (shown.n_frames, shown.size) == (6, (320, 300))
+        seen = []
+        for i in range(6):
+            shown.seek(i)
+            shown.load()
+            assert shown.info["duration"] == 100
+            seen.append(np.asarray(shown.convert("RGB")).astype(int))
+    assert max(seen[0][0, 0]) < 10  # dark
+    assert np.abs(seen[0] - seen[5]).max() > 100
+
+
+def test_unknown_endings_and_styles_are_refused(tmp_path, capsys):
+    write(tmp_path / "run.h5", n=5)
+    for arguments, reason in (
+        (["-o", str(tmp_path / "a.avi")], "a movie is a file with the ending .mp4, .webp, .gif"),
+        (["--style", "dark_backgroud"], "nor a file of one (did you mean 'dark_background'?)"),
+        (["--quality", "0"], "--quality = 0: a whole number, 1 to 100"),
+    ):
+        assert main(["movie", str(tmp_path / "run.h5"), *arguments]) == 2
+        assert reason in capsys.readouterr().err
+    assert os.listdir(tmp_path) == ["run.h5"]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from support.gases import COIN, ELASTIC, ROLLING, equal_disks, equilibrated, mixture
 
-from ifrdem.kernels.layout import HASH_1, HASH_2
+from ifrdem.kernels.layout import HASH_1, HASH_2, USUAL_HALO
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Motion, Wall
@@ -143,7 +143,7 @@ def narrowed(monkeypatch: pytest.MonkeyPatch, part: float) -> None:
 
     def narrow(self: Windows) -> None:
         set_halos(self)
-        self.arrays.reach[:, 0] *= part
+        self.arrays.scale[USUAL_HALO] *= part
 
     monkeypatch.setattr(Windows, "_set_halos", narrow)
 
@@ -173,23 +173,19 @@ def with_half_halos_unverified(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def without_claims(monkeypatch: pytest.MonkeyPatch) -> None:
     from ifrdem.kernels.layout import N_CLAIMS
+    from ifrdem.kernels.windows import verify
+    from ifrdem.simulation.arrays import DeviceArrays
 
-    verify = Windows._verify
+    call = DeviceArrays._call
 
-    def dropping(self: Windows, watching: int) -> None:
-        launch = self.arrays.launch
+    def drop(self: DeviceArrays, kernel: Any, numbers: tuple[float, ...], given: dict[str, Any]) -> None:
+        if kernel is verify:
+            tile = self.tile.to_numpy()
+            tile[:, N_CLAIMS] = 0
+            self.tile.from_numpy(tile)
+        call(self, kernel, numbers, given)
 
-        def drop(kernel: Any, *numbers: float, **given: Any) -> None:
-            self.arrays.tile[:, N_CLAIMS] = 0
-            launch(kernel, *numbers, **given)
-
-        self.arrays.launch = drop  # type: ignore[method-assign]
-        try:
-            verify(self, watching)
-        finally:
-            self.arrays.launch = launch  # type: ignore[method-assign]
-
-    monkeypatch.setattr(Windows, "_verify", dropping)
+    monkeypatch.setattr(DeviceArrays, "_call", drop)
     narrowed(monkeypatch, NARROW)
 
 

@@ -181,7 +181,7 @@ def test_moving_everything_up_with_the_flow_changes_no_collision(order: str) -> 
     assert state.flow is not None
     engine = made(disks, box, state, COIN, order)
     expected = run(engine, 700)
-    rows = len(engine.arrays.edge_y) - 1
+    rows = len(engine.arrays.edges[1]) - 1
     for height in (box.lengths[1] / max(rows, 2), 0.377 * box.lengths[1]):
         position = box.wrap(state.position + np.array([0.0, height]), state.time)
         velocity = state.velocity - state.flow + box.flow(position)

@@ -57,6 +57,48 @@ def test_mdanalysis_reads_positions_and_velocities(run):
         assert np.allclose(step.dimensions[:2], BOX.lengths)
 
 
+def test_a_trajectory_is_a_universe_of_mdanalysis(run):
+    path, dtype = run
+    with Trajectory(path) as trajectory:
+        universe, disks = trajectory.universe(), trajectory.disks
+    assert len(universe.trajectory) == FRAMES
+    assert np.array_equal(universe.atoms.masses, disks.mass)
+    assert np.array_equal(universe.atoms.radii, disks.radius)
+    assert universe.atoms.types.tolist() == [str(one) for one in disks.material]
+    for i, step in enumerate(universe.trajectory):
+        assert np.array_equal(universe.atoms.positions, stored("position", i, dtype).astype(np.float32))
+        assert np.array_equal(universe.atoms.velocities, stored("velocity", i, dtype).astype(np.float32))
+        assert np.allclose(step.dimensions[:2], BOX.lengths)
+
+
+@pytest.mark.parametrize("shear", [0.0, 0.7])
+def test_freud_takes_frames_as_systems(tmp_path, shear):
+    """Its neighbours are those of minimum images, in a sheared box too, at any time."""
+    import freud
+
+    box = Box((30.0, 20.0), shear_rate=shear)
+    write(tmp_path / "run.h5", n=N, frames=FRAMES, box=box, precision="f8")
+    with Trajectory(tmp_path / "run.h5") as trajectory:
+        for frame in trajectory:
+            expected = np.linalg.norm(
+                box.minimum_image(frame.position[:, None] - frame.position[None], frame.time), axis=-1
+            )
+            for system in (frame, (frame.box, frame.points)):
+                query = freud.locality.AABBQuery.from_system(system)
+                found = query.query(query.points, {"r_max": 4.0, "exclude_ii": True}).toNeighborList()
+                assert len(found) == np.count_nonzero((expected < 4.0) & (expected > 0.0))
+                i, j = found[:].T
+                # freud computes in single precision
+                assert np.allclose(found.distances, expected[i, j], atol=1e-4)
+            freud.density.RDF(10, 4.0).compute(frame)
+    write(tmp_path / "open.h5", box=Box.open())
+    with (
+        Trajectory(tmp_path / "open.h5") as trajectory,
+        pytest.raises(InputError, match="an open box has no sides"),
+    ):
+        freud.locality.AABBQuery.from_system(trajectory[0])
+
+
 def test_pyh5md_reads_every_field(run):
     import pyh5md
 

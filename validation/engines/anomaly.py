@@ -11,7 +11,7 @@ from ..paper.angles import Lines, coin_impact
 from ..paper.equations import TABLE_II, Impact
 from ..paper.pairs import After
 from ..report import style
-from ..report.registry import Picture, Result, Table
+from ..report.registry import Picture, Result
 from . import bullet_world, stepped
 
 QUESTION = "Where do IFR and every engine with Coulomb's friction differ, and by how much?"
@@ -56,21 +56,10 @@ def run(quick: bool) -> Result:
         at_80 = replace(c, psi=np.radians(80.0))
         gap = float(equations.SLIDING.tan_delta_2(at_80)) - row.mu
         cells.append((row.disks, row.e_t, slope, float(ours.sliding_2[0]), float(theirs.sliding_2[0]), gap))
-    result.table(
-        "Slope of tan(delta_2) against tan(psi) in the sliding regime",
-        (
-            "disks",
-            "e_t",
-            "Eq. 19",
-            "IFR, simulated",
-            "PyBullet",
-            "tan(delta_2) at 80 deg: IFR minus Coulomb",
-        ),
-        cells,
-    )
-    result.tables.append(
-        Table("What agreement with PyBullet and pymunk proves, and what it does not", ("", ""), IN_WORDS)
-    )
+    last = "tan(delta_2) at 80 deg: IFR minus Coulomb"
+    title = "Slope of tan(delta_2) against tan(psi) in the sliding regime"
+    result.table(title, ("disks", "e_t", "Eq. 19", "IFR, simulated", "PyBullet", last), cells)
+    result.table("What agreement with PyBullet and pymunk proves, and what it does not", ("", ""), IN_WORDS)
     result.pictures.append(_figure(found))
     return result
 

@@ -41,7 +41,7 @@ BIAS = 1e-3  # what a step of 1e-3 leaves: contacts at a distance that is shorte
 
 
 @dataclass(frozen=True)
-class Measured:
+class BoxMeasures:
     """One code's gases: arrays (seeds, times); positions (seeds, times, n, 2), and which disks have collided."""
 
     energy: Array
@@ -63,11 +63,11 @@ class Code:
     law: IFRLaw = LAW
     gases: list[Snapshots] = field(default_factory=list)
 
-    def measured(self) -> Measured:
+    def measured(self) -> BoxMeasures:
         """All seeds together."""
         at_start = 0.5 * float(np.sum(DISKS.mass)) * 2.0  # T = 1: m v^2 / 2 is 1 on average
         moving, turning = np.array([gas.energy(DISKS) for gas in self.gases]).swapaxes(0, 1)
-        return Measured(
+        return BoxMeasures(
             (moving + turning) / at_start,
             turning / (moving + turning),
             np.array([gas.collisions for gas in self.gases], dtype=float) * 2.0 / N,
@@ -99,11 +99,11 @@ def run(quick: bool) -> Result:
             code.gases.append(exact(code.law, begin, times))
         for code in others + (coarse if seed <= 4 else []):
             assert code.world is not None
-            steps = np.rint(times / code.time_step).astype(int).tolist()
-            gas = stepped.gas(
-                code.world, DISKS, SURFACE, sides(BOX), begin, time_step=code.time_step, steps=steps
-            )
-            code.gases.append(gas)
+            walls = {
+                "time_step": code.time_step,
+                "steps": np.rint(times / code.time_step).astype(int).tolist(),
+            }
+            code.gases.append(stepped.gas(code.world, DISKS, SURFACE, sides(BOX), begin, **walls))
     found = {code.name: code.measured() for code in (ours, ifr, *others, *coarse)}
     for code in others:
         _compare(result, code, found["ifrdem"], found[code.name], times)
@@ -142,7 +142,7 @@ def mean_and_error(values: Array) -> tuple[Array, Array]:
     return values.mean(axis=0), values.std(axis=0, ddof=1) / math.sqrt(len(values))
 
 
-def _compare(result: Result, code: Code, ours: Measured, theirs: Measured, times: Array) -> None:
+def _compare(result: Result, code: Code, ours: BoxMeasures, theirs: BoxMeasures, times: Array) -> None:
     """Means over the seeds against ours, by the scatter of the paired differences."""
     seeds = len(theirs.energy)
     reason = (
@@ -165,19 +165,18 @@ def _compare(result: Result, code: Code, ours: Measured, theirs: Measured, times
                 ERRORS * float(error[0]) + margin,
                 f"{text} at t = {times[at]:g}, {code.name}",
             )
-            result.near(
-                quantity, other.mean(), mine.mean(), tolerance, reason, "our engine from the same starts"
-            )
+            source = "our engine from the same starts"
+            result.near(quantity, other.mean(), mine.mean(), tolerance, reason, source)
 
 
-def _apart(ours: Measured, theirs: Measured) -> Array:
+def _apart(ours: BoxMeasures, theirs: BoxMeasures) -> Array:
     """Median over disks that have collided in ours of the distance between both codes' places [R], shape (times,)."""
     seeds = len(theirs.position)
     away = np.hypot(*np.moveaxis(theirs.position - ours.position[:seeds], -1, 0))
     return np.nanmedian(np.where(ours.collided[:seeds], away, np.nan), axis=(0, 2))
 
 
-def _before_chaos(result: Result, codes: list[Code], found: dict[str, Measured], times: Array) -> None:
+def _before_chaos(result: Result, codes: list[Code], found: dict[str, BoxMeasures], times: Array) -> None:
     at = int(np.argmin(np.abs(times - 1.0)))
     for code in codes:
         off = float(_apart(found["ifrdem"], found[code.name])[at])
@@ -190,7 +189,7 @@ def _before_chaos(result: Result, codes: list[Code], found: dict[str, Measured],
         )  # fmt: skip
 
 
-def _power(found: dict[str, Measured], times: Array, others: list[str]) -> Table:
+def _power(found: dict[str, BoxMeasures], times: Array, others: list[str]) -> Table:
     """Would the comparison have noticed IFR's own e_t?"""
     rows: list[tuple[str | float, ...]] = []
     ours = found["ifrdem"]
@@ -207,7 +206,7 @@ def _power(found: dict[str, Measured], times: Array, others: list[str]) -> Table
     )
 
 
-def _speed(found: dict[str, Measured], codes: list[Code]) -> Table:
+def _speed(found: dict[str, BoxMeasures], codes: list[Code]) -> Table:
     rows: list[tuple[str | float, ...]] = []
     for name, step in (("ifrdem", 0.0), *((code.name, code.time_step) for code in codes)):
         one = found[name]
@@ -228,7 +227,7 @@ COLOURS = dict(zip(CODES, (style.BLUE, style.VERMILION, style.SKY, style.ORANGE)
 MARKERS = dict(zip(CODES, "oxs+", strict=True))
 
 
-def _figure(found: dict[str, Measured], times: Array, others: list[str]) -> Picture:
+def _figure(found: dict[str, BoxMeasures], times: Array, others: list[str]) -> Picture:
     figure, axes = style.panels(3, width=2.9)
     shown = (("energy", "$E / E_0$"), ("spin_share", "$E_{rot} / E$"), ("collisions", "collisions per disk"))
     for ax, (attribute, text) in zip(axes, shown, strict=True):
@@ -255,7 +254,7 @@ def _figure(found: dict[str, Measured], times: Array, others: list[str]) -> Pict
     return Picture("bullet-box", caption, figure)
 
 
-def _chaos_figure(found: dict[str, Measured], times: Array, steps: dict[str, float]) -> Picture:
+def _chaos_figure(found: dict[str, BoxMeasures], times: Array, steps: dict[str, float]) -> Picture:
     figure, (ax,) = style.panels(width=4.2)
     for code in steps:
         apart, label = _apart(found["ifrdem"], found[code]), f"{code.split(',')[0]}, step {steps[code]:g}"

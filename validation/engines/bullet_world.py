@@ -75,21 +75,18 @@ class BulletWorld:
         # Bullet multiplies the coefficients of two bodies.
         own = {"friction": math.sqrt(surface.mu), "restitution": math.sqrt(surface.e_n)}
         height = float(disks.radius.min())
-        self.disks: list[bullet.Disk] = [
+        self.disks: list[bullet.DiskBody] = [
             bullet.add_disk(self.client, disks.mass[i], disks.radius[i], k=disks.k[i], height=height, **own)
             for i in range(disks.n)
         ]
-        self.walls: list[bullet.Wall] = [
+        self.walls: list[bullet.WallBody] = [
             bullet.add_wall(self.client, wall.place, wall.towards, **own) for wall in walls
         ]
         self._wall_ids = {wall.body for wall in self.walls}
         # A step with nothing near: Bullet takes over inverse moments of inertia at the end of a step.
         apart = 4.0 * float(disks.radius.max())
-        self.place(
-            np.stack([apart * np.arange(disks.n), np.full(disks.n, -1e3 * apart)], axis=1),
-            np.zeros((disks.n, 2)),
-            np.zeros(disks.n),
-        )
+        far = np.stack([apart * np.arange(disks.n), np.full(disks.n, -1e3 * apart)], axis=1)
+        self.place(far, np.zeros((disks.n, 2)), np.zeros(disks.n))
         self.step()
 
     def __enter__(self) -> BulletWorld:

@@ -29,11 +29,9 @@ def run(quick: bool) -> Result:
     sizes = {"R = 1": 1.0, "R = 0.0105 (1 pta in m)": 0.0105}
     defaults = {text: np.array([_by_defaults(p, R, e) for e in asked]) for text, R in sizes.items()}
     ours = np.array([_by_settings(e) for e in asked])
-    text, reason = (
-        "effective e_n by the settings of validation/engines/bullet_world.py, R = 1",
-        "contact normals within 6e-7 (GJK)",
-    )
-    result.all_near(text, ours, asked[:, None], 1e-6, reason, "the restitution that was asked for")
+    text = "effective e_n by the settings of validation/engines/bullet_world.py, R = 1"
+    reason, source = "contact normals within 6e-7 (GJK)", "the restitution that was asked for"
+    result.all_near(text, ours, asked[:, None], 1e-6, reason, source)
     at = int(np.argmin(np.abs(asked - 0.8)))
     for text, found in defaults.items():
         result.near(

@@ -69,9 +69,8 @@ def late(c: Impact, step: float, seed: int) -> Array:
     a = np.arctan2(s * np.sin(c.psi), c.R_1 + c.R_2 - s * np.cos(c.psi))
     right = predicted.after(c, "contact_point")
     turned = predicted.after(replace(c, psi=c.psi + a), "contact_point")
-    v_1, v_2 = (
-        np.exp(-1j * a) * (n + 1j * t) for n, t in ((turned.v_1n, turned.v_1t), (turned.v_2n, turned.v_2t))
-    )
+    both = ((turned.v_1n, turned.v_1t), (turned.v_2n, turned.v_2t))
+    v_1, v_2 = (np.exp(-1j * a) * (n + 1j * t) for n, t in both)
     back = replace(turned, v_1n=v_1.real, v_1t=v_1.imag, v_2n=v_2.real, v_2t=v_2.imag)
     return deviation(back, right)
 

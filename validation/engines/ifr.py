@@ -43,13 +43,10 @@ def run(quick: bool) -> Result:
         apart[f"IFR in PyBullet, step {step:g}"] = np.median(away, axis=1)
         at = int(np.argmin(np.abs(times - 1.0)))
         reason = "f64 round-off, multiplied some ten times by each of one to four collisions a disk"
-        result.all_near(
-            f"places of 100 disks [R] at t = 1, step {step:g}", away[at], 0.0, 1e-10, reason, source
-        )
-        text, events = (
-            f"collisions by t = {times[-1]:g}, walls included, step {step:g}",
-            ours.collisions + ours.wall_hits,
-        )
+        text = f"places of 100 disks [R] at t = 1, step {step:g}"
+        result.all_near(text, away[at], 0.0, 1e-10, reason, source)
+        text = f"collisions by t = {times[-1]:g}, walls included, step {step:g}"
+        events = ours.collisions + ours.wall_hits
         if quick:
             tolerance, reason = 0.0, "none, while rounding has not separated the two codes"
         else:
@@ -75,10 +72,7 @@ def _pairs(result: Result, n: int) -> None:
             bodies = bullet.Bodies.read(world.client, world.disks)
             for i in range(n):
                 angle = rng.uniform(0.0, 2.0 * np.pi)
-                (normal[i],), (along,) = (
-                    pairs.directions(np.array([angle])),
-                    pairs.directions(np.array([angle + psi[i]])),
-                )
+                normal[i], along = pairs.directions(np.array([angle, angle + psi[i]]))
                 v = np.array([along, [0.0, 0.0]])
                 x = np.array([-2.4 * normal[i], [0.0, 0.0]]) - v * (2.0 + rng.uniform()) * 0.05
                 world.place(x, v, np.array([c.w_o[i], -w_2o[i]]))
@@ -112,9 +106,8 @@ def _figure(times: Array, apart: dict[str, Array]) -> Picture:
     figure, (ax,) = style.panels(width=4.2)
     looks = zip(apart.items(), (style.BLUE, style.VERMILION), "ox", strict=False)
     for (text, away), colour, marker in looks:
-        ax.semilogy(
-            times, np.maximum(away, 1e-17), marker + "-", color=colour, mfc="none", lw=0.7, label=text
-        )
+        line = np.maximum(away, 1e-17)
+        ax.semilogy(times, line, marker + "-", color=colour, mfc="none", lw=0.7, label=text)
     ax.set(xlabel=box.TIME, ylabel=r"median distance $/\,R$", xlim=(0, None), ylim=(1e-16, 1e-10))
     ax.legend(loc="lower right")
     caption = (

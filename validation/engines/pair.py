@@ -50,9 +50,8 @@ def run(quick: bool) -> Result:
             exact = stepped.touch(world, c, w_2o=w_2o, along_y=True)
             off = deviation(exact, ours)
             quantity = f"velocities and R omega [v_o], {text}"
-            result.all_near(
-                f"{quantity}, line of centres along y, {world.name}", off, 0.0, 1e-10, EXACT, OURS
-            )
+            text_y = f"{quantity}, line of centres along y, {world.name}"
+            result.all_near(text_y, off, 0.0, 1e-10, EXACT, OURS)
             row.append(float(off.max()))
             off = deviation(stepped.touch(world, c, w_2o=w_2o), ours)
             tolerance, reason = 1e-10, EXACT
@@ -135,16 +134,14 @@ def _figure(lines: dict[str, list[tuple[Impact, After]]], random: dict[str, Arra
         ax.plot(np.tan(c.psi), y, color=colour, label=TABLE_II[i].coins[0])
         for name in lines:
             got = lines[name][i][1][some]
-            ax.plot(
-                np.tan(got.impact.psi), got.v_2t / got.v_2n, LOOKS[name][1], color=colour, mew=0.8, **open_
-            )
+            tan = np.tan(got.impact.psi)
+            ax.plot(tan, got.v_2t / got.v_2n, LOOKS[name][1], color=colour, mew=0.8, **open_)
     ax.set(xlabel=r"$\tan\psi$", ylabel=r"$\tan\delta_2$", xlim=(0, 3.0), ylim=(0, 0.27))
     ax.legend(loc="lower right", ncols=2)
     for name, found in lines.items():
         colour, marker, along_y = LOOKS[name]
-        off.semilogy(
-            np.degrees(psi), random[name], marker, color=colour, label=f"{name}, any direction", **open_
-        )
+        label = f"{name}, any direction"
+        off.semilogy(np.degrees(psi), random[name], marker, color=colour, label=label, **open_)
         worst = [deviation(got, predicted.after(got.impact, "contact_point")) for _, got in found]
         y = np.maximum(np.max(worst, axis=0), 1e-17)
         off.semilogy(np.degrees(psi), y, along_y, color=colour, ms=4, label=f"{name}, along y")

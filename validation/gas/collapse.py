@@ -60,9 +60,9 @@ def velocities(e_n: float) -> list[float]:
 def row(e_n: float) -> tuple[int, State]:
     """The row as the engine runs it: number of collisions, and the state at the end."""
     x = np.array([5.0, 6.0 + GAPS[0], 7.0 + GAPS[0] + GAPS[1]])
-    begin = State(
-        np.column_stack((x, np.full(3, 3.0))), np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]), np.zeros(3)
-    )
+    v = np.zeros((3, 2))
+    v[0, 0] = 1.0
+    begin = State(np.column_stack((x, np.full(3, 3.0))), v, np.zeros(3))
     gas = Simulation(equal_disks(3), Box((200.0, 6.0)), IFRLaw(e_n=e_n, e_t=-1.0, mu=0.0), begin)
     gas.run(t_end=END)
     return gas.collisions, gas.state
@@ -74,29 +74,21 @@ def run(quick: bool, seed: int) -> Result:
     counts = {}
     for e_n in ABOVE:
         counts[e_n], end = row(e_n)
-        result.near(
-            f"collisions at e_n = {e_n}", counts[e_n], count(e_n), 0.0, "a count",
-            "ceil(pi / theta) - 1, cos(theta) = (1 + e) / (4 sqrt(e))",
-        )  # fmt: skip
+        theory = "ceil(pi / theta) - 1, cos(theta) = (1 + e) / (4 sqrt(e))"
+        result.near(f"collisions at e_n = {e_n}", counts[e_n], count(e_n), 0.0, "a count", theory)
         result.all_near(
             f"velocities at the end, e_n = {e_n}", end.velocity[:, 0], velocities(e_n), 1e-13,
             "rounding of some ten collisions of speed 1", "the recurrence in validation/gas/collapse.py",
         )  # fmt: skip
     for e_n in BELOW:
         counts[e_n], end = row(e_n)
-        why = "rounding of positions near 10, over the speed that closes the last gaps"
-        result.all_near(
-            f"velocities after the collapse, e_n = {e_n}",
-            end.velocity[:, 0],
-            np.full(3, 1.0 / 3.0),
-            1e-12,
-            why,
-            SOURCE,
+        text, why = (
+            f"after the collapse, e_n = {e_n}",
+            "rounding of positions near 10, over the speed that closes the last gaps",
         )
-        result.all_near(
-            f"distances of neighbours after the collapse, e_n = {e_n}", np.diff(end.position[:, 0]), np.ones(2), 1e-12,
-            why, SOURCE,
-        )  # fmt: skip
+        third, apart = np.full(3, 1.0 / 3.0), np.diff(end.position[:, 0])
+        result.all_near(f"velocities {text}", end.velocity[:, 0], third, 1e-12, why, SOURCE)
+        result.all_near(f"distances of neighbours {text}", apart, np.ones(2), 1e-12, why, SOURCE)
     result.pictures.append(_figure(counts))
     return result
 

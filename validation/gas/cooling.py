@@ -24,6 +24,7 @@ Broken on purpose, aluminium coins (1 pta) from cold spins in the dilute gas: 2 
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -84,7 +85,7 @@ class Cooling(NamedTuple):
         return np.array(each).T
 
 
-class Gas(NamedTuple):
+class CooledGas(NamedTuple):
     """One material at one density from one start."""
 
     heat: str
@@ -108,23 +109,15 @@ def run(quick: bool, seed: int) -> Result:
             _rates(result, name, list(STARTS)[j], seeds_of(seed, REPLICAS_OF_RATES, 1300 + 60 * i + 30 * j))
     lines = []
     for at, (phi, size) in enumerate((QUICK_SIZES if quick else SIZES).items()):
-        gases = [
-            _one(
-                result, name, phi, size, heat, seed, 2000 + 1200 * at + 200 * i + 100 * j, *homogeneous[i, j]
-            )
-            for i, name in enumerate(names)
-            for j, heat in enumerate(STARTS)
-        ]
-        for what in ("T", "theta"):
-            for when, text in (
-                ("young", f"after {YOUNG:g} collisions per disk or less"),
-                ("last", "at the latest"),
-            ):
-                group = [gas.rows[what, when] for gas in gases if (what, when) in gas.rows]
-                if len(group) > 1:
-                    together(
-                        result, f"{what} {text}, phi = {phi}, against DSMC", group, "DSMC of the same law"
-                    )
+        gases = []
+        for (i, name), (j, heat) in itertools.product(enumerate(names), enumerate(STARTS)):
+            place = 2000 + 1200 * at + 200 * i + 100 * j
+            gases.append(_one(result, name, phi, size, heat, seed, place, *homogeneous[i, j]))
+        whens = {"young": f"after {YOUNG:g} collisions per disk or less", "last": "at the latest"}
+        for what, (when, text) in itertools.product(("T", "theta"), whens.items()):
+            group = [gas.rows[what, when] for gas in gases if (what, when) in gas.rows]
+            if len(group) > 1:
+                together(result, f"{what} {text}, phi = {phi}, against DSMC", group, "DSMC of the same law")
         result.pictures.append(_picture(phi, size, names, gases))
         lines += [gas.line for gas in gases]
     result.tables.append(
@@ -133,8 +126,7 @@ def run(quick: bool, seed: int) -> Result:
             ("material", "phi", "spins", "T, DSMC / theory, tau = 5", "theta, DSMC / theory, tau = 5",
              "T, DSMC / theory, tau = 20", "theta, DSMC / theory, tau = 20", "theta, simulated / DSMC, tau = 5",
              "T, simulated / DSMC, tau = 20", "theta, simulated / DSMC, tau = 20", "factor of T by waves, tau = 20",
-             "its uncertainty",
-             "compared until tau", "a_2 of spins, DSMC"),
+             "its uncertainty", "compared until tau", "a_2 of spins, DSMC"),
             lines,
             "tau: collisions per disk. The factor of T by waves is what hydrodynamics says of simulated over DSMC "
             "(validation/gas/waves.py), as long as it is small. a_2 of spins is <w^4>/(3 <w^2>^2) - 1, 0 for a "
@@ -218,7 +210,7 @@ def _one(
     place: int,
     dsmc: Cooling,
     tail: float,
-) -> Gas:
+) -> CooledGas:
     law, T_rot, (n, replicas) = coins[name].law, STARTS[heat], size
     quick = size in QUICK_SIZES.values()
     seeds = seeds_of(seed, replicas, place)
@@ -255,24 +247,21 @@ def _one(
 
     line = (
         name, phi, heat, over(dsmc.T, exact.T, young), over(dsmc.theta, exact.theta, young),
-        over(dsmc.T, exact.T, -1), over(dsmc.theta, exact.theta, -1),
-        over(got.theta, dsmc.theta, 4), over(got.T, dsmc.T, -1),
-        over(got.theta, dsmc.theta, -1), float(held[-1].factor[0]),
-        float(held[-1].factor_error[0]),
-        float(TAU[last]), tail,
+        over(dsmc.T, exact.T, -1), over(dsmc.theta, exact.theta, -1), over(got.theta, dsmc.theta, 4),
+        over(got.T, dsmc.T, -1), over(got.theta, dsmc.theta, -1), float(held[-1].factor[0]),
+        float(held[-1].factor_error[0]), float(TAU[last]), tail,
     )  # fmt: skip
-    return Gas(heat, got, large, dsmc, exact, rows, line)
+    return CooledGas(heat, got, large, dsmc, exact, rows, line)
 
 
-def _picture(phi: float, size: Size, names: Sequence[str], gases: list[Gas]) -> Picture:
+def _picture(phi: float, size: Size, names: Sequence[str], gases: list[CooledGas]) -> Picture:
     figure, axes = style.panels(len(names), 2, width=2.7, height=2.4)
     for at, gas in enumerate(gases):
         i = at // len(STARTS)
         colour = style.BLUE if gas.heat == "cold" else style.VERMILION
         for place, of, begin in ((axes[i], "T", 0), (axes[i + len(names)], "theta", 1)):
-            small, dsmc, exact = (
-                getattr(one, of).mean(axis=0)[begin:] for one in (gas.small, gas.dsmc, gas.exact)
-            )
+            each = (gas.small, gas.dsmc, gas.exact)
+            small, dsmc, exact = (getattr(one, of).mean(axis=0)[begin:] for one in each)
             place.plot(TAU[begin:], exact, color=colour, lw=0.9, label=f"{gas.heat} spins")
             place.plot(TAU[begin:], dsmc, "--", color=colour, lw=0.9)
             style.points(place, TAU[begin:], small, colour)

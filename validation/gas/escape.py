@@ -30,26 +30,14 @@ BAD_INPUT, FAILED = 2, 1
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Findings of a run.
+class Escape:
+    """Findings of a run."""
 
-    Attributes
-    ----------
-    hits, collisions : int
-        Collisions with walls, and between disks.
-    time : float
-        Simulated time at the end [time].
-    states : int
-        How many times all gaps were looked at.
-    least_gap : float
-        The least gap between a disk and a wall in all of them [diameters]; below 0 it is an overlap.
-    """
-
-    hits: int
-    collisions: int
-    time: float
-    states: int
-    least_gap: float
+    hits: int  # collisions with walls
+    collisions: int  # and between disks
+    time: float  # simulated time at the end [time]
+    states: int  # how many times all gaps were looked at
+    least_gap: float  # between a disk and a wall in all of them [diameters]; below 0 it is an overlap
 
 
 def room(order: str = "alone", *, seed: int = 1) -> Engine:
@@ -58,20 +46,17 @@ def room(order: str = "alone", *, seed: int = 1) -> Engine:
     grid = np.arange(12)
     position = np.column_stack((9.0 + 4.0 * (grid % 4), 9.0 + 4.0 * (grid // 4)))
     state = State(position, rng.normal(size=(12, 2)), rng.normal(size=12))
+    sine = Motion("sine", amplitude=0.4, frequency=0.3)
+    sawtooth = Motion("sawtooth", direction=(1.0, 0.0), amplitude=0.3, frequency=0.5)
+    aslant = Motion("sine", direction=(1.0, 1.0), amplitude=1.5, frequency=0.2)
     walls = [
         Wall.container((15.0, 15.0), 17.5, surface_speed=0.3),
-        Wall.line((0.0, 0.5), (0.0, 1.0), motion=Motion("sine", amplitude=0.4, frequency=0.3)),
-        Wall.line(
-            (0.5, 0.0),
-            (1.0, 0.0),
-            motion=Motion("sawtooth", direction=(1.0, 0.0), amplitude=0.3, frequency=0.5),
-        ),
+        Wall.line((0.0, 0.5), (0.0, 1.0), motion=sine),
+        Wall.line((0.5, 0.0), (1.0, 0.0), motion=sawtooth),
         Wall.line((30.0, 0.0), (-1.0, 0.0), temperature=1.0),
         Wall.segment((4.0, 22.0), (11.0, 24.0)),
         Wall.post((7.0, 7.0), 1.0),
-        Wall.post(
-            (22.0, 8.0), 0.7, motion=Motion("sine", direction=(1.0, 1.0), amplitude=1.5, frequency=0.2)
-        ),
+        Wall.post((22.0, 8.0), 0.7, motion=aslant),
         Wall.post((15.0, 26.0), 0.0),
     ]
     disks = Disks(12, mass=np.ones(12), radius=np.full(12, 0.5))
@@ -82,13 +67,10 @@ def room(order: str = "alone", *, seed: int = 1) -> Engine:
     )  # fmt: skip
 
 
-def run(hits: int, order: str = "alone", *, seed: int = 1) -> Outcome:
+def run(hits: int, order: str = "alone", *, seed: int = 1) -> Escape:
     """Run until so many wall hits.
 
-    Raises
-    ------
-    EngineError
-        If a disk is found inside of a wall or beyond it.
+    Raises EngineError if a disk is found inside of a wall or beyond it.
     """
     engine = room(order, seed=seed)
     least, states = np.inf, 0
@@ -104,11 +86,9 @@ def run(hits: int, order: str = "alone", *, seed: int = 1) -> Outcome:
             gap = wall.gap(state.position, engine.disks.radius, state.time)
             least = min(least, float(gap.min()))
             if not least >= -ROUNDING:
-                raise EngineError(
-                    f"t = {state.time:.9g}, after {engine.wall_hits} wall hits: disk {int(gap.argmin())} overlaps wall "
-                    f"{w} ({wall.shape}) by {-least:.3g}"
-                )
-    return Outcome(engine.wall_hits, engine.collisions, engine.time, states, least)
+                who = f"disk {int(gap.argmin())} overlaps wall {w} ({wall.shape}) by {-least:.3g}"
+                raise EngineError(f"t = {state.time:.9g}, after {engine.wall_hits} wall hits: {who}")
+    return Escape(engine.wall_hits, engine.collisions, engine.time, states, least)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -120,16 +100,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         given = parser.parse_args(list(sys.argv[1:] if arguments is None else arguments))
         if given.order not in ORDERS:
-            raise InputError(
-                f"--order = {given.order}: allowed are {', '.join(ORDERS)}{nearest(given.order, ORDERS)}"
-            )
+            allowed = f"{', '.join(ORDERS)}{nearest(given.order, ORDERS)}"
+            raise InputError(f"--order = {given.order}: allowed are {allowed}")
         found = run(whole("--hits", given.hits, 1), given.order, seed=whole("--seed", given.seed, 0))
-    except InputError as error:
+    except (InputError, EngineError) as error:
         print(f"escape: {error}", file=sys.stderr)
-        return BAD_INPUT
-    except EngineError as error:
-        print(f"escape: {error}", file=sys.stderr)
-        return FAILED
+        return BAD_INPUT if isinstance(error, InputError) else FAILED
     print(
         f"{found.hits} wall hits and {found.collisions} collisions to t = {found.time:.6g}; {found.states} states "
         f"looked at: no disk escaped, least gap {found.least_gap:.3g} diameters"

@@ -166,12 +166,9 @@ def thermal(
 ) -> tuple[Disks, NDArray[np.float64], NDArray[np.float64]]:
     """Equal disks of mass and diameter 1, Maxwellian velocities and Gaussian spins."""
     disks = equal_disks(n)
+    velocity = placement.maxwellian(disks.mass, temperature=T, seed=seed)
     spin_rms = math.sqrt(T_rot / float(disks.inertia[0]))
-    return (
-        disks,
-        placement.maxwellian(disks.mass, temperature=T, seed=seed),
-        placement.gaussian_spins(n, spin_rms=spin_rms, seed=seed),
-    )
+    return disks, velocity, placement.gaussian_spins(n, spin_rms=spin_rms, seed=seed)
 
 
 LOOSE = 0.3  # packing fraction up to which disks find random places, which are almost those of the fluid

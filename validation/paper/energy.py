@@ -54,9 +54,8 @@ def run(quick: bool) -> Result:
 
 def survey(sticking: str, side: int, slopes: int, *, M: float, k_1: float, k_2: float) -> Map:
     """Fly every law of a `side` x `side` grid at `slopes` ratios of slip to normal velocity."""
-    e_t, mu = (
-        grid.reshape(-1) for grid in np.meshgrid(np.linspace(-1.0, 0.95, side), np.geomspace(0.02, 1.0, side))
-    )
+    grids = np.meshgrid(np.linspace(-1.0, 0.95, side), np.geomspace(0.02, 1.0, side))
+    e_t, mu = (grid.reshape(-1) for grid in grids)
     # In units of mu (1 + e_n): closely spaced, and the corners of the law, where sticking ends (Eqs. 24 and 25).
     corners = [2.0, (1.0 + k_1 + M * (1.0 + k_2)) / (1.0 + M)]
     slope = np.concatenate([np.geomspace(0.05, 200.0, slopes), corners]) * (1.0 + E_N)

@@ -40,9 +40,8 @@ class Impact:
     k_1: Any = 2.0  # in I = m R^2 / k
     k_2: Any = 2.0
     v_o: Any = 1.0  # speed of disk 1 before [length/time]
-    w_o: Any = (
-        0.0  # its spin before, counter-clockwise [rad/time]; v_o sin psi + R_1 w_o must not be negative
-    )
+    # Its spin before, counter-clockwise [rad/time]; v_o sin psi + R_1 w_o must not be negative.
+    w_o: Any = 0.0
     rho: Any = 0.0  # rolling friction [length]
 
     @property

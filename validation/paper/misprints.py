@@ -164,10 +164,8 @@ def _figures_and_tables(result: Result) -> None:
         (TABLE_II[4], "500-100 pts", 12.00 / 9.23),
         (TABLE_II[6], "100-500 pts", 9.23 / 12.00),
     ):
-        measured = _weighed(angles.coin_impact(row, STEEP))
-        result.exact(
-            f"Table II: mass ratio of {name}", measured, M, "masses of Sec. III; Eq. 30", printed=row.M
-        )
+        measured, source = _weighed(angles.coin_impact(row, STEEP)), "masses of Sec. III; Eq. 30"
+        result.exact(f"Table II: mass ratio of {name}", measured, M, source, printed=row.M)
     measured, right = _transition(TABLE_II[5], tan_psi)
     text = "Table II: psi_transit of bronze-aluminium [deg]"
     result.exact(text, measured, right, "Eq. 25", printed=TABLE_II[5].psi_transit)

@@ -205,9 +205,8 @@ def on_the_table(psi: Array) -> Table10:
     coin, v_o, n, near = coins["1 pta"], 1.0, len(psi), 1e-11
     longest = v_o / GRAVITY  # a coin that spins slides on, but not for twice as long
     step = longest / STEPS
-    side = (
-        2.2 * v_o**2 / GRAVITY
-    )  # a coin goes less than half of it, even when spin has made its friction weaker
+    # A coin goes less than half of it, even when spin has made its friction weaker.
+    side = 2.2 * v_o**2 / GRAVITY
     across = int(np.ceil(np.sqrt(n)))
     box = Box((across * side, across * side))
     x_2 = (np.stack(np.divmod(np.arange(n), across), axis=1) + 0.5) * side

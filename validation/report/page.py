@@ -28,10 +28,7 @@ SYMBOLS = "|".join((*GREEK, *"evmRkdPTV"))  # what may have a subscript
 def write(place: Path, outcomes: Sequence[Verdict], record: Mapping[str, str]) -> None:
     """Write report.html and the figures into a folder.
 
-    Raises
-    ------
-    InputError
-        If one of the files cannot be written.
+    Raises InputError if one of the files cannot be written.
     """
     try:
         for drawing in (each for outcome in outcomes for each in outcome.drawings):

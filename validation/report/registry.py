@@ -1,12 +1,12 @@
 """Validation cases: their list, and what one returns.
 
-A case is a module of `ifrdem.validation.paper`, `.engines` or `.gas` with three things:
+A case is a module of `ifrdem.validation.paper`, `.engines`, `.gas` or `.devices` with three things:
 
 - `QUESTION`, one line: what it asks;
 - `REFERENCE`, one line: where the expected values come from;
 - `run(quick)`, which returns a `Result`, or raises `Skip` where it cannot run; of a gas, `run(quick, seed)`.
 
-To add one, write the module and put its name into `PAPER`, `BULLET` or `GAS`.
+To add one, write the module and put its name into `PAPER`, `BULLET`, `GAS` or `DEVICE`.
 """
 
 from __future__ import annotations
@@ -35,9 +35,12 @@ GAS = (
 )  # fmt: skip
 """Cases that hold many disks against the literature and kinetic theory; they take minutes, and a seed."""
 
-CASES = PAPER + BULLET + GAS  # in the order in which they run
-GROUPS = {"paper": PAPER, "bullet": BULLET, "gas": GAS}
-ROOMS = {"paper": "paper", "bullet": "engines", "gas": "gas"}
+DEVICE = ("device_bits", "device_speed")
+"""Cases for a GPU that is new: against the CPU, and its speed; ten minutes."""
+
+CASES = PAPER + BULLET + GAS + DEVICE  # in the order in which they run
+GROUPS = {"paper": PAPER, "bullet": BULLET, "gas": GAS, "device": DEVICE}
+ROOMS = {"paper": "paper", "bullet": "engines", "gas": "gas", "device": "devices"}
 """Folder of each group: case `gas_haff` is the module `ifrdem.validation.gas.haff`."""
 
 EXACT = 1e-10
@@ -208,5 +211,5 @@ def seconds(name: str, quick: bool) -> float:
 def chosen(names: list[str]) -> list[str]:
     """The cases that names of cases and groups stand for, each once; of none those of the paper."""
     if not names:
-        return [name for name in CASES if name not in BULLET + GAS]
+        return [name for name in CASES if name in PAPER]
     return list(dict.fromkeys(case for name in names for case in GROUPS.get(name, (name,))))

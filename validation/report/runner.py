@@ -35,9 +35,8 @@ class Verdict:
     name: str
     question: str
     reference: str
-    result: Result = field(
-        default_factory=Result
-    )  # empty if it was skipped or raised; its pictures are in `drawings`
+    # Empty if it was skipped or raised; its pictures are in `drawings`.
+    result: Result = field(default_factory=Result)
     drawings: list[Drawing] = field(default_factory=list)  # rendered where it ran
     skipped: str = ""  # why it was skipped, or what it raised, with the traceback; empty otherwise
     error: str = ""
@@ -119,10 +118,8 @@ def validate(
     status = exit_status(outcomes, named=bool(names))
     say(closing(outcomes, place, time.perf_counter() - began, status))
     if not names:
-        say(
-            f"not run: the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()}); and "
-            "gases against the literature: `ifrdem validate gas`"
-        )
+        outside = f"the cases against code from outside; `ifrdem validate bullet` does ({bullet.describe()})"
+        say(f"not run: {outside}; and gases against the literature: `ifrdem validate gas`")
     return status
 
 
@@ -135,9 +132,8 @@ def _check_seed(seed: int | None, chosen: Sequence[str]) -> None:
     if not 0 <= seed <= MOST_SEED:
         raise InputError(f"--seed {seed}: a whole number from 0 to {MOST_SEED} is needed")
     if not any(name in registry.GAS for name in chosen):
-        raise InputError(
-            f"--seed {seed}: only the cases of the group gas take a seed: {', '.join(registry.GAS)}"
-        )
+        takers = ", ".join(registry.GAS)
+        raise InputError(f"--seed {seed}: only the cases of the group gas take a seed: {takers}")
 
 
 def _folder(folder: str, force: bool) -> Path:
@@ -147,9 +143,8 @@ def _folder(folder: str, force: bool) -> Path:
         if not os.access(place, os.W_OK):
             raise InputError(f"-o {folder}: this folder cannot be written")
         if not force and any((place / name).exists() for name in ("results.json", "report.html")):
-            raise InputError(
-                f"-o {folder}: holds a report already; --force replaces it, another folder keeps it"
-            )
+            text = "holds a report already; --force replaces it, another folder keeps it"
+            raise InputError(f"-o {folder}: {text}")
     except FileNotFoundError:
         raise InputError(f"output folder {place.parent}: does not exist") from None
     except OSError as error:
@@ -237,9 +232,8 @@ def rows_as_json(outcomes: Sequence[Verdict]) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for each in outcomes:
         for row in each.result.rows:
-            numbers = {
-                name: _finite(getattr(row, name)) for name in ("measured", "expected", "tolerance", "printed")
-            }
+            names = ("measured", "expected", "tolerance", "printed")
+            numbers = {name: _finite(getattr(row, name)) for name in names}
             if row.least:
                 numbers["tolerance"] = None
             rows.append(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...run.progress import clock_face
+from ...tools.progress import clock_face
 from . import registry
 
 if TYPE_CHECKING:
@@ -99,9 +99,8 @@ def table(outcome: Verdict) -> str:
         if not row.passed:
             lines.append(f"       off by {number(abs(row.measured - row.expected))}; tolerance: {row.reason}")
         if row.blunt and row.sampling is not None:
-            lines.append(
-                f"       wider than {number(row.sampling.widest)}: it says nothing; more replicas are needed"
-            )
+            widest = number(row.sampling.widest)
+            lines.append(f"       wider than {widest}: it says nothing; more replicas are needed")
     if outcome.error:
         lines.append(f"  FAIL {outcome.error}")
         lines += [f"       {line}" for line in outcome.details.splitlines()]

@@ -30,9 +30,9 @@ from ...case import shipped, summary
 from ...case.case import UNITS, Case
 from ...case.gas import CaseGas
 from ...errors import InputError
-from ...run.progress import Progress
 from ...simulation import device
 from ...simulation.simulation import Simulation
+from ...tools.progress import Progress
 from ...tools.versions import __version__
 
 RUNS, SECONDS = 5, 0.5

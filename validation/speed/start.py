@@ -79,7 +79,7 @@ def start_a_gas(began: float, arguments: list[str]) -> None:
 
 def start_a_run(began: float, arguments: list[str]) -> None:
     """In a process of its own: `ifrdem run` until it shows progress."""
-    from ...run import progress
+    from ...tools import progress
 
     class FirstCall(progress.Progress):
         def __call__(self, *_: object) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,21 +15,29 @@ from ..model.ifr import IFRLaw, Regime, collide
 from ..model.state import Disks
 from ..tools.checked import Array
 from ..trajectory.reader import Trajectory
-from .run import save
+from .run import Place, Run, save
 from .style import OPEN, RATIO, ROTATION, TRANSLATION, grid
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str]) -> None:
+
+def impact_scan(run: Run, path_png: Place = None) -> Figure:
     """Draw the disks that were hit: the tangent of their angle from the line of centres against that of the impact.
 
     As `run.cooling`, of a case with start.positions = "impact_scan", with positions and velocities. Points are the
     velocities of the last frame, seen from the line of centres that the first frame leads to; the line is the law,
     `ifrdem.collide`. Below, their difference. InputError also for fewer than two frames, or a pair that has not
     collided exactly once.
+
+    Examples
+    --------
+    >>> from ifrdem import plots
+    >>> figure = plots.impact_scan("impact_scan.h5")  # doctest: +SKIP
     """
     from matplotlib.figure import Figure
 
-    with Trajectory(path_h5) as trajectory:
+    with contextlib.nullcontext(run) if isinstance(run, Trajectory) else Trajectory(run) as trajectory:
         law, disks = _law(trajectory), trajectory.disks
         tan_psi, tan_delta = measured(trajectory)
         name = trajectory.parameters.get("name", trajectory.path.stem)
@@ -60,7 +69,9 @@ def impact_scan(path_h5: str | os.PathLike[str], path_png: str | os.PathLike[str
         f"{name}: {len(tan_psi)} impacts, $e_n$ = {law.e_n:g}, $e_t$ = {law.e_t:g}, $\\mu$ = {law.mu:g}; "
         f"largest deviation {np.abs(off).max():.1g}"
     )
-    save(figure, Path(path_png))
+    if path_png is not None:
+        save(figure, Path(path_png))
+    return figure
 
 
 def measured(trajectory: Trajectory) -> tuple[Array, Array]:

@@ -8,11 +8,19 @@ import os
 import pty
 import select
 import struct
+import sys
 import termios
+import threading
+import types
 
+import numpy as np
 import pytest
 
-from ifrdem.run.progress import NARROWEST, Progress
+import ifrdem
+from ifrdem.tools import progress as showing
+from ifrdem.tools.progress import NARROWEST, Progress
+
+pytestmark = pytest.mark.unoptimised
 
 
 class Clock:
@@ -170,3 +178,76 @@ def test_terminal_that_knows_its_columns_but_no_rows_shows_the_bar(monkeypatch: 
             shown += os.read(reader, 1000).decode()
         assert "compiling" in shown
     os.close(reader)
+
+
+def test_the_bar_counts_kernels_until_the_first_window(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five that others had compiled before do not count."""
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr(showing, "DELAY", 0.01)
+    told, out = threading.Event(), Terminal()
+    counts = iter([5, 5, 6])
+
+    def kernels() -> int:
+        count = next(counts, 8)
+        if count == 8 and "compiling: 3 kernels" in out.getvalue():
+            told.set()
+        return count
+
+    with Progress(100, t_end=1.0, stream=out, kernels=kernels, brief=True) as progress:
+        assert told.wait(30.0)
+        progress(0.1, 10)
+    assert "compiling: 1 kernel, 0 s" in out.getvalue()
+
+
+def test_a_short_run_shows_nothing_if_it_is_to_be_brief(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    clock, out = Clock(), Terminal()
+    with Progress(100, t_end=1.0, stream=out, clock=clock, brief=True) as progress:
+        progress(0.0, 0)
+        progress(1.0, 10)
+    assert out.getvalue().strip() == ""
+
+
+def small_gas() -> ifrdem.Simulation:
+    disks = ifrdem.Disks(100, mass=1.0, radius=0.5)
+    box = ifrdem.Box.from_packing_fraction(disks.radius, 0.2)
+    position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
+    velocity = ifrdem.initial.maxwellian(disks.mass, temperature=1.0, seed=1)
+    start = ifrdem.State(position, velocity, np.zeros(100))
+    return ifrdem.Simulation(disks, box, ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2), start)
+
+
+def test_runs_from_python_show_nothing_where_nobody_looks_unless_asked(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    gas = small_gas()
+    gas.run(collisions_per_disk=1)
+    gas.run(collisions_per_disk=2, progress=False)
+    shown = capsys.readouterr()
+    assert shown.out == shown.err == ""
+    gas.run(collisions_per_disk=10, progress=True)
+    assert "100.0 %" in capsys.readouterr().err
+    with pytest.raises(ifrdem.InputError, match="progress = 'yes': a function is needed"):
+        gas.run(collisions_per_disk=20, progress="yes")  # type: ignore[arg-type]
+
+
+def test_a_terminal_sees_a_bar_by_default_which_changes_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr(showing, "DELAY", 0.0)
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    watched, alone = small_gas(), small_gas()
+    watched.run(collisions_per_disk=20)
+    assert "compiling" in sys.stderr.getvalue()  # type: ignore[attr-defined]
+    alone.run(collisions_per_disk=20, progress=False)
+    for name in ("position", "velocity", "spin"):
+        np.testing.assert_array_equal(getattr(watched.state, name), getattr(alone.state, name))
+
+
+def test_a_notebook_is_a_place_where_a_person_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not showing.seen(io.StringIO())
+    assert showing.seen(Terminal())
+    kernel = types.SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", types.SimpleNamespace(get_ipython=lambda: kernel))
+    assert showing.seen(io.StringIO())
+    kernel.kernel = None  # IPython in a terminal or a pipe
+    assert not showing.seen(io.StringIO())

@@ -1,4 +1,4 @@
-"""Progress of a run and of its preparation: a bar on a terminal, plain lines elsewhere."""
+"""Progress of a run and of its preparation: a bar on a terminal or in a notebook, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import logging
 import math
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple, TextIO
@@ -13,6 +14,9 @@ from typing import Any, NamedTuple, TextIO
 BAR = "{percentage:5.1f} %|{bar}| {desc}"
 FRAME = 14
 """Columns that the bar line needs beside its text, at least."""
+
+DELAY = 0.5
+"""Seconds between looks at the compiler, and those after which the bar of a short run appears."""
 
 NARROWEST = 36
 """Columns of a terminal below which there is no room for the shortest bar line: plain lines are shown."""
@@ -35,7 +39,9 @@ class Progress:
 
     The run of n disks ends at the simulated time `t_end` [time] or at `collisions_per_disk`; exactly one is given
     (ValueError). The time left (ETA) is estimated by it, not counting what passed before the first call, which compiles
-    the kernels. `interval` are the seconds between plain lines, `clock` gives those of real time.
+    the kernels. `interval` are the seconds between plain lines, `clock` gives those of real time. `kernels` counts the
+    kernels compiled so far: until the first call, the bar says how many more there are, and for how long it compiles.
+    With `brief` the bar appears after half a second, and goes at the end unless a notebook shows it.
     """
 
     def __init__(
@@ -48,6 +54,8 @@ class Progress:
         stream: TextIO | None = None,
         interval: float = 5.0,
         clock: Callable[[], float] = time.perf_counter,
+        kernels: Callable[[], int] | None = None,
+        brief: bool = False,
     ) -> None:
         if (t_end is None) == (collisions_per_disk is None):
             raise ValueError("exactly one of t_end and collisions_per_disk is needed")
@@ -62,17 +70,23 @@ class Progress:
         self._first: Mark | None = None
         self._latest = self._printed = Mark(0.0, 0.0, 0)
         self._quiet = quiet()
+        notebook = in_notebook() and not self._quiet
         self._columns = _columns(self._stream) if self._stream.isatty() and not self._quiet else 0
         self._bar: Any = None
-        if self._columns >= NARROWEST:
-            from tqdm import tqdm
+        self._began, self._brief, self._stays = clock(), brief, notebook or not brief
+        self._compiling = threading.Event()
+        if notebook or self._columns >= NARROWEST:
+            from tqdm.auto import tqdm
 
             # tqdm's own {remaining} would count the compilation; ours is in the text. It shows nothing on a terminal
             # that reports no rows. The last column stays free: writing there moves some terminals to the next line.
+            look = {} if notebook else {"file": self._stream, "ncols": self._columns - 1, "nrows": 24}
             self._bar = tqdm(
-                total=100.0, file=self._stream, bar_format=BAR, ncols=self._columns - 1, nrows=24
+                total=100.0, bar_format=BAR, leave=self._stays, delay=DELAY if brief else 0.0, **look
             )
-            self._bar.set_description_str("compiling")
+            self._bar.set_description_str("compiling", refresh=not brief)
+            if kernels is not None:
+                threading.Thread(target=self._tell_compilation, args=(kernels,), daemon=True).start()
 
     def __enter__(self) -> Progress:
         return self
@@ -83,6 +97,7 @@ class Progress:
     def __call__(self, time: float, collisions: int) -> None:
         """Take note of the simulated time [time] and the number of collisions so far."""
         self._latest = Mark(self._clock(), time, collisions)
+        self._compiling.set()
         if self._first is None:
             self._first = self._printed = self._latest
         elif self._bar is not None:
@@ -111,12 +126,23 @@ class Progress:
 
     def close(self) -> None:
         """Show the last state and let go of the terminal."""
+        self._compiling.set()
         if self._bar is not None:
-            self._bar.refresh()
+            if self._stays and not (self._brief and self._clock() - self._began < DELAY):
+                self._bar.refresh()
             self._bar.close()
             self._bar = None
         elif self._latest is not self._printed and self._first is not None:
             self._line()
+
+    def _tell_compilation(self, kernels: Callable[[], int]) -> None:
+        """Say every half second how many kernels are compiled, until the first window is over."""
+        before, bar = kernels(), self._bar
+        while not self._compiling.wait(DELAY):
+            count = kernels() - before
+            done = f"compiling: {count} kernel{'s' * (count != 1)}, {self._clock() - self._began:.0f} s"
+            if not self._compiling.is_set():
+                bar.set_description_str(done if count else "compiling")
 
     def _texts(self, rate: float) -> tuple[str, str, str, str]:
         """Time left, rate, collisions per disk and simulated time."""
@@ -125,10 +151,10 @@ class Progress:
         return f"ETA {clock_face(self.seconds_left)}", f"{rate:.3g}", f"{per_disk:.2f}", time
 
     def _fitting(self) -> str:
-        """As much as the terminal has room for."""
+        """As much as the terminal has room for; all in a notebook."""
         left, rate, per_disk, time = self._texts(self.collisions_per_second)
         parts = [left, f"{rate} collisions/s", f"{per_disk} per disk", time]
-        while len(parts) > 1 and len(", ".join(parts)) + FRAME > self._columns:
+        while self._columns and len(parts) > 1 and len(", ".join(parts)) + FRAME > self._columns:
             parts.pop()
         return ", ".join(parts) if len(parts) > 1 else f"{left}, {rate}/s"
 
@@ -146,9 +172,8 @@ class Progress:
         return (self._latest.collisions - since.collisions) / seconds if seconds > 0.0 else 0.0
 
     def _done(self, at: Mark) -> float:
-        end, reached = (
-            (self._t_end, at.time) if self._t_end is not None else (self._collisions_end, at.collisions)
-        )
+        by_time = self._t_end is not None
+        end, reached = (self._t_end, at.time) if by_time else (self._collisions_end, at.collisions)
         return min(1.0, reached / end) if end else 1.0
 
 
@@ -177,6 +202,17 @@ def _columns(stream: TextIO) -> int:
         return os.get_terminal_size(stream.fileno()).columns
     except (OSError, ValueError):  # no file, or not that of a terminal
         return 0
+
+
+def in_notebook() -> bool:
+    """True in a notebook, or whatever else runs cells in a kernel of Jupyter."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return getattr(shell, "kernel", None) is not None
+
+
+def seen(stream: TextIO | None = None) -> bool:
+    """True where a person looks: a terminal or a notebook."""
+    return in_notebook() or (sys.stderr if stream is None else stream).isatty()
 
 
 def quiet() -> bool:

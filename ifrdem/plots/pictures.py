@@ -1,0 +1,181 @@
+"""Pictures of a trajectory by their names: figures for files, panels for axes of one's own."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError, there_are
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ..analysis.result import Evaluation
+    from ..trajectory.reader import Trajectory
+
+PICTURES = {
+    "temperatures": "both temperatures and their ratio against time, with kinetic theory where it holds",
+    "disks": "the disks of a frame, coloured by spin, or a map of density if there are many",
+    "energy": "translational, rotational and potential energy against time",
+    "ledger": "present, dissipated and put-in energy against time, and their residual",
+    "mechanisms": "energy dissipated by each mechanism",
+    "velocity": "distributions of velocities and spins beside Gaussians",
+    "g": "pair correlation g(r) and its contact value",
+    "S": "structure factor S(k)",
+    "msd": "mean-square displacement and the diffusion coefficient",
+    "vacf": "velocity autocorrelation",
+    "fields": "maps of density, flow and thermal temperature",
+    "clusters": "the largest cluster in time, and cluster sizes",
+    "psi6": "hexatic order of the disks",
+    "cooling": "Haff's law, and the approach of T_rot / T to its end",
+    "impact": "angles of impact beside molecular chaos, and regimes",
+}
+"""Name -> what is drawn."""
+OVER = ("temperatures", "energy", "ledger", "mechanisms")
+"""Pictures that can be drawn over collisions per disk."""
+UPPER_AND_LOWER = {"nrows": 2, "sharex": True, "height_ratios": (3.0, 1.0)}
+
+
+def figure(
+    trajectory: Trajectory, what: str, *, frames: Sequence[int] | None = None, over: str = "t",
+    color: str | None = None, make: Any = None,
+) -> Figure:  # fmt: skip
+    """A figure by its name, with a title, and the doubts of the analysis below it.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    what : str
+        A name that `ifrdem plot --list` lists.
+    frames : sequence of int, optional
+        Of which frames; by default of those that suit it.
+    over : {"t", "tau"}
+        Time, or collisions per disk: of temperatures, energy, ledger and mechanisms.
+    color : str, optional
+        Of the disks, as `Frame.plot` has it.
+    make : callable, optional
+        Makes the figure of a size (width, height) [inches], instead of `matplotlib.figure.Figure`.
+
+    Raises
+    ------
+    InputError
+        If there is no such picture, or the file does not hold what it takes.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> from ifrdem import plots
+    >>> with ifrdem.Trajectory("cooling.h5") as run:  # of `ifrdem run cooling`
+    ...     plots.figure(run, "g").savefig("g.png")
+    ...
+    """
+    from matplotlib.figure import Figure
+
+    from ..analysis.result import span_text
+    from .disks import figure_size
+    from .run import title
+    from .style import ROTATION
+
+    layout = _layout(trajectory, what)
+    wide = layout.get("ncols", 1) > 1
+    size = (12.0, 5.2) if wide else (7.5, 6.2)
+    if what == "disks" and "position" in trajectory.fields:
+        size = figure_size(trajectory, trajectory[frames[-1] if frames else -1].position)
+    drawn: Figure = make(size) if make is not None else Figure(size, dpi=200, layout="constrained")
+    axes = drawn.subplots(squeeze=False, **layout).ravel()
+    outcome = _draw([*axes], trajectory, what, frames, over, color)
+    head = title(trajectory)
+    if outcome is not None:
+        head += f"\n{span_text(trajectory, outcome)}"
+        width = 150 if wide else 95
+        marks = (textwrap.fill(f"! {doubt}", width, subsequent_indent="   ") for doubt in outcome.doubts)
+        if text := "\n".join(marks):
+            drawn.supxlabel(text.replace("$", r"\$"), x=0.01, ha="left", fontsize="small", color=ROTATION)
+    drawn.suptitle(head, fontsize="medium")
+    return drawn
+
+
+def panels(
+    trajectory: Trajectory, what: str, axes: Any, frames: Sequence[int] | None, over: str, color: str | None
+) -> None:
+    """Draw into given axes. InputError if there are not as many as the picture has panels; a lower one may lack."""
+    given, layout = as_list(axes), _layout(trajectory, what)
+    count = layout.get("ncols", 1) * layout.get("nrows", 1)
+    check_count(f"the picture {what}", given, count, 1 if "nrows" in layout else count)
+    _draw(given, trajectory, what, frames, over, color)
+
+
+def as_list(axes: Any) -> list[Axes]:
+    """Axes as a list, from one or an array."""
+    import numpy as np
+
+    return list(np.ravel(np.asarray(axes, dtype=object)))
+
+
+def check_count(what: str, given: Sequence[Any], most: int, least: int) -> None:
+    """Refuse what are no axes, and fewer or more of them than panels."""
+    from matplotlib.axes import Axes
+
+    wrong = next((one for one in given if not isinstance(one, Axes)), None)
+    if wrong is not None:
+        raise InputError(f"ax = {wrong!r}: Axes of Matplotlib are needed")
+    if not least <= len(given) <= most:
+        needed = (
+            "ax=(left, right)" if least == 2 else "ax=axes" if most == 1 else "ax=axes or ax=(upper, lower)"
+        )
+        raise InputError(
+            f"{what} has {most} panel{'s' * (most > 1)}: {needed} is needed, not {len(given)} axes"
+        )
+
+
+def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
+    """Arguments of `Figure.subplots`."""
+    if what not in PICTURES:
+        raise InputError(f"no picture is called '{what}'{there_are(what, tuple(PICTURES))}")
+    if len(trajectory) == 0:
+        raise InputError(f"{trajectory.path}: no frame to draw")
+    if what == "temperatures":
+        return {} if trajectory.room.all_walls else UPPER_AND_LOWER
+    if what == "ledger":  # only runs that count every collision have a residual
+        known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
+        return UPPER_AND_LOWER if known else {}
+    if what in ("disks", "energy", "mechanisms"):
+        return {}
+    from .analyses import PANELS
+
+    return PANELS[what].layout
+
+
+def _draw(
+    axes: list[Axes],
+    trajectory: Trajectory,
+    what: str,
+    frames: Sequence[int] | None,
+    over: str,
+    color: str | None,
+) -> Evaluation | None:
+    """Draw a picture into its axes; returns what was found for it, if that is an analysis."""
+    from ..tools import checked
+    from . import disks, energies, temperatures
+
+    checked.one_of("over", over, tuple(energies.AXES))
+    if over != "t" and what not in OVER:
+        raise InputError(f"over = {over}: only of {', '.join(OVER)}, not of {what}")
+    if color is not None and what != "disks":
+        raise InputError(f"color = {color}: only of disks, not of {what}")
+    if what == "temperatures":
+        temperatures.draw(axes[0], trajectory, over, *axes[1:])
+    elif what == "disks":
+        disks.last_frame(axes[0], trajectory, frames[-1] if frames else -1, color)
+    elif what in OVER:
+        getattr(energies, what)(axes[0], trajectory, over, *axes[1:])
+    else:
+        from ..analysis.catalogue import ANALYSES
+        from .analyses import PANELS
+
+        outcome = ANALYSES[what].of(trajectory, frames)
+        PANELS[what].draw(*axes, trajectory, outcome)
+        return outcome
+    return None

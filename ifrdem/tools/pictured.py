@@ -1,0 +1,72 @@
+"""Pictures of objects by the plots, which are of a higher layer: imported when one is asked for."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def plots() -> Any:
+    """The module of the plots that draws objects."""
+    return importlib.import_module("ifrdem.plots.objects")
+
+
+class Pictured:
+    """An object that a notebook shows as a small table and a thumbnail."""
+
+    def _repr_html_(self) -> str:
+        return str(plots().html(self))
+
+
+class PicturedDisks(Pictured):
+    """Disks at one time, which can be drawn."""
+
+    def plot(self, ax: Axes | None = None, *, color: str = "spin") -> Axes:
+        """Draw the disks and walls to scale; of more than 1e5 disks a map of where they are.
+
+        Parameters
+        ----------
+        ax : Axes, optional
+            Axes of Matplotlib to draw into; by default those of a new figure of `pyplot`.
+        color : str
+            "spin", "speed", "direction" (of the velocity), "temperature" (m c^2 / 2 of each disk), "radius",
+            "material", "collisions" or "none".
+
+        Returns
+        -------
+        Axes
+
+        Raises
+        ------
+        InputError
+            If the colour is another word, or takes a field that is not stored.
+        """
+        axes: Axes = plots().disks(self, ax, color)
+        return axes
+
+
+class PicturedResult:
+    """Result of an analysis, which can be drawn."""
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw what was found.
+
+        Parameters
+        ----------
+        ax : Axes or two of them, optional
+            Axes of Matplotlib to draw into, two for results of two panels (velocities and spins; density and
+            temperature); by default those of a new figure of `pyplot`.
+
+        Returns
+        -------
+        Axes, or an array of two
+
+        Raises
+        ------
+        InputError
+            If there are not as many axes as panels.
+        """
+        return plots().result(self, ax)

@@ -1,0 +1,354 @@
+"""Pictures of objects: axes hold what the objects hold, and notebooks get tables and thumbnails."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import pyplot, style
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
+from support import layout_files
+from support.figures import texts
+
+import ifrdem
+from ifrdem import InputError, Trajectory, TrajectoryWriter, analysis, plots
+from ifrdem.model.box import Box
+from ifrdem.model.state import Disks, State
+from ifrdem.plots import analyses, disks, pictures
+
+pytestmark = pytest.mark.unoptimised
+
+N = 400
+LAW = {"e_n": 0.8, "e_t": -0.9, "mu": 0.2, "sticking": "percussion_center", "rho": 0.0}
+
+
+@pytest.fixture(autouse=True)
+def _closed() -> object:
+    """Figures of pyplot are forgotten after each test."""
+    yield
+    pyplot.close("all")
+
+
+def write(path: Path, *, spin: float = 1.0, frames: int = 6) -> Path:
+    """A cooling gas with T = 2 / (1 + t), T_rot = T / 2 and 3 t collisions per disk; disks of radius 0.2."""
+    rng, box = np.random.default_rng(1), Box((40.0, 30.0))
+    parameters = {"laws": json.dumps([[LAW]])}
+    with TrajectoryWriter(
+        path, Disks(N, 1.0, 0.2), box, parameters=parameters, units={"length": "m", "time": "s"}
+    ) as w:
+        for t in np.arange(frames, dtype=float):
+            state = State(
+                rng.random((N, 2)) * box.lengths, rng.normal(size=(N, 2)), spin * rng.normal(size=N), time=t
+            )
+            T = 2.0 / (1.0 + t)
+            totals = {
+                "temperature": T, "rotational_temperature": 0.5 * T, "collisions": int(1.5 * N * t),
+                "translational_energy": N * T, "rotational_energy": 0.25 * N * T,
+            }  # fmt: skip
+            w.write(state, totals)
+    return path
+
+
+@pytest.fixture
+def gas() -> ifrdem.Simulation:
+    """Three disks, one of them across a corner of a periodic box."""
+    state = State(
+        [[0.1, 0.1], [4.0, 4.0], [7.0, 2.0]], [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], [2.0, -2.0, 0.0]
+    )
+    law = ifrdem.IFRLaw(e_n=0.9, e_t=-0.9, mu=0.2)
+    return ifrdem.Simulation(Disks(3, 1.0, [0.5, 0.4, 0.6]), Box((8.0, 8.0)), law, state)
+
+
+def test_a_simulation_draws_its_disks_to_scale_into_the_axes_that_it_gets(gas: ifrdem.Simulation) -> None:
+    axes = pyplot.figure().subplots()
+    assert gas.plot(axes) is axes
+    (drawn,) = axes.findobj(EllipseCollection)
+    assert len(drawn.get_offsets()) == 4 + 1 + 1  # that of the corner shows in all four
+    np.testing.assert_allclose(np.unique(drawn.get_widths()), [0.8, 1.0, 1.2])
+    assert axes.get_xlim() == axes.get_ylim() == (0.0, 8.0)
+    assert axes.get_xlabel() == "$x$"  # its units are not known
+    (bar,) = axes.child_axes
+    assert "spin" in bar.get_ylabel()
+
+
+def test_without_axes_a_figure_of_pyplot_is_made(gas: ifrdem.Simulation) -> None:
+    axes = gas.plot(color="speed")
+    assert isinstance(axes, Axes)
+    assert axes.figure.number in pyplot.get_fignums()
+
+
+def test_colours_are_those_of_the_quantity(gas: ifrdem.Simulation) -> None:
+    expected = {
+        "spin": [2.0, -2.0, 0.0], "speed": [1.0, 1.0, 0.0], "direction": [0.0, 90.0, 0.0],
+        "temperature": [0.5, 0.5, 0.0], "radius": [0.5, 0.4, 0.6], "collisions": [0.0, 0.0, 0.0],
+        "material": [0.0, 0.0, 0.0],
+    }  # fmt: skip
+    assert set(expected) == set(disks.COLOURS)
+    for color, values in expected.items():
+        axes = gas.plot(color=color)
+        (drawn,) = axes.findobj(EllipseCollection)
+        if len(set(values)) == 1:
+            assert not axes.child_axes  # a bar of one colour says nothing
+        else:
+            np.testing.assert_allclose(np.asarray(drawn.get_array())[:3], values, atol=1e-15)
+            assert axes.child_axes[0].get_ylabel()
+    assert not gas.plot(color="none").child_axes
+    with pytest.raises(InputError, match=r"color = sped: allowed are spin, speed, .* \(did you mean 'speed'"):
+        gas.plot(color="sped")
+
+
+def test_dark_backgrounds_get_light_walls_and_light_disks_without_spin(gas: ifrdem.Simulation) -> None:
+    for name, walls in (("default", "black"), ("dark_background", "white")):
+        with style.context(name):
+            axes = gas.plot()
+        assert disks.foreground(axes) == walls
+        middle = disks.colour_map("signed", dark=name != "default")(0.5)[:3]
+        assert abs(sum(middle) - sum(to_rgb(axes.get_facecolor()))) > 1.5  # of 3
+
+
+def test_a_picture_without_spins_has_no_bar(tmp_path: Path) -> None:
+    with Trajectory(write(tmp_path / "still.h5", spin=0.0)) as run:
+        assert not run[-1].plot().child_axes
+        assert not run.plot("disks").child_axes
+
+
+def test_frames_that_lack_the_field_of_a_colour_say_so(tmp_path: Path) -> None:
+    layout_files.write(tmp_path / "bare.h5", fields=("position",))
+    with Trajectory(tmp_path / "bare.h5") as run:
+        with pytest.raises(InputError, match="no field 'angular_velocity'"):
+            run[0].plot()
+        assert not run[0].plot(color="none").child_axes
+        assert run.plot("disks").get_title().startswith("disks at")
+
+
+def test_temperatures_go_into_one_axes_or_two(tmp_path: Path) -> None:
+    with Trajectory(write(tmp_path / "run.h5")) as run:
+        upper, lower = pyplot.figure().subplots(2, 1)
+        assert run.plot("temperatures", upper) is upper
+        np.testing.assert_allclose(upper.lines[0].get_ydata(), 2.0 / np.arange(2.0, 7.0))
+        assert upper.get_xlabel() == "time $t$ (s)"
+        run.plot("temperatures", ax=(upper, lower))
+        assert "theta" in lower.get_ylabel()
+        both = run.plot()
+        assert len(both) == 2
+
+
+def test_bands_of_temperatures_are_two_standard_errors_of_so_many_disks(tmp_path: Path) -> None:
+    """Of n Gaussian velocities with two components T has the relative variance 1 / n, T_rot of one component 2 / n."""
+    with Trajectory(write(tmp_path / "run.h5")) as run:
+        axes = run.plot("temperatures", ax=pyplot.figure().subplots())
+    for band, line, variance in zip(axes.collections, axes.lines, (1.0 / N, 2.0 / N), strict=False):
+        y, edge = np.asarray(line.get_ydata()), band.get_paths()[0].vertices[:, 1]
+        assert edge.max() == pytest.approx(y.max() * (1.0 + 2.0 * variance**0.5))
+        assert edge.min() == pytest.approx(y.min() * (1.0 - 2.0 * variance**0.5))
+
+
+@pytest.mark.parametrize("what", ["temperatures", "energy"])
+def test_over_tau_is_collisions_per_disk(tmp_path: Path, what: str) -> None:
+    with Trajectory(write(tmp_path / "run.h5")) as run:
+        axes = run.plot(what, ax=pyplot.figure().subplots(), over="tau")
+        assert axes.get_xlabel() == r"collisions per disk $\tau$"
+        np.testing.assert_allclose(np.asarray(axes.lines[0].get_xdata())[-5:], 3.0 * np.arange(1.0, 6.0))
+        if what == "temperatures":  # theory has its own collisions, more of them where it is hotter
+            theory = next(
+                line for line in axes.lines if line.get_linestyle() == "--" and len(line.get_xdata())
+            )
+            plain = run.plot(what, ax=pyplot.figure().subplots()).lines
+            timed = next(line for line in plain if line.get_linestyle() == "--" and len(line.get_xdata()))
+            np.testing.assert_array_equal(theory.get_ydata(), timed.get_ydata())
+            rate = np.diff(theory.get_xdata()) / np.diff(timed.get_xdata())
+            assert np.all(np.diff(rate) < 0.0)  # of a gas that cools
+        with pytest.raises(InputError, match="over = tau: only of temperatures, energy"):
+            run.plot("velocity", over="tau")
+        with pytest.raises(InputError, match=r"over = 'taw': allowed are t, tau \(did you mean"):
+            run.plot(what, over="taw")
+
+
+def test_wrong_axes_are_refused(tmp_path: Path, gas: ifrdem.Simulation) -> None:
+    axes = pyplot.figure().subplots(1, 3)
+    with Trajectory(write(tmp_path / "run.h5")) as run:
+        with pytest.raises(
+            InputError, match=r"velocity has 2 panels: ax=\(left, right\) is needed, not 1 axes"
+        ):
+            run.plot("velocity", axes[0])
+        with pytest.raises(InputError, match=r"temperatures has 2 panels.* not 3 axes"):
+            run.plot("temperatures", axes)
+        with pytest.raises(
+            InputError, match=r"no picture is called 'temperature'.*did you mean 'temperatures'"
+        ):
+            run.plot("temperature")
+    with pytest.raises(InputError, match="ax = 3: Axes of Matplotlib are needed"):
+        gas.plot(3)  # type: ignore[arg-type]
+
+
+def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
+    with Trajectory(write(tmp_path / "run.h5")) as run:
+        frames, box, radius = list(run), run.box, run.disks.radius
+        positions, velocities = [f.position for f in frames], [f.velocity for f in frames]
+        last, times = frames[-1], run.times
+        found = [
+            analysis.velocity_distribution(velocities, [f.spin for f in frames]),
+            analysis.pair_correlation(positions, box, r_max=5.0),
+            analysis.structure_factor(last.position, box, k_max=5.0),
+            analysis.clusters(last.position, box, radius=radius, gap=0.5),
+            analysis.hexatic(last.position, box),
+            analysis.coarse_grain(last.position, last.velocity, last.spin, box=box, cells=(4, 3), mass=run.disks.mass,
+                                  radius=radius, inertia=run.disks.inertia),
+            analysis.velocity_autocorrelation(times, np.array(velocities)),
+            analysis.mean_square_displacement(times, np.array(positions)),
+            analysis.impacts(np.random.default_rng(1).uniform(0.0, 1.5, 200)),
+        ]  # fmt: skip
+    assert {type(one) for one in found} == set(analyses.RESULTS)
+    for one in found:
+        axes = np.atleast_1d(one.plot())
+        for each in axes:
+            assert each.get_xlabel()
+            assert each.has_data()
+        given = pyplot.figure().subplots(1, len(axes), squeeze=False).ravel()
+        one.plot(ax=given if len(given) > 1 else given[0])
+        assert [each.get_xlabel() for each in given] == [each.get_xlabel() for each in axes]
+        with pytest.raises(InputError, match="panel"):
+            one.plot(ax=pyplot.figure().subplots(1, 3))
+        pyplot.close("all")
+
+
+def test_pictures_of_runs_take_an_open_trajectory_and_leave_it_open(tmp_path: Path) -> None:
+    with Trajectory(write(tmp_path / "run.h5")) as run:
+        figure = plots.cooling(run)
+        assert "temperature" in texts(figure)
+        plots.cooling(run, tmp_path / "a.png")
+        assert len(run[0].position) == N
+    assert imread(tmp_path / "a.png").std() > 0.05
+
+
+def test_the_expansion_of_sonine_ends_where_it_is_negative() -> None:
+    """Whatever its roots: all that is drawn is positive, and ends at the first of them."""
+    x = np.linspace(-5.0, 5.0, 400)
+    for a2 in (-0.4, 2.5):
+        whole = analysis.sonine_density(x, a2)
+        assert whole.min() < 0.0
+        first = np.abs(x[whole <= 0.0]).min()
+        rng = np.random.default_rng(1)
+        found = analysis.velocity_distribution([rng.normal(size=(N, 2))], [rng.normal(size=N)])
+        object.__setattr__(found.sonine, "a20", a2)
+        left, _ = found.plot()
+        curve = next(line for line in left.lines if line.get_linestyle() == "--")
+        drawn, at = np.asarray(curve.get_ydata()), np.asarray(curve.get_xdata())
+        assert np.nanmin(drawn) > 0.0
+        assert np.abs(at[np.isfinite(drawn)]).max() < first
+
+
+def test_merged_bins_keep_the_pairs_and_lose_the_noise() -> None:
+    r = np.arange(0.025, 10.0, 0.05)
+    rng = np.random.default_rng(3)
+    pairs = np.where(r < 1.0, 0.0, rng.poisson(40.0 * r))
+    g, error = pairs / (40.0 * r), np.sqrt(np.maximum(pairs, 1.0)) / (40.0 * r)
+    found = analysis.PairCorrelation(r, g, error, pairs, 1)
+    at, merged, left = analyses.merged(found)
+    assert len(at) < 0.6 * len(r)
+    far, much = at > 5.0, r > 5.0
+    assert merged[far].std() < 0.6 * g[much].std()
+    # Poisson: the scatter of what is merged is what its error says, within four of its own errors.
+    assert np.std((merged[far] - 1.0) / left[far]) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * far.sum()))
+    np.testing.assert_array_equal(merged[at < 0.95], 0.0)
+
+
+@pytest.mark.parametrize("clustered", [False, True])
+def test_a_plateau_above_one_is_explained(clustered: bool) -> None:
+    """All disks in half of the box: g is 2 at distances that are short against it."""
+    rng = np.random.default_rng(2)
+    position = rng.random((4000, 2)) * ((50.0 if clustered else 100.0), 100.0)
+    axes = analysis.pair_correlation(position, (100.0, 100.0), r_max=5.0).plot()
+    said = texts(axes.figure)
+    assert ("above 1, as the density varies (clusters)" in said) == clustered
+
+
+def test_doubts_stand_below_the_picture(tmp_path: Path) -> None:
+    with Trajectory(
+        write(tmp_path / "run.h5")
+    ) as run:  # cools, so that no pressure or displacement is steady
+        figure = pictures.figure(run, "vacf")
+    figure.draw_without_rendering()
+    (note,) = [text for text in figure.texts if text.get_text().startswith("! ")]
+    assert "not steady" in note.get_text()
+    assert note.get_window_extent().y1 <= figure.axes[0].get_tightbbox().y0
+    assert note.get_window_extent().x1 <= figure.bbox.x1
+
+
+def png(page: str) -> np.ndarray:
+    """The thumbnail of a page."""
+    (data,) = re.findall(r"data:image/png;base64,([^']+)'", page)
+    return imread(io.BytesIO(base64.b64decode(data)))
+
+
+def test_objects_show_tables_with_thumbnails(tmp_path: Path, gas: ifrdem.Simulation) -> None:
+    path = write(tmp_path / "a<b>.h5")
+    with Trajectory(path) as run:
+        pages = {
+            gas._repr_html_(): ["Simulation", "8 x 8, periodic along x and y"],
+            gas.state._repr_html_(): ["State", "root mean square spin", "1.633"],  # sqrt(8 / 3)
+            run._repr_html_(): ["Trajectory", "0 to 5 s", "a&lt;b&gt;.h5"],
+            run[2]._repr_html_(): ["Frame 2 of 6", "2 s"],
+        }
+        for page, words in pages.items():
+            for word in words:
+                assert word in page
+            assert png(page)[..., :3].std() > 0.05
+            assert len(page) < 100_000
+    closed = run._repr_html_()
+    assert "<img" not in closed
+    assert "400" in closed
+    assert "<img" not in State(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))._repr_html_()
+
+
+def test_a_study_shows_its_keys_and_whether_it_has_results(tmp_path: Path) -> None:
+    study = ifrdem.Study("cooling", vary=["material[0].e_n=0.7,0.8"], seeds=2, output=tmp_path / "s.nc")
+    page = study._repr_html_()
+    assert "material[0].e_n" in page
+    assert "0.7, 0.8" in page
+    assert "none yet" in page
+
+
+def test_the_table_s_axis_ends_when_all_are_at_rest_and_its_legend_hides_no_curve(tmp_path: Path) -> None:
+    """Speeds and spins fall to 0 at t = 3; the file goes on to t = 9."""
+    with TrajectoryWriter(tmp_path / "table.h5", Disks(3, 1.0, 0.2), Box.open(), units={}) as writer:
+        for t in np.arange(10.0):
+            v = max(3.0 - t, 0.0)
+            state = State([[0.0, t], [2.0, t], [4.0, t]], [[0.0, v]] * 3, [v] * 3, time=t)
+            writer.write(state, {"translational_energy": 1.5 * v**2, "rotational_energy": 0.03 * v**2})
+    figure = plots.table(tmp_path / "table.h5")
+    figure.draw_without_rendering()
+    upper, lower = figure.axes[:2]
+    assert upper.get_xlim() == lower.get_xlim() == (0.0, 3.0)
+    assert upper.get_legend().get_window_extent().y0 >= upper.get_window_extent().y1
+
+
+@pytest.mark.parametrize("lengths", [(0.8, 0.5), (0.3, 2.0), (30.0, 20.0)])
+def test_pictures_of_disks_are_as_large_as_the_box_and_cut_nothing(
+    tmp_path: Path, lengths: tuple[float, float]
+) -> None:
+    with TrajectoryWriter(
+        tmp_path / "run.h5", Disks(2, 1.0, 0.05 * min(lengths)), Box(lengths), units={"length": "m"}
+    ) as w:
+        w.write(State(np.array([[0.3, 0.3], [0.7, 0.7]]) * lengths, np.zeros((2, 2)), [1.0, -2.0]))
+    with Trajectory(tmp_path / "run.h5") as run:
+        figure = pictures.figure(run, "disks")
+    for _ in range(2):  # as `run.save` does
+        figure.draw_without_rendering()
+    needed, size = figure.get_tightbbox(), figure.get_size_inches()
+    assert needed.x0 >= 0.0
+    assert needed.y0 >= 0.0
+    assert needed.x1 <= size[0]
+    assert needed.y1 <= size[1]
+    assert needed.height > 0.8 * size[1]
+    bar = figure.axes[0].child_axes[0]
+    # right beside the axes: nearer than a tenth of the figure
+    assert 0.0 < bar.get_window_extent().x0 - figure.axes[0].get_window_extent().x1 < 0.1 * figure.bbox.width

@@ -1,0 +1,1 @@
+"""What to run on a GPU that is new: the bits of the CPU, laws of conservation, and speed."""

@@ -1,0 +1,180 @@
+"""A GPU against the CPU: the same gas from the same start, in windows of the same length.
+
+All that both compute by +, -, *, / and roots agrees to the last bit (`kernels/language.py` says how): the state after
+many collisions is the same, whatever the tiles. Sines, cosines and logarithms are those of another library. So walls
+that swing and thermal walls give other last bits, which collisions enlarge some tenfold each: such gases are compared
+after two collisions of a disk. In single precision, divisions and roots of a GPU are approximate too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ...initial import placement
+from ...model.box import Box
+from ...model.coin_table import coins
+from ...model.ifr import IFRLaw
+from ...model.overlaps import close_pairs
+from ...model.state import Disks, State
+from ...model.walls import Motion, Wall
+from ...simulation import device
+from ...simulation.engine import Engine
+from ..report.registry import Result, Skip
+
+QUESTION = "Does a GPU give the bits of the CPU, the same again, and keep energy, momentum and gaps?"
+REFERENCE = "the same engine on the CPU, and conservation laws"
+
+SEEN = ("position", "velocity", "spin", "image", "collisions", "wall_hits")
+WINDOW = 0.4  # collisions of a disk in a window, on both devices
+COIN = coins["1 pta"].law.table_row()
+ROLLING = IFRLaw(e_n=0.9, e_t=-0.7, mu=0.2, rho=0.01).table_row()
+ELASTIC = IFRLaw(e_n=1.0, e_t=-1.0, mu=0.0).table_row()
+BITS = "the same engine on the CPU"
+Gas = tuple[Disks, Box, State, tuple[float, ...], dict[str, Any]]
+
+
+def _gas(n: int, packing_fraction: float, law: tuple[float, ...], radius: Any = 0.5) -> Gas:
+    disks = Disks(n, mass=np.ones(n), radius=np.broadcast_to(radius, n))
+    box = Box.from_packing_fraction(disks.radius, packing_fraction)
+    position = placement.random_positions(box, disks.radius, seed=1)
+    rng = np.random.default_rng(2)
+    velocity = rng.normal(size=(n, 2))
+    return disks, box, State(position, velocity - velocity.mean(axis=0), rng.normal(size=n)), law, {}
+
+
+def thin(n: int) -> Gas:
+    """Coins at a packing fraction of 0.1."""
+    return _gas(n, 0.1, COIN)
+
+
+def dense(n: int) -> Gas:
+    """Disks with rolling friction at 0.5."""
+    return _gas(n, 0.5, ROLLING)
+
+
+def mixed(n: int) -> Gas:
+    """Two sizes, 1 : 1.5."""
+    return _gas(n, 0.4, COIN, np.where(np.arange(n) % 2, 0.5, 0.75))
+
+
+def walled(n: int) -> Gas:
+    """Between walls at rest, under gravity, around a post."""
+    _, box, state, law, _ = _gas(n, 0.2, COIN)
+    middle = np.array(box.lengths) / 2.0
+    free = np.linalg.norm(state.position - middle, axis=1) > 4.0
+    free &= (np.abs(state.position - middle) < middle - 1.0).all(axis=1)
+    state = State(state.position[free], state.velocity[free], state.spin[free])
+    walls = [Wall.post((middle[0], middle[1]), 3.0)]
+    box = Box(box.lengths, (False, False))
+    disks = Disks(state.n, mass=np.ones(state.n), radius=np.full(state.n, 0.5))
+    return disks, box, state, law, {"walls": walls, "gravity": (0.0, -0.05)}
+
+
+def shaken(n: int) -> Gas:
+    """The same, on a floor that swings, below a wall that is hot."""
+    disks, box, state, law, more = walled(n)
+    floor = Wall.line((0.0, 0.2), (0.0, 1.0), motion=Motion("sine", amplitude=0.2, frequency=0.5))
+    hot = Wall.line((0.0, box.lengths[1] - 0.1), (0.0, -1.0), temperature=2.0)
+    return disks, box, state, law, more | {"walls": [*more["walls"], floor, hot]}
+
+
+EXACT: dict[str, Callable[[int], Gas]] = {
+    "coins at 0.1": thin, "rolling friction at 0.5": dense, "two sizes": mixed, "walls and gravity": walled,
+}  # fmt: skip
+
+
+def after(gas: Gas, per_disk: float, arch: str, **options: Any) -> Engine:
+    """The engine of a gas, when its disks have had so many collisions."""
+    disks, box, state, law, more = gas
+    engine = Engine(
+        disks,
+        box,
+        state,
+        np.array([[law]]),
+        arch=arch,
+        window_collisions=WINDOW,
+        ledger=True,
+        **more,
+        **options,
+    )
+    wanted = int(per_disk * disks.n / 2)
+    while engine.collisions < wanted:
+        engine.advance(collisions=wanted)
+    return engine
+
+
+def differing(one: State, other: State) -> int:
+    """How many numbers of two states differ in any bit."""
+    return sum(int(np.count_nonzero(getattr(one, name) != getattr(other, name))) for name in SEEN)
+
+
+def run(quick: bool, arch: str = "cuda") -> Result:
+    """On this device against the CPU; a GPU that is not there skips the case."""
+    absence = device.cuda_absence() if arch == "cuda" else None
+    if absence is not None:
+        raise Skip(f"no GPU: {absence}")
+    n, per_disk = (2_000, 6.0) if quick else (20_000, 10.0)
+    result = Result()
+    for name, make in EXACT.items():
+        gas = make(n)
+        engine = after(gas, per_disk, arch)
+        state = engine.state()
+        what = f"numbers that differ after {per_disk:g} collisions of each of {engine.n} disks, {name}"
+        result.near(
+            f"{what}, run twice", differing(state, after(gas, per_disk, arch).state()), 0, 0.0, "bits", BITS
+        )
+        for tile in (30, 250):
+            other = after(gas, per_disk, arch, order="tiles", tile_disks=tile).state()
+            result.near(f"{what}, tiles of {tile}", differing(state, other), 0, 0.0, "bits", BITS)
+        _keeps(
+            result, name, gas, engine
+        )  # Taichi runs on one device at a time: the engine ends with the next line
+        cpu = after(gas, per_disk, "cpu").state()
+        result.near(f"{what}, CPU", differing(state, cpu), 0, 0.0, "bits", BITS)
+    gas = shaken(n)
+    states = [after(gas, 2.0, each).state() for each in (arch, "cpu")]
+    reason = "last bits of sines, grown tenfold by each collision of a disk, of which some had ten"
+    result.all_near(
+        "positions on a floor that swings [diameters]",
+        states[0].position,
+        states[1].position,
+        1e-4,
+        reason,
+        BITS,
+    )
+    return result
+
+
+def _keeps(result: Result, name: str, gas: Gas, engine: Engine) -> None:
+    """Rows of what collisions keep: the energy with what the ledger holds, momentum, gaps."""
+    disks, box, first, _law, more = gas
+    last = engine.state()
+
+    def energy(state: State) -> float:
+        kinetic = 0.5 * np.sum(state.velocity**2) + 0.5 * np.sum(disks.radius**2 / disks.k * state.spin**2)
+        return float(kinetic) - float(np.sum(state.position @ np.array(more.get("gravity", (0.0, 0.0)))))
+
+    lost = engine.dissipated()[0].sum()
+    result.near(
+        f"energy that the ledger does not know, of the first one, {name}",
+        (energy(last) + lost) / energy(first), 1.0, 1e-11, "rounding of some 1e5 sums", "conservation",
+    )  # fmt: skip
+    if not more:
+        momentum = np.abs(last.velocity.sum(axis=0)).max() / disks.n
+        result.near(f"mean momentum, {name}", momentum, 0.0, 1e-13, "rounding", "conservation")
+    i, j = close_pairs(box, disks.radius, box.wrap(last.position), 0.1).T
+    gap = (
+        np.linalg.norm(box.minimum_image(last.position[j] - last.position[i]), axis=1)
+        - disks.radius[i]
+        - disks.radius[j]
+    )
+    result.at_least(
+        f"least gap between two disks [diameters], {name}",
+        gap.min(),
+        -1e-12,
+        "rounding of places in a box",
+        "hard disks",
+    )
