@@ -11,6 +11,7 @@
 `TrajectoryWriter`, `Trajectory`       write and read H5MD files
 `History`                              every collision of a tracked disk
 `Study`, `concat`                      many gases at once; trajectories on one axis of collisions per disk
+`view`                                 a trajectory in a notebook, to play and to zoom
 `theory`, `analysis`, `plots`          kinetic theory, analyses of arrays or files, figures of runs
 `fit`, `bullet`                        coefficients from experiments, the law in PyBullet
 `InputError`, `EngineError`            input that cannot be used; a run that cannot continue

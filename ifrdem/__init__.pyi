@@ -31,3 +31,4 @@ from .trajectory.history import History as History
 from .trajectory.reader import Trajectory as Trajectory
 from .trajectory.tables import concat as concat
 from .trajectory.writer import TrajectoryWriter as TrajectoryWriter
+from .viewer.page import view as view

@@ -24,7 +24,7 @@ from cyclopts import (
 
 from ..errors import EngineError, InputError, nearest, there_are
 from ..tools.versions import __version__
-from . import analyse, bench, cases, console, experiment, fit, run, study, trajectory, validate
+from . import analyse, bench, cases, console, experiment, fit, run, study, trajectory, validate, view
 from .console import BAD_INPUT, FAILED, INTERRUPTED, LOG, complain
 from .options import flag
 
@@ -73,8 +73,8 @@ def _lines(text: str) -> str:
 COMMANDS: dict[Group, tuple[Callable[..., Any], ...]] = {
     RUNS: (run.run, run.resume, run.tail, study.study, cases.check, cases.new, cases.cases),
     FILES: (
-        trajectory.info, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history, trajectory.export,
-        trajectory.views, trajectory.repair,
+        trajectory.info, view.view, analyse.analyse, analyse.plot, trajectory.movie, trajectory.history,
+        trajectory.export, trajectory.views, trajectory.repair,
     ),
     LAW: (experiment.collisions, fit.fit, experiment.compare, validate.validate, bench.bench, cases.backends, docs),
 }  # fmt: skip

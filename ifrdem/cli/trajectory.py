@@ -201,6 +201,7 @@ def summary(trajectory: Any, history: Any) -> list[str]:
     """Lines on the history of a disk."""
     import numpy as np
 
+    from ..model.ifr import regime_name
     from ..trajectory.history import KICK
 
     def time(value: float) -> str:
@@ -231,17 +232,7 @@ def summary(trajectory: Any, history: Any) -> list[str]:
         who = str(partner) if partner >= 0 else f"wall {-2 - partner}"
         impulse = history.impulse[i]
         lines.append(
-            f"  {history.time[i]:>14.8g} {who:>8} {regime(int(history.regime[i])):<20} {history.psi[i]:>7.4f} "
+            f"  {history.time[i]:>14.8g} {who:>8} {regime_name(int(history.regime[i])):<20} {history.psi[i]:>7.4f} "
             f"{impulse[0]:>11.4g} {impulse[1]:>11.4g} {history.columns['spin_after'][i]:>12.5g}"
         )
     return lines
-
-
-def regime(number: int) -> str:
-    """Words for a regime."""
-    from ..model.ifr import Regime
-
-    special = {-1: "not known", 0: "-", 9: "elastic"}
-    if number not in special and number not in [*Regime]:
-        return f"{number}?"
-    return special.get(number) or Regime(number).name.lower().replace("_", " ")

@@ -57,6 +57,14 @@ class Regime(IntEnum):
     STICKING_NONROLLING = 6
 
 
+def regime_name(number: int) -> str:
+    """Words for a regime as histories number them: -1 not known, 0 none, 9 elastic by a remedy for collapse."""
+    special = {-1: "not known", 0: "-", 9: "elastic"}
+    if number not in special and number not in [*Regime]:
+        return f"{number}?"
+    return special.get(number) or Regime(number).name.lower().replace("_", " ")
+
+
 class Admissibility(NamedTuple):
     """Verdict on a law: whether it can add energy in the collisions of one kind of pair."""
 

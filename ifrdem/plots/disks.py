@@ -239,12 +239,12 @@ def area_fraction(gas: Gas, position: Array, region: Array) -> Array:
     radius = gas.disks.radius
     lengths = np.ptp(region, axis=1)
     cell = MAP_CELL * 2.0 * float(np.sqrt(np.mean(radius**2)))
-    counts = [int(np.clip(round(side / cell), 1, 1000)) for side in lengths]
-    ends = [(low, high) for low, high in region]
-    covered, _, _ = np.histogram2d(
-        position[:, 0], position[:, 1], bins=counts, range=ends, weights=np.pi * radius**2
-    )
-    return covered * counts[0] * counts[1] / float(np.prod(lengths))
+    counts = np.clip(np.rint(lengths / cell), 1, 1000).astype(int)
+    part = (position - region[:, 0]) / lengths
+    inside = ((part >= 0.0) & (part <= 1.0)).all(axis=1)
+    column, row = np.minimum((part[inside] * counts).astype(int), counts - 1).T
+    covered = np.bincount(column * counts[1] + row, np.pi * radius[inside] ** 2, int(counts.prod()))
+    return covered.reshape(counts) * float(counts.prod() / np.prod(lengths))
 
 
 def cell_side(covered: Array, region: Array) -> float:

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     import xarray
 
 SEED = "seed"
+ENDING, RUNS = ".nc", ".runs"
+"""Endings of the file of results, and of the folder of runs beside it."""
 PLAIN: dict[str, tuple[str, tuple[str, ...]]] = {
     "dissipated_by_mechanism": ("mechanism", MECHANISMS),
     "collisions_by_regime": ("regime", REGIMES),

@@ -24,7 +24,7 @@ from ..tools.files import check_files
 from ..tools.progress import clock_face, quiet
 from . import workers
 from .plan import ClusterSection, Plan, read
-from .results import Results, collect
+from .results import ENDING, RUNS, Results, collect
 from .task import Task, load
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 RATE, ROW_SECONDS, RUN_SECONDS = 2e5, 2e-3, 0.1
 """Collisions a second and core, seconds of a row of series and of a further gas: before any run is done."""
 MOST_OF_DISK = 0.9
-ENDING = ".nc"
 
 
 class Study:
@@ -94,7 +93,7 @@ class Study:
         if os.path.isdir(given) or given.endswith(("/", os.sep)):
             given = os.path.join(given, self.plan.name + ENDING)
         self.output: Path = Path(given if given.endswith(ENDING) else given + ENDING)
-        self.folder: Path = self.output.with_name(self.output.name.removesuffix(ENDING) + ".runs")
+        self.folder: Path = self.output.with_name(self.output.name.removesuffix(ENDING) + RUNS)
 
     @cached_property
     def _judged(self) -> tuple[dict[tuple[int, ...], Any], list[str]]:

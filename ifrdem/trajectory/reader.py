@@ -369,7 +369,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
         Raises InputError if there is no such disk, the file holds no positions, or it is damaged.
         """
-        disk = self._checked_disk(disk)
+        disk = self.checked_disk(disk)
         fields: dict[str, NDArray[Any]] = {}
         self.dataset("position")  # says that it is missing
         for name in self.fields:
@@ -405,14 +405,15 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         Raises InputError if there is no such disk, or it is not tracked (the message says which are), or the file is
         damaged.
         """
-        disk, radius, path = self._checked_disk(disk), self.disks.radius, str(self.path)
+        disk, radius, path = self.checked_disk(disk), self.disks.radius, str(self.path)
         return self._again(
             lambda: history.read(
                 self._opened(), path, disk, box=self.box, radius=radius, gravity=self.gravity
             )
         )
 
-    def _checked_disk(self, disk: int) -> int:
+    def checked_disk(self, disk: int) -> int:
+        """The id of a disk; InputError if there is none of it."""
         disk = operator.index(disk)
         n = self.disks.n
         if not 0 <= disk < n:

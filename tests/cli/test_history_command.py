@@ -11,8 +11,7 @@ import pytest
 from support.layout_files import add_histories, some_state, write
 
 from ifrdem.cli.main import main
-from ifrdem.cli.trajectory import regime
-from ifrdem.model.ifr import Regime
+from ifrdem.model.ifr import Regime, regime_name
 from ifrdem.trajectory.reader import Trajectory
 
 
@@ -112,8 +111,8 @@ def test_histories_that_cannot_be_shown_are_refused(run, tmp_path, capsys):
 
 
 def test_every_regime_of_the_law_has_words():
-    assert [regime(i) for i in (-1, 0, 9)] == ["not known", "-", "elastic"]
-    assert [regime(each) for each in Regime][1:] == [
+    assert [regime_name(i) for i in (-1, 0, 9)] == ["not known", "-", "elastic"]
+    assert [regime_name(each) for each in Regime][1:] == [
         "sliding", "sticking", "sliding rolling", "sticking rolling", "sliding nonrolling", "sticking nonrolling"
     ]  # fmt: skip
 

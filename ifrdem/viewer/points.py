@@ -1,0 +1,151 @@
+"""Points of a study on the viewer's page: quantities at the end of their runs, curves of each, its trajectories."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import InputError
+from ..study.figure import BAND
+from ..study.results import ENDING, RUNS, SEED, Results
+from ..tools.checked import Array
+from .content import numbers
+
+FIRST = ("temperature", "rotational_temperature", "theta")
+
+
+class Points:
+    """The results of a study, and its folder of runs.
+
+    Parameters
+    ----------
+    place : Path
+        The results NAME.nc, or the folder NAME.runs beside them.
+
+    Raises
+    ------
+    InputError
+        If they are no results of a study, or nothing has been swept.
+    """
+
+    def __init__(self, place: Path) -> None:
+        if not place.name.endswith((ENDING, RUNS)):
+            raise InputError(
+                f"{place}: the results of a study are needed, NAME{ENDING}, or its folder NAME{RUNS}"
+            )
+        name = place.name.removesuffix(RUNS).removesuffix(ENDING)
+        self._folder, self.path = place.with_name(name + RUNS), place.with_name(name + ENDING)
+        self._results = Results.read(self.path)
+        self._axes = list(self._results.axes)
+        if not self._axes or SEED not in self._results.variables:
+            raise InputError(f"{self.path}: no key was varied, there are no points to show")
+
+    @property
+    def _indices(self) -> list[tuple[int, ...]]:
+        return list(itertools.product(*(range(len(self._results.values(axis))) for axis in self._axes)))
+
+    def head(self) -> dict[str, Any]:
+        """Everything but the curves of single points, for JSON."""
+        it = self._results
+        keys = json.loads(it.attributes["keys"])
+        known = [name.removesuffix("_mean") for name in it.variables if name.endswith("_mean")]
+        ends = {}
+        for name in [*(one for one in FIRST if one in known), *(one for one in known if one not in FIRST)]:
+            if (mean := self._end(name, "mean")) is not None:
+                parts = {kind: self._end(name, kind) for kind in ("error", "theory")}
+                ends[name] = {"unit": it.variables[f"{name}_mean"].unit, "mean": numbers(mean)} | {
+                    kind: numbers(part * (BAND if kind == "error" else 1.0))
+                    for kind, part in parts.items() if part is not None
+                }  # fmt: skip
+        runs, failures = it.values("run"), it.values("failure")
+        return {
+            "title": it.attributes.get("title", self.path.stem),
+            "axes": [
+                {"name": axis, "key": keys.get(axis, axis), "values": self._values(axis)} for axis in self._axes
+            ],
+            "ends": ends,
+            "seeds": it.values(SEED).tolist(),
+            "points": [
+                {
+                    "index": index,
+                    "label": ", ".join(
+                        f"{name} = {self._values(name)[i]}"
+                        for axis, i in zip(self._axes, index, strict=True) for name in it.axes[axis]
+                    ),
+                    "runs": [str(run) if self._path(str(run)).is_file() else "" for run in runs[index]],
+                    "failures": [str(one) for one in failures[index] if one],
+                }
+                for index in self._indices
+            ],
+        }  # fmt: skip
+
+    def _values(self, name: str) -> list[Any]:
+        values = self._results.values(name)
+        return (
+            numbers(values)
+            if values.dtype.kind == "f"
+            else [each if isinstance(each, str) else int(each) for each in values]
+        )
+
+    def _end(self, name: str, kind: str) -> NDArray[np.float64] | None:
+        """A quantity of each point at the last row that is known; None if it has other dimensions."""
+        one = self._results.variables.get(f"{name}_{kind}")
+        rows = self._rows
+        if (
+            one is None
+            or one.dims not in ((*self._axes,), (*self._axes, rows))
+            or one.values.dtype.kind not in "iuf"
+        ):
+            return None
+        return np.array([_last(one.values[index]) for index in self._indices])
+
+    @property
+    def _rows(self) -> str:
+        return next(
+            (name for name in ("collisions_per_disk", "time") if self._results.variables.get(name)), ""
+        )
+
+    def point(self, number: int) -> dict[str, Any]:
+        """Curves of a point: means over seeds with bands of their errors, and kinetic theory."""
+        if number >= len(self._indices):
+            raise InputError(f"point = {number}: there are {len(self._indices)}")
+        it, index, rows, charts = self._results, self._indices[number], self._rows, []
+        for name in FIRST:
+            mean = it.variables.get(f"{name}_mean")
+            if mean is None or mean.dims != (*self._axes, rows):
+                continue
+            error, theory = (it.variables.get(f"{name}_{kind}") for kind in ("error", "theory"))
+            lines: list[dict[str, Any]] = [
+                {"name": f"mean, {BAND:g} standard errors", "y": numbers(mean.values[index])}
+            ]
+            if error is not None:
+                lines[0]["error"] = numbers(BAND * error.values[index])
+            if theory is not None:
+                lines.append({"name": "kinetic theory", "y": numbers(theory.values[index]), "dashed": True})
+            unit = "" if name == "theta" else mean.unit
+            charts.append(
+                {"name": f"{name.replace('_', ' ')}, all seeds", "unit": unit, "over": rows.replace("_", " "),
+                 "x": numbers(it.values(rows)), "lines": lines}
+            )  # fmt: skip
+        return {"charts": charts}
+
+    def _path(self, run: str) -> Path:
+        return self._folder / f"{run}.h5"
+
+    def trajectory(self, run: str) -> Path:
+        """The trajectory of a run; InputError if the study has no such run, or kept none of it."""
+        if run not in self._results.values("run") or not self._path(run).is_file():
+            raise InputError(
+                f"run = {run}: the study kept no trajectory of it ([output] trajectories = true keeps them)"
+            )
+        return self._path(run)
+
+
+def _last(values: Array) -> float:
+    known = np.atleast_1d(values)[np.isfinite(np.atleast_1d(values))]
+    return float(known[-1]) if len(known) else float("nan")

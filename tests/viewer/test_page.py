@@ -1,0 +1,297 @@
+"""The viewer's page in a real browser: Chromium without a graphics processor, driven by playwright."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from support import viewed
+from test_server import some_results
+
+import ifrdem
+from ifrdem.cli.main import main
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no Chromium on this machine"),
+]
+SOFTWARE = [
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing", "--no-sandbox",
+]  # fmt: skip
+PATIENCE = 20.0
+"""Seconds until a page that stands still has failed."""
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with playwright.sync_playwright() as driver:
+        found = driver.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """A window whose console must stay without errors."""
+    context = browser.new_context(viewport={"width": 900, "height": 700}, color_scheme="light")
+    found, wrong = context.new_page(), []
+    found.on("console", lambda message: wrong.append(message.text) if message.type == "error" else None)
+    found.on("pageerror", lambda error: wrong.append(str(error)))
+    found.wrong = wrong
+    yield found
+    assert wrong == []
+    context.close()
+
+
+@pytest.fixture
+def serve() -> Iterator[Any]:
+    """Starts `ifrdem view`, behind lines of Python, and returns its address."""
+    running = []
+
+    def start(*arguments: object, first: str = "") -> str:
+        words = ["--quiet", "view", *map(str, arguments), "--no-browser"]
+        code = f"{first}\nfrom ifrdem.cli.main import main\nmain({words!r})"
+        command = [sys.executable, "-c", code]
+        running.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
+        return str(running[-1].stdout.readline().strip())
+
+    yield start
+    for process in running:
+        process.terminate()
+        process.communicate()
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return viewed.write(tmp_path_factory.mktemp("view") / "run.h5")
+
+
+def until(page: Any, condition: str) -> None:
+    """Wait for what JavaScript says; the page's policy forbids the browser's own way."""
+    end = time.monotonic() + PATIENCE
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, f"{condition}: {page.evaluate('document.body.innerText')}"
+        time.sleep(0.05)
+
+
+def opened(page: Any, address: str) -> None:
+    page.goto(address)
+    until(page, "head !== null && frame !== null && !busy && legend.state !== undefined")
+    pixels(page)  # the header has its place
+
+
+def pixels(page: Any) -> np.ndarray:
+    """The window, shape (height, width, 3)."""
+    page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB")).astype(int)
+
+
+def spot(page: Any, x: float, y: float) -> tuple[int, int]:
+    """Pixel of a place [length]."""
+    left, top, px, py = page.evaluate(
+        f"(() => {{ const box = stage.getBoundingClientRect(); return [box.left, box.top, toX({x}), toY({y})] }})()"
+    )
+    return round(left + px), round(top + py)
+
+
+def choose(page: Any, id: str, value: str) -> None:
+    page.select_option(f"#{id}", value)
+    until(page, "!busy")
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "way"), [(900, 700, "points"), (1800, 1500, "quads"), (900, 700, "pixels")]
+)
+def test_disks_are_drawn_where_they_are_in_their_colours(page, serve, path, width, height, way):
+    page.set_viewport_size({"width": width, "height": height})
+    opened(page, serve(path))
+    choose(page, "colour", "species")
+    if way == "pixels":
+        page.evaluate("paintDisks = paintPixels; gl.clear(gl.COLOR_BUFFER_BIT); ask_paint()")
+    else:
+        until(page, f"(2 * largest * view.zoom > LARGEST_POINT) === {'true' if way == 'quads' else 'false'}")
+    shown, colours = pixels(page), {0: (0, 114, 178), 1: (230, 159, 0)}
+    for id in range(8, 32):
+        x, y = viewed.state(0).position[id]
+        column, row = spot(page, x, y + 0.5 * viewed.RADIUS[id])  # marks point to the right in frame 0
+        assert np.abs(shown[row, column] - colours[id % 2]).max() <= 8, id
+        column, row = spot(page, x, y + 1.3)  # between the rows
+        assert tuple(shown[row, column]) == (255, 255, 255)
+
+
+def test_a_disk_cut_by_a_side_shows_on_the_other_side_and_nothing_beyond(page, serve, path):
+    opened(page, serve(path))
+    choose(page, "colour", "species")
+    shown = pixels(page)
+    x, y = viewed.state(0).position[8]  # radius 0.8, x = 0.3
+    assert x < viewed.RADIUS[8]
+    for place, inside in ((0.1, True), (29.7, True), (30.2, False), (-0.3, False)):
+        column, row = spot(page, place, y + 0.35)
+        assert (np.abs(shown[row, column] - (0, 114, 178)).max() <= 8) == inside, place
+
+
+def test_zoomed_disks_have_marks_that_turn(page, serve, path):
+    opened(page, serve(path))
+    x, y = viewed.state(2).position[11]
+    page.evaluate(f"show(2); Object.assign(view, {{x: {x}, y: {y}, zoom: 120}}); ask_paint()")
+    until(page, "!busy && index === 2")
+    shown, angle = pixels(page), 0.5 * 2 * 11
+    along = spot(page, x + 0.3 * np.cos(angle), y + 0.3 * np.sin(angle))
+    against = spot(page, x - 0.3 * np.cos(angle), y - 0.3 * np.sin(angle))
+    assert tuple(shown[along[1], along[0]]) == (255, 255, 255)
+    assert shown[against[1], against[0]].min() < 120
+
+
+def test_keys_and_slider_change_the_frame(page, serve, path):
+    opened(page, serve(path))
+    before = pixels(page)
+    for key, frame in (("ArrowRight", 1), ("End", 3), ("ArrowLeft", 2), ("Home", 0)):
+        page.keyboard.press(key)
+        until(page, f"index === {frame} && frame.index === {frame}")
+        assert f"frame {frame} of 3, t = 0" in page.inner_text("#where")
+    page.evaluate("$('scrub').value = 3; $('scrub').dispatchEvent(new Event('input'))")
+    until(page, "frame.index === 3")
+    assert np.abs(pixels(page) - before).sum() > 1e5
+    page.keyboard.press("Home")
+    page.keyboard.press(" ")
+    until(page, "frame.index === 3 && !playing")
+    box = page.locator("#chart").bounding_box()
+    page.mouse.click(box["x"] + 0.75 * box["width"], box["y"] + 60)  # t = 0.22, after frame 2
+    until(page, "frame.index === 2")
+
+
+def test_wheel_zooms_at_the_pointer_and_f_fits(page, serve, path):
+    opened(page, serve(path))
+    x, y = spot(page, 10.0, 10.0)
+    page.mouse.move(x, y)
+    page.mouse.wheel(0, -1000)
+    until(page, "view.zoom > 2 * fit.zoom")
+    assert np.abs(np.subtract(spot(page, 10.0, 10.0), (x, y))).max() <= 1
+    page.mouse.down()
+    page.mouse.move(x + 50, y, steps=5)
+    page.mouse.up()
+    assert np.abs(np.subtract(spot(page, 10.0, 10.0), (x + 50, y))).max() <= 1
+    page.keyboard.press("f")
+    assert page.evaluate("view.zoom === fit.zoom && view.x === 15")
+
+
+def test_a_click_shows_the_history_of_a_disk_or_that_it_was_not_tracked(page, serve, path):
+    opened(page, serve(path))
+    page.keyboard.press("End")
+    until(page, "frame.index === 3")
+    page.mouse.click(*spot(page, *viewed.state(3).position[viewed.TRACKED] + 0.1))
+    until(page, "$('disk').innerText.includes('3 collisions')")
+    rows = page.locator("#disk tr[data-time]").all_inner_texts()
+    assert [text.split()[0] for text in rows] == ["0.05", "0.12", "0.25"]
+    assert "(1, 2)" in rows[0]
+    assert "(\N{MINUS SIGN}1, 2.5)" in rows[0]
+    assert "wall 1" in rows[1]
+    assert "0.25" in page.inner_text("#disk tr.latest")
+    page.locator("#disk tr[data-time] button").first.click()  # t = 0.05: frame 0 is the one before
+    until(page, "frame.index === 0")
+    page.mouse.click(*spot(page, *viewed.state(0).position[11]))
+    until(page, "$('disk').innerText.includes('Disk 11')")
+    assert "It was not tracked" in page.inner_text("#disk")
+    page.keyboard.press("Escape")
+    assert page.locator("#disk").is_hidden()
+
+
+def test_colours_that_are_not_there_are_told_with_the_reason(page, serve, tmp_path):
+    viewed.layout_files.write(tmp_path / "bare.h5", n=20, fields=("position",))
+    opened(page, serve(tmp_path / "bare.h5"))
+    reasons = page.locator("#colour option[disabled]").all_text_contents()
+    assert len(reasons) == 4
+    assert any("output.histories" in one for one in reasons)
+    until(page, "$('notes').innerText.includes('no marks that turn')")
+
+
+def test_a_wrong_token_is_refused(page, serve, path):
+    address = serve(path)
+    wrong = "y" if address[-2] == "x" else "x"
+    assert page.goto(f"{address[:-2]}{wrong}/").status == 403
+    assert [one for one in page.wrong if "403" not in one] == []
+    page.wrong.clear()
+
+
+def test_frames_that_a_run_adds_are_followed(page, serve, tmp_path):
+    with viewed.writer(tmp_path / "live.h5") as file:
+        viewed.add(file, 0)
+        opened(page, serve(tmp_path / "live.h5"))
+        assert page.evaluate("head.times.length") == 1
+        page.check("#follow")
+        for frame in (1, 2):
+            viewed.add(file, frame)
+            until(page, f"head.times.length === {frame + 1} && frame.index === {frame}")
+        page.uncheck("#follow")
+        viewed.add(file, 3)
+        until(page, "head.times.length === 4")
+        assert page.evaluate("frame.index") == 2
+
+
+def test_one_file_draws_without_a_server(page, path, tmp_path):
+    out = tmp_path / "sent.html"
+    assert main(["--quiet", "view", str(path), "--html", str(out)]) == 0
+    opened(page, out.as_uri())
+    choose(page, "colour", "species")
+    page.keyboard.press("End")
+    until(page, "frame.index === 3")
+    x, y = viewed.state(3).position[12]
+    column, row = spot(page, x, y + 0.4)
+    assert np.abs(pixels(page)[row, column] - (0, 114, 178)).max() <= 8
+    page.mouse.click(*spot(page, *viewed.state(3).position[viewed.TRACKED] + 0.1))
+    until(page, "$('disk').innerText.includes('3 collisions')")
+
+
+def test_two_fingers_zoom_and_the_place_between_them_stays(page, serve, path):
+    opened(page, serve(path))
+    x, y = spot(page, 10.0, 10.0)
+    fingers = page.context.new_cdp_session(page)
+    for kind, apart in (("touchStart", 40), ("touchMove", 60), ("touchMove", 80), ("touchMove", 120)):
+        points = [{"x": x - apart, "y": y, "id": 1}, {"x": x + apart, "y": y, "id": 2}]
+        fingers.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    fingers.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert page.evaluate("view.zoom / fit.zoom") == pytest.approx(3.0, rel=0.05)
+    assert np.abs(np.subtract(spot(page, 10.0, 10.0), (x, y))).max() <= 4
+    assert page.evaluate("selected") == -1
+
+
+def test_the_page_draws_in_the_frame_of_a_notebook(page, path, tmp_path):
+    notebook = tmp_path / "notebook.html"
+    notebook.write_text(f"<!doctype html><meta charset=utf-8>{ifrdem.view(path)._repr_html_()}")
+    page.goto(notebook.as_uri())
+    inside = page.frames[1]
+    until(inside, "head !== null && frame !== null && !busy && head.times.length === 4")
+    assert inside.inner_text("#title").startswith("run: 40 disks")
+
+
+def test_points_of_a_study_open_their_runs(page, serve, tmp_path):
+    opened(page, serve(some_results(tmp_path), "--study"))
+    until(page, "head.n === 40")  # of the first point, a run was kept
+    assert page.inner_text("#point") == "e_n = 0.7"
+    assert page.locator("#runs button:enabled").all_text_contents() == ["seed 2"]
+    box = page.locator("#points").bounding_box()
+    place = page.evaluate("(() => { const drawn = drawStudy(); return [drawn.px(0.9), drawn.py(12)] })()")
+    page.mouse.click(box["x"] + place[0], box["y"] + place[1])
+    until(page, "$('point').textContent === 'e_n = 0.9'")
+    assert "were not kept" in page.inner_text("#kept")
+
+
+def test_many_disks_are_a_map_until_the_view_is_narrow(page, serve, path):
+    opened(page, serve(path, first="from ifrdem.viewer import content; content.MOST_DISKS = 20"))
+    assert page.evaluate("frame.shape.length") == 2
+    until(page, "$('notes').innerText.includes('area fraction in cells of')")
+    page.evaluate("zoomAt(300, 200, 16)")
+    until(page, "!busy && !frame.shape && count() < 20")
+    until(page, "$('notes').innerText === ''")
