@@ -251,12 +251,12 @@ def begin(tile, gas: ti.template()):
 
 
 @ti.func
-def choose(tile, lane, thread, region: ti.template(), gas: ti.template()):
+def choose(tile, thread, region: ti.template(), gas: ti.template()):
     """Note slots, cells and neighbouring tiles of the disks in a tile and its halo, and count them, by cell too."""
     team = ti.static(team_of(gas.uses))
     part = gas.grid[PART]
     room = gas.grid[PLACES]
-    places = lane * room
+    places = region.lane * room
     n, own_disks = 0, 0
     halo = gas.reach[tile, HALO]
     alone = gas.grid[ALONE] == 1

@@ -126,7 +126,7 @@ def prepare(tile, lane, gas: ti.template()):
     if cells_of(region, gas) <= gas.grid[CELLS]:
         for c in range(region.nx * region.ny):
             gas.head[region.cells + c] = 0
-        choose(tile, lane, 0, region, gas)
+        choose(tile, 0, region, gas)
     if has_room(tile, region, gas):
         order(tile, 0, region, gas)
         n = gas.tile[tile, GATHERED]
@@ -233,9 +233,15 @@ def is_going(gas: ti.template()):
 
 @ti.func
 def share_of(item, first, gas: ti.template()):
-    """The tile of an item of a loop over teams of threads, its lane, and the number of the thread in the team."""
+    """What an item of a loop over teams of threads works on: tile, its region, number in the team, number of disks.
+
+    No disks where nothing is to be done.
+    """
+    round_products(gas)
     lane = item // ti.static(team_of(gas.uses))
-    return tile_of(first + lane, gas), lane, item - lane * ti.static(team_of(gas.uses))
+    k = tile_of(first + lane, gas)
+    n = ti.select(is_going(gas), gas.tile[k, GATHERED], 0)
+    return k, region_of(k, lane, gas), item - lane * ti.static(team_of(gas.uses)), n
 
 
 @ti.func
@@ -314,68 +320,47 @@ def run_windows(
         for c in range((n_listed - first) * gas.grid[CELLS]):
             gas.head[c] = 0
         for item in range((n_listed - first) * team):
-            round_products(gas)
-            k, lane, thread = share_of(item, first, gas)
-            region = region_of(k, lane, gas)
+            k, region, thread, _n = share_of(item, first, gas)
             if is_going(gas) and cells_of(region, gas) <= gas.grid[CELLS]:
-                choose(k, lane, thread, region, gas)
+                choose(k, thread, region, gas)
         for item in range((n_listed - first) * team):
-            round_products(gas)
-            k, lane, thread = share_of(item, first, gas)
-            region = region_of(k, lane, gas)
+            k, region, thread, _n = share_of(item, first, gas)
             if is_going(gas) and has_room(k, region, gas):
                 count_chunk(thread, region, gas)
         for item in range((n_listed - first) * team):
-            round_products(gas)
-            k, lane, thread = share_of(item, first, gas)
-            region = region_of(k, lane, gas)
+            k, region, thread, _n = share_of(item, first, gas)
             if is_going(gas):
                 order(k, thread, region, gas)
                 if ti.static(gas.uses.walled):
                     if thread == 0:
                         place_walls(region, gas)
         for item in range((n_listed - first) * team):
-            round_products(gas)
-            k, lane, m = share_of(item, first, gas)
-            region = region_of(k, lane, gas)
-            n = ti.select(is_going(gas), gas.tile[k, GATHERED], 0)
+            k, region, m, n = share_of(item, first, gas)
             while m < n:
                 lay(m, k, region, gas)
                 m += team
         for item in range((n_listed - first) * team):
-            round_products(gas)
-            k, lane, m = share_of(item, first, gas)
-            region = region_of(k, lane, gas)
-            n = ti.select(is_going(gas), gas.tile[k, GATHERED], 0)
+            _k, region, m, n = share_of(item, first, gas)
             if ti.static(gas.uses.layered):
                 chain_layers(n, region, gas)
             else:
                 while m < n:
-                    chain(lane * gas.grid[PLACES] + m, n, region, gas)
+                    chain(region.lane * gas.grid[PLACES] + m, n, region, gas)
                     m += team
         for item in range((n_listed - first) * team):
-            round_products(gas)
-            k, lane, m = share_of(item, first, gas)
-            region = region_of(k, lane, gas)
-            n = ti.select(is_going(gas), gas.tile[k, GATHERED], 0)
+            _k, region, m, n = share_of(item, first, gas)
             while m < n:
-                predict(lane * gas.grid[PLACES] + m, 0, 1, -1, 1, 1, 0, region, gas)
+                predict(region.lane * gas.grid[PLACES] + m, 0, 1, -1, 1, 1, 0, region, gas)
                 m += team
         ti.loop_config(block_dim=32)
         for item in range((n_listed - first) * gas.grid[STRIDE]):
-            round_products(gas)
+            k, region, _m, n = share_of(item // gas.grid[STRIDE] * team, first, gas)
             if item % gas.grid[STRIDE] == 0 and is_going(gas):
-                lane = item // gas.grid[STRIDE]
-                k = tile_of(first + lane, gas)
-                region = region_of(k, lane, gas)
-                n = gas.tile[k, GATHERED]
                 run_events(n, bins_of(n, gas), k, 0, region, gas)
         for item in range((n_listed - first) * team):
-            round_products(gas)
-            if is_going(gas):
-                k, lane, thread = share_of(item, first, gas)
-                region = region_of(k, lane, gas)
-                write(gas.tile[k, GATHERED], k, AT_END, thread, team, region, gas)
+            k, region, thread, n = share_of(item, first, gas)
+            if n > 0:
+                write(n, k, AT_END, thread, team, region, gas)
     else:
         spread = ti.static(spread_of_loops())
         for item in range(spread * gas.grid[LANES]):
