@@ -342,7 +342,8 @@ def run_windows(
         for item in range((n_listed - first) * team):
             _k, region, m, n = share_of(item, first, gas)
             if ti.static(gas.uses.layered):
-                chain_layers(n, region, gas)
+                if n > 0:
+                    chain_layers(n, region, gas)
             else:
                 while m < n:
                     chain(region.lane * gas.grid[PLACES] + m, n, region, gas)
