@@ -146,10 +146,10 @@ def kick(disk: Rows, key: Rows, factors: Rows, gains: Rows):
 
     `factors`: what is left of a velocity and of a spin; energy that noise gives to the motion and to the spin.
     """
-    spread = ti.static(spread_of_loops())
-    for item in range(spread * ((disk.shape[0] + BLOCK - 1) // BLOCK)):
-        if item % spread == 0:
-            b = item // spread
+    apart = ti.static(spread_of_loops())
+    for item in range(apart * ((disk.shape[0] + BLOCK - 1) // BLOCK)):
+        if item % apart == 0:
+            b = item // apart
             gain = ti.cast(0.0, ti.f64)
             for d in range(b * BLOCK, ti.min(disk.shape[0], (b + 1) * BLOCK)):
                 stream = stream_of(d, KICKS, key)

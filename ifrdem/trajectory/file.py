@@ -21,7 +21,7 @@ except ImportError:  # not on Windows
 _SUPERBLOCK = b"\x89HDF\r\n\x1a\n"
 PAGE = 4096
 """Bytes that reach a file together: a kill in the middle of a write leaves the pages before, not those after."""
-ALIGNED = 2048
+ALIGNED = 2096
 """Bytes from which on a piece begins on a page: nodes of the index of a dataset's chunks have 2096 to 3136."""
 ON_PAGES = {"alignment_threshold": ALIGNED, "alignment_interval": PAGE}
 """That, as `h5py.File` takes it."""

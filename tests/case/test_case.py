@@ -662,8 +662,9 @@ def test_estimate_of_the_main_job() -> None:
     assert estimate.free_path[0] == pytest.approx(
         math.pi * 0.021 / (8.0 * math.sqrt(2.0) * 0.25 * g), rel=2e-3
     )
-    # 101 frames of position, velocity, image (2 x 4 bytes each), spin and count (4 each), and some totals
-    assert estimate.file_bytes == pytest.approx(101 * 50_000 * 32, rel=0.02)
+    # 101 frames in four pieces of position, velocity, image (2 x 4 bytes each), spin and count (4 each), which begin on
+    # pages of 4096 bytes: 100,000 bytes take 25 of them, 50,000 take 13. And some totals.
+    assert estimate.file_bytes == pytest.approx(101 * 4 * (3 * 25 + 2 * 13) * 4096, rel=0.02)
 
 
 def test_estimate_counts_the_kicks_of_tracked_disks() -> None:

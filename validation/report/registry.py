@@ -211,5 +211,5 @@ def seconds(name: str, quick: bool) -> float:
 def chosen(names: list[str]) -> list[str]:
     """The cases that names of cases and groups stand for, each once; of none those of the paper."""
     if not names:
-        return [name for name in CASES if name in PAPER]
+        return [name for name in CASES if name not in BULLET + GAS + DEVICE]
     return list(dict.fromkeys(case for name in names for case in GROUPS.get(name, (name,))))
