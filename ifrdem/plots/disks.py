@@ -110,8 +110,8 @@ COLOURS = {
 def colour_of(name: str, option: str = "color =") -> Colour | None:
     """A colour by its name, None for "none"; InputError names those that there are."""
     known = [*COLOURS, "none"]
-    if name not in known:
-        raise InputError(f"{option} {name}: allowed are {', '.join(known)}{nearest(name, known)}")
+    if not isinstance(name, str) or name not in known:
+        raise InputError(f"{option} {name}: allowed are {', '.join(known)}{nearest(str(name), known)}")
     return COLOURS.get(name)
 
 

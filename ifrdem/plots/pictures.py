@@ -132,8 +132,8 @@ def check_count(what: str, given: Sequence[Any], most: int, least: int) -> None:
 
 def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     """Arguments of `Figure.subplots`."""
-    if what not in PICTURES:
-        raise InputError(f"no picture is called '{what}'{there_are(what, tuple(PICTURES))}")
+    if not isinstance(what, str) or what not in PICTURES:
+        raise InputError(f"no picture is called '{what}'{there_are(str(what), tuple(PICTURES))}")
     if len(trajectory) == 0:
         raise InputError(f"{trajectory.path}: no frame to draw")
     if what == "temperatures":

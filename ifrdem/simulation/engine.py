@@ -90,8 +90,8 @@ class EngineOptions:
     tile_disks : int or None
         Disks of a tile; by default what is fastest.
     window_collisions : float or None
-        Collisions that a disk has in a window, at most 10; by default what is fastest on the device. Bits depend on it:
-        with the same, a CPU and a GPU give the same (`exactness`).
+        Collisions that a disk has in a window, 0.001 to 10; by default what is fastest on the device. Bits depend on
+        it: with the same, a CPU and a GPU give the same (`exactness`).
     gravity : two floats
         Acceleration of all disks [length/time^2]; only in directions that are not periodic.
     velocity_cutoff : float
@@ -123,10 +123,12 @@ class EngineOptions:
         object.__setattr__(self, "seed", seeds.of_device(self.seed))
         if self.order not in (None, *ORDERS):
             raise InputError(f"order = {self.order!r}: allowed are {', '.join(ORDERS)}")
-        if self.window_collisions is not None and not 0.0 < self.window_collisions <= 10.0:
-            raise InputError(
-                f"window_collisions = {self.window_collisions!r}: allowed are numbers above 0, at most 10"
-            )
+        if self.tile_disks is not None:
+            checked.whole("tile_disks", self.tile_disks, 1)
+        if self.window_collisions is not None:
+            needed = "a number from 0.001 to 10 is needed"
+            if not 1e-3 <= checked.real("window_collisions", self.window_collisions, needed) <= 10.0:
+                raise InputError(f"window_collisions = {self.window_collisions!r}: {needed}")
 
 
 @dataclass(frozen=True)

@@ -84,7 +84,7 @@ class Simulation(Sealed, PicturedDisks):
     precision : {"f64", "f32"}
         Double precision, or single: half the memory, and errors of 1e-7 instead of 1e-16 a step.
     window_collisions : float, optional
-        Collisions that a disk has in a window of the engine, at most 10; by default what is fastest on the device.
+        Collisions that a disk has in a window of the engine, 0.001 to 10; by default what is fastest on the device.
         Windows decide the last bits: with the same number, a CPU and a GPU give the same (`ifrdem docs exactness`).
     walls : sequence of Wall
         Lines, segments, containers and posts, at rest or moving. Where a wall stands at a side of the box, it is hit

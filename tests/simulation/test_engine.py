@@ -14,7 +14,7 @@ from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
 from ifrdem.simulation import device
-from ifrdem.simulation.engine import Engine
+from ifrdem.simulation.engine import Engine, EngineOptions
 from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
@@ -323,3 +323,15 @@ def test_units_do_not_matter_to_the_last_bit(precision: str) -> None:
         ends.append((end.position / length, end.velocity / speed, end.spin / (speed / length)))
     for one, other in zip(*ends, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("value", [0, 1e-4, 10.1, float("nan"), "1", [1], True])
+def test_lengths_of_windows_that_are_none_are_refused(value: object) -> None:
+    with pytest.raises(InputError, match=r"window_collisions = .*: a number from 0\.001 to 10 is needed"):
+        EngineOptions(window_collisions=value)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [0, -5, 1.5, "x"])
+def test_numbers_of_disks_in_a_tile_that_are_none_are_refused(value: object) -> None:
+    with pytest.raises(InputError, match=r"tile_disks = .*: a whole number, 1 or more, is needed"):
+        EngineOptions(tile_disks=value)  # type: ignore[arg-type]
