@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from support import viewed
+from support import layout_files, viewed
 from test_server import some_results
 
 import ifrdem
@@ -211,7 +211,7 @@ def test_a_click_shows_the_history_of_a_disk_or_that_it_was_not_tracked(page, se
 
 
 def test_colours_that_are_not_there_are_told_with_the_reason(page, serve, tmp_path):
-    viewed.layout_files.write(tmp_path / "bare.h5", n=20, fields=("position",))
+    layout_files.write(tmp_path / "bare.h5", n=20, fields=("position",))
     opened(page, serve(tmp_path / "bare.h5"))
     reasons = page.locator("#colour option[disabled]").all_text_contents()
     assert len(reasons) == 4
@@ -275,6 +275,32 @@ def test_one_file_draws_without_a_server(page, path, tmp_path):
     assert np.abs(pixels(page)[row, column] - (0, 114, 178)).max() <= 8
     page.mouse.click(*spot(page, *viewed.state(3).position[viewed.TRACKED] + 0.1))
     until(page, "$('disk').innerText.includes('3 collisions')")
+
+
+@pytest.mark.parametrize("place", [1, 2, 3])
+def test_one_file_holds_every_frame_also_as_differences(page, tmp_path, place):
+    """Disks of a gas at rest but for some: frames are smaller as differences, and the page puts them together."""
+    disks, frames = 4000, [layout_files.some_state(4000, 0) for _ in range(4)]
+    for step, one in enumerate(frames):
+        one.position[:] = np.random.default_rng(1).uniform((0.0, 0.0), layout_files.BOX.lengths, (disks, 2))
+        one.position[:100] = np.mod(one.position[:100] + 0.1 * step, layout_files.BOX.lengths)
+        one.angle = 0.001 * np.arange(disks) + 0.2 * step
+        one.time = float(step)
+    kinds = ifrdem.Disks(disks, mass=1.0, radius=0.05)
+    fields = ("position", "angle")
+    with ifrdem.TrajectoryWriter(tmp_path / "run.h5", kinds, layout_files.BOX, fields=fields) as file:
+        for one in frames:
+            file.write(one, {})
+    out = tmp_path / "sent.html"
+    assert main(["--quiet", "view", str(tmp_path / "run.h5"), "--html", str(out)]) == 0
+    opened(page, out.as_uri())
+    page.evaluate(f"show({place})")
+    until(page, f"!busy && frame.index === {place}")
+    assert page.evaluate("frame.differences.toSorted()") == ["angle", "position"]
+    places = np.array(page.evaluate(f"Array.from({{length: {disks}}}, (_, i) => placeOf(i))"))
+    assert np.abs(places - frames[place].position).max() <= 0.51 * 30.2 / 65535.0  # half a step of the window
+    turns = np.array(page.evaluate("Array.from(frame.of.angle)"))[:disks] * 2.0 * np.pi / 256.0
+    assert np.abs((turns - frames[place].angle + np.pi) % (2.0 * np.pi) - np.pi).max() <= 0.51 * np.pi / 128.0
 
 
 def test_two_fingers_zoom_and_the_place_between_them_stays(page, serve, path):
