@@ -222,8 +222,8 @@ class Content:
         fraction.
 
         Positions and angles are in parts of 65536 of the header's `window` (ends of x, ends of y) and of a turn;
-        colours are `levels`; if `coarse`, angles in 256 parts and colours in `COARSE` steps. The first `whole` disks are those of ids 0, 1, ...; those of
-        the others are the array `id`.
+        colours are `levels`; if `coarse`, angles in 256 parts and colours in `COARSE` steps. The first `whole` disks
+        are those of ids 0, 1, ...; those of the others are the array `id`.
 
         Parameters
         ----------
