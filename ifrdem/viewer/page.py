@@ -156,7 +156,7 @@ def _differences(
         common = 2 * disks if name == "position" else disks
         one[:common] -= before[name][:common]
         split = np.concatenate([(one >> 8 * byte).astype(np.uint8) for byte in range(one.itemsize)])
-        if len(zlib.compress(split, 1)) < len(zlib.compress(arrays[name].tobytes(), 1)):
+        if len(zlib.compress(split.tobytes(), 1)) < len(zlib.compress(arrays[name].tobytes(), 1)):
             found[name] = split
     return found
 
