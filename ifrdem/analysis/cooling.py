@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from .common import correlation_time
 
 MODES = 5
@@ -161,7 +162,7 @@ def _memory(rest: Array, modes: Array) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class HaffFit(Goodness):
+class HaffFit(Goodness, PicturedResult):
     """T(t) = T0 / (1 + (t - t_first) / t_H)^2: P. K. Haff, J. Fluid Mech. 134, 401 (1983).
 
     Attributes
@@ -182,7 +183,7 @@ class HaffFit(Goodness):
 
 
 @dataclass(frozen=True)
-class RatioFit(Goodness):
+class RatioFit(Goodness, PicturedResult):
     """theta(x) = theta_end + (theta_0 - theta_end) exp(-(x - x_first) / lag), x a time or collisions per disk.
 
     Attributes

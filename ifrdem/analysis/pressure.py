@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools.checked import Array
+from ..tools.pictured import PicturedResult
 from ..tools.reprs import Brief
 from .common import mean_with_error
 
@@ -30,7 +31,7 @@ def blocks(span: tuple[float, float]) -> list[tuple[float, float]]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Pressure(Brief):
+class Pressure(Brief, PicturedResult):
     """The pressure of a gas, in two dimensions a force on a length [energy/length^2]."""
 
     kinetic: float

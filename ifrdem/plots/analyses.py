@@ -264,29 +264,63 @@ def cooling(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Eva
     table = outcome.tables[""]
     t, T, tau, theta = (table[name] for name in ("time", "temperature", "collisions_per_disk", "theta"))
     left.plot(1.0 + (t - t[0]) / haff.t_H, T, "o", ms=4, mfc="none", color=TRANSLATION, label="disks")
-    x = np.geomspace(1.0, 1.0 + (t[-1] - t[0]) / haff.t_H, 200)
+    _haff(left, trajectory, haff, t[-1])
+    right.plot(tau, theta, "o", ms=4, mfc="none", color=ROTATION, label="disks")
+    if ratio is not None:
+        _approach(right, ratio, tau[0], tau[-1])
+    right.set_xlabel("collisions per disk")
+    _thetas(right)
+
+
+def _haff(axes: Axes, trajectory: Trajectory | None, haff: analysis.HaffFit, end: float) -> None:
+    """Haff's law as it was fitted, up to a time."""
+    x = np.geomspace(1.0, 1.0 + (end - haff.times[0]) / haff.t_H, 200)
     text = f"Haff's law, $t_H$ = {with_unit(trajectory, _with_error(haff.t_H, haff.t_H_error), 'time')}"
     if not haff.describes:
         text = f"the nearest of {text},\nwhich does not describe it"
-    left.plot(x, haff.T0 / x**2, "--", color=RATIO, lw=1.5, label=text)
+    axes.plot(x, haff.T0 / x**2, "--", color=RATIO, lw=1.5, label=text)
     if x[-1] > 2.0:  # a shorter stretch has no room for labels of a logarithm
-        left.set(xscale="log", yscale="log")
-        few_labels(left)
-    left.set(xlabel="$1 + (t - t_0) / t_H$", ylabel=label(trajectory, "temperature $T$", "energy"))
-    left.legend(loc="best", frameon=False)
-    right.plot(tau, theta, "o", ms=4, mfc="none", color=ROTATION, label="disks")
-    if ratio is not None:
-        end = _with_error(ratio.theta_end, ratio.theta_end_error)
-        text = f"exponential, lag {_with_error(ratio.lag, ratio.lag_error)},\nend {end}"
-        if not ratio.describes:
-            text = f"nearest {text},\nwhich does not describe it"
-        fine = np.linspace(tau[0], tau[-1], 300)
-        curve = ratio.theta_end + (ratio.theta_0 - ratio.theta_end) * np.exp(-(fine - tau[0]) / ratio.lag)
-        right.plot(fine, curve, "--", color=RATIO, lw=1.5, label=text)
-    right.set(xlabel="collisions per disk", ylabel=r"$\theta = T_\mathrm{rot} / T$")
-    right.set_ylim(bottom=0.0)
-    right.legend(loc="best", frameon=False)
-    grid(left, right)
+        axes.set(xscale="log", yscale="log")
+        few_labels(axes)
+    axes.set(xlabel="$1 + (t - t_0) / t_H$", ylabel=label(trajectory, "temperature $T$", "energy"))
+    axes.legend(loc="best", frameon=False)
+    grid(axes)
+
+
+def _approach(axes: Axes, ratio: analysis.RatioFit, first: float, last: float) -> None:
+    """The exponential as it was fitted, from where it begins."""
+    end = _with_error(ratio.theta_end, ratio.theta_end_error)
+    text = f"exponential, lag {_with_error(ratio.lag, ratio.lag_error)},\nend {end}"
+    if not ratio.describes:
+        text = f"nearest {text},\nwhich does not describe it"
+    fine = np.linspace(first, last, 300)
+    curve = ratio.theta_end + (ratio.theta_0 - ratio.theta_end) * np.exp(-(fine - first) / ratio.lag)
+    axes.plot(fine, curve, "--", color=RATIO, lw=1.5, label=text)
+
+
+def _thetas(axes: Axes) -> None:
+    axes.set_ylabel(r"$\theta = T_\mathrm{rot} / T$")
+    axes.set_ylim(bottom=0.0)
+    axes.legend(loc="best", frameon=False)
+    grid(axes)
+
+
+def _ratio(axes: Axes, found: analysis.RatioFit) -> None:
+    """The exponential over five lags: the fit does not know where its data end."""
+    _approach(axes, found, 0.0, 5.0 * found.lag)
+    axes.set_xlabel(r"$x - x_\mathrm{first}$ (times or collisions per disk, as in the fit)")
+    _thetas(axes)
+
+
+def _pressure(axes: Axes, found: analysis.Pressure) -> None:
+    """The kinetic and the collisional part, and their sum."""
+    error = found.error if np.isfinite(found.error) else 0.0
+    look: dict[str, Any] = {"color": ACROSS, "ec": TRANSLATION, "ecolor": ROTATION, "capsize": 3.0}
+    parts = ("kinetic", "collisional", "total")
+    axes.bar(parts, [getattr(found, one) for one in parts], yerr=[0.0, error, error], **look)
+    axes.set(xlabel="part, bars: standard error", ylabel="pressure $p$")
+    axes.set_title(f"$p A / (N T)$ = {found.Z:.4g}", fontsize="medium")
+    grid(axes)
 
 
 def impact(left: Axes, right: Axes, trajectory: Trajectory | None, outcome: Evaluation) -> None:
@@ -349,6 +383,9 @@ RESULTS: dict[type[Any], Panels] = {
     analysis.Fields: Panels(lambda left, right, found: fields(left, right, None, _alone(found)), TWO),
     analysis.Clusters: Panels(lambda axes, found: _sizes(axes, None, found)),
     analysis.Hexatic: Panels(lambda axes, found: _order(axes, np.abs(found.psi6), found.whole)),
+    analysis.HaffFit: Panels(lambda axes, found: _haff(axes, None, found, found.times[1])),
+    analysis.RatioFit: Panels(_ratio),
+    analysis.Pressure: Panels(_pressure),
     analysis.Impacts: Panels(lambda left, right, found: impact(left, right, None, _alone(found)), TWO),
 }  # fmt: skip
 """Type of a result of `ifrdem.analysis` -> its picture, which takes the axes and the result."""

@@ -31,6 +31,8 @@ MOST_TRACKED = 1000  # ids of tracked disks that the page knows
 MOST_ROWS = 1500  # of a curve
 LEVELS, UNKNOWN = 254, 255
 """The highest level of a colour, and the level of disks whose value is not known."""
+COARSE = 63
+"""The same of the frames in a file: so many steps, spread over the levels."""
 FULL = 0.98  # part of the disks whose values lie inside the range of the colours
 REDUCED = "reduced units"
 
@@ -65,8 +67,10 @@ def numbers(values: Array, digits: int = 7) -> list[float | None]:
     return [float(f"{one:.{digits}g}") if np.isfinite(one) else None for one in np.asarray(values).tolist()]
 
 
-def levels(values: Array, kind: str) -> tuple[NDArray[np.uint8], list[float]]:
-    """Levels 0 to `LEVELS` of values (n,), `UNKNOWN` for nan; and the range [low, high] that they stand for."""
+def levels(values: Array, kind: str, steps: int = LEVELS) -> tuple[NDArray[np.uint8], list[float]]:
+    """Levels 0 to `LEVELS` of values (n,), in so many steps, `UNKNOWN` for nan; and the range [low, high] that they
+    stand for.
+    """
     known = values[np.isfinite(values)]
     low, high = 0.0, 1.0
     if known.size and kind == "diverging":  # a heavy tail of fast spins must not wash out all others
@@ -75,8 +79,8 @@ def levels(values: Array, kind: str) -> tuple[NDArray[np.uint8], list[float]]:
     elif known.size:
         low, high = float(known.min()), float(np.quantile(known, FULL))
         high = high if high > low else low + 1.0
-    part = np.clip((values - low) / (high - low), 0.0, 1.0) * LEVELS
-    return np.where(np.isnan(part), UNKNOWN, np.rint(part)).astype(np.uint8), [low, high]
+    part = np.rint(np.clip((values - low) / (high - low), 0.0, 1.0) * steps) / steps
+    return np.where(np.isnan(part), UNKNOWN, np.rint(part * LEVELS)).astype(np.uint8), [low, high]
 
 
 class Content:
@@ -212,13 +216,14 @@ class Content:
         )  # fmt: skip
 
     def frame(
-        self, index: int, colours: Sequence[str] = (), window: Array | None = None, *, angle: type = np.uint16
-    ) -> bytes:
-        """The disks of a frame, with their periodic images at the sides, or a map of their area fraction.
+        self, index: int, colours: Sequence[str] = (), window: Array | None = None, *, coarse: bool = False
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Header and arrays of a frame's disks, with their periodic images at the sides, or of a map of their area
+        fraction.
 
-        Positions and angles are in parts of 65536 (angles of 256, as type `np.uint8`) of the header's `window` (ends of
-        x, ends of y) and of a turn; colours are `levels`. The first `whole` disks are those of ids 0, 1, ...; those of
-        the others are the array `id`.
+        Positions and angles are in parts of 65536 of the header's `window` (ends of x, ends of y) and of a turn;
+        colours are `levels`; if `coarse`, angles in 256 parts and colours in `COARSE` steps. The first `whole` disks
+        are those of ids 0, 1, ...; those of the others are the array `id`.
 
         Parameters
         ----------
@@ -254,15 +259,15 @@ class Content:
         }
         header |= {"window": np.stack([low, high], axis=1).tolist(), "whole": whole, "ranges": {}}
         if "angle" in self.trajectory.fields:
-            steps = int(np.iinfo(angle).max) + 1
-            arrays["angle"] = (
-                np.rint(frame["angle"][owner] / (2.0 * np.pi) * steps).astype(np.int64).astype(angle)
-            )
+            kind, steps = (np.uint8, 256) if coarse else (np.uint16, 65536)
+            turns = np.rint(frame["angle"][owner] / (2.0 * np.pi) * steps)
+            arrays["angle"] = turns.astype(np.int64).astype(kind)
         for name in colours:
             if name != "species":
-                level, header["ranges"][name] = levels(COLOURS[name].values(self, frame), COLOURS[name].kind)
+                one, steps = COLOURS[name], COARSE if coarse else LEVELS
+                level, header["ranges"][name] = levels(one.values(self, frame), one.kind, steps)
                 arrays[name] = level[owner]
-        return pack(header, arrays)
+        return header, arrays
 
     def _placed(self, frame: Frame) -> tuple[Array, NDArray[np.intp]]:
         """Positions with periodic images and their owners; kept for the next window of the same frame."""
@@ -274,7 +279,9 @@ class Content:
             )
         return self._places[1:]
 
-    def _map(self, frame: Frame, header: dict[str, Any], window: Array | None) -> bytes:
+    def _map(
+        self, frame: Frame, header: dict[str, Any], window: Array | None
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         position = frame.position
         region = plot_disks.shown_region(self.trajectory, position)
         if window is not None and not self.trajectory.box.is_open:
@@ -287,9 +294,8 @@ class Content:
             "window": region.tolist(), "shape": covered.shape, "ranges": {"map": [0.0, top]},
             "cell": plot_disks.cell_side(covered, region),
         }  # fmt: skip
-        return pack(
-            header, {"map": np.rint(np.clip(covered / top, 0.0, 1.0) * LEVELS).astype(np.uint8).ravel("F")}
-        )
+        level = np.rint(np.clip(covered / top, 0.0, 1.0) * LEVELS).astype(np.uint8)
+        return header, {"map": level.ravel("F")}
 
     def _walls(self, time: float) -> list[dict[str, Any]]:
         """Walls where they are at a time."""

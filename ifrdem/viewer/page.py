@@ -14,16 +14,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..tools.files import write_text
 from ..trajectory.reader import Trajectory
-from .content import MOST_DISKS, Content
+from .content import MOST_DISKS, Content, pack
 
 MOST_EVENTS = 20_000
 """Collisions of tracked disks that a file holds, shared evenly."""
 NOTEBOOK_DISKS, NOTEBOOK_FRAMES = 1_000_000, 100
 """Disks times frames, and frames, that a notebook shows unless asked for others: some 10 MB."""
+WHOLE_EVERY = 32
+"""Frames of a file of which the first does not need the one before it."""
 POLICY, DATA = "<!-- policy -->", "<!-- data -->"
 
 
@@ -73,8 +76,12 @@ def page(
         "disks-data": _deflated(content.disks()),
     }
     colours = [one["name"] for one in head["colours"]]
+    before: dict[str, NDArray[Any]] = {}
     for place, index in enumerate(progress(frames)):
-        blocks[f"frame-{place}"] = _deflated(content.frame(index, colours, angle=np.uint8))
+        header, arrays = content.frame(index, colours, coarse=True)
+        stored = {} if place % WHOLE_EVERY == 0 else _differences(arrays, before, trajectory.disks.n)
+        blocks[f"frame-{place}"] = _deflated(pack(header | {"differences": [*stored]}, arrays | stored))
+        before = arrays
     data = "\n".join(f'<script type="text/plain" id="{id}">{text}</script>' for id, text in blocks.items())
     meta = f'<meta http-equiv="Content-Security-Policy" content="{html.escape(policy(chr(39) + "none" + chr(39)))}">'
     return blank().replace(POLICY, meta).replace(DATA, data)
@@ -134,6 +141,24 @@ class view:
 
 def _script(value: Any) -> str:
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
+
+
+def _differences(
+    arrays: dict[str, NDArray[Any]], before: dict[str, NDArray[Any]], disks: int
+) -> dict[str, NDArray[np.uint8]]:
+    """Differences from the frame before, of those arrays that are smaller so when they are deflated.
+
+    Those of the disks, modulo the range of the type, then images as they are; low bytes stand before high ones.
+    """
+    found = {}
+    for name in arrays.keys() & before.keys() - {"id", "map"}:
+        one = arrays[name].copy()
+        common = 2 * disks if name == "position" else disks
+        one[:common] -= before[name][:common]
+        split = np.concatenate([(one >> 8 * byte).astype(np.uint8) for byte in range(one.itemsize)])
+        if len(zlib.compress(split.tobytes(), 1)) < len(zlib.compress(arrays[name].tobytes(), 1)):
+            found[name] = split
+    return found
 
 
 def _deflated(data: bytes) -> str:

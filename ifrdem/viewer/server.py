@@ -18,7 +18,7 @@ from ..errors import InputError
 from ..tools import checked
 from ..tools.arguments import whole
 from ..trajectory.reader import Trajectory
-from .content import Content
+from .content import Content, pack
 from .page import blank, policy
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ class Server(ThreadingHTTPServer):
             colours = [query["colour"]] if query.get("colour") else []
             for one in colours:
                 checked.one_of("colour", one, [each["name"] for each in content.colours[0]])
-            return BYTES, content.frame(frame, colours, _window(query.get("window")))
+            return BYTES, pack(*content.frame(frame, colours, _window(query.get("window"))))
 
     def _of_run(self, run: str) -> Content:
         """The trajectory, or that of a run of the study."""

@@ -193,7 +193,7 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
     with Trajectory(write(tmp_path / "run.h5")) as run:
         frames, box, radius = list(run), run.box, run.disks.radius
         positions, velocities = [f.position for f in frames], [f.velocity for f in frames]
-        last, times = frames[-1], run.times
+        last, times, steps = frames[-1], run.times, np.linspace(0.0, 5.0, 50)
         found = [
             analysis.velocity_distribution(velocities, [f.spin for f in frames]),
             analysis.pair_correlation(positions, box, r_max=5.0),
@@ -205,6 +205,12 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
             analysis.velocity_autocorrelation(times, np.array(velocities)),
             analysis.mean_square_displacement(times, np.array(positions)),
             analysis.impacts(np.random.default_rng(1).uniform(0.0, 1.5, 200)),
+            analysis.haff_fit(steps, 3.0 / (1.0 + steps) ** 2),
+            analysis.ratio_fit(steps, 0.6 - 0.5 * np.exp(-steps)),
+            analysis.pressure_from_impulses(
+                steps, np.tile([1.0, 0.0], (50, 1)), np.tile([2.0, 0.0], (50, 1)), np.ones(50), span=(0.0, 5.0),
+                area=100.0, disks=10, tracked=10, temperature=1.0,
+            ),
         ]  # fmt: skip
     assert {type(one) for one in found} == set(analyses.RESULTS)
     for one in found:
@@ -218,6 +224,23 @@ def test_every_result_of_an_analysis_draws_itself(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="panel"):
             one.plot(ax=pyplot.figure().subplots(1, 3))
         pyplot.close("all")
+
+
+def test_fits_draw_what_they_found() -> None:
+    x = np.linspace(1.0, 6.0, 50)
+    haff = analysis.haff_fit(x, 3.0 / (1.0 + (x - 1.0) / 2.0) ** 2).plot().lines[0]
+    np.testing.assert_allclose(
+        haff.get_ydata()[[0, -1]], [3.0, 3.0 / 3.5**2], rtol=1e-6
+    )  # to the fit's accuracy
+    ratio = analysis.ratio_fit(x, 0.6 - 0.5 * np.exp(1.0 - x)).plot().lines[0]
+    np.testing.assert_allclose(ratio.get_ydata()[[0, -1]], [0.1, 0.6 - 0.5 * np.exp(-5.0)], rtol=1e-6)
+    found = analysis.pressure_from_impulses(
+        [1.0, 2.0], [[1.0, 0.0]] * 2, [[2.0, 0.0]] * 2, [1.0, 1.0], span=(0.0, 4.0), area=10.0, disks=5, tracked=5,
+        temperature=1.0,
+    )  # fmt: skip
+    # n T = 5 / 10; two collisions, half of each counted: P_xx = 2 J sigma / (2 A t) = 2 / 40, p = P_xx / 2
+    assert [bar.get_height() for bar in found.plot().patches] == pytest.approx([0.5, 0.025, 0.525])
+    pyplot.close("all")
 
 
 def test_pictures_of_runs_take_an_open_trajectory_and_leave_it_open(tmp_path: Path) -> None:

@@ -173,8 +173,29 @@ def test_ase_reads_every_frame(run):
     frames.close()
 
 
+def test_ovito_reads_every_frame(run):
+    reason = "ovito is not installed: pip install ovito (250 MB)"
+    import_file = pytest.importorskip("ovito.io", reason=reason, exc_type=ImportError).import_file
+    path, dtype = run
+    pipeline = import_file(str(path.with_suffix(".nc")))
+    assert pipeline.source.num_frames == FRAMES
+    with Trajectory(path) as trajectory:
+        disks = trajectory.disks
+    for i in (*range(FRAMES), 1):  # and back again
+        data = pipeline.compute(i)
+        seen = data.particles
+        assert np.array_equal(seen["Position"], stored("position", i, dtype))
+        assert np.array_equal(seen["Velocity"], stored("velocity", i, dtype))
+        assert np.array_equal(seen["collisions"], stored("collisions", i, dtype))
+        assert np.array_equal(seen["Radius"], disks.radius.astype(np.float32))  # OVITO holds radii in single
+        assert np.array_equal(seen["Mass"], disks.mass)
+        assert data.attributes["time"] == 0.1 * i
+        assert data.cell.pbc == (True, True, False)
+        assert np.allclose(np.diag(data.cell[:2, :2]), BOX.lengths)
+
+
 def test_ovito_s_reader_of_netcdf_finds_its_names(run):
-    """OVITO itself is too large for a test: the names, axes and types that its AMBER reader needs, by netCDF4."""
+    """Also where OVITO is not installed: the names, axes and types that its AMBER reader needs, by netCDF4."""
     import netCDF4
 
     path, _ = run

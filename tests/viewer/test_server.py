@@ -130,7 +130,7 @@ def test_a_window_holds_the_disks_in_it_more_finely(server, path):
 def test_too_many_disks_are_a_map_of_the_area_that_they_cover(path, monkeypatch):
     monkeypatch.setattr(content, "MOST_DISKS", 10)
     with Trajectory(path) as trajectory:
-        header, arrays = unpack(Content(trajectory).frame(0))
+        header, arrays = Content(trajectory).frame(0)
     assert header["window"] == [[0.0, 30.0], [0.0, 20.0]]
     columns, rows = header["shape"]
     covered = arrays["map"] / content.LEVELS * header["ranges"]["map"][1]
@@ -252,8 +252,28 @@ def test_one_file_holds_the_frames_deflated(path, tmp_path):
     assert header["index"] == 2
     assert {"spin", "speed", "collisions", "since"} < set(arrays)
     assert arrays["angle"].dtype == np.uint8
+    assert len(np.unique(content.levels(np.linspace(0.0, 1.0, 999), "rising", content.COARSE)[0])) == 64
     assert main(["view", str(path), "--html", str(out)]) == 2  # it exists
     assert main(["view", str(path), "--html", str(out), "--force"]) == 0
+
+
+def test_frames_of_one_file_that_change_little_are_smaller_as_differences():
+    rng = np.random.default_rng(1)
+    before = {
+        "position": rng.integers(0, 2**16, 2020, np.uint16),
+        "angle": rng.integers(0, 256, 1010, np.uint8),
+    }
+    step = rng.integers(-40, 40, 2020)
+    arrays = {"position": before["position"] + step.astype(np.uint16), "angle": before["angle"]}
+    now = page._differences(arrays, before, 1000)  # and ten images
+    assert set(now) == {"position", "angle"}
+    low, high = now["position"].reshape(2, -1).astype(int)
+    whole = low + 256 * high
+    np.testing.assert_array_equal((whole[:2000] + 2**15) % 2**16 - 2**15, step[:2000])
+    np.testing.assert_array_equal(whole[2000:], arrays["position"][2000:])
+    assert not now["angle"][:1000].any()
+    fresh = {name: rng.permutation(one) for name, one in arrays.items()}
+    assert page._differences(fresh, before, 1000) == {}
 
 
 def test_notebooks_show_the_page_in_a_frame(path):
