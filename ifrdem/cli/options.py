@@ -185,17 +185,17 @@ def opened(file: str) -> Trajectory:
     return Trajectory(file)
 
 
-def place(file: str, output: str | None, ending: str, *, force: bool) -> Path:
+def place(file: str, output: str | None, ending: str, *, force: bool, option: str = "-o") -> Path:
     """The file to write, checked; without a name for it, one beside the trajectory."""
     from ..tools.files import check_apart, check_files
 
     given = Path(file)
     if output is not None and not output.strip():
-        raise InputError("-o: an empty text is no file")
+        raise InputError(f"{option}: an empty text is no file")
     found = given.with_name(given.name.removesuffix(".h5") + ending) if output is None else Path(output)
     if given.exists():
-        check_apart(found, given)
-    check_files([found], force=force)
+        check_apart(found, given, option)
+    check_files([found], force=force, elsewhere=f"{option} writes elsewhere")
     return found
 
 

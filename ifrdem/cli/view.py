@@ -51,7 +51,7 @@ def view(
 
         with opened(one_trajectory(file)) as trajectory:
             numbers = chosen(frames, len(trajectory))
-            out = place(file, html, ".html", force=force)
+            out = place(file, html, ".html", force=force, option="--html with another name")
             page.write(trajectory, out, numbers, progress=counted("view"))
         note(f"wrote {out}: {len(numbers)} frame{'' if len(numbers) == 1 else 's'}")
         return

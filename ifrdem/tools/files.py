@@ -39,13 +39,13 @@ def replacing(place: Path) -> Iterator[Path]:
         new.unlink(missing_ok=True)
 
 
-def check_apart(path: Path, trajectory: Path) -> None:
+def check_apart(path: Path, trajectory: Path, option: str = "-o") -> None:
     """Refuse an output that would replace the trajectory that it is made of.
 
     Raises InputError if both are one file.
     """
     if path.exists() and path.samefile(trajectory):
-        raise InputError(f"output {path}: is the trajectory itself; -o writes elsewhere")
+        raise InputError(f"output {path}: is the trajectory itself; {option} writes elsewhere")
 
 
 def check_files(paths: Sequence[Path], *, force: bool, elsewhere: str = "-o writes elsewhere") -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -116,6 +117,12 @@ class Content:
             self._forget()
 
     @property
+    def gas(self) -> str:
+        """A name of this file with these disks: another one may have come into its place."""
+        state = self.trajectory.path.stat()
+        return f"{state.st_dev:x}.{state.st_ino:x}.{zlib.crc32(self.trajectory.disks.radius.tobytes()):x}"
+
+    @property
     def status(self) -> str:
         """Progress of the run that is writing the file; "" without one."""
         try:
@@ -132,6 +139,7 @@ class Content:
         names = kinds(it)
         return {
             "title": title(it) if len(it) else it.path.stem,
+            "gas": self.gas,
             "n": it.disks.n,
             "times": numbers(it.times, 12),
             "units": {name: unit_of(it, name) or "" for name in ("time", "length", "mass")},

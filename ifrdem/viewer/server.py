@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl
 
 import numpy as np
 
@@ -81,7 +81,9 @@ class Server(ThreadingHTTPServer):
             content = self._of_run(query.get("run", ""))
             if name == "head":
                 content.refresh()
-                news = _number(query, "frames", -1) != len(content.trajectory)
+                news = (
+                    _number(query, "frames", -1) != len(content.trajectory) or query.get("gas") != content.gas
+                )
                 return JSON, _json(content.head() if news else {"status": content.status})
             if name == "disks":
                 return BYTES, content.disks()
@@ -135,7 +137,7 @@ class _Handler(BaseHTTPRequestHandler):
         if not super().parse_request():
             return False
         hosts = {f"{name}:{self.server.server_port}" for name in ("127.0.0.1", "localhost")}
-        token = urlsplit(self.path).path.strip("/").partition("/")[0]
+        token = self.path.partition("?")[0].strip("/").partition("/")[0]
         if self.headers.get("Host") in hosts and secrets.compare_digest(
             token.encode(), self.server.token.encode()
         ):
@@ -146,10 +148,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer a request."""
-        parts = urlsplit(self.path)
+        path, _, query = self.path.partition("?")
         try:
             found = self.server.answer(
-                parts.path.partition(self.server.token)[2].strip("/"), dict(parse_qsl(parts.query))
+                path.partition(self.server.token)[2].strip("/"), dict(parse_qsl(query))
             )
         except InputError as error:
             self._send(HTTPStatus.BAD_REQUEST, TEXT, f"{error}\n".encode())

@@ -8,6 +8,7 @@ import http.client
 import json
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -197,7 +198,8 @@ def test_head_says_what_there_is_and_why_other_colours_are_not(server, path, tmp
     assert head["times"] == [0.0, 0.1, 0.2, 0.3]
     assert head["tracked"] == [viewed.TRACKED]
     assert head["charts"][0]["lines"][0] == {"name": "T", "y": [1.0, 0.5, 0.3333333, 0.25]}
-    assert json.loads(ask(server, "head?frames=4")[2]) == {"status": ""}
+    assert json.loads(ask(server, f"head?frames=4&gas={head['gas']}")[2]) == {"status": ""}
+    assert json.loads(ask(server, "head?frames=4")[2])["gas"] == head["gas"]
     viewed.layout_files.write(tmp_path / "bare.h5", fields=("position",))
     with Trajectory(tmp_path / "bare.h5") as trajectory:
         bare = Content(trajectory).head()
@@ -205,6 +207,22 @@ def test_head_says_what_there_is_and_why_other_colours_are_not(server, path, tmp
     assert set(bare["absent"]) == {"spin", "speed", "collisions", "since"}
     assert "output.histories" in bare["absent"]["since"]
     assert not bare["marks"]
+
+
+def test_another_file_in_the_place_of_the_first_is_told_though_it_has_as_many_frames(server, path, tmp_path):
+    head = json.loads(ask(server, "head")[2])
+    viewed.layout_files.write(tmp_path / "other.h5", n=3, frames=len(head["times"]))
+    (tmp_path / "other.h5").replace(path)
+    news = json.loads(ask(server, f"head?frames={len(head['times'])}&gas={head['gas']}")[2])
+    assert news["n"] == 3
+    assert news["gas"] != head["gas"]
+
+
+def test_a_request_for_no_address_is_refused_without_a_word_on_the_terminal(server, capfd):
+    with socket.create_connection(("127.0.0.1", server.server_port), timeout=10.0) as line:
+        line.sendall(b"GET http://[bad/ HTTP/1.1\r\nHost: x\r\n\r\n")
+        assert line.recv(100).startswith(b"HTTP/1.1 403 ")
+    assert capfd.readouterr().err == ""
 
 
 def test_history_of_a_disk_is_told_or_that_it_was_not_tracked(server):
