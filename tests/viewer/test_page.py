@@ -242,6 +242,16 @@ def test_frames_that_a_run_adds_are_followed(page, serve, tmp_path):
         assert page.evaluate("frame.index") == 2
 
 
+def test_another_file_in_the_place_of_the_first_is_shown_anew(page, serve, path, tmp_path):
+    opened(page, serve(path))
+    first = page.evaluate("[head.n, head.times.length, document.title]")
+    viewed.layout_files.write(tmp_path / "other.h5", n=3, frames=first[1])
+    (tmp_path / "other.h5").replace(path)
+    until(page, "head.n === 3 && frame.whole === 3")
+    assert page.evaluate("[disks.of.radius.length, head.times.length]") == [3, first[1]]
+    assert page.evaluate("document.title") != first[2]
+
+
 def test_disks_come_back_after_the_browser_took_the_context_away(page, serve, path):
     opened(page, serve(path))
     before = pixels(page)
