@@ -243,6 +243,7 @@ def test_frames_that_a_run_adds_are_followed(page, serve, tmp_path):
 
 
 def test_another_file_in_the_place_of_the_first_is_shown_anew(page, serve, path, tmp_path):
+    path = shutil.copy(path, tmp_path / "first.h5")
     opened(page, serve(path))
     first = page.evaluate("[head.n, head.times.length, document.title]")
     viewed.layout_files.write(tmp_path / "other.h5", n=3, frames=first[1])

@@ -116,11 +116,7 @@ def closing(outcomes: Sequence[Verdict], place: Path, seconds: float, status: in
     failed = sum(len(each.failures) for each in outcomes)
     lines = [f"{rows} rows in {seconds:.1f} s: {rows - failed} passed, {failed} failed"]
     for word in ("failed", "skipped"):
-        some = [
-            each.name + (f" ({each.skipped})" if each.skipped else "")
-            for each in outcomes
-            if each.status == word
-        ]
+        some = [each.name for each in outcomes if each.status == word]
         if some:
             lines.append(f"cases {word}: {', '.join(some)}")
     lines.append(f"report: {place / 'report.html'}" + ("" if status == 0 else "  (not everything passed)"))
