@@ -248,7 +248,7 @@ def test_another_file_in_the_place_of_the_first_is_shown_anew(page, serve, path,
     first = page.evaluate("[head.n, head.times.length, document.title]")
     viewed.layout_files.write(tmp_path / "other.h5", n=3, frames=first[1])
     (tmp_path / "other.h5").replace(path)
-    until(page, "head.n === 3 && frame.whole === 3")
+    until(page, "head.n === 3 && frame?.whole === 3")
     assert page.evaluate("[disks.of.radius.length, head.times.length]") == [3, first[1]]
     assert page.evaluate("document.title") != first[2]
 
