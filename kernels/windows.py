@@ -233,7 +233,7 @@ def is_going(gas: ti.template()):
 
 @ti.func
 def share_of(item, first, gas: ti.template()):
-    """What an item of a loop over teams of threads works on: tile, its region, number in the team, number of disks.
+    """Work of an item of a loop over teams of threads: tile, its region, number in the team, number of disks.
 
     No disks where nothing is to be done.
     """

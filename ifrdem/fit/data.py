@@ -85,7 +85,7 @@ class Data:
     """Standard errors (one sigma, Gaussian), positive, of "psi" and of each measured quantity, in its unit. A single
     number stands for all impacts; NaN for an error that the residuals are to tell; shape (n,)."""
     source: str = "data"
-    """Where they come from, for messages and titles."""
+    """Their source, for messages and titles."""
     line: NDArray[np.int64] | None = field(default=None)
     """Lines of the file they come from; without it messages count the impacts from 1; shape (n,)."""
     notes: tuple[str, ...] = ()

@@ -64,22 +64,9 @@ def ledger(upper: Axes, trajectory: Trajectory, over: str = "t", lower: Axes | N
     when, (present, dissipated) = result.series(trajectory, "energy", "dissipated_energy")
     if "potential_energy" in trajectory.observables:
         present = present + result.series(trajectory, "potential_energy")[1][0]
-    upper.plot(
-        along(trajectory, when, over),
-        present,
-        "-",
-        color=TRANSLATION,
-        lw=1.5,
-        label="present (kinetic and potential)",
-    )
-    upper.plot(
-        along(trajectory, when, over),
-        dissipated,
-        "--",
-        color=DISSIPATED,
-        lw=1.5,
-        label="dissipated by collisions",
-    )
+    axis = along(trajectory, when, over)
+    upper.plot(axis, present, "-", color=TRANSLATION, lw=1.5, label="present (kinetic and potential)")
+    upper.plot(axis, dissipated, "--", color=DISSIPATED, lw=1.5, label="dissipated by collisions")
     total = present + dissipated
     for name, colour, text in (
         ("energy_input", INPUT, "put in by forces or shear"),

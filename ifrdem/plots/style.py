@@ -28,7 +28,7 @@ KINDS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8B4
 
 
 class Gas(Protocol):
-    """What has disks in a box: a trajectory, a simulation; its units by quantity, empty for reduced ones."""
+    """A thing that has disks in a box: a trajectory, a simulation; its units by quantity, empty for reduced ones."""
 
     @property
     def disks(self) -> Disks: ...

@@ -46,7 +46,7 @@ class Ledger:
     latest: Measure | None = None
     """first, latest: those in the trajectory."""
     frames: int = 0
-    """How many it has."""
+    """Their number."""
 
     def dissipated(self, measure: Measure) -> float:
         """Energy that collisions have taken since the first frame [energy]."""

@@ -85,7 +85,7 @@ def levels(values: Array, kind: str, steps: int = LEVELS) -> tuple[NDArray[np.ui
 
 
 class Content:
-    """What the page shows of a trajectory.
+    """A trajectory as the page shows it.
 
     Raises InputError if the file holds no positions.
     """

@@ -14,7 +14,7 @@ WITHOUT_GPU = pytest.mark.skipif(device.cuda_absence() is None, reason="there is
 
 @pytest.mark.parametrize("name", bits.EXACT)
 def test_tiles_of_few_disks_give_the_bits_of_one_tile_in_windows_of_one_length(name: str) -> None:
-    """What a GPU is compared by: the state in one tile, after windows as short as its own."""
+    """The state that a GPU is compared by: the state in one tile, after windows as short as its own."""
     gas = bits.EXACT[name](600)
     alone = bits.after(gas, 4.0, "cpu")
     tiles = bits.after(gas, 4.0, "cpu", order="tiles", tile_disks=60)

@@ -1,1 +1,1 @@
-"""What to run on a GPU that is new: the bits of the CPU, laws of conservation, and speed."""
+"""Cases for a GPU that is new: the bits of the CPU, laws of conservation, and speed."""

@@ -107,7 +107,7 @@ def after(gas: Gas, per_disk: float, arch: str, **options: Any) -> Engine:
 
 
 def differing(one: State, other: State) -> int:
-    """How many numbers of two states differ in any bit."""
+    """Number of the numbers of two states that differ in any bit."""
     return sum(int(np.count_nonzero(getattr(one, name) != getattr(other, name))) for name in SEEN)
 
 
