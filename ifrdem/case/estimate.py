@@ -59,6 +59,28 @@ NODE = 64
 FILLED = 0.9 * NODE
 
 
+COSTS = np.array([[1e-6, 106.0], [1e-4, 11.9], [0.1, 0.85], [0.3, 0.55], [0.6, 0.49]])
+"""Packing fractions, and microseconds of one thread for a collision there, of a gas in one tile
+(`validation/results/bench.md`). Thinner gases cost phi^(-1/2), for disks pass so many more cells."""
+IN_TILES = 1.75
+"""The same in tiles, with their halos, as a multiple."""
+
+
+def run_seconds(collisions: float, n: int, phi: float, threads: int) -> float:
+    """Time [s] that so many collisions take the machine on which the manual's tables were measured.
+
+    Examples
+    --------
+    >>> round(run_seconds(1e6, 10_000, 0.1, 1), 2), round(run_seconds(1e6, 10_000, 1e-8, 1) / 1e3, 2)
+    (0.85, 1.06)
+    """
+    if not phi > 0.0:
+        return math.nan
+    cost = float(np.exp(np.interp(math.log(phi), np.log(COSTS[:, 0]), np.log(COSTS[:, 1]))))
+    cost *= math.sqrt(max(COSTS[0, 0] / phi, 1.0))
+    return 1e-6 * collisions * cost * (1.0 if n <= limits.ALONE else IN_TILES / (0.9 * threads + 0.1))
+
+
 @dataclass(frozen=True)
 class RunEstimate:
     """Figures of a gas at its start, and of its run; nan where theory does not tell."""

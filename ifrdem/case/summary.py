@@ -16,7 +16,7 @@ from ..model.box import describe_sides
 from ..model.walls import Wall
 from ..simulation import device as backend
 from .case import Case
-from .estimate import OBSERVABLES, RunEstimate, disk_bytes
+from .estimate import OBSERVABLES, RunEstimate, disk_bytes, run_seconds
 from .gas import CaseGas
 from .output_section import MOST_FRAMES
 
@@ -31,6 +31,9 @@ WRITER_BYTES_PER_DISK = 200
 A run of 2e6 disks took 750 bytes for each more than one of 2e5, engine and all."""
 GPU_BYTES_PER_DISK, GPU_SCRATCH, GPU_BYTES_OF_FEW = 330, 9_000_000_000, 2500
 """State and claims of a disk on a GPU; scratch space of the tiles that run at the same time; all of it, if few do."""
+
+THIN = 1e-3
+"""Packing fraction below which crossings of cells cost more than ten times what they do at 0.1."""
 
 COST_OF_RATIO: Mapping[float, float] = {
     1.0: 1.0, 2.0: 1.4, 5.0: 2.1, 10.0: 2.4, 20.0: 3.4, 50.0: 5.4,
@@ -164,7 +167,27 @@ def report(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
     per_disk = estimate.array_bytes // max(gas.disks.n, 1)
     engine = f"{size(estimate.array_bytes)} for the engine ({gas.disks.n} disks x {per_disk} bytes)"
     lines.append(_row("memory", f"{engine}, beside Python, Taichi and their libraries"))
+    if case.run.arch == "cpu" and estimate.collisions > 0.0 and estimate.packing_fraction > 0.0:
+        lines.append(_row("time", _time(case, gas, estimate)))
     return "\n".join(lines)
+
+
+def _time(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
+    """Time that a run takes, about, and why it is long."""
+    threads = case.run.threads or backend.cores()
+    seconds = run_seconds(estimate.collisions, gas.disks.n, estimate.packing_fraction, threads)
+    text = f"some {size_of_time(seconds)} on the machine of the manual's tables; `ifrdem bench` tells what yours does"
+    if estimate.packing_fraction < THIN:
+        text += ". In a gas so thin most of it is spent on disks that pass from cell to cell: it grows as phi^(-1/2)"
+    return text
+
+
+def size_of_time(seconds: float) -> str:
+    """Seconds, minutes, hours or days, with two digits."""
+    for unit, length in (("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= 2.0 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{max(seconds, 0.1):.2g} s"
 
 
 def _stored(case: Case, gas: CaseGas, estimate: RunEstimate) -> str:
@@ -252,6 +275,12 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     if case.run.collapse != "none":
         what = f"contact time {brief:g}{time}" if slow is None else f"velocity cut-off {slow:g}{speed}"
         lines.append(("collapse", f"{what}: collisions below it are elastic"))
+    elif (
+        g > 0.0 and gas.room.all_walls and not all(each.law and each.law.e_n == 1.0 for each in gas.verdicts)
+    ):
+        lines.append(
+            ("collapse", 'no remedy: disks that come to rest on others end the run (run.collapse = "tc")')
+        )
     return lines
 
 

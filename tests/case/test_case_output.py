@@ -11,7 +11,7 @@ import pytest
 from ifrdem.case import file as case_file
 from ifrdem.case import summary
 from ifrdem.case.case import UNITS
-from ifrdem.case.estimate import RunEstimate
+from ifrdem.case.estimate import RunEstimate, run_seconds
 from ifrdem.case.gas import CaseGas
 from ifrdem.case.output_section import OutputSection
 from ifrdem.cli import main as cli
@@ -288,3 +288,28 @@ def test_the_file_is_as_large_as_the_estimate_says(folder, overrides):
     # Texts of the record (versions, devices) differ by some hundred bytes; groups fill what is left of pages.
     size = place.stat().st_size
     assert size - 4000 < expected.file_bytes < 1.01 * size + 50_000
+
+
+@pytest.mark.parametrize(
+    ("phi", "n", "threads", "seconds"),
+    [
+        # Speeds as measured (`validation/results/bench.md`), of a million collisions: in one tile, and in tiles.
+        (0.3, 10_000, 1, 1.0 / 1.74),
+        (0.1, 1_000_000, 2, 1.0 / 1.15),
+        (0.3, 1_000_000, 2, 1.0 / 1.99),
+        (1e-6, 10_000, 1, 125.0 / 1.18),  # 125 times that at 0.1
+    ],
+)
+def test_the_time_foretold_is_within_a_third_of_the_measured(phi, n, threads, seconds):
+    assert run_seconds(1e6, n, phi, threads) == pytest.approx(seconds, rel=0.33)
+
+
+def test_check_tells_the_time_and_why_a_thin_gas_is_slow(folder):
+    def told(*overrides: str) -> str:
+        case = case_file.read(folder / "gas.toml", overrides).case
+        gas = CaseGas.from_case(case)
+        return summary.report(case, gas, RunEstimate.of(gas, case))
+
+    assert "ifrdem bench" in told(*BY_COLLISIONS)
+    assert "phi^(-1/2)" not in told(*BY_COLLISIONS)
+    assert "phi^(-1/2)" in told(*BY_COLLISIONS, "box.lengths=[3000.0, 3000.0]")
