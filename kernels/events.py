@@ -25,7 +25,7 @@ from .layout import (
     WANTED, WATCHING, WHO, WIDEST, WINDOW, W_SPIN, K, X, Y,
 )  # fmt: skip
 from .places import (
-    add, came_to, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
+    add, came_to, charge, just_collided, kind_of, largest_speed, note_speed, radius_of, remember, watched_row,
     write_motion,
 )  # fmt: skip
 from .tiles import head_at, layer_of, scale_of, write
@@ -170,17 +170,28 @@ def nearest(d, length, wraps):
 
 
 @ti.func
+def friction_column(how):
+    """Column of losses to which friction in a collision belongs."""
+    return ti.select(how % ROLLS == STICKS, STICKING_LOSS, SLIDING_LOSS)
+
+
+@ti.func
 def enter_losses(tile, how, lost, gas: ti.template()):
     """Enter what a collision of two disks took, and its regime, into the ledger."""
-    sticks = how % ROLLS == STICKS
     add(tile, LOSSES + NORMAL, lost[0], gas)
     add(tile, LOSSES + RESTITUTION, lost[1], gas)
-    column = LOSSES + SLIDING_LOSS
-    if sticks:
-        column = LOSSES + STICKING_LOSS
-    add(tile, column, lost[2], gas)
+    add(tile, LOSSES + friction_column(how), lost[2], gas)
     add(tile, LOSSES + ROLLING_LOSS, lost[3], gas)
     add(tile, REGIMES + ti.min(how, ELASTICALLY), 1.0, gas)
+
+
+@ti.func
+def charge_half(i, how, lost, gas: ti.template()):
+    """Note half of what a collision took as lost by the disk at place i."""
+    charge(i, NORMAL, 0.5 * lost[0], gas)
+    charge(i, RESTITUTION, 0.5 * lost[1], gas)
+    charge(i, friction_column(how), 0.5 * lost[2], gas)
+    charge(i, ROLLING_LOSS, 0.5 * lost[3], gas)
 
 
 @ti.func
@@ -255,6 +266,9 @@ def collide(i, j, t, tile, region: ti.template(), gas: ti.template()):
                 write_motion(row, t, 3 * side, before, after, gas)
                 gas.event_int[row][EVENT_PARTNER] = gas.link[other][WHO]
                 gas.event_int[row][EVENT_HOW] = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
+    if ti.static(gas.uses.itemised):
+        charge_half(a, how, lost, gas)
+        charge_half(b, how, lost, gas)
     if gas.link[a][OWN] > 0:
         add(tile, COLLISIONS, 1.0, gas)
         if how >= ELASTIC:

@@ -13,6 +13,7 @@ disk         (3 room,) of 5       X, Y, VX, VY, SPIN; places from the lower left
 meta         (3 room,) of 4       ID, EVENTS (collisions with disks and walls), IMAGE_X, IMAGE_Y
 past         (3 room,) of 2       LATEST, ANGLE, f64: time of the latest collision, and angle turned, of gases that ask
 hits         (3 room,) of 2       WALL_HITS, LAST_PARTNER, of gases that ask
+spent        (3 room,) of 6       energy that collisions took, by mechanism, f64: half of a pair's; of gases that ask
 kind         (n,)                 kind of each disk, by id
 kinds        (kinds,) of 6        what disks of a kind share
 trail        (room,) of 2            hash of the history of the disk at a slot of the window's beginning, by its tile
@@ -38,6 +39,7 @@ work, ...    (lanes * places,)    the scratch space of a lane, which runs one ti
 from typing import Any, NamedTuple
 
 from .language import ti
+from .limits import MECHANISMS
 
 X, Y, VX, VY, SPIN = range(5)
 ID, EVENTS, IMAGE_X, IMAGE_Y = range(4)
@@ -60,7 +62,7 @@ COLLISIONS, WALL_COLLISIONS, ELASTICS, REGIMES, LOSSES = 0, 1, 2, 3, 8
 WALL_WORK, FLOW_WORK, FASTEST, SQUARES = 14, 15, 16, 17
 TALLY = 18
 # columns of losses and regimes in the tally
-NORMAL, RESTITUTION, SLIDING_LOSS, STICKING_LOSS, ROLLING_LOSS, BY_WALLS = range(6)
+NORMAL, RESTITUTION, SLIDING_LOSS, STICKING_LOSS, ROLLING_LOSS, BY_WALLS = range(MECHANISMS)
 ELASTICALLY = 4
 AT_END, AT_MOMENT = range(2)
 # scratch of a disk. work: flight from TAU on; times of its next collision and of leaving its cell
@@ -164,6 +166,7 @@ class Uses(NamedTuple):
     tallied: bool = False  # a ledger of what dissipates energy
     partnered: bool = False  # disks know whom they hit last
     turned: bool = False  # disks know how far they have turned
+    itemised: bool = False  # disks know what their collisions took; only with a ledger
     mixed: bool = False  # more than one kind of disk
     watched: bool = False  # collisions of some disks are written down
     layered: bool = False  # large disks lie in large cells, small ones in small cells
@@ -182,6 +185,7 @@ class GasArrays(NamedTuple):
     meta: Any = None
     past: Any = None
     hits: Any = None
+    spent: Any = None
     kind: Any = None
     kinds: Any = None
     trail: Any = None
@@ -203,6 +207,7 @@ class GasArrays(NamedTuple):
     chosen: Any = None
     since: Any = None
     turn: Any = None
+    loss: Any = None
     head: Any = None
     bin: Any = None
     wall_start: Any = None

@@ -95,6 +95,12 @@ def add(tile, column, value, gas: ti.template()):
 
 
 @ti.func
+def charge(i, column, energy, gas: ti.template()):
+    """Note energy that a collision took as lost by the disk at place i."""
+    gas.loss[i][column] = gas.loss[i][column] + energy
+
+
+@ti.func
 def watched_row(i, t, tile, region: ti.template(), gas: ti.template()):
     """Begin a row of `event` for a collision of the disk at place i at time t; -1 if nobody watches it, or no room."""
     row = -1

@@ -5,7 +5,7 @@ from typing import Any
 from .language import spread_of_loops, ti
 from .layout import (
     ANGLE, COUNT, DRIFT, EVENTS, GX, GY, ID, IMAGE_X, IMAGE_Y, KIND_INERTIA, KIND_MASS, LAST_PARTNER,
-    LATEST, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, START, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
+    LATEST, MECHANISMS, PART, PERIODIC_X, PERIODIC_Y, ROOM, SPIN, START, TILES_X, TILES_Y, TOLD, VX, VY, WALL_HITS,
     GasArrays, Rows, Table, X, Y,
 )  # fmt: skip
 from .places import round_products
@@ -79,18 +79,18 @@ def is_single(array: Any) -> bool:
 @ti.kernel
 def read_out(
     part: ti.i32, time: ti.f64, filled: ti.i32, uses: ti.template(), grid: Rows, scale: Rows, clock: Rows, disk: Rows,
-    meta: Rows, past: Rows, hits: Rows, kind: Rows, kinds: Rows, tile: Table, edge_x: Rows, edge_y: Rows,
-    real_out: Table, int_out: Table, past_out: Table, hits_out: Table, totals: Table,
+    meta: Rows, past: Rows, hits: Rows, spent: Rows, kind: Rows, kinds: Rows, tile: Table, edge_x: Rows, edge_y: Rows,
+    real_out: Table, int_out: Table, past_out: Table, hits_out: Table, spent_out: Table, totals: Table,
 ):  # fmt: skip
     """Write disks by id, unless `filled` is 0, and the sums of each tile.
 
     `real_out` (n, 5): x, y, vx, vy, spin; `int_out` (n, 3): collisions with disks and walls, boxes travelled;
     `past_out` (n, 2): time since the window's beginning of the latest collision, angle; `hits_out` (n, 2): collisions
-    with walls, latest partner; `totals` (tiles, TOTALS).
+    with walls, latest partner; `spent_out` (n, 6): energy that collisions took; `totals` (tiles, TOTALS).
     """
     gas = ti.static(GasArrays(
-        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, kind=kind, kinds=kinds,
-        tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
+        grid=grid, scale=scale, clock=clock, disk=disk, meta=meta, past=past, hits=hits, spent=spent, kind=kind,
+        kinds=kinds, tile=tile, edge_x=edge_x, edge_y=edge_y, uses=uses,
     ))  # fmt: skip
     spread = ti.static(spread_of_loops())
     for item in range(spread * gas.grid[TILES_X] * gas.grid[TILES_Y]):
@@ -121,6 +121,9 @@ def read_out(
                     )
                     if ti.static(gas.uses.remembers or gas.uses.turned):
                         past_out[i, LATEST], past_out[i, ANGLE] = gas.past[s][LATEST], gas.past[s][ANGLE]
+                    if ti.static(gas.uses.itemised):
+                        for column in ti.static(range(MECHANISMS)):
+                            spent_out[i, column] = gas.spent[s][column]
                     if ti.static(gas.uses.walled or gas.uses.partnered):
                         hits_out[i, WALL_HITS] = gas.hits[s][WALL_HITS]
                         hits_out[i, LAST_PARTNER] = gas.hits[s][LAST_PARTNER]

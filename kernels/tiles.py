@@ -28,7 +28,7 @@ from .layout import (
     AGAIN, ALONE, ANGLE, ASIDE, AT_END, AT_MOMENT, AT_WALLS, BEFORE, BEYOND, BINS, BOXES_ASIDE, CELL,
     CELLS, CELL_SIDE, CLAIMS, COARSE, COUNT, DRIFT, EVENTS, FASTEST, FIRST_WALL, FLOW_WORK, FULL,
     FULL_CLAIMS, FURTHEST, GATHERED, GX, GY, HALO, HASH_1, HASH_2, ID, IMAGE_X, IMAGE_Y, INVERSE_MASS,
-    KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MOST_CLAIMS,
+    KIND, LAP_X, LAP_Y, LAST, LAST_PARTNER, LATEST, LENGTH_X, LENGTH_Y, LISTED, MOMENT_IN, MECHANISMS, MOST_CLAIMS,
     MOST_HALO, NARROWER, NEXT_IN_CELL, NOBODY, NUMBER, N_CLAIMED, N_CLAIMS, N_SLOTS, OWN, PART, PARTNER,
     PERIODIC_X, PERIODIC_Y, PLACES, PREVIOUS, PROTRUDES, ROOM, ROW, SLOT, SPIN, SPLIT, SQUARES,
     SQUARE_UNIT, START, TALLY, TAU, TEAM, TILES_ASIDE, TILES_X, TILES_Y, TOLD, TOP, USUAL_HALO, VX, VY,
@@ -371,6 +371,9 @@ def lay(m, tile, region: ti.template(), gas: ti.template()):
         gas.since[i] = ti.cast(gas.past[s][LATEST], float)
     if ti.static(gas.uses.turned):
         gas.turn[i] = 0.0
+    if ti.static(gas.uses.itemised):
+        for column in ti.static(range(MECHANISMS)):
+            gas.loss[i][column] = 0.0
     if ti.static(gas.uses.sheared):
         # Into the frame of the row that it is in now.
         crossed = row - step_y
@@ -521,6 +524,9 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
             if ti.static(gas.uses.turned):
                 turned = ti.cast(gas.work[i][W_SPIN], ti.f64) * ti.cast(dt, ti.f64) + gas.turn[i]
                 gas.past[slot][ANGLE] = gas.past[s][ANGLE] + turned
+            if ti.static(gas.uses.itemised):
+                for column in ti.static(range(MECHANISMS)):
+                    gas.spent[slot][column] = gas.spent[s][column] + gas.loss[i][column]
             if ti.static(gas.uses.walled):
                 gas.hits[slot][WALL_HITS] = gas.hits[s][WALL_HITS] + gas.mark[i][AT_WALLS]
             if ti.static(gas.uses.partnered):

@@ -53,7 +53,7 @@ from .layout import (
     K, X, Y,
 )  # fmt: skip
 from .places import (
-    add, came_to, just_collided, kind_of, note_speed, radius_of, remember, watched_row, write_motion,
+    add, came_to, charge, just_collided, kind_of, note_speed, radius_of, remember, watched_row, write_motion,
 )  # fmt: skip
 from .random import DRAWS, normals, rayleigh
 
@@ -433,6 +433,8 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
             if ti.static(gas.uses.thermal):
                 if gas.walls[w][TEMPERATURE] > 0.0:
                     gas.event_int[row][EVENT_HOW] = BY_HEAT
+    if ti.static(gas.uses.itemised):
+        charge(i, BY_WALLS, lost.sum(), gas)
     remember(i, t, -1 - w, gas)
     note_speed(i, gas)
     gas.link[i][LAST] = FIRST_WALL - w

@@ -176,7 +176,8 @@ class CaseGas:
                 precision=run.precision, walls=self.walls, gravity=(case.box.gravity[0], case.box.gravity[1]),
                 collapse=run.collapse, contact_time=run.contact_time, velocity_cutoff=run.velocity_cutoff,
                 forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,
-                angles="angle" in output.fields, tracked=self.tracked(case, begin) if tracked is None else tracked,
+                angles="angle" in output.fields, dissipated="dissipated" in output.fields,
+                tracked=self.tracked(case, begin) if tracked is None else tracked,
             )  # fmt: skip
 
     def tracked(self, case: Case, start: State) -> NDArray[np.int32]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from ..kernels.limits import MECHANISMS
 from ..tools import checked
 from ..tools.checked import Array
 from ..tools.pictured import Pictured
@@ -119,6 +120,9 @@ class State(Brief, Sealed, Pictured):
     angle : array (n,)
         How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Only runs that are
         asked to (`Simulation(angles=True)`) keep it up to date.
+    dissipated : array (n, 6)
+        Energy that each disk's collisions have taken, by mechanism (`observables.MECHANISMS`), half of what one took
+        for either disk [energy]. Only runs that are asked to (`Simulation(dissipated=True)`) keep it up to date.
     flow : array (n, 2) or None
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.
@@ -132,8 +136,8 @@ class State(Brief, Sealed, Pictured):
     """
 
     assignable: ClassVar[frozenset[str]] = frozenset({
-        "angle", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
-        "velocity", "wall_hits",
+        "angle", "collisions", "dissipated", "flow", "image", "last_partner", "latest_collision", "position", "spin",
+        "time", "velocity", "wall_hits",
     })  # fmt: skip
 
     position: Array
@@ -146,6 +150,7 @@ class State(Brief, Sealed, Pictured):
     latest_collision: Array = None  # type: ignore[assignment]
     last_partner: NDArray[np.int32] = None  # type: ignore[assignment]
     angle: Array = None  # type: ignore[assignment]
+    dissipated: Array = None  # type: ignore[assignment]
     flow: Array | None = None
 
     def __post_init__(self) -> None:
@@ -167,7 +172,13 @@ class State(Brief, Sealed, Pictured):
             self.latest_collision = np.full(n, -np.inf)
         self.latest_collision = checked.array("latest_collision", self.latest_collision, (n,))
         self.angle = np.zeros(n) if self.angle is None else checked.array("angle", self.angle, (n,))
-        for name in ("position", "velocity", "spin", "angle"):
+        given = ["position", "velocity", "spin", "angle"]
+        if self.dissipated is None:
+            self.dissipated = np.broadcast_to(0.0, (n, MECHANISMS))
+        else:
+            self.dissipated = checked.array("dissipated", self.dissipated, (n, MECHANISMS))
+            given.append("dissipated")
+        for name in given:
             value = getattr(self, name)
             finite = np.isfinite(value)
             if not finite.all():

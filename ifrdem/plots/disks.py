@@ -103,6 +103,10 @@ COLOURS = {
     "collisions": Colour(
         lambda view: view.moving.collisions.astype(float), lambda view: "collisions of the disk", "span", "collisions"
     ),
+    "dissipated": Colour(
+        lambda view: np.asarray(view.moving.dissipated.sum(axis=1)),
+        lambda view: label(view, "energy that the disk's collisions took", "energy"), "positive", "dissipated",
+    ),
 }  # fmt: skip
 """Name -> colour of the disks."""
 

@@ -21,6 +21,7 @@ PICTURES = {
     "energy": "translational, rotational and potential energy against time",
     "ledger": "present, dissipated and put-in energy against time, and their residual",
     "mechanisms": "energy dissipated by each mechanism",
+    "dissipation": "a map of the energy that collisions take, and its mechanisms (field dissipated)",
     "velocity": "distributions of velocities and spins beside Gaussians",
     "g": "pair correlation g(r) and its contact value",
     "S": "structure factor S(k)",
@@ -141,6 +142,8 @@ def _layout(trajectory: Trajectory, what: str) -> dict[str, Any]:
     if what == "ledger":  # only runs that count every collision have a residual
         known = "ledger_residual" in {*trajectory.series, *trajectory.observables}
         return UPPER_AND_LOWER if known else {}
+    if what == "dissipation":
+        return {"ncols": 2, "width_ratios": (1.4, 1.0)}
     if what in ("disks", "energy", "mechanisms"):
         return {}
     from .analyses import PANELS
@@ -158,7 +161,7 @@ def _draw(
 ) -> Evaluation | None:
     """Draw a picture into its axes; returns what was found for it, if that is an analysis."""
     from ..tools import checked
-    from . import disks, energies, temperatures
+    from . import disks, dissipation, energies, temperatures
 
     checked.one_of("over", over, tuple(energies.AXES))
     if over != "t" and what not in OVER:
@@ -169,6 +172,8 @@ def _draw(
         temperatures.draw(axes[0], trajectory, over, *axes[1:])
     elif what == "disks":
         disks.last_frame(axes[0], trajectory, frames[-1] if frames else -1, color)
+    elif what == "dissipation":
+        dissipation.draw(axes[0], axes[1], trajectory, frames)
     elif what in OVER:
         getattr(energies, what)(axes[0], trajectory, over, *axes[1:])
     else:

@@ -164,6 +164,7 @@ class DeviceArrays:
         self.meta: Any = None
         self.past: Any = None
         self.hits: Any = None
+        self.spent: Any = None
         self._lanes = 0
         self.batch: int = 0
         self.trail: Any = self._vectors(2, ti.i32, self.room)
@@ -197,12 +198,17 @@ class DeviceArrays:
         """Room for the state at so many times: the beginning and end of a window, and a moment in it."""
         uses, rows = self.uses, parts * self.room
         self._check_addresses(rows)
-        before = {} if self.disk is None else {name: getattr(self, name).to_numpy() for name in _STATE}
+        before = (
+            {}
+            if self.disk is None
+            else {name: getattr(self, name).to_numpy() for name in self.state_arrays()}
+        )
         dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
         self._replace("disk", self._vectors(5, self._type, rows))
         self._replace("meta", self._vectors(4, ti.i32, rows))
         self._replace("past", self._vectors(2, ti.f64, rows if dated else 1))
         self._replace("hits", self._vectors(2, ti.i32, rows if counted else 1))
+        self._replace("spent", self._vectors(k.MECHANISMS, ti.f64, rows if uses.itemised else 1))
         for name, old in before.items():
             new = getattr(self, name).to_numpy()
             new[: len(old)] = old
@@ -239,6 +245,7 @@ class DeviceArrays:
         self._replace("chosen", self._vectors(4, ti.i32, rows))
         self._replace("since", self._array(self._type, rows if uses.remembers else 1))
         self._replace("turn", self._array(ti.f64, rows if uses.turned else 1))
+        self._replace("loss", self._vectors(k.MECHANISMS, ti.f64, rows if uses.itemised else 1))
         self._replace("head", self._array(ti.i32, lanes * cells))
         self._replace("bin", self._array(ti.i32, lanes * bins))
         self._replace("wall_start", self._array(ti.i32, lanes * (cells + 1) if uses.walled else 1))
@@ -448,6 +455,10 @@ class DeviceArrays:
             hits[:n, k.WALL_HITS] = state.wall_hits[order]
             hits[:n, k.LAST_PARTNER] = state.last_partner[order]
             self.hits.from_numpy(hits)
+        if self.uses.itemised:
+            spent = self.spent.to_numpy()
+            spent[:n] = state.dissipated[order]
+            self.spent.from_numpy(spent)
         self.set_lists(0, np.bincount(tile, minlength=self.tiles))
 
     def set_lists(self, part: int, count: NDArray[np.int64], start: NDArray[np.int64] | None = None) -> None:
@@ -491,7 +502,7 @@ class DeviceArrays:
         """Names of the arrays that hold a state, and whether this gas keeps them."""
         uses = self.uses
         dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
-        return {"disk": True, "meta": True, "past": dated, "hits": counted}
+        return {"disk": True, "meta": True, "past": dated, "hits": counted, "spent": uses.itemised}
 
     # ------------------------------------------------------------------ kernels
 
@@ -566,5 +577,4 @@ class DeviceArrays:
             device.free_array(value)
 
 
-_STATE = ("disk", "meta", "past", "hits")
 _SMALL = ("grid", "scale", "clock", "sums", "counter", "total")

@@ -100,8 +100,9 @@ class EngineOptions:
         So are those of a disk whose latest collision was less than this ago [time]; 0 does without.
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
-    ledger, partners, angles : bool
-        Add up what dissipates energy; keep whom each disk hit last; keep how far each disk has turned.
+    ledger, partners, angles, itemised : bool
+        Add up what dissipates energy; keep whom each disk hit last; how far each disk has turned; what its collisions
+        took, with a ledger only.
     """
 
     arch: str = "cpu"
@@ -117,6 +118,7 @@ class EngineOptions:
     ledger: bool = False
     partners: bool = False
     angles: bool = False
+    itemised: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", checked.finite_pair("gravity", self.gravity))
@@ -227,6 +229,7 @@ class Engine:
             tallied=given.ledger,
             partnered=given.partners,
             turned=given.angles,
+            itemised=given.itemised,
             watched=tracking is not None,
             collision_law=compiled(kind),
         )
@@ -238,7 +241,7 @@ class Engine:
         self.arrays.clock[WALL_SPEED] = max((wall.most_speed for wall in self.walls), default=0.0)
         self.past: dict[str, Any] = {
             "wall_hits": state.wall_hits, "latest_collision": state.latest_collision,
-            "last_partner": state.last_partner, "angle": state.angle,
+            "last_partner": state.last_partner, "angle": state.angle, "dissipated": state.dissipated,
         }  # fmt: skip
         self._before = int(state.collisions.sum()) // 2, int(state.wall_hits.sum())
         self.windows: Windows = Windows(self.arrays, self.statistics, float(state.time))

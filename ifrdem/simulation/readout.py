@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError
-from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, WALL_HITS
+from ..kernels.layout import ANGLE, LAST_PARTNER, LATEST, MECHANISMS, WALL_HITS
 from ..kernels.readout import TOTALS, read_out
 from ..model.box import below
 from ..model.state import State, StoredState
@@ -29,7 +29,7 @@ def totals(engine: Engine) -> NDArray[np.float64]:
     one, whole = np.zeros((1, 5), engine.arrays.real), np.zeros((1, 3), np.int32)
     engine.arrays.launch(
         read_out, part, engine.time, 0, real_out=one, int_out=whole, past_out=np.zeros((1, 2)), hits_out=whole,
-        totals=found,
+        spent_out=np.zeros((1, MECHANISMS)), totals=found,
     )  # fmt: skip
     return _sum(found, engine.time)
 
@@ -55,10 +55,12 @@ def read(engine: Engine, stored: Collection[str] | None) -> tuple[State, NDArray
     dated, counted = uses.remembers or uses.turned, uses.walled or uses.partnered
     past = np.empty((n if dated else 1, 2))
     hits = np.empty((n if counted else 1, 2), np.int32)
+    spent = np.empty((n if uses.itemised else 1, MECHANISMS))
     found = np.zeros((arrays.tiles, TOTALS))
     arrays.launch(
-        read_out, part, time, 1, real_out=real, int_out=whole, past_out=past, hits_out=hits, totals=found
-    )
+        read_out, part, time, 1, real_out=real, int_out=whole, past_out=past, hits_out=hits, spent_out=spent,
+        totals=found,
+    )  # fmt: skip
     real, whole = real[:n], whole[:n]
     place = real[:, 0:2]
     for axis, periodic in enumerate(engine.box.periodic):
@@ -74,6 +76,8 @@ def read(engine: Engine, stored: Collection[str] | None) -> tuple[State, NDArray
         told["latest_collision"] = np.minimum(engine.windows.told_from + past[:, LATEST], time)
     if uses.turned:
         told["angle"] = past[:, ANGLE].copy()
+    if uses.itemised:
+        told["dissipated"] = spent
     events = whole[:, 0] - (told["wall_hits"] if uses.walled else 0)
     flow = None
     if engine.box.shear_rate:

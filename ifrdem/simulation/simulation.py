@@ -109,6 +109,8 @@ class Simulation(Sealed, PicturedDisks):
         Keep whom each disk hit last: `State.last_partner`.
     angles : bool
         Keep how far each disk has turned: `State.angle`.
+    dissipated : bool
+        Keep the energy that each disk's collisions take, by mechanism: `State.dissipated`. Switches the ledger on.
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`. Not in a sheared box.
 
@@ -165,6 +167,7 @@ class Simulation(Sealed, PicturedDisks):
         ledger: bool = False,
         partners: bool = False,
         angles: bool = False,
+        dissipated: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
     ) -> None:
         for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
@@ -183,6 +186,7 @@ class Simulation(Sealed, PicturedDisks):
         table = coefficient_table(self._laws)
         checks.check_coefficients(table, precision)
         self._tracking = self._follow_disks(tracked, disks, box, walls)
+        ledger = ledger or dissipated
         self._has_ledger = ledger
         self._stopping = False
         self._given = 0.0  # energy that changes between runs put in
@@ -192,7 +196,8 @@ class Simulation(Sealed, PicturedDisks):
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 forces=forces, seed=seed,
-                law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
+                law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
+                tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             begin = self.state if box.shear_rate else state
@@ -581,10 +586,12 @@ class Simulation(Sealed, PicturedDisks):
         Raises
         ------
         InputError
-            If the simulation was made without a ledger.
+            If the simulation was made without a ledger, or tells what each disk loses, which needs it.
         """
         if not self.has_ledger:
             raise InputError("this simulation has no ledger to switch: make it with ledger=True")
+        if self._engine.options.itemised:
+            raise InputError("what each disk loses (dissipated=True) needs the ledger: it stays on")
         self._engine.switch_ledger(on)
 
     def follow(

@@ -34,7 +34,7 @@ def fingerprint(engine: Engine) -> str:
         disks.mass, disks.radius, disks.k, disks.material, np.array(box.lengths), np.array(box.periodic),
         np.array([box.shear_rate, *engine.gravity, options.velocity_cutoff, options.contact_time]), a.law.to_numpy(),
         np.array([wall.row(np.zeros(2)) for wall in engine.walls]), options.precision, options.arch, options.seed,
-        options.ledger, options.partners, options.angles, a.uses.collision_law.impulses.__qualname__,
+        options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
     for force in engine.force_steps.forces:
         parts += [type(force).__name__, np.array(force.parameters), force.step]

@@ -135,10 +135,11 @@ def _extxyz(trajectory: Trajectory, place: Path, frames: Iterable[int]) -> None:
         for index in frames:
             columns, properties = list(first), list(first_properties)
             for name, value in {**_stored(trajectory, index), **constant}.items():
-                vector = value.ndim == 2
+                vector = value.shape[1:] == (2,)
                 kind = "I" if value.dtype.kind == "i" else "R"
-                properties.append(f"{EXTXYZ_NAMES.get(name, name)}:{kind}:{3 if vector else 1}")
-                columns += [_texts(column) for column in (value.T if vector else [value])]
+                count = 3 if vector else int(np.prod(value.shape[1:]))
+                properties.append(f"{EXTXYZ_NAMES.get(name, name)}:{kind}:{count}")
+                columns += [_texts(column) for column in (value.T if value.ndim == 2 else [value])]
                 if vector:
                     columns.append(np.full(disks.n, "0"))
             time = float(trajectory.times[index])

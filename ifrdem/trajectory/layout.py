@@ -2,7 +2,7 @@
 
 H5MD: P. de Buyl, P. H. Colberg and F. Hoefling, Comput. Phys. Commun. 185, 1546 (2014),
 doi:10.1016/j.cpc.2014.01.018. The manual has all groups and datasets (`ifrdem docs format`). Layout 1.0 had no
-last_partner, timeseries and histories, 1.1 no angle.
+last_partner, timeseries and histories, 1.1 no angle, 1.2 no dissipated.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from . import damage
 from .file import staged
 
 H5MD_VERSION = (1, 1)
-LAYOUT_VERSION = (1, 2)
+LAYOUT_VERSION = (1, 3)
 PARTICLES = "particles/all"
 EDGES = f"{PARTICLES}/box/edges"
 TIMESERIES = "timeseries"
@@ -65,6 +65,7 @@ FIELDS = {
     "velocity": Field("velocity", 2),
     "angle": Field("angle", 1),
     "angular_velocity": Field("spin", 1),
+    "dissipated": Field("dissipated", 6),
     "collisions": Field("collisions", 1, count=True),
     "image": Field("image", 2, count=True),
     "last_partner": Field("last_partner", 1, count=True),

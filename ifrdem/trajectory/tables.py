@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..model.observables import MECHANISMS
 from ..tools import checked
 from .layout import STATIC
 
@@ -44,6 +45,7 @@ def columns(
         yield name, value
         return
     flat = value.reshape(len(value), int(np.prod(value.shape[1:])))
+    names = MECHANISMS if name == "dissipated" else names
     ends = names or (AXES if flat.shape[1] == 2 else tuple(map(str, range(flat.shape[1]))))
     for end, column in zip(ends, flat.T, strict=True):
         yield f"{name}_{end}", column
@@ -80,12 +82,13 @@ def to_xarray(trajectory: Trajectory) -> xarray.Dataset:
     data: dict[str, Any] = {}
     for name in trajectory.fields:
         stored = trajectory.dataset(name)
-        dims = ("time", "disk", "axis")[: stored.ndim]
+        dims = ("time", "disk", "mechanism" if name == "dissipated" else "axis")[: stored.ndim]
         data[name] = (dims, _lazy(xarray, trajectory, name))
     for name in STATIC:
         data[name] = ("disk", getattr(trajectory.disks, name))
     coordinates: dict[str, Any] = {
-        "time": trajectory.times, "disk": np.arange(trajectory.disks.n), "axis": list(AXES)
+        "time": trajectory.times, "disk": np.arange(trajectory.disks.n), "axis": list(AXES),
+        **({"mechanism": list(MECHANISMS)} if "dissipated" in trajectory.fields else {}),
     }  # fmt: skip
     for series, time, prefix in (
         (trajectory.observables, "time", "observables"),

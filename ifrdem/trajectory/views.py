@@ -80,7 +80,7 @@ def _view(
     origin = h5py.VirtualSource(trajectory.path.name, source, shape=stored.shape, dtype=stored.dtype)
     layout = h5py.VirtualLayout(shape=shape, dtype=stored.dtype)
     chosen = origin if stored.ndim == 1 else origin[: len(trajectory)]
-    if stored.ndim == 3:
+    if stored.shape[2:] == (2,):
         layout[..., :2] = chosen
         # Numbers of z that were never written take no room and read as 0.
         zeros = group.file.require_dataset(f"{ZEROS}/{stored.dtype.str[1:]}", shape[:-1], stored.dtype)
@@ -120,8 +120,8 @@ def _fill_vtkhdf(file: h5py.File, trajectory: Trajectory) -> None:
         if name == "position":
             continue
         stored = trajectory.dataset(name)
-        tail = (3,) if stored.ndim == 3 else ()
-        _view(data, name, trajectory, trajectory.dataset(name).name, (frames * n, *tail))
+        tail = (3,) if stored.shape[2:] == (2,) else stored.shape[2:]
+        _view(data, name, trajectory, stored.name, (frames * n, *tail))
         offsets[name] = np.arange(frames, dtype=np.int64) * n
     for name in CONSTANT:
         _view(data, name, trajectory, f"{layout.PARTICLES}/{name}", (n,))
@@ -172,6 +172,8 @@ def _fill_netcdf(file: h5py.File, trajectory: Trajectory) -> None:
     attach(angles, "frame", "cell_angular", unit="degree")
     names = {"position": "coordinates", "velocity": "velocities"}
     for name in trajectory.fields:
+        if name == "dissipated":  # six numbers a disk, for which the convention has no axis
+            continue
         tail = (3,) if trajectory.dataset(name).ndim == 3 else ()
         place = names.get(name, name)
         view = _view(file, place, trajectory, trajectory.dataset(name).name, (frames, n, *tail))

@@ -53,7 +53,8 @@ class TrajectoryWriter(Sealed):
         The box [length]; its boundary is "none" where it is not periodic.
     fields : sequence of str
         What is stored per disk and frame: "position" [length], "velocity" [length/time], "angle"
-        [rad], "angular_velocity" [rad/time], "collisions", "image", "last_partner".
+        [rad], "angular_velocity" [rad/time], "collisions", "image", "last_partner", "dissipated"
+        [energy], by mechanism.
     parameters : mapping
         What belongs into the file's record, by name: case text, seed, device, ... A name may be grouped by
         "/". The versions of Python and of the packages are added as versions/<package> where not given.

@@ -1,0 +1,99 @@
+"""Map of the energy that collisions take, and its mechanisms, of frames that say what each disk lost (`dissipated`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import InputError
+from ..model.observables import MECHANISMS
+from ..tools.checked import Array
+from ..trajectory.reader import Trajectory
+from .disks import shown_region
+from .energies import DISSIPATED
+from .style import bar_beside, label, place_axes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PER_CELL = 60
+"""Disks, over all frames, in a cell of the map, about."""
+MOST_CELLS = 200  # along a side
+
+
+@dataclass(frozen=True, eq=False)
+class DissipationMap:
+    """Power that collisions took, over the time between the first and the last of some frames."""
+
+    region: Array  # ends of x and of y [length], shape (2, 2)
+    power: Array  # per area [energy/(length^2 time)], shape (cells along x, along y)
+    mechanisms: Array  # energy by mechanism [energy], shape (6,)
+    times: tuple[float, float]  # [time]
+
+
+def of(trajectory: Trajectory, frames: Sequence[int] | None = None) -> DissipationMap:
+    """Add up what disks lost between two frames and the next, where they are at the second.
+
+    Raises
+    ------
+    InputError
+        If the file does not hold what disks lost, or there are fewer than two frames.
+    """
+    if "dissipated" not in trajectory.fields:
+        raise InputError(
+            f"{trajectory.path} does not hold what each disk lost: output.fields must have 'dissipated' (in Python "
+            "Simulation(dissipated=True), and the field in TrajectoryWriter)"
+        )
+    used = sorted(
+        set(range(len(trajectory)) if frames is None else (range(len(trajectory))[i] for i in frames))
+    )
+    if len(used) < 2:
+        raise InputError(
+            f"{trajectory.path}: two frames at least are needed, between which disks lose energy"
+        )
+    region = shown_region(trajectory, trajectory[used[-1]].position)
+    lengths = np.ptp(region, axis=1)
+    cell = np.sqrt(np.prod(lengths) * PER_CELL / max(trajectory.disks.n * (len(used) - 1), 1))
+    cells = np.clip(np.rint(lengths / cell), 1, MOST_CELLS).astype(int)
+    before = trajectory[used[0]]
+    begun, lost, total = before.time, before["dissipated"], np.zeros(cells)
+    first = lost
+    for index in used[1:]:
+        frame = trajectory[index]
+        now, place = frame["dissipated"], frame.position
+        x, y = place.T
+        weights = (now - lost).sum(axis=1)
+        total += np.histogram2d(x, y, bins=cells.tolist(), range=region.tolist(), weights=weights)[0]
+        lost = now
+    end = trajectory[used[-1]].time
+    if not end > begun:
+        raise InputError(
+            f"{trajectory.path}: the frames are at one time, t = {end:g}: nothing is lost in no time"
+        )
+    power = total * float(cells.prod() / np.prod(lengths)) / (end - begun)
+    return DissipationMap(region, power, (lost - first).sum(axis=0), (begun, end))
+
+
+def draw(left: Axes, right: Axes, trajectory: Trajectory, frames: Sequence[int] | None = None) -> None:
+    """A map of the power per area, and bars with the share of each mechanism."""
+    found = of(trajectory, frames)
+    high = float(np.quantile(found.power, 0.995))
+    drawn = left.imshow(
+        found.power.T, origin="lower", extent=(*found.region[0], *found.region[1]), cmap="inferno", vmin=0.0,
+        vmax=high if high > 0.0 else 1.0, interpolation="nearest",
+    )  # fmt: skip
+    place_axes(left, trajectory)
+    bar_beside(
+        left, drawn, label(trajectory, "energy dissipated, per area and time", "energy/length^2/time"), "max"
+    )
+    left.set_title(f"t = {found.times[0]:.4g} to {found.times[1]:.4g}", fontsize="medium")
+    total = float(found.mechanisms.sum())
+    names = [name.replace("_", " ") for name in MECHANISMS]
+    share = 100.0 * found.mechanisms / total if total else 0.0 * found.mechanisms
+    bars = right.barh(names, share, color=DISSIPATED)
+    right.bar_label(bars, [f"{each:.3g} %" for each in share], padding=4)
+    right.invert_yaxis()
+    right.set(xlabel="share of the energy dissipated (%)", xlim=(0.0, 1.25 * max(float(share.max()), 1.0)))
