@@ -54,8 +54,10 @@ class View:
             return cls(
                 trajectory.disks, trajectory.box, trajectory.walls, trajectory.units, thing, trajectory.fields
             )
-        stored = ("position", "velocity", "angular_velocity", "collisions")
-        return cls(thing.disks, thing.box, thing.walls, None, thing.state, stored)
+        state = thing.state
+        stored: tuple[str, ...] = ("position", "velocity", "angular_velocity", "collisions")
+        stored += ("dissipated",) * bool(state.dissipated.any())
+        return cls(thing.disks, thing.box, thing.walls, None, state, stored)
 
     @property
     def time(self) -> float:

@@ -91,7 +91,7 @@ def test_colours_are_those_of_the_quantity(gas: ifrdem.Simulation) -> None:
         "temperature": [0.5, 0.5, 0.0], "radius": [0.5, 0.4, 0.6], "collisions": [0.0, 0.0, 0.0],
         "material": [0.0, 0.0, 0.0],
     }  # fmt: skip
-    assert set(expected) == set(disks.COLOURS)
+    assert {*expected, "dissipated"} == set(disks.COLOURS)
     for color, values in expected.items():
         axes = gas.plot(color=color)
         (drawn,) = axes.findobj(EllipseCollection)
