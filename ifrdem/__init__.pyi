@@ -20,7 +20,9 @@ from .model.law import CollisionLaw as CollisionLaw
 from .model.state import Disks as Disks
 from .model.state import State as State
 from .model.walls import Motion as Motion
+from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
+from .model.walls import WallSums as WallSums
 from .run.recorder import Ledger as Ledger
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation

@@ -22,7 +22,7 @@ from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, measure
 from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
-from ..model.walls import Wall, check_types, sides
+from ..model.walls import Wall, WallSums, check_types, sides
 from ..tools import checked
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
@@ -109,6 +109,8 @@ class Simulation(Sealed, PicturedDisks):
         Keep whom each disk hit last: `State.last_partner`.
     angles : bool
         Keep how far each disk has turned: `State.angle`.
+    wall_sums : bool
+        Add up what each wall gives to the disks: momentum, torque, work, heat, hits (`wall_sums`, and every `Measure`).
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`. Not in a sheared box.
 
@@ -165,6 +167,7 @@ class Simulation(Sealed, PicturedDisks):
         ledger: bool = False,
         partners: bool = False,
         angles: bool = False,
+        wall_sums: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
     ) -> None:
         for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
@@ -192,7 +195,8 @@ class Simulation(Sealed, PicturedDisks):
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 forces=forces, seed=seed,
-                law=law_class, ledger=ledger, partners=partners, angles=angles, tracking=self._tracking,
+                law=law_class, ledger=ledger, partners=partners, angles=angles, wall_sums=wall_sums,
+                tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             begin = self.state if box.shear_rate else state
@@ -371,6 +375,19 @@ class Simulation(Sealed, PicturedDisks):
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each of the `walls` has given to the disks up to the latest `state` [energy], shape (walls,)."""
         return self._engine.wall_heats[: self._engine.given_walls]
+
+    @property
+    def wall_sums(self) -> WallSums:
+        """What each wall has given to the disks up to the latest `state`, the sides of the box last.
+
+        Raises
+        ------
+        InputError
+            If this simulation was made without them.
+        """
+        if not self._engine.options.wall_sums:
+            raise InputError("nobody adds up what walls give: make the simulation with wall_sums=True")
+        return WallSums(self._engine.walls, self._engine.wall_sums)
 
     @property
     def wall_heat(self) -> float:
@@ -743,6 +760,8 @@ class Simulation(Sealed, PicturedDisks):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
+        if self._engine.options.wall_sums:
+            ledger["walls"] = self._engine.wall_sums
         return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
 
     def _put_in(self) -> dict[str, Any]:
