@@ -177,6 +177,7 @@ class CaseGas:
                 collapse=run.collapse, contact_time=run.contact_time, velocity_cutoff=run.velocity_cutoff,
                 forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,
                 angles="angle" in output.fields, tracked=self.tracked(case, begin) if tracked is None else tracked,
+                wall_sums=output.wall_sums,
             )  # fmt: skip
 
     def tracked(self, case: Case, start: State) -> NDArray[np.int32]:
@@ -217,7 +218,7 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     sides = () if case.box.material is None else (case.box.material,)
     materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
     rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
-    walls = tuple(each.wall(row) for each, row in zip(case.wall, rows, strict=True))
+    walls, wrong_shapes = rules.made_walls(case, rows, folder)
     found = [*rules.wrong_names(case), *rules.wrong_pairs(verdicts), *rules.wrong_motion(case)]
     found += rules.wrong_forces(case)
     box, patch, given = Box.open(), None, None
@@ -227,7 +228,7 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
         found.append(Complaint("box", None, str(error)))
     else:
         box = box if case.box.open or patch is None else patch
-        wrong_walls = [*rules.wrong_walls(case, walls, box, radius)]
+        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, radius)]
         found += wrong_walls
         if start:
             standing = () if wrong_walls else walls

@@ -687,6 +687,14 @@ def pieces(walls: Sequence[Wall]) -> int:
     )
 
 
+def wall_names(walls: Sequence[Wall], box: Box) -> tuple[str, ...]:
+    """A name for each wall, those at the sides of the box last: its group and shape, its number, or the side."""
+    at_sides = [name for axis, names in enumerate((("left", "right"), ("bottom", "top"))) for name in names
+                if not box.is_open and not box.periodic[axis]]  # fmt: skip
+    given = walls[: len(walls) - len(at_sides)]
+    return (*(f"{wall.group or 'wall'} {i} {wall.shape}" for i, wall in enumerate(given)), *at_sides)
+
+
 def check_types(walls: Sequence[Wall]) -> None:
     """Raise InputError unless these are walls."""
     if isinstance(walls, Wall) or not isinstance(walls, Sequence):
