@@ -18,7 +18,7 @@
 `InputError`, `EngineError`            input that cannot be used; a run that cannot continue
 `InelasticCollapse`                    an EngineError: collisions without end
 `NoMoreCollisions`                     an EngineError: no disk will meet another one
-`TheoryWarning`                        a theory used outside of its range
+`TheoryWarning`, `WallWarning`         a theory used outside of its range; walls that would crush a disk
 =====================================  =================================================================
 
 >>> import ifrdem

@@ -19,6 +19,7 @@ from .model.ifr import collide as collide
 from .model.law import CollisionLaw as CollisionLaw
 from .model.state import Disks as Disks
 from .model.state import State as State
+from .model.crush import WallWarning as WallWarning
 from .model.walls import Motion as Motion
 from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall

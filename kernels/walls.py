@@ -115,7 +115,9 @@ def thermal_velocity(i, temperature, nx, ny, ux, uy, gas: ti.template()):
 
 TYPE, PX, PY, QX, QY, CIRCLE, MOTION, UX, UY = range(9)
 AMPLITUDE, RATE, PHASE, RISE, SURFACE, WALL_MATERIAL, NOW_0, TEMPERATURE, HEAT = range(9, 18)
-HALF, TURN, CX, CY, TURN_BY, TURN_RATE, TURN_PHASE, TURN_0, LEVER, BEGINS, ENDS, MOVES, SUMS = range(OWNER + 1, 32)
+HALF, TURN, CX, CY, TURN_BY, TURN_RATE, TURN_PHASE, TURN_0, LEVER, BEGINS, ENDS, MOVES, SUMS = range(
+    OWNER + 1, 32
+)
 LINE, SEGMENT, CONTAINER, POST, ARC_INSIDE, ARC_OUTSIDE, GONE = range(7)
 MOMENTUM_X, MOMENTUM_Y, TORQUE, WORK, WARMTH, HITS = range(6)  # of SUMS
 STILL, STEADY, SINE, SAWTOOTH = range(4)
@@ -147,7 +149,9 @@ def wall_phases(gas: ti.template()):
         if ti.static(gas.uses.turning):
             turned = ti.cast(gas.walls[w][TURN_BY], ti.f64) * now + ti.cast(gas.walls[w][TURN_PHASE], ti.f64)
             if ti.cast(gas.walls[w][TURN], ti.i32) == SINE:
-                turned = ti.cast(gas.walls[w][TURN_RATE], ti.f64) * now + ti.cast(gas.walls[w][TURN_PHASE], ti.f64)
+                turned = ti.cast(gas.walls[w][TURN_RATE], ti.f64) * now + ti.cast(
+                    gas.walls[w][TURN_PHASE], ti.f64
+                )
             turned /= TWO_PI
             gas.walls[w][TURN_0] = ti.cast(TWO_PI * (turned - ti.floor(turned)), float)
 
@@ -295,7 +299,10 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         ux, uy = gas.walls[w][UX], gas.walls[w][UY]
         rel_x = vx + gx * t - ux * speed
         rel_y = vy + gy * t - uy * speed
-        extra, swing = 0.0 * t, 0.0 * t  # of a wall that turns: bound on what rotation adds to f'', largest speed
+        extra, swing = (
+            0.0 * t,
+            0.0 * t,
+        )  # of a wall that turns: bound on what rotation adds to f'', largest speed
         if ti.static(gas.uses.turning):
             if gas.walls[w][TURN] != STILL:
                 angle, spin, most_spin, spin_bound = wall_turn(w, t, gas)
@@ -447,7 +454,9 @@ def arc_distance(w, nx, ny, distance, gas: ti.template()):
     along, across = sign * (nx * qx + ny * qy), sign * (ny * qx - nx * qy)
     found = ti.abs(distance)
     if along < ti.cos(half):  # the end on its side of the middle is nearest
-        found = ti.sqrt((r * along - radius * ti.cos(half)) ** 2 + (r * ti.abs(across) - radius * ti.sin(half)) ** 2)
+        found = ti.sqrt(
+            (r * along - radius * ti.cos(half)) ** 2 + (r * ti.abs(across) - radius * ti.sin(half)) ** 2
+        )
     return found
 
 
@@ -489,7 +498,10 @@ def place_walls(region: ti.template(), gas: ti.template()):
                         px, py = turned_back(w, px - off_x, py - off_y, s, -angle, gas)
                         px += off_x
                         py += off_y
-                        qx, qy = ti.cos(angle) * qx - ti.sin(angle) * qy, ti.sin(angle) * qx + ti.cos(angle) * qy
+                        qx, qy = (
+                            ti.cos(angle) * qx - ti.sin(angle) * qy,
+                            ti.sin(angle) * qx + ti.cos(angle) * qy,
+                        )
                     low_x, high_x, low_y, high_y = px, px, py, py
                     if kind == SEGMENT:
                         low_x, high_x = ti.min(px, px + qx), ti.max(px, px + qx)

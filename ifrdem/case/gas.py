@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,11 +16,12 @@ from numpy.typing import NDArray
 from ..errors import InputError, listed
 from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import Given
+from ..model import crush
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks, State
-from ..model.walls import Wall
+from ..model.walls import Wall, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..tools import seeds
@@ -116,6 +118,15 @@ class CaseGas:
         """One text for each law that only the loss along the line of centres keeps from adding energy."""
         texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
         return list(texts)
+
+    def crushes(self, case: Case) -> list[str]:
+        """One text for each two walls that would crush a disk between them in the run."""
+        walls, diameter = self.room.all_walls, 2.0 * float(self.disks.radius.max(initial=0.0))
+        names = wall_names(walls, self.box)
+        end = math.inf if case.run.t_end is None else case.run.t_end
+        return [
+            crush.told(each, names, diameter) for each in crush.crushes(walls, self.box, diameter, 0.0, end)
+        ]
 
     def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.

@@ -179,7 +179,9 @@ def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
     if output.wall_sums and not case.walled:
         yield Complaint("output.wall_sums", "true", "there are no walls")
     elif output.wall_sums and len(case.wall) > MOST_SUMMED:
-        text = f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
+        text = (
+            f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
+        )
         yield Complaint("output.wall_sums", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:

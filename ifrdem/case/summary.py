@@ -244,7 +244,9 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
         surface = f", surface at {wall.surface_speed:g}{speed}" if wall.surface_speed else ""
         motion = "" if section.motion is None else f"; {_motion(case, wall, g, mass)}"
         if section.turn is not None:
-            motion += f"; turns ({wall.turn.kind}), up to {wall.turn.most_rate * wall.lever:.4g}{speed} at its end"
+            motion += (
+                f"; turns ({wall.turn.kind}), up to {wall.turn.most_rate * wall.lever:.4g}{speed} at its end"
+            )
         if wall.opens_at is not None:
             motion += f"; opens at t = {wall.opens_at:g}{time}"
         if wall.opens_after is not None:

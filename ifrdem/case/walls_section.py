@@ -110,7 +110,7 @@ class WallSection(Section):
     tolerance: float | None = key(1.0e-5, None, gt=0.0)
     """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
     holds: Literal["both", "inside", "outside"] | None = key("inside", None)
-    """Side of a polygon on which disks start, which its packing fraction counts; both, if not given."""
+    """Where disks start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing fractions count it."""
     motion: MotionSection | None = key({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
     """How it moves as a whole [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
     phase; rise), along a direction. At rest without it."""

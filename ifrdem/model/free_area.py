@@ -6,7 +6,7 @@ where they are at t = 0. A packing fraction between walls is the area of the dis
 
 The area is exact, by Green's theorem: half the integral of x dy - y dx along the boundary, whose pieces are those parts
 of lines and circles that are on the right side of all others. With polygons, which may have thousands of sides, it is the
-sum of the exact widths along SCANS lines across the box.
+sum of the exact widths along lines across the box, between corners and SCANS of them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ROUNDING = 1e-9
 """Distance of two boundaries, as a part of the box, at which they are one and the same."""
 
 SCANS = 1000
-"""Lines along x on which a room with polygons is measured: some 1e-5 of its area."""
+"""Lines along x on which a room with polygons is measured: it is exact without circles, and to some 1e-5 with them."""
 
 _ALONG = np.array(
     [0.37, 0.61]
@@ -255,9 +255,13 @@ class Room:
     def _scanned(self, boundaries: Sequence[_Boundary]) -> float:
         """Area by its width along lines: between the places where boundaries cross one, all of it is room or none."""
         width, height = self.box.lengths
-        area, step = 0.0, height / SCANS
+        area = 0.0
         polygons = self._polygons
-        for y in (np.arange(SCANS) + 0.5) * step:
+        corners_y = np.clip(np.concatenate([corners[:, 1] for corners, _ in polygons]), 0.0, height)
+        edges = np.unique(
+            np.concatenate([np.linspace(0.0, height, SCANS + 1), corners_y])
+        )  # widths are linear between
+        for y, step in zip(0.5 * (edges[1:] + edges[:-1]), np.diff(edges), strict=True):
             across = _line(np.array((0.0, y)), np.array((0.0, 1.0)))
             met = [across.at(np.array([s]))[0, 0] for other in boundaries for s in _meetings(across, other)]
             cuts = []

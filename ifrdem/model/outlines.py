@@ -66,7 +66,10 @@ def first_crossing(corners: Array) -> tuple[int, int] | None:
     n = len(a)
 
     def left(p: Array, q: Array, r: Array) -> Array:
-        return np.sign((q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0]))
+        return np.sign(
+            (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
+            - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+        )
 
     def on(p: Array, q: Array, r: Array) -> Any:
         return np.all((np.minimum(p, q) <= r) & (r <= np.maximum(p, q)), axis=-1)
@@ -75,7 +78,12 @@ def first_crossing(corners: Array) -> tuple[int, int] | None:
     for first in range(0, n, part):
         i = np.arange(first, min(first + part, n))
         p, q = a[i, None], b[i, None]
-        s_1, s_2, s_3, s_4 = left(p, q, a[None]), left(p, q, b[None]), left(a[None], b[None], p), left(a[None], b[None], q)
+        s_1, s_2, s_3, s_4 = (
+            left(p, q, a[None]),
+            left(p, q, b[None]),
+            left(a[None], b[None], p),
+            left(a[None], b[None], q),
+        )
         crosses = (s_1 * s_2 < 0) & (s_3 * s_4 < 0)
         crosses |= ((s_1 == 0) & on(p, q, a[None])) | ((s_2 == 0) & on(p, q, b[None]))
         apart = (np.arange(n)[None] - i[:, None]) % n
@@ -101,7 +109,9 @@ def of_csv(path: str | os.PathLike[str]) -> list[tuple[float, float]]:
         except ValueError:
             if not found and len(parts) == 2 and not any(re.match(r"[-+.\d]", each) for each in parts):
                 continue  # names of columns
-            raise InputError(f"{path}, line {number} = {line.strip()!r}: two numbers, x and y, are needed") from None
+            raise InputError(
+                f"{path}, line {number} = {line.strip()!r}: two numbers, x and y, are needed"
+            ) from None
         if not (math.isfinite(x) and math.isfinite(y)):
             raise InputError(f"{path}, line {number} = {line.strip()!r}: finite numbers are needed")
         found.append((x, y))
@@ -110,7 +120,9 @@ def of_csv(path: str | os.PathLike[str]) -> list[tuple[float, float]]:
     return found
 
 
-def of_svg(path: str | os.PathLike[str], tolerance: float | None = None) -> tuple[list[tuple[float, float]], bool]:
+def of_svg(
+    path: str | os.PathLike[str], tolerance: float | None = None
+) -> tuple[list[tuple[float, float]], bool]:
     """Points of the one path of an SVG drawing, y upwards from the lower edge of its view box; and if it is closed.
 
     InputError if there is not exactly one path, or something moves it (transform).
@@ -124,7 +136,9 @@ def of_svg(path: str | os.PathLike[str], tolerance: float | None = None) -> tupl
     if len(paths) != 1:
         raise InputError(f"{path}: {len(paths)} paths are in it, exactly one is needed")
     if moved := [each.tag.rpartition("}")[2] for each in elements if "transform" in each.attrib]:
-        raise InputError(f"{path}: the transform of <{moved[0]}> is not supported; apply it to the path in the drawing")
+        raise InputError(
+            f"{path}: the transform of <{moved[0]}> is not supported; apply it to the path in the drawing"
+        )
     box = [float(each) for each in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if each]
     if len(box) != 4:
         raise InputError(f"{path}: a viewBox of four numbers is needed, which says where y = 0 is")
@@ -196,7 +210,9 @@ def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
             at = match.end()
             continue
         if other or (number and not command):
-            raise InputError(f"{name}: {data[at:at + 12]!r} at character {at + 1}: a path begins with M and a point")
+            raise InputError(
+                f"{name}: {data[at : at + 12]!r} at character {at + 1}: a path begins with M and a point"
+            )
         if letter:
             if letter.upper() not in _NUMBERS:
                 raise InputError(
@@ -204,20 +220,24 @@ def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
                     f"{', '.join(_NUMBERS)} and their small letters"
                 )
             if not found and letter not in "Mm":
-                raise InputError(f"{name}: {letter!r} at character {at + 1}: a path begins with M and a point")
+                raise InputError(
+                    f"{name}: {letter!r} at character {at + 1}: a path begins with M and a point"
+                )
             command, at = letter, match.end()
             if letter in "Zz":
                 found.append((letter, []))
                 continue
         elif command in "Zz":
-            raise InputError(f"{name}: {data[at:at + 12]!r} at character {at + 1}: Z takes no numbers")
+            raise InputError(f"{name}: {data[at : at + 12]!r} at character {at + 1}: Z takes no numbers")
         args: list[float] = []
         while len(args) < _NUMBERS[command.upper()]:
             flag = command in "Aa" and len(args) in (3, 4)
-            read = re.compile(r"[\s,]*([01])" if flag else r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)").match(data, at)
+            read = re.compile(
+                r"[\s,]*([01])" if flag else r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+            ).match(data, at)
             if read is None:
                 needed = f"{command!r} takes {_NUMBERS[command.upper()]} numbers"
-                raise InputError(f"{name}: {data[at:at + 12]!r} at character {at + 1}: {needed}")
+                raise InputError(f"{name}: {data[at : at + 12]!r} at character {at + 1}: {needed}")
             args.append(float(read[1]))
             at = read.end()
         if not all(map(math.isfinite, args)):
@@ -242,7 +262,9 @@ def _bezier(control: Array, tolerance: float) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x, y in points]  # type: ignore[union-attr]
 
 
-def _arc(start: tuple[float, float], args: list[float], tolerance: float, name: str) -> list[tuple[float, float]]:
+def _arc(
+    start: tuple[float, float], args: list[float], tolerance: float, name: str
+) -> list[tuple[float, float]]:
     """Points of an elliptic arc after its first one: SVG 2, appendix B.2.4, from its ends to its centre."""
     r_x, r_y, tilt, large, sweep, *end = args
     r_x, r_y = abs(r_x), abs(r_y)

@@ -479,7 +479,9 @@ class Wall:
         if self.points:
             found = self.corners
         elif self.shape == "arc":
-            quarters = np.arange(math.ceil(self.angles[0] / _QUARTER), math.floor(self.angles[1] / _QUARTER) + 1)
+            quarters = np.arange(
+                math.ceil(self.angles[0] / _QUARTER), math.floor(self.angles[1] / _QUARTER) + 1
+            )
             out = np.column_stack((np.cos(quarters * _QUARTER), np.sin(quarters * _QUARTER)))
             found = np.concatenate((self.arc_ends, np.array(self.place) + self.radius * out))
         elif self.shape == "segment":
@@ -498,7 +500,9 @@ class Wall:
             return 0.0
         if self.shape in ("container", "post"):
             return self.radius + math.hypot(*np.subtract(self.place, self.turn.center))
-        lengths: Array = np.hypot(*(replace(self, turn=Turn(), motion=Motion()).outline() - self.turn.center).T)
+        lengths: Array = np.hypot(
+            *(replace(self, turn=Turn(), motion=Motion()).outline() - self.turn.center).T
+        )
         return float(lengths.max())
 
     def gap(self, position: Array, radius: Array, t: float = 0.0) -> Array:
@@ -518,7 +522,8 @@ class Wall:
         c, s = math.cos(angle), math.sin(angle)
         x, y = (position - self.turn.center).T
         (n_x, n_y), distance = (
-            each.T for each in self._normal(np.column_stack((c * x + s * y, c * y - s * x)) + self.turn.center)
+            each.T
+            for each in self._normal(np.column_stack((c * x + s * y, c * y - s * x)) + self.turn.center)
         )
         return np.column_stack((c * n_x - s * n_y, s * n_x + c * n_y)), distance
 
@@ -654,7 +659,9 @@ class WallSums:
         chosen = [wall.group == group for wall in self.walls]
         if not any(chosen) or not group:
             names = sorted({wall.group for wall in self.walls} - {""})
-            raise InputError(f"group = {group!r}: allowed are {', '.join(names) or 'none'}{nearest(group, names)}")
+            raise InputError(
+                f"group = {group!r}: allowed are {', '.join(names) or 'none'}{nearest(group, names)}"
+            )
         first = chosen.index(True)
         return WallSums((self.walls[first],), self.values[chosen].sum(axis=0)[None])
 

@@ -85,7 +85,7 @@ def run(
     check.refuse_cadences(case, gas, estimate)
     check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
     say(check.summary(case, gas, estimate, how(case)))
-    for text in gas.warnings:
+    for text in (*gas.warnings, *gas.crushes(case)):
         warn(text)
     try:
         state = gas.start(case, Stage("growth"))

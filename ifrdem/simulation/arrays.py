@@ -157,9 +157,7 @@ class DeviceArrays:
         self.heats: int = len(self.thermal) + WALL_SUMS * number
         self.wall_rows: NDArray[np.float64] = walls
         if len(walls):
-            walls[:, HEAT] = np.where(
-                np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1
-            )
+            walls[:, HEAT] = np.where(np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1)
             walls[:, SUMS] = len(self.thermal) + WALL_SUMS * owner
             self.walls.from_numpy(walls.astype(self.real))
         self.sums: NDArray[np.float64] = np.zeros(k.TALLY + self.heats)

@@ -227,7 +227,10 @@ class Engine:
             pieced=len(rows) != len(self.walls),
             arched=any(wall.shape == "arc" for wall in self.walls),
             turning=any(wall.turn.kind != "still" for wall in self.walls),
-            timed=any(wall.gated or wall.moves_from is not None or wall.moves_until is not None for wall in self.walls),
+            timed=any(
+                wall.gated or wall.moves_from is not None or wall.moves_until is not None
+                for wall in self.walls
+            ),
             summed=given.wall_sums and len(self.walls) > 0,
             remembers=given.contact_time > 0.0,
             sheared=box.shear_rate != 0.0,
@@ -249,7 +252,9 @@ class Engine:
         }  # fmt: skip
         self._before = int(state.collisions.sum()) // 2, int(state.wall_hits.sum())
         self.windows: Windows = Windows(self.arrays, self.statistics, float(state.time))
-        self.set_gates(np.array([not wall.stands(state.time, self._before[0]) for wall in self.walls], dtype=bool))
+        self.set_gates(
+            np.array([not wall.stands(state.time, self._before[0]) for wall in self.walls], dtype=bool)
+        )
         self._lay(state)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
@@ -510,7 +515,9 @@ class Engine:
         if not self.arrays.uses.timed:
             return None
         waiting = zip(self.walls, self.open_gates.tolist(), strict=True)
-        return min((w.opens_after for w, gone in waiting if w.opens_after is not None and not gone), default=None)
+        return min(
+            (w.opens_after for w, gone in waiting if w.opens_after is not None and not gone), default=None
+        )
 
     def _nothing_happens(self) -> bool:
         """Tell if no disk meets another one or a wall before something else sets it in motion."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from ..model import crush
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.ifr import EnergyWarning, IFRLaw
@@ -22,7 +23,7 @@ from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, measure
 from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
-from ..model.walls import Wall, WallSums, check_types, sides
+from ..model.walls import Wall, WallSums, check_types, sides, wall_names
 from ..tools import checked
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
@@ -125,6 +126,8 @@ class Simulation(Sealed, PicturedDisks):
     -----
     EnergyWarning
         With a law of one's own: it is not known whether it can add energy. `run` warns again if it has.
+    WallWarning
+        From `run`: two walls come within a diameter of each other, and would crush a disk between them.
 
     Notes
     -----
@@ -188,6 +191,7 @@ class Simulation(Sealed, PicturedDisks):
         self._tracking = self._follow_disks(tracked, disks, box, walls)
         self._has_ledger = ledger
         self._stopping = False
+        self._foreseen = False
         self._given = 0.0  # energy that changes between runs put in
         with backend.sole_use():
             self._engine = Engine(
@@ -575,6 +579,7 @@ class Simulation(Sealed, PicturedDisks):
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
+        self._foresee(span.end.time)
         bar = None
         if progress is True or (progress is None and seen()):
             progress = bar = Bar(
@@ -589,6 +594,16 @@ class Simulation(Sealed, PicturedDisks):
                 samplers=samplers,
                 progress=progress or None,
             )
+
+    def _foresee(self, t_end: float) -> None:
+        """Warn, once, of walls that would crush a disk between them until `t_end` [time]."""
+        walls, diameter = self._engine.walls, 2.0 * float(self.disks.radius.max(initial=0.0))
+        if self._foreseen or not self.disks.n or self.box.is_open:
+            return
+        self._foreseen = True
+        names = wall_names(walls, self.box)
+        for each in crush.crushes(walls, self.box, diameter, self.time, t_end):
+            warnings.warn(crush.told(each, names, diameter), crush.WallWarning, stacklevel=3)
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.

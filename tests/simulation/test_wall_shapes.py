@@ -107,7 +107,9 @@ def test_walls_give_what_disks_get(order: str) -> None:
         gained = end.velocity.sum(axis=0) - start.velocity.sum(axis=0) - [0.0, -0.3 * 5.0 * n]
         np.testing.assert_allclose(sums[:, :2].sum(axis=0), gained, atol=1e-10)
         kinetic = [
-            0.5 * np.sum(s.velocity**2) + 0.5 * np.sum(engine.disks.inertia * s.spin**2) + 0.3 * np.sum(s.position[:, 1])
+            0.5 * np.sum(s.velocity**2)
+            + 0.5 * np.sum(engine.disks.inertia * s.spin**2)
+            + 0.3 * np.sum(s.position[:, 1])
             for s in (start, end)
         ]
         work = sums[:, SUMS.index("work")]
@@ -122,7 +124,10 @@ def test_walls_give_what_disks_get(order: str) -> None:
 
 def test_torques_about_the_origin_are_those_of_the_angular_momentum() -> None:
     """Of walls at rest and without gravity: the angular momentum of all disks about the origin changes by them only."""
-    walls = [Wall.polygon(outline(14.5, 9), holds="inside"), Wall.arc(MIDDLE, 4.0, (0.3, 4.0), surface_speed=0.4)]
+    walls = [
+        Wall.polygon(outline(14.5, 9), holds="inside"),
+        Wall.arc(MIDDLE, 4.0, (0.3, 4.0), surface_speed=0.4),
+    ]
     engine = gas(walls=walls, gravity=(0.0, 0.0))
     start, end = engine.state(), run_to(engine, 5.0)
     spun = [
@@ -198,7 +203,9 @@ def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(orde
 
 def test_a_wall_moves_from_one_time_to_another() -> None:
     """A floor that moves up by 0.5 in a second, from t = 1 to 2, meets a disk at rest 0.2 above it at t = 1.4."""
-    floor = Wall.line((0.0, 10.0), (0.0, 1.0), motion=Motion("steady", speed=0.5), moves_from=1.0, moves_until=2.0)
+    floor = Wall.line(
+        (0.0, 10.0), (0.0, 1.0), motion=Motion("steady", speed=0.5), moves_from=1.0, moves_until=2.0
+    )
     start = State([[15.0, 11.2]], [[0.0, 0.0]], [0.0])  # s(1) = 0.5: the floor stands at 10.5 before
     disks = Disks(1, mass=1.0, radius=0.5)
     engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[floor])
@@ -222,7 +229,9 @@ def corners() -> list[Wall]:
         Wall.polygon(star, holds="inside"),
         Wall.polyline([(12.0, 15.0), (14.0, 15.8), (16.0, 14.2), (18.0, 15.0)], turn=turn),
         *(
-            Wall.arc((15.0 + 5.0 * math.cos(a), 15.0 + 5.0 * math.sin(a)), 1.0, (a + 1.5, a + 4.8), turn=turn)  # open outwards
+            Wall.arc(
+                (15.0 + 5.0 * math.cos(a), 15.0 + 5.0 * math.sin(a)), 1.0, (a + 1.5, a + 4.8), turn=turn
+            )  # open outwards
             for a in (0.0, 2.0, 4.0)
         ),
         *(Wall.arc(MIDDLE, 8.5, (a, a + 0.5), turn=back) for a in (0.0, 1.5, 3.0, 4.5)),
@@ -237,7 +246,13 @@ def test_nobody_escapes_at_corners_joints_and_ends() -> None:
     state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=1), np.zeros(40))
     law = IFRLaw(e_n=0.85, e_t=-0.6, mu=0.2)
     engine = Engine(
-        disks, BOX, state, np.array([[law.table_row()]]), walls=walls, gravity=(0.0, -0.02), velocity_cutoff=1e-3
+        disks,
+        BOX,
+        state,
+        np.array([[law.table_row()]]),
+        walls=walls,
+        gravity=(0.0, -0.02),
+        velocity_cutoff=1e-3,
     )
     hits, least = 1_000_000, np.inf
     stop = 0.0

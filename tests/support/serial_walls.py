@@ -58,7 +58,10 @@ def turned(wall: Wall, t: Array) -> tuple[Array, Array]:
     t = np.clip(t, *wall.moving_times)
     if turn.kind == "sine":
         rate = 2.0 * math.pi * turn.frequency
-        angle, spin = turn.amplitude * np.sin(rate * t + turn.phase), turn.amplitude * rate * np.cos(rate * t + turn.phase)
+        angle, spin = (
+            turn.amplitude * np.sin(rate * t + turn.phase),
+            turn.amplitude * rate * np.cos(rate * t + turn.phase),
+        )
         return angle, np.where(going, spin, 0.0)
     rate = turn.rate if turn.kind == "steady" else 0.0
     return rate * t, np.where(going, rate, 0.0)
@@ -84,7 +87,9 @@ def nearest_at_rest(wall: Wall, x: Array) -> tuple[Array, Array]:
         sides = [nearest_at_rest(Wall.segment(a, b), x) for a, b in zip(ends[:-1], ends[1:], strict=True)]
         first = np.argmin([distance for _, distance in sides], axis=0)
         steps = np.arange(len(x))
-        return np.array([out for out, _ in sides])[first, steps], np.array([d for _, d in sides])[first, steps]
+        return np.array([out for out, _ in sides])[first, steps], np.array([d for _, d in sides])[
+            first, steps
+        ]
     d = x - np.array(wall.place)
     if wall.shape == "arc":
         low, high = wall.angles
