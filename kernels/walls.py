@@ -17,8 +17,8 @@ column          meaning
 TYPE            LINE, SEGMENT, CONTAINER (disks inside of a circle), POST (disks outside of one), ARC_INSIDE and
                 ARC_OUTSIDE (the two sides of an arc), or GONE (a gate that is open)
 PX, PY          a point of a line, the beginning of a segment, the centre of a circle
-QX, QY          a line's unit normal, towards the disks; the end of a segment minus its beginning; the unit vector to the
-                middle of an arc
+QX, QY          a line's unit normal, towards the disks; the end of a segment minus its beginning; the unit vector to
+                the middle of an arc
 CIRCLE          radius of a circle
 MOTION          STILL, STEADY, SINE or SAWTOOTH displacement along (UX, UY), a unit vector
 UX, UY
@@ -49,17 +49,17 @@ Rotating walls. In the frame that turns with a wall about its centre, by the ang
 disk's centre is at p = Rot(-theta) (x - c). With r = x - c and the velocity v = dr/dt of the lab,
 dp/dt = Rot(-theta) (v - w x r), and once more d2p/dt2 = Rot(-theta) (a - alpha x r - 2 w x v - w^2 r), w and alpha the
 angular velocity and acceleration. (The Coriolis term is 2 w x (v - w x r) and the centrifugal one -w^2 r; together they
-are 2 w x v + w^2 r.) So |d2p/dt2| <= |a| + |alpha| r + 2 |w| |v| + w^2 r =: B, with the largest r and |v| until the window
-ends. Distances to a segment or a point, and from a circle outside of it, are convex functions of p with slopes of at most
-1, so that f'' >= -B; for the inside of a circle (rho^2 - p^2)'' = -2 (|p'|^2 + p . p'') >= -2 (|p'|^2 + B rho). All are met
-by the same steps. Bounds reach to the end of the window, not to the earliest meeting known: that depends on who was
-looked at before, and steps, whose last bits depend on their bounds, would too.
+are 2 w x v + w^2 r.) So |d2p/dt2| <= |a| + |alpha| r + 2 |w| |v| + w^2 r =: B, with the largest r and |v| until the
+window ends. Distances to a segment or a point, and from a circle outside of it, are convex functions of p with slopes
+of at most 1, so that f'' >= -B; for the inside of a circle (rho^2 - p^2)'' = -2 (|p'|^2 + p . p'') >= -2 (|p'|^2 + B
+rho). All are met by the same steps. Bounds reach to the end of the window, not to the earliest meeting known: that
+depends on who was looked at before, and steps, whose last bits depend on their bounds, would too.
 
 Arcs. A disk of radius R touches the inside of an arc of radius A from within the circle rho = A - R, the outside from
-beyond rho = A + R, at an angle of the arc; it touches the ends as posts of radius 0. A centre that passes the circle beside
-the arc is followed on its other side until it comes back. Between the two circles it cannot get behind the arc: there,
-at the first angle of the arc, it would be nearer than R to its end. The angles of the arc are widened by 6e-8: at the
-seam circle and end touch each other, and a circle that is taken so far is R (6e-8)^2 / 2 = 2e-15 R off.
+beyond rho = A + R, at an angle of the arc; it touches the ends as posts of radius 0. A centre that passes the circle
+beside the arc is followed on its other side until it comes back. Between the two circles it cannot get behind the arc:
+there, at the first angle of the arc, it would be nearer than R to its end. The angles of the arc are widened by 6e-8:
+at the seam circle and end touch each other, and a circle that is taken so far is R (6e-8)^2 / 2 = 2e-15 R off.
 
 Thermal walls: a disk leaves with a random velocity, as if it had come from a gas behind the wall.
 
@@ -207,8 +207,8 @@ def wall_motion(w, time, gas: ti.template()):
 
 @ti.func
 def wall_turn(w, time, gas: ti.template()):
-    """Angle of wall w at a time of the window, its angular velocity, and bounds of its magnitude and that of the angular
-    acceleration."""
+    """Angle of wall w at a time of the window, its angular velocity, and bounds of its magnitude and that of the
+    angular acceleration."""
     t = time
     if ti.static(gas.uses.timed):
         t = time * gas.walls[w][MOVES]
@@ -611,8 +611,9 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
         if gas.walls[w][TURN] != STILL:
             lever_x -= gas.walls[w][CX] + gas.walls[w][UX] * s
             lever_y -= gas.walls[w][CY] + gas.walls[w][UY] * s
-        # The velocity that the wall, as a rigid body, would have at the disk's centre. In the frame that moves and turns
-        # with it the wall is at rest, and the law sees the disk's spin against it: the slip is that of the contact.
+        # The velocity that the wall, as a rigid body, would have at the disk's centre. In the frame that moves and
+        # turns with it the wall is at rest, and the law sees the disk's spin against it: the slip is that of the
+        # contact.
         ux -= spin_w * lever_y
         uy += spin_w * lever_x
     owner = w

@@ -82,8 +82,8 @@ class WallSection(Section):
 
     shape: Literal["line", "segment", "container", "post", "arc", "polyline", "polygon"] = key("line")
     """ "line" (endless; point, normal), "segment" (both sides and the ends; start, end), "container" (a circle around
-    the disks; center, radius), "post" (a round obstacle; center, radius), "arc" (both sides and the ends; center, radius,
-    angles), "polyline" or "polygon" (both sides, all corners; points, file or path)."""
+    the disks; center, radius), "post" (a round obstacle; center, radius), "arc" (both sides and the ends; center,
+    radius, angles), "polyline" or "polygon" (both sides, all corners; points, file or path)."""
     material: str | None = key("steel", None, min_length=1, max_length=100)
     """Name of the material [text]: that of a species, or another one with a [[pair]] for each material of the disks.
     Needed but for a thermal wall, which has none."""
@@ -104,19 +104,21 @@ class WallSection(Section):
     points: list[Pair] | None = key([[0.1, 0.1], [0.2, 0.3], [0.3, 0.1]], None)
     """Points [[x, y], ...] of a polyline or polygon [m]."""
     file: str | None = key("hopper.csv", None, min_length=1)
-    """Instead: a file of them [path from the case file], with x and y in each line [m], or an SVG drawing of one path."""
+    """Instead: a file of them [path from the case file], with x and y in each line [m], or an SVG drawing of one
+    path."""
     path: str | None = key("M 0.1 0.1 L 0.2 0.3 C 0.3 0.3 0.3 0.2 0.4 0.1", None, min_length=1)
     """Instead: the data of an SVG path, y upwards [text of numbers in m]: commands M, L, H, V, Z, C, Q, A."""
     tolerance: float | None = key(1.0e-5, None, gt=0.0)
     """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
     holds: Literal["both", "inside", "outside"] | None = key("inside", None)
-    """Where disks start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing fractions count it."""
+    """Where disks start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing fractions count
+    it."""
     motion: MotionSection | None = key({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
     """How it moves as a whole [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
     phase; rise), along a direction. At rest without it."""
     turn: TurnSection | None = key({"kind": "steady", "center": [0.5, 0.5], "rate": 2.0}, None)
-    """How it turns as a whole [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase), about a
-    center. Walls with the same motion and turn move as one."""
+    """How it turns as a whole [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase),
+    about a center. Walls with the same motion and turn move as one."""
     moves_from: float | None = key(1.0, None)
     """Time from which on it moves and turns [s]; before, it stands where it is then. Always without it."""
     moves_until: float | None = key(2.0, None)
@@ -220,7 +222,7 @@ class WallSection(Section):
         if closed and not ends:
             (x, y), (u, v) = found[0], found[-1]
             raise InputError(
-                f"{self.file or 'path'}: it begins at ({x:.6g}, {y:.6g}) and ends at ({u:.6g}, {v:.6g}): a polygon must "
-                'come back to its beginning (in a path by Z); or take shape = "polyline"'
+                f"{self.file or 'path'}: it begins at ({x:.6g}, {y:.6g}) and ends at ({u:.6g}, {v:.6g}): a polygon "
+                'must come back to its beginning (in a path by Z); or take shape = "polyline"'
             )
         return [*found, found[0]] if ends and not closed and found[0] != found[-1] else found

@@ -1,10 +1,10 @@
 """Walls that come so near to each other that a disk between them would be crushed: foreseen before a run.
 
 Points along one wall, a quarter of a diameter apart, are held against the other one at sampled times. Where the gap is
-g, and the walls approach each other with at most the speed v, it cannot be below a diameter d for a time of (g - d) / v:
-so long is the next step, or d / 8v where they are near. Only places that face each other count: ends, corners, and points
-whose wall runs across the gap. Walls that meet in a corner, as a floor and a side, do not crush; neither do those whose gap
-stays what it is.
+g, and the walls approach each other with at most the speed v, it cannot be below a diameter d for a time of (g - d) /
+v: so long is the next step, or d / 8v where they are near. Only places that face each other count: ends, corners, and
+points whose wall runs across the gap. Walls that meet in a corner, as a floor and a side, do not crush; neither do
+those whose gap stays what it is.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ def crushes(walls: Sequence[Wall], box: Box, diameter: float, begin: float, end:
 def told(crush: Crush, names: Sequence[str], diameter: float) -> str:
     """What is to be said of it."""
     return (
-        f"{names[crush.one]} and {names[crush.other]} come within {crush.gap:.3g} of each other at t = {crush.time:.4g}, less "
-        f"than the diameter {diameter:.3g}: a disk between them would be crushed"
+        f"{names[crush.one]} and {names[crush.other]} come within {crush.gap:.3g} of each other at t = "
+        f"{crush.time:.4g}, less than the diameter {diameter:.3g}: a disk between them would be crushed"
     )
 
 

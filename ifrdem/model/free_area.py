@@ -1,12 +1,12 @@
 """The room that walls leave to disks: its area, its boundary, and how far disks are from it.
 
 The room is the part of the box on the disks' side of every wall: in front of lines, inside of containers, outside of
-posts, and on the side of a polygon that holds the disks. Segments, arcs and polylines take none of it. Moving walls stand
-where they are at t = 0. A packing fraction between walls is the area of the disks over that of the room.
+posts, and on the side of a polygon that holds the disks. Segments, arcs and polylines take none of it. Moving walls
+stand where they are at t = 0. A packing fraction between walls is the area of the disks over that of the room.
 
 The area is exact, by Green's theorem: half the integral of x dy - y dx along the boundary, whose pieces are those parts
-of lines and circles that are on the right side of all others. With polygons, which may have thousands of sides, it is the
-sum of the exact widths along lines across the box, between corners and SCANS of them.
+of lines and circles that are on the right side of all others. With polygons, which may have thousands of sides, it is
+the sum of the exact widths along lines across the box, between corners and SCANS of them.
 """
 
 from __future__ import annotations

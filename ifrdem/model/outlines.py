@@ -3,13 +3,14 @@
 Of SVG paths the commands M, L, H, V, Z, C, Q and A are known, and their relative forms. Curves become straight pieces
 that are nowhere further from them than a tolerance:
 
-- a Bezier curve B(u), 0 <= u <= 1, with |B''| <= M lies within M h^2 / 8 of its chords over steps h of u; M is 6 (cubic) or 2
-  (quadratic) times the largest second difference of its control points;
+- a Bezier curve B(u), 0 <= u <= 1, with |B''| <= M lies within M h^2 / 8 of its chords over steps h of u; M is 6
+  (cubic) or 2 (quadratic) times the largest second difference of its control points;
 - a chord of an elliptic arc over the angle a, larger radius r, is within r (1 - cos(a / 2)) of it.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import re
@@ -46,7 +47,7 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
     if len(found) < least:
         raise InputError(f"{name}, points: {len(found)} of them, {least} at least are needed")
     around = [*found, found[0]] if closed else found
-    for i, (one, other) in enumerate(zip(around, around[1:], strict=False)):
+    for i, (one, other) in enumerate(itertools.pairwise(around)):
         if one == other:
             raise InputError(
                 f"{name}, points[{i}] and points[{(i + 1) % len(found)}] are both ({one[0]:.6g}, {one[1]:.6g}): a side "
@@ -61,7 +62,8 @@ def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float
 
 
 def first_crossing(corners: Array) -> tuple[int, int] | None:
-    """Two sides of a closed polygon that cross or touch, though they do not follow each other; None if there are none."""
+    """Two sides of a closed polygon that cross or touch, though they do not follow each other; None if there are
+    none."""
     a, b = corners[:-1], corners[1:]
     n = len(a)
 
@@ -99,7 +101,7 @@ def of_csv(path: str | os.PathLike[str]) -> list[tuple[float, float]]:
 
     InputError names file and line.
     """
-    found = []
+    found: list[tuple[float, float]] = []
     for number, line in enumerate(_text(path).splitlines(), start=1):
         parts = [each for each in re.split(r"[\s,;]+", line.split("#")[0].strip()) if each]
         if not parts:
@@ -139,7 +141,10 @@ def of_svg(
         raise InputError(
             f"{path}: the transform of <{moved[0]}> is not supported; apply it to the path in the drawing"
         )
-    box = [float(each) for each in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if each]
+    try:
+        box = [float(each) for each in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if each]
+    except ValueError:
+        box = []
     if len(box) != 4:
         raise InputError(f"{path}: a viewBox of four numbers is needed, which says where y = 0 is")
     points, closed = of_path(paths[0].get("d", ""), tolerance, str(path))
@@ -155,7 +160,7 @@ def of_path(
     """
     commands = _commands(data, name)
     if tolerance is None:
-        ends = np.array([args[-2:] for command, args in commands if len(args) >= 2] or [(0.0, 0.0)])
+        ends = np.array([args[-2:] for command, args in commands if len(args) >= 2] or [[0.0, 0.0]])
         tolerance = TOLERANCE * (float(np.ptp(ends, axis=0).max()) or 1.0)
     points: list[tuple[float, float]] = []
     x = y = 0.0
@@ -229,20 +234,20 @@ def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
                 continue
         elif command in "Zz":
             raise InputError(f"{name}: {data[at : at + 12]!r} at character {at + 1}: Z takes no numbers")
-        args: list[float] = []
-        while len(args) < _NUMBERS[command.upper()]:
-            flag = command in "Aa" and len(args) in (3, 4)
+        numbers: list[float] = []
+        while len(numbers) < _NUMBERS[command.upper()]:
+            flag = command in "Aa" and len(numbers) in (3, 4)
             read = re.compile(
                 r"[\s,]*([01])" if flag else r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
             ).match(data, at)
             if read is None:
                 needed = f"{command!r} takes {_NUMBERS[command.upper()]} numbers"
                 raise InputError(f"{name}: {data[at : at + 12]!r} at character {at + 1}: {needed}")
-            args.append(float(read[1]))
+            numbers.append(float(read[1]))
             at = read.end()
-        if not all(map(math.isfinite, args)):
+        if not all(map(math.isfinite, numbers)):
             raise InputError(f"{name}: a number before character {at + 1} is not finite")
-        found.append((command, args))
+        found.append((command, numbers))
         command = {"M": "L", "m": "l"}.get(command, command)
     if not found:
         raise InputError(f"{name} = {data!r}: a path begins with M and a point")
@@ -257,9 +262,9 @@ def _bezier(control: Array, tolerance: float) -> list[tuple[float, float]]:
     pieces = max(1, math.ceil(math.sqrt(bend / (8.0 * tolerance))))
     u = np.arange(1, pieces + 1)[:, None] / pieces
     powers = [math.comb(degree, i) * u**i * (1.0 - u) ** (degree - i) for i in range(degree + 1)]
-    points = sum(power * point for power, point in zip(powers, control, strict=True))
-    points[-1] = control[-1]  # type: ignore[index]
-    return [(float(x), float(y)) for x, y in points]  # type: ignore[union-attr]
+    points: Array = np.sum([power * point for power, point in zip(powers, control, strict=True)], axis=0)
+    points[-1] = control[-1]
+    return [(float(x), float(y)) for x, y in points]
 
 
 def _arc(

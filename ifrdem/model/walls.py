@@ -254,8 +254,8 @@ class Wall:
     turn: Turn = Turn()
     moves_from: float | None = None
     moves_until: float | None = None
-    """moves_from, moves_until: times between which motion and turn go on [time]; before and after, the wall stands where
-    they begin and end."""
+    """moves_from, moves_until: times between which motion and turn go on [time]; before and after, the wall stands
+    where they begin and end."""
     opens_at: float | None = None
     """A gate: the time from which on the wall is gone [time]."""
     opens_after: int | None = None
@@ -397,8 +397,8 @@ class Wall:
         begin, end = self.moving_times
 
         def row(kind: str, place: Any, towards: Any, circle: float = 0.0, half: float = 0.0) -> list[float]:
-            lever = max(float(np.hypot(*(np.array(place) - turn.center))) + circle,
-                        float(np.hypot(*(np.add(place, towards) - turn.center))) if kind == "segment" else 0.0)  # fmt: skip
+            ends = np.array((place, np.add(place, towards))) if kind == "segment" else np.array((place,))
+            lever = float(np.hypot(*(ends - turn.center).T).max()) + circle
             return [
                 PIECES.index(kind), *place, *towards, circle,
                 MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,

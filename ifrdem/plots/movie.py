@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..tools.checked import Array
 from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
-from ..trajectory.reader import Trajectory
+from ..trajectory.reader import Frame, Trajectory
 from . import disks as plot_disks
 from . import run
 from .style import bar_beside, is_dark, place_axes

@@ -119,8 +119,8 @@ class Recorder:
     """Writes what a simulation gives as it runs; a context manager, which writes at its end what waits.
 
     `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
-    events that were not written yet when the run stopped; `clock` gives seconds of real time; `walls` are the names of those
-    that have sums. `seconds` is the
+    events that were not written yet when the run stopped; `clock` gives seconds of real time; `walls` are the names of
+    those that have sums. `seconds` is the
     processor time that this has taken of the run's thread.
     """
 

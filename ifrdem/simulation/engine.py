@@ -321,7 +321,8 @@ class Engine:
 
     @property
     def next_kick(self) -> float:
-        """When something else than a collision happens next [time]: a force acts, a gate opens, a wall starts or stops."""
+        """When something else than a collision happens next [time]: a force acts, a gate opens, a wall starts or
+        stops."""
         kick, now = self.force_steps.next_time, self.time
         if self.arrays.uses.timed:
             times = [time for wall in self.walls for time in wall.moving_times]

@@ -37,7 +37,8 @@ def test_curves_are_within_the_tolerance(tolerance: float) -> None:
     quadratic = (1 - u) ** 2 * p[0] + 2 * u * (1 - u) * p[1] + u**2 * p[3]
     found, _ = outlines.of_path("m 0 0 q 1 3 3 1", tolerance)
     assert distance_to(found, quadratic) <= tolerance
-    # Three quarters of a circle about (0, 0) from (2, 0): large, against the turn of the clock with y upwards (sweep 1).
+    # Three quarters of a circle about (0, 0) from (2, 0): large, against the turn of the clock with y upwards (sweep
+    # 1).
     angle = 1.5 * np.pi * u[:, 0]
     found, _ = outlines.of_path("M 2 0 A 2 2 0 1 1 0 -2", tolerance)
     assert distance_to(found, 2.0 * np.column_stack((np.cos(angle), np.sin(angle)))) <= tolerance
@@ -135,10 +136,11 @@ def test_distances_from_an_arc_are_those_of_many_points_on_it() -> None:
 
 def test_walls_in_files_of_before_are_read() -> None:
     """Their records know neither turns nor points."""
+    motion = '"kind": "still", "direction": [0.0, 1.0], "speed": 0.0, "amplitude": 0.0, "frequency": 0.0, "phase": 0.0'
     old = (
-        '[{"shape": "post", "place": [1.0, 2.0], "towards": [0.0, 0.0], "radius": 0.5, "material": 0, "motion": {"kind": '
-        '"still", "direction": [0.0, 1.0], "speed": 0.0, "amplitude": 0.0, "frequency": 0.0, "phase": 0.0, "rise": 0.5}, '
-        '"surface_speed": 0.0, "temperature": null}]'
+        '[{"shape": "post", "place": [1.0, 2.0], "towards": [0.0, 0.0], "radius": 0.5, "material": 0, "motion": {'
+        + motion
+        + ', "rise": 0.5}, "surface_speed": 0.0, "temperature": null}]'
     )
     assert from_json(old) == (Wall.post((1.0, 2.0), 0.5),)
     polygon = Wall.polygon([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], "inside", opens_at=2.0, group="a")

@@ -94,7 +94,8 @@ def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_walls_give_what_disks_get(order: str) -> None:
-    """Momentum: of the disks, less what gravity gave. Energy: elastic disks keep all work. Rotation: work is torque times w.
+    """Momentum: of the disks, less what gravity gave. Energy: elastic disks keep all work. Rotation: work is torque
+    times w.
 
     Spins too: rough disks of e_t = 1 keep their energy (Eq. 8: the slip is reversed). Momentum in y falls by m g t n.
     """
@@ -218,7 +219,8 @@ def test_a_wall_moves_from_one_time_to_another() -> None:
 
 
 def corners() -> list[Wall]:
-    """Walls with many corners, joints and ends, some of which turn, swing or shake; nowhere less than a diameter apart."""
+    """Walls with many corners, joints and ends, some of which turn, swing or shake; nowhere less than a diameter
+    apart."""
     star = [
         (15.0 + r * math.cos(a), 15.0 + r * math.sin(a))
         for r, a in zip([14.0, 11.5] * 12, 2.0 * np.pi * np.arange(24) / 24, strict=True)

@@ -3,8 +3,8 @@
 Every disk knows its latest place, velocity and time; the next event is the smallest of all pairs' and all disks' times.
 
 - Pairs: both fall alike, so that they approach along straight lines; the smaller root of a quadratic equation.
-- Arcs and corners: the nearest point of an arc by its angle, of a polyline by looking at every side. A wall that turns is
-  looked at from a frame that turns with it; the velocity of its surface is that of a rigid body at the contact.
+- Arcs and corners: the nearest point of an arc by its angle, of a polyline by looking at every side. A wall that turns
+  is looked at from a frame that turns with it; the velocity of its surface is that of a rigid body at the contact.
 - Walls: the distance to a wall is written down as a function of time and looked at in steps of `STEP`, the first of
   them much shorter; where it changes its sign, Brent's method finds the root, and where it comes close to zero without
   doing so, its minimum is looked up. Slow, but the same for every shape and motion, with gravity or without.
@@ -14,6 +14,7 @@ Every disk knows its latest place, velocity and time; the next event is the smal
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -84,7 +85,7 @@ def nearest_at_rest(wall: Wall, x: Array) -> tuple[Array, Array]:
     """The same of a wall that stands as it is given."""
     if wall.points:
         ends = [*wall.points, *(wall.points[:1] if wall.shape == "polygon" else ())]
-        sides = [nearest_at_rest(Wall.segment(a, b), x) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        sides = [nearest_at_rest(Wall.segment(a, b), x) for a, b in itertools.pairwise(ends)]
         first = np.argmin([distance for _, distance in sides], axis=0)
         steps = np.arange(len(x))
         return np.array([out for out, _ in sides])[first, steps], np.array([d for _, d in sides])[
