@@ -118,6 +118,7 @@ class _Samples:
     points: Array
     along: Array
     sharp: Array
+    side: float = 0.0  # of the disks: to the left (1) or right of the vectors along it; 0 for both
 
     @classmethod
     def of(cls, wall: Wall, box: Box, diameter: float) -> _Samples:
@@ -145,10 +146,12 @@ class _Samples:
         if wall.shape in ("container", "post", "line"):
             bent[[0, -1]] = False
         sharp = np.concatenate(((within == 0.0) & bent[:-1][side], bent[-1:]))
-        found = cls(wall, points, along[np.concatenate((side, side[-1:]))], sharp)
+        # Along a line disks are on the left; circles run counter-clockwise.
+        of_disks = {"line": 1.0, "container": 1.0, "post": -1.0}.get(wall.shape, 0.0)
+        found = cls(wall, points, along[np.concatenate((side, side[-1:]))], sharp, of_disks)
         if wall.shape == "line":
             inside = np.all((points >= 0.0) & (points <= box.lengths), axis=1)
-            return cls(wall, points[inside], found.along[inside], sharp[inside])
+            return cls(wall, points[inside], found.along[inside], sharp[inside], of_disks)
         return found
 
     def gap(self, other: Wall, t: float, diameter: float) -> float:
@@ -157,6 +160,8 @@ class _Samples:
         along = self.wall.carried(self.along, t) - origin
         normal, distance = other.normal(points, t)
         facing = self.sharp | (np.abs(np.sum(along * normal, axis=1)) < FACING)
+        # The gap must be where the disks are, not behind the wall: to the left of `along` is (-y, x) of it.
+        facing &= self.side * (along[:, 0] * normal[:, 1] - along[:, 1] * normal[:, 0]) <= 0.0
         apart = distance[facing & (distance > ATTACHED * diameter)]
         return float(apart.min(initial=math.inf))
 

@@ -67,7 +67,7 @@ def test_walls_that_come_too_near_are_named(walls: list[Wall], gap: float, time:
     [
         [
             Wall.line((0.0, 0.5), (0.0, 1.0), motion=Motion("sine", amplitude=0.4, frequency=1.0)),
-            *sides(BOX)[:2],
+            *sides(BOX)[:3],
         ],
         [
             Wall.segment((2.0, 5.0), (6.0, 5.0), motion=DOWN, moves_from=2.0),
