@@ -2,7 +2,8 @@
 
 =====================================  =================================================================
 `Disks`, `Box`, `State`                constant properties of disks, the space they move in, their motion
-`Wall`, `Motion`, `forces`             walls at rest, moving, thermal; forces between collisions
+`Wall`, `Motion`, `Turn`, `WallSums`    walls at rest, moving, turning, thermal; what they gave to the disks
+`forces`                               forces between collisions
 `IFRLaw`, `coins`, `CollisionLaw`      the law, the coins of the paper, a law of your own
 `collide`, `Regime`, `EnergyWarning`   a single collision, its regime; a law that could add energy
 `initial`                              positions, velocities, spins and radii to start from
@@ -17,7 +18,7 @@
 `InputError`, `EngineError`            input that cannot be used; a run that cannot continue
 `InelasticCollapse`                    an EngineError: collisions without end
 `NoMoreCollisions`                     an EngineError: no disk will meet another one
-`TheoryWarning`                        a theory used outside of its range
+`TheoryWarning`, `WallWarning`         a theory used outside of its range; walls that would crush a disk
 =====================================  =================================================================
 
 >>> import ifrdem

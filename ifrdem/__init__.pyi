@@ -12,6 +12,7 @@ from .model import forces as forces
 from .model import observables as observables
 from .model.box import Box as Box
 from .model.coin_table import coins as coins
+from .model.crush import WallWarning as WallWarning
 from .model.ifr import EnergyWarning as EnergyWarning
 from .model.ifr import IFRLaw as IFRLaw
 from .model.ifr import Regime as Regime
@@ -20,7 +21,9 @@ from .model.law import CollisionLaw as CollisionLaw
 from .model.state import Disks as Disks
 from .model.state import State as State
 from .model.walls import Motion as Motion
+from .model.walls import Turn as Turn
 from .model.walls import Wall as Wall
+from .model.walls import WallSums as WallSums
 from .run.recorder import Ledger as Ledger
 from .simulation.dsmc import DSMC as DSMC
 from .simulation.simulation import Simulation as Simulation

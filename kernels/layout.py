@@ -24,7 +24,7 @@ reach        (tiles, 5)           halo; bound on how far its own disks came beyo
                                   far they are beyond its sides at the end; halo against the one that all begin with
 edge_x/y     (tiles + 1,)         sides of the columns and rows of tiles, on the grid of places
 tally        (tiles, 2, TALLY)    sums over the window to its end, and to the moment that was asked for, f64
-heat         (tiles, 2, thermal)  heat that thermal walls gave, likewise
+heat         (tiles, 2, columns)  heat that thermal walls gave, and the sums of every wall, likewise
 claim        (claims,) of 3       slot of a copy at the window's beginning; hash of its history here
 claim_at     (claims,) of 3       its place then, from the corner of the tile that made it; bound on how far it came
 event        (events,) of 17      what happened to watched disks (columns below)
@@ -161,6 +161,11 @@ class Uses(NamedTuple):
 
     walled: bool = False
     thermal: bool = False  # some walls are
+    pieced: bool = False  # some consist of several rows of `walls`
+    arched: bool = False  # some are arcs
+    turning: bool = False  # some turn
+    timed: bool = False  # some open, or move for a time only
+    summed: bool = False  # what each gives is added up
     remembers: bool = False  # a contact time: disks know when their latest collision was
     sheared: bool = False  # a mean flow
     tallied: bool = False  # a ledger of what dissipates energy

@@ -1,7 +1,9 @@
 """Sizes and bounds of the engine, which estimates need too without starting it."""
 
-WALL = 18  # columns of a wall (`kernels/walls.py`)
+WALL = 32  # columns of a wall (`kernels/walls.py`)
+OWNER = 18  # of them: the number of the wall
 MECHANISMS, REGIMES = 6, 5
+WALL_SUMS = 6  # of a wall: momentum, torque, work, heat, hits
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers

@@ -240,7 +240,7 @@ def begin(tile, gas: ti.template()):
         for when in ti.static((AT_END, AT_MOMENT)):
             for column in range(TALLY):
                 gas.tally[k, when, column] = 0.0
-            if ti.static(gas.uses.thermal):
+            if ti.static(gas.uses.thermal or gas.uses.summed):
                 for column in range(gas.heat.shape[2]):
                     gas.heat[k, when, column] = 0.0
         gas.reach[k, BEYOND], gas.reach[k, FURTHEST], gas.reach[k, PROTRUDES] = -ENDLESS, 0.0, 0.0
@@ -462,7 +462,7 @@ def write(n, tile, when, thread, team, region: ti.template(), gas: ti.template()
         time = gas.scale[MOMENT_IN]
         for column in range(TALLY):
             gas.tally[tile, AT_MOMENT, column] = gas.tally[tile, AT_END, column]
-        if ti.static(gas.uses.thermal):
+        if ti.static(gas.uses.thermal or gas.uses.summed):
             for column in range(gas.heat.shape[2]):
                 gas.heat[tile, AT_MOMENT, column] = gas.heat[tile, AT_END, column]
     fall_x, fall_y = gas.scale[GX] * time, gas.scale[GY] * time

@@ -14,9 +14,11 @@ A row of `walls` holds
 ==============  ==========================================================================================
 column          meaning
 ==============  ==========================================================================================
-TYPE            LINE, SEGMENT, CONTAINER (disks inside of a circle) or POST (disks outside of one)
+TYPE            LINE, SEGMENT, CONTAINER (disks inside of a circle), POST (disks outside of one), ARC_INSIDE and
+                ARC_OUTSIDE (the two sides of an arc), or GONE (a gate that is open)
 PX, PY          a point of a line, the beginning of a segment, the centre of a circle
-QX, QY          a line's unit normal, towards the disks; the end of a segment minus its beginning
+QX, QY          a line's unit normal, towards the disks; the end of a segment minus its beginning; the unit vector to
+                the middle of an arc
 CIRCLE          radius of a circle
 MOTION          STILL, STEADY, SINE or SAWTOOTH displacement along (UX, UY), a unit vector
 UX, UY
@@ -28,8 +30,36 @@ SURFACE         speed of the wall's surface along its tangent, (-n_y, n_x) of th
 WALL_MATERIAL   row of the law's table
 NOW_0           what MOTION needs to know of the beginning of the window: displacement (STEADY), phase
 TEMPERATURE     of a thermal wall [energy], which does not follow the law (`thermal.py`); else 0
-HEAT            column of `wall_heat` of a thermal wall, else -1
+HEAT            column of `heat` of a thermal wall, else -1
+OWNER           number of the wall that this is a piece of
+HALF            half the angle of an arc
+TURN            STILL, STEADY or SINE rotation about (CX, CY), which the displacement carries along
+CX, CY
+TURN_BY         amplitude of the angle; for STEADY the angular velocity
+TURN_RATE       angular frequency of SINE
+TURN_PHASE      at t = 0 of the run
+TURN_0          what TURN needs to know of the beginning of the window: angle (STEADY), phase
+LEVER           distance of the farthest point of the piece from (CX, CY)
+BEGINS, ENDS    time of the run from which on it moves, and until when
+MOVES           1 if it moves in the window, which neither of the two lies in, else 0
+SUMS            first column of `heat` of the sums of its wall, with a momentum (2), torque, work, heat, hits
 ==============  ==========================================================================================
+
+Rotating walls. In the frame that turns with a wall about its centre, by the angle theta(t), the wall is at rest, and a
+disk's centre is at p = Rot(-theta) (x - c). With r = x - c and the velocity v = dr/dt of the lab,
+dp/dt = Rot(-theta) (v - w x r), and once more d2p/dt2 = Rot(-theta) (a - alpha x r - 2 w x v - w^2 r), w and alpha the
+angular velocity and acceleration. (The Coriolis term is 2 w x (v - w x r) and the centrifugal one -w^2 r; together they
+are 2 w x v + w^2 r.) So |d2p/dt2| <= |a| + |alpha| r + 2 |w| |v| + w^2 r =: B, with the largest r and |v| until the
+window ends. Distances to a segment or a point, and from a circle outside of it, are convex functions of p with slopes
+of at most 1, so that f'' >= -B; for the inside of a circle (rho^2 - p^2)'' = -2 (|p'|^2 + p . p'') >= -2 (|p'|^2 + B
+rho). All are met by the same steps. Bounds reach to the end of the window, not to the earliest meeting known: that
+depends on who was looked at before, and steps, whose last bits depend on their bounds, would too.
+
+Arcs. A disk of radius R touches the inside of an arc of radius A from within the circle rho = A - R, the outside from
+beyond rho = A + R, at an angle of the arc; it touches the ends as posts of radius 0. A centre that passes the circle
+beside the arc is followed on its other side until it comes back. Between the two circles it cannot get behind the arc:
+there, at the first angle of the arc, it would be nearer than R to its end. The angles of the arc are widened by 6e-8:
+at the seam circle and end touch each other, and a circle that is taken so far is R (6e-8)^2 / 2 = 2e-15 R off.
 
 Thermal walls: a disk leaves with a random velocity, as if it had come from a gas behind the wall.
 
@@ -52,6 +82,7 @@ from .layout import (
     RESTING, SEED_HIGH, SEED_LOW, TAU, VX, VY, W_SPIN, WALL_COLLISIONS, WALL_WORK, WALLS, WHO, WIDEST, WINDOW,
     K, X, Y,
 )  # fmt: skip
+from .limits import OWNER
 from .places import (
     add, came_to, charge, just_collided, kind_of, note_speed, radius_of, remember, watched_row, write_motion,
 )  # fmt: skip
@@ -84,10 +115,15 @@ def thermal_velocity(i, temperature, nx, ny, ux, uy, gas: ti.template()):
 
 TYPE, PX, PY, QX, QY, CIRCLE, MOTION, UX, UY = range(9)
 AMPLITUDE, RATE, PHASE, RISE, SURFACE, WALL_MATERIAL, NOW_0, TEMPERATURE, HEAT = range(9, 18)
-LINE, SEGMENT, CONTAINER, POST = range(4)
+HALF, TURN, CX, CY, TURN_BY, TURN_RATE, TURN_PHASE, TURN_0, LEVER, BEGINS, ENDS, MOVES, SUMS = range(
+    OWNER + 1, 32
+)
+LINE, SEGMENT, CONTAINER, POST, ARC_INSIDE, ARC_OUTSIDE, GONE = range(7)
+MOMENTUM_X, MOMENTUM_Y, TORQUE, WORK, WARMTH, HITS = range(6)  # of SUMS
 STILL, STEADY, SINE, SAWTOOTH = range(4)
 MOST_STEPS = 1000  # towards a root; grazing contacts with oscillating walls take tens
 TWO_PI = 6.283185307179586
+SEAM = 6e-8  # by which the angles of an arc are widened at both ends
 
 
 @ti.func
@@ -96,6 +132,10 @@ def wall_phases(gas: ti.template()):
     for w in range(gas.grid[WALLS]):
         motion = ti.cast(gas.walls[w][MOTION], ti.i32)
         now = ti.cast(gas.clock[BEGIN], ti.f64)
+        if ti.static(gas.uses.timed):
+            begins, ends = ti.cast(gas.walls[w][BEGINS], ti.f64), ti.cast(gas.walls[w][ENDS], ti.f64)
+            gas.walls[w][MOVES] = ti.cast(now >= begins and now < ends, float)
+            now = ti.min(ti.max(now, begins), ends)
         rate = ti.cast(gas.walls[w][RATE], ti.f64)
         phase = ti.cast(gas.walls[w][PHASE], ti.f64)
         at = ti.cast(gas.walls[w][AMPLITUDE], ti.f64) * now
@@ -106,12 +146,23 @@ def wall_phases(gas: ti.template()):
             turns = rate * now + phase
             at = turns - ti.floor(turns)
         gas.walls[w][NOW_0] = ti.cast(at, float)
+        if ti.static(gas.uses.turning):
+            turned = ti.cast(gas.walls[w][TURN_BY], ti.f64) * now + ti.cast(gas.walls[w][TURN_PHASE], ti.f64)
+            if ti.cast(gas.walls[w][TURN], ti.i32) == SINE:
+                turned = ti.cast(gas.walls[w][TURN_RATE], ti.f64) * now + ti.cast(
+                    gas.walls[w][TURN_PHASE], ti.f64
+                )
+            turned /= TWO_PI
+            gas.walls[w][TURN_0] = ti.cast(TWO_PI * (turned - ti.floor(turned)), float)
 
 
 @ti.func
-def wall_motion(w, t, gas: ti.template()):
-    """Displacement of wall w along its direction at time t of the window, its speed, a bound of the magnitude of its
+def wall_motion(w, time, gas: ti.template()):
+    """Displacement of wall w along its direction at a time of the window, its speed, a bound of the magnitude of its
     acceleration, and the time until which all three hold."""
+    t = time
+    if ti.static(gas.uses.timed):
+        t = time * gas.walls[w][MOVES]
     motion = ti.cast(gas.walls[w][MOTION], ti.i32)
     amplitude = gas.walls[w][AMPLITUDE]
     rate = gas.walls[w][RATE]
@@ -146,7 +197,47 @@ def wall_motion(w, t, gas: ti.template()):
             s = amplitude * (1.0 - 2.0 * (part - rise) / (1.0 - rise))
             speed = -2.0 * amplitude * rate / (1.0 - rise)
             until = (whole + 1.0 - at) / rate
+    if ti.static(gas.uses.timed):
+        speed *= gas.walls[w][MOVES]
+        bound *= gas.walls[w][MOVES]
+        if gas.walls[w][MOVES] == 0.0:
+            until = FAR + 0.0 * time
     return s, speed, bound, until
+
+
+@ti.func
+def wall_turn(w, time, gas: ti.template()):
+    """Angle of wall w at a time of the window, its angular velocity, and bounds of its magnitude and that of the
+    angular acceleration."""
+    t = time
+    if ti.static(gas.uses.timed):
+        t = time * gas.walls[w][MOVES]
+    turn = ti.cast(gas.walls[w][TURN], ti.i32)
+    by, at = gas.walls[w][TURN_BY], gas.walls[w][TURN_0]
+    angle, spin, most, bound = 0.0 * t, 0.0 * t, 0.0 * t, 0.0 * t
+    if turn == STEADY:
+        angle = at + by * t
+        spin = by
+        most = ti.abs(by)
+    elif turn == SINE:
+        rate = gas.walls[w][TURN_RATE]
+        angle = by * ti.sin(at + rate * t)
+        spin = by * rate * ti.cos(at + rate * t)
+        most = ti.abs(by * rate)
+        bound = most * rate
+    if ti.static(gas.uses.timed):
+        moves = gas.walls[w][MOVES]
+        spin, most, bound = spin * moves, most * moves, bound * moves
+    return angle, spin, most, bound
+
+
+@ti.func
+def turned_back(w, x, y, s, angle, gas: ti.template()):
+    """A place (x, y) as wall w, displaced by s, saw it before it turned by an angle."""
+    cx = gas.walls[w][CX] + gas.walls[w][UX] * s
+    cy = gas.walls[w][CY] + gas.walls[w][UY] * s
+    c, sine = ti.cos(angle), ti.sin(angle)
+    return cx + c * (x - cx) + sine * (y - cy), cy - sine * (x - cx) + c * (y - cy)
 
 
 def epsilon() -> float:
@@ -158,7 +249,7 @@ def epsilon() -> float:
 def wall_vector(w, x, y, s, gas: ti.template()):
     """From the point of wall w that is nearest to (x, y), the wall displaced by s, to (x, y): unit vector, distance.
 
-    For a container, the vector points inwards.
+    For a container and the inside of an arc, the vector points inwards, and an arc counts as the whole circle.
     """
     kind = ti.cast(gas.walls[w][TYPE], ti.i32)
     dx = x - gas.walls[w][PX] - gas.walls[w][UX] * s
@@ -174,7 +265,7 @@ def wall_vector(w, x, y, s, gas: ti.template()):
         r = ti.sqrt(dx * dx + dy * dy)
         nx, ny = dx / r, dy / r
         distance = r - gas.walls[w][CIRCLE]
-        if kind == CONTAINER:
+        if kind == CONTAINER or kind == ARC_INSIDE:
             nx, ny = -nx, -ny
             distance = gas.walls[w][CIRCLE] - r
             if r == 0.0:  # in the middle of a container, all directions are the same
@@ -195,6 +286,10 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
     t = tau
     going = 1
     steps = 0
+    behind = 0  # 1 on the side of an arc's circle from which its face is not touched
+    if ti.static(gas.uses.arched):
+        if kind == ARC_INSIDE and gas.walls[w][CIRCLE] <= radius:
+            going = 0
     while going == 1:
         steps += 1
         # A fall since the beginning of the window.
@@ -204,32 +299,92 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
         ux, uy = gas.walls[w][UX], gas.walls[w][UY]
         rel_x = vx + gx * t - ux * speed
         rel_y = vy + gy * t - uy * speed
+        extra, swing = (
+            0.0 * t,
+            0.0 * t,
+        )  # of a wall that turns: bound on what rotation adds to f'', largest speed
+        if ti.static(gas.uses.turning):
+            if gas.walls[w][TURN] != STILL:
+                angle, spin, most_spin, spin_bound = wall_turn(w, t, gas)
+                lever_x = at_x - gas.walls[w][CX] - ux * s
+                lever_y = at_y - gas.walls[w][CY] - uy * s
+                still = ti.min(gas.scale[WINDOW], until) - t
+                push = ti.sqrt(gx * gx + gy * gy) + bound
+                fastest = ti.sqrt(rel_x * rel_x + rel_y * rel_y) + push * still
+                lever = ti.sqrt(lever_x * lever_x + lever_y * lever_y) + fastest * still
+                extra = 2.0 * most_spin * fastest + (spin_bound + most_spin * most_spin) * lever
+                swing = most_spin * lever
+                at_x, at_y = turned_back(w, at_x, at_y, s, angle, gas)
+                rel_x += spin * lever_y
+                rel_y -= spin * lever_x
+                c, sine = ti.cos(angle), ti.sin(angle)
+                rel_x, rel_y = c * rel_x + sine * rel_y, c * rel_y - sine * rel_x
         nx, ny, distance = wall_vector(w, at_x, at_y, s, gas)
         f = distance - radius
         slope = nx * rel_x + ny * rel_y
         pull = ti.sqrt(gx * gx + gy * gy)
         curve = -(pull + bound)
+        if ti.static(gas.uses.turning):
+            curve -= extra
         if kind == LINE:
             curve = gx * nx + gy * ny - ti.abs(ux * nx + uy * ny) * bound
         # Positions are sums of numbers as large as these.
         tolerance = 8.0 * ti.static(epsilon()) * (ti.abs(at_x) + ti.abs(at_y) + radius + gas.walls[w][CIRCLE])
         noise = ti.static(rounding()) * (ti.abs(vx) + ti.abs(vy) + pull * t + ti.abs(speed))
+        if ti.static(gas.uses.turning):
+            noise += ti.static(rounding()) * swing
+        here = 1  # 0 beside an arc, or behind its face: nothing is there to be touched
+        if ti.static(gas.uses.arched):
+            if kind == ARC_INSIDE or kind == ARC_OUTSIDE:
+                # rho^2 - r^2 within the circle of centres that touch it, as for a container; r - rho beyond.
+                counts_within = ti.cast(kind == ARC_INSIDE, ti.i32)
+                sign = 1.0 - 2.0 * counts_within
+                rho = gas.walls[w][CIRCLE] + sign * radius
+                r = gas.walls[w][CIRCLE] + sign * distance
+                beyond = r - rho
+                if steps == 1:
+                    behind = ti.cast(-sign * beyond > tolerance, ti.i32)
+                within = counts_within ^ behind
+                out_x, out_y = sign * nx, sign * ny
+                middle = out_x * gas.walls[w][QX] + out_y * gas.walls[w][QY]
+                half = gas.walls[w][HALF] + SEAM
+                here = ti.cast(half >= 0.5 * TWO_PI or middle >= ti.cos(half), ti.i32) * (1 - behind)
+                slope = out_x * rel_x + out_y * rel_y
+                f = beyond
+                if within == 1:
+                    push = pull + bound + extra
+                    most = ti.sqrt(rel_x * rel_x + rel_y * rel_y)
+                    most += push * (ti.min(gas.scale[WINDOW], until) - t)
+                    f = -beyond * (r + rho)
+                    slope *= -2.0 * r
+                    curve = -2.0 * (most * most + push * rho)
+                    tolerance *= 2.0 * rho
+                    noise *= 2.0 * rho
         if kind == CONTAINER:
             # The same roots for (R_c - R)^2 - r^2, whose second derivative is bounded: -2 v^2 without forces.
             inner = gas.walls[w][CIRCLE] - radius
             r = gas.walls[w][CIRCLE] - distance
-            gain = (pull + bound) * (ti.min(horizon, until) - t)
+            push = pull + bound
+            if ti.static(gas.uses.turning):
+                push += extra
+            gain = push * (ti.min(horizon, until) - t)
+            if ti.static(gas.uses.turning):
+                gain = push * (ti.min(gas.scale[WINDOW], until) - t)
             most = ti.sqrt(rel_x * rel_x + rel_y * rel_y) + gain
             f = inner * inner - r * r
             slope *= 2.0 * r
-            curve = -2.0 * (most * most + (pull + bound) * inner)
+            curve = -2.0 * (most * most + push * inner)
             tolerance *= 2.0 * inner
             noise *= 2.0 * inner
+        crossed = 0
         if f <= tolerance:
             if slope < -noise:
-                found = t
-                going = 0
-            elif slope <= noise and curve < 0.0:
+                if here == 1:
+                    found = t
+                    going = 0
+                else:
+                    behind, crossed = 1 - behind, 1
+            elif slope <= noise and curve < 0.0 and here == 1:
                 # Without speed, and pulled together. A container pulls by its curvature alone: a disk slides along it.
                 resting = 1
                 going = 0
@@ -249,6 +404,8 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                         step = 2.0 * f / (ti.sqrt(d) - slope)
                     else:
                         step = (slope + ti.sqrt(d)) / -curve
+            if crossed == 1:  # in the next moment it is on the other side
+                step = 0.0 * t
             # A step too small for the clock would never end.
             step = ti.max(step, ti.static(epsilon()) * ti.max(t, 1.0e-3 * horizon))
             if t + step > until:
@@ -270,6 +427,9 @@ def wall_reach(w, gas: ti.template()):
     way = ti.abs(speed) * window + 0.5 * bound * window * window
     if ti.cast(gas.walls[w][MOTION], ti.i32) == SAWTOOTH:
         way = 2.0 * ti.abs(gas.walls[w][AMPLITUDE])
+    if ti.static(gas.uses.turning):
+        _angle, _spin, most_spin, _bound = wall_turn(w, 0.0 * window, gas)
+        way += ti.min(most_spin * window, 2.0) * gas.walls[w][LEVER]
     fall = 0.5 * ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2) * window * window
     return way + 2.0 * fall + 0.5 * gas.scale[WIDEST]
 
@@ -280,6 +440,24 @@ def span(low, high, corner, side, count):
     first = ti.cast(ti.floor(ti.max((low - corner) / side, -1.0)), ti.i32)
     last = ti.cast(ti.floor(ti.min((high - corner) / side, count + 0.0)), ti.i32)
     return ti.min(ti.max(first, 0), count - 1), ti.min(ti.max(last, 0), count - 1)
+
+
+@ti.func
+def arc_distance(w, nx, ny, distance, gas: ti.template()):
+    """Distance of a place from the arc of wall w; arguments as `wall_vector` gives them of the whole circle."""
+    sign = 1.0
+    if ti.cast(gas.walls[w][TYPE], ti.i32) == ARC_INSIDE:
+        sign = -1.0
+    radius, half = gas.walls[w][CIRCLE], gas.walls[w][HALF]
+    r = radius + sign * distance
+    qx, qy = gas.walls[w][QX], gas.walls[w][QY]
+    along, across = sign * (nx * qx + ny * qy), sign * (ny * qx - nx * qy)
+    found = ti.abs(distance)
+    if along < ti.cos(half):  # the end on its side of the middle is nearest
+        found = ti.sqrt(
+            (r * along - radius * ti.cos(half)) ** 2 + (r * ti.abs(across) - radius * ti.sin(half)) ** 2
+        )
+    return found
 
 
 @ti.func
@@ -300,8 +478,14 @@ def place_walls(region: ti.template(), gas: ti.template()):
             s, _speed, _bound, _until = wall_motion(w, 0.0 * gas.scale[WINDOW], gas)
             reach = 1.001 * wall_reach(w, gas)
             around = reach + 0.5 * ti.sqrt(region.side_x**2 + region.side_y**2)
-            images = ti.cast(kind == SEGMENT or kind == POST, ti.i32)
+            images = ti.cast(kind != LINE and kind != CONTAINER, ti.i32)
             boxes_x, boxes_y = images * gas.grid[PERIODIC_X], images * gas.grid[PERIODIC_Y]
+            if ti.static(gas.uses.timed):
+                if kind == GONE:
+                    boxes_x = -1
+            angle = 0.0 * reach
+            if ti.static(gas.uses.turning):
+                angle, _spin, _most, _turn_bound = wall_turn(w, 0.0 * gas.scale[WINDOW], gas)
             for box_x in range(-boxes_x, boxes_x + 1):
                 for box_y in range(-boxes_y, boxes_y + 1):
                     # The wall's image, from the corner of the region's tile.
@@ -309,10 +493,19 @@ def place_walls(region: ti.template(), gas: ti.template()):
                     off_y = box_y * gas.scale[LENGTH_Y] - region.corner_y
                     px = gas.walls[w][PX] + gas.walls[w][UX] * s + off_x
                     py = gas.walls[w][PY] + gas.walls[w][UY] * s + off_y
+                    qx, qy = gas.walls[w][QX], gas.walls[w][QY]
+                    if ti.static(gas.uses.turning):
+                        px, py = turned_back(w, px - off_x, py - off_y, s, -angle, gas)
+                        px += off_x
+                        py += off_y
+                        qx, qy = (
+                            ti.cos(angle) * qx - ti.sin(angle) * qy,
+                            ti.sin(angle) * qx + ti.cos(angle) * qy,
+                        )
                     low_x, high_x, low_y, high_y = px, px, py, py
                     if kind == SEGMENT:
-                        low_x, high_x = ti.min(px, px + gas.walls[w][QX]), ti.max(px, px + gas.walls[w][QX])
-                        low_y, high_y = ti.min(py, py + gas.walls[w][QY]), ti.max(py, py + gas.walls[w][QY])
+                        low_x, high_x = ti.min(px, px + qx), ti.max(px, px + qx)
+                        low_y, high_y = ti.min(py, py + qy), ti.max(py, py + qy)
                     if kind == LINE:
                         if gas.walls[w][QX] != 0.0:
                             low_y, high_y = -FAR + 0.0 * px, FAR + 0.0 * px
@@ -329,7 +522,12 @@ def place_walls(region: ti.template(), gas: ti.template()):
                         for cy in range(first_y, last_y + 1):
                             x = region.x + (cx + 0.5) * region.side_x - off_x
                             y = region.y + (cy + 0.5) * region.side_y - off_y
-                            _nx, _ny, distance = wall_vector(w, x, y, s, gas)
+                            if ti.static(gas.uses.turning):
+                                x, y = turned_back(w, x, y, s, angle, gas)
+                            nx, ny, distance = wall_vector(w, x, y, s, gas)
+                            if ti.static(gas.uses.arched):
+                                if kind == ARC_INSIDE or kind == ARC_OUTSIDE:
+                                    distance = arc_distance(w, nx, ny, distance, gas)
                             if distance <= around:
                                 c = starts + cx * region.ny + cy
                                 if turn == 1:
@@ -381,7 +579,7 @@ def other_image(i, boxes, gas: ti.template()):
     """Name the wall that the disk at place i meets by its image there, after the disk went round the box."""
     if gas.link[i][PARTNER] <= FIRST_WALL:
         kind = ti.cast(gas.walls[(FIRST_WALL - gas.link[i][PARTNER]) // 9][TYPE], ti.i32)
-        if kind == SEGMENT or kind == POST:
+        if kind != LINE and kind != CONTAINER:
             gas.link[i][PARTNER] = gas.link[i][PARTNER] + boxes
 
 
@@ -397,21 +595,40 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
     came_to(i, t, gas)
     gx, gy = gas.scale[GX], gas.scale[GY]
     s, speed, _bound, _until = wall_motion(w, t, gas)
-    nx, ny, _distance = wall_vector(
-        w,
-        region.corner_x + gas.work[i][X] - ((code // 3) % 3 - 1) * gas.scale[LENGTH_X] + 0.5 * gx * t * t,
-        region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y] + 0.5 * gy * t * t,
-        s, gas,
-    )  # fmt: skip
+    x = region.corner_x + gas.work[i][X] - ((code // 3) % 3 - 1) * gas.scale[LENGTH_X] + 0.5 * gx * t * t
+    y = region.corner_y + gas.work[i][Y] - (code % 3 - 1) * gas.scale[LENGTH_Y] + 0.5 * gy * t * t
+    spin_w, at_x, at_y, angle = 0.0 * t, x, y, 0.0 * t
+    if ti.static(gas.uses.turning):
+        angle, spin_w, _most, _turn_bound = wall_turn(w, t, gas)
+        at_x, at_y = turned_back(w, x, y, s, angle, gas)
+    nx, ny, _distance = wall_vector(w, at_x, at_y, s, gas)
+    if ti.static(gas.uses.turning):
+        nx, ny = ti.cos(angle) * nx - ti.sin(angle) * ny, ti.sin(angle) * nx + ti.cos(angle) * ny
     ux = gas.walls[w][UX] * speed - ny * gas.walls[w][SURFACE]
     uy = gas.walls[w][UY] * speed + nx * gas.walls[w][SURFACE]
+    lever_x, lever_y = x, y  # from what torques are about: the centre of its rotation, or the origin
+    if ti.static(gas.uses.turning):
+        if gas.walls[w][TURN] != STILL:
+            lever_x -= gas.walls[w][CX] + gas.walls[w][UX] * s
+            lever_y -= gas.walls[w][CY] + gas.walls[w][UY] * s
+        # The velocity that the wall, as a rigid body, would have at the disk's centre. In the frame that moves and
+        # turns with it the wall is at rest, and the law sees the disk's spin against it: the slip is that of the
+        # contact.
+        ux -= spin_w * lever_y
+        uy += spin_w * lever_x
+    owner = w
+    if ti.static(gas.uses.pieced):
+        owner = ti.cast(gas.walls[w][OWNER], ti.i32)
     kind = kind_of(i, gas)
     inverse_mass, radius = gas.kinds[kind][INVERSE_MASS], gas.kinds[kind][KIND_RADIUS]
     p = ti.cast(gas.kinds[kind][MATERIAL], ti.i32)
     q = ti.cast(gas.walls[w][WALL_MATERIAL], ti.i32)
     vx_0, vy_0, spin_0 = gas.work[i][VX] + gx * t, gas.work[i][VY] + gy * t, gas.work[i][W_SPIN]
+    seen_spin = spin_0
+    if ti.static(gas.uses.turning):
+        seen_spin -= spin_w
     vx, vy, spin, _, _, _, how, lost = collided(
-        p, q, -nx, -ny, inverse_mass, radius, gas.kinds[kind][K], vx_0, vy_0, spin_0,
+        p, q, -nx, -ny, inverse_mass, radius, gas.kinds[kind][K], vx_0, vy_0, seen_spin,
         0.0, radius, 1.0, ux, uy, 0.0, lasting, gas,
     )  # fmt: skip
     if ti.static(gas.uses.thermal):
@@ -419,16 +636,22 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
             vx, vy, spin = thermal_velocity(i, gas.walls[w][TEMPERATURE], nx, ny, ux, uy, gas)
             how = 0
             lost = ti.Vector([0.0, 0.0, 0.0, 0.0], ti.f64)  # what it took or gave is heat
+    if ti.static(gas.uses.turning):
+        spin += spin_w
     gas.work[i][VX], gas.work[i][VY], gas.work[i][W_SPIN] = vx - gx * t, vy - gy * t, spin
     if ti.static(gas.uses.watched):
         row = watched_row(i, t, tile, region, gas)
         if row >= 0:
             gas.event[row][NORMAL_X], gas.event[row][NORMAL_X + 1] = -nx, -ny
             # The wall's velocity is that in the lab.
-            before = ti.Vector([vx_0 - gx * t, vy_0 - gy * t, spin_0, ux - gx * t, uy - gy * t, 0.0 * t])
-            after = ti.Vector([vx - gx * t, vy - gy * t, spin, ux - gx * t, uy - gy * t, 0.0 * t])
+            wx, wy = ux - gx * t, uy - gy * t
+            if ti.static(gas.uses.turning):  # at the contact
+                wx += spin_w * radius * ny
+                wy -= spin_w * radius * nx
+            before = ti.Vector([vx_0 - gx * t, vy_0 - gy * t, spin_0, wx, wy, 0.0 * t])
+            after = ti.Vector([vx - gx * t, vy - gy * t, spin, wx, wy, 0.0 * t])
             write_motion(row, t, 0, before, after, gas)
-            gas.event_int[row][EVENT_PARTNER] = -2 - w
+            gas.event_int[row][EVENT_PARTNER] = -2 - owner
             gas.event_int[row][EVENT_HOW] = ti.select(how >= ELASTIC, BY_REMEDY, BY_LAW)
             if ti.static(gas.uses.thermal):
                 if gas.walls[w][TEMPERATURE] > 0.0:
@@ -437,21 +660,54 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
         charge(i, BY_WALLS, lost.sum(), gas)
     remember(i, t, -1 - w, gas)
     note_speed(i, gas)
-    gas.link[i][LAST] = FIRST_WALL - w
+    gas.link[i][LAST] = FIRST_WALL - owner
     gas.mark[i][AT_WALLS] = gas.mark[i][AT_WALLS] + 1
     if gas.link[i][OWN] > 0:
         add(tile, WALL_COLLISIONS, 1.0, gas)
         if how >= ELASTIC:
             add(tile, ELASTICS, 1.0, gas)
         # A wall works on what it pushes: the impulse times its own velocity.
-        add(tile, WALL_WORK, ti.cast(((vx - vx_0) * ux + (vy - vy_0) * uy) / inverse_mass, ti.f64), gas)
+        work = ti.cast(((vx - vx_0) * ux + (vy - vy_0) * uy) / inverse_mass, ti.f64)
+        if ti.static(gas.uses.turning):
+            work += turning_impulse(kind, spin - spin_0, gas) * spin_w
+        add(tile, WALL_WORK, work, gas)
         if ti.static(gas.uses.tallied):
             add(tile, LOSSES + BY_WALLS, lost.sum(), gas)
+        heat = ti.cast(0.0, ti.f64)
         if ti.static(gas.uses.thermal):
             column = ti.cast(gas.walls[w][HEAT], ti.i32)
             if column >= 0:
-                heat = heat_given(kind, vx - ux, vy - uy, spin, vx_0 - ux, vy_0 - uy, spin_0, gas)
+                heat = heat_given(
+                    kind, vx - ux, vy - uy, spin - spin_w, vx_0 - ux, vy_0 - uy, spin_0 - spin_w, gas
+                )
                 gas.heat[tile, AT_END, column] = gas.heat[tile, AT_END, column] + heat
+        if ti.static(gas.uses.summed):
+            gained_x, gained_y = (
+                ti.cast((vx - vx_0) / inverse_mass, ti.f64),
+                ti.cast((vy - vy_0) / inverse_mass, ti.f64),
+            )
+            torque = lever_x * gained_y - lever_y * gained_x + turning_impulse(kind, spin - spin_0, gas)
+            first = ti.cast(gas.walls[w][SUMS], ti.i32)
+            add_sum(tile, first + MOMENTUM_X, gained_x, gas)
+            add_sum(tile, first + MOMENTUM_Y, gained_y, gas)
+            add_sum(tile, first + TORQUE, torque, gas)
+            add_sum(tile, first + WORK, work, gas)
+            add_sum(tile, first + WARMTH, heat, gas)
+            add_sum(tile, first + HITS, 1.0, gas)
+
+
+@ti.func
+def add_sum(tile, column, value, gas: ti.template()):
+    """Add to the sums of a wall."""
+    gas.heat[tile, AT_END, column] = gas.heat[tile, AT_END, column] + value
+
+
+@ti.func
+def turning_impulse(kind, gained, gas: ti.template()):
+    """Angular momentum of a spin that a disk of this kind gained. In double precision."""
+    radius = ti.cast(gas.kinds[kind][KIND_RADIUS], ti.f64)
+    k, inverse_mass = ti.cast(gas.kinds[kind][K], ti.f64), ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64)
+    return radius * radius / (k * inverse_mass) * gained
 
 
 @ti.func

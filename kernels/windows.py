@@ -159,7 +159,7 @@ def plan(gas: ti.template()):
     """Set the next window, from the sums of the last one, which are added up. A force ends it."""
     for column in range(TALLY):
         gas.sums[column] = gas.sums[column] + total_of(column, gas)
-    if ti.static(gas.uses.thermal):
+    if ti.static(gas.uses.thermal or gas.uses.summed):
         for column in range(TALLY, TALLY + gas.heat.shape[2]):
             gas.sums[column] = gas.sums[column] + total_of(column, gas)
     way = gas.clock[SPEED] * (gas.clock[END] - gas.clock[BEGIN])

@@ -276,6 +276,23 @@ def test_walls_example_shakes_coins(capsys: pytest.CaptureFixture[str]) -> None:
     assert float(work) > 0.0
 
 
+def test_paddle_example_works_as_its_torque_says(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(block("paddle"), {})
+    hits, work, by_torque = (float(each) for each in re.findall(r"\[\s*(\S+?)\s*\]", capsys.readouterr().out))
+    assert hits > 10
+    assert work == pytest.approx(by_torque, rel=1e-6)
+    assert work > 0.0
+
+
+def test_shapes_of_the_case_file_are_walls() -> None:
+    raw = tomllib.loads(template.write("walls"))
+    raw["wall"] = tomllib.loads(block("shapes case"))["wall"]
+    gas = CaseGas.from_case(Case.model_validate(raw))
+    assert [wall.shape for wall in gas.walls] == ["arc", "polyline", "polygon"]
+    # The triangle-like outline: 3 straight sides, one of them after a curve of some pieces.
+    assert len(gas.walls[2].points) > 5
+
+
 def test_walls_of_the_case_file_are_those_of_the_template() -> None:
     shown = tomllib.loads(block("walls case"))
     full = dict(template.TEMPLATES["walls"].values)

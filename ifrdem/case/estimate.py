@@ -21,6 +21,7 @@ from .. import theory
 from ..errors import TheoryError
 from ..kernels import limits
 from ..model.observables import MECHANISMS, REGIMES
+from ..model.walls import SUMS
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Drive
 from ..trajectory import layout
@@ -114,7 +115,8 @@ class RunEstimate:
         steady, end, per_disk = _by_theory(gas, case, phi, mean_rate)
         # A drive, a flow, a fall or a wall that moves or is hot may raise the rate; in an open box there is none.
         driven = bool(case.force) or any(case.box.gravity) or gas.box.shear_rate != 0.0
-        driven |= any(each.motion is not None or each.temperature is not None for each in case.wall)
+        stirring = (each.motion or each.turn or each.temperature for each in case.wall)
+        driven |= any(one is not None for one in stirring)
         at_most = math.isnan(per_disk) and not driven and not gas.box.is_open
         if at_most:
             per_disk = mean_rate * (case.run.t_end or 0.0)
@@ -274,6 +276,8 @@ def _trajectory_bytes(n: int, case: Case, *, frames: int, rows: int, tracked: in
     if rows:
         # Step and time first.
         series = [1, 1, *OBSERVABLES.values(), *(LEDGER.values() if output.ledger else ())]
+        walls = len(case.wall) + 2 * sum(not each for each in case.box.periodic)
+        series += [walls] * (len(SUMS) * output.wall_sums)
         size += sum(_dataset(rows, max(1, layout.CHUNK_ROWS // width), width, 8) for width in series)
     if tracked:
         chunk = layout.chunk_events(tracked)

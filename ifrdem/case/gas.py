@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,11 +16,12 @@ from numpy.typing import NDArray
 from ..errors import InputError, listed
 from ..initial import impact_scan, packing, placement
 from ..initial.from_csv import Given
+from ..model import crush
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.ifr import EnergyWarning, IFRLaw
 from ..model.state import Disks, State
-from ..model.walls import Wall
+from ..model.walls import Wall, wall_names
 from ..simulation import checks
 from ..simulation.simulation import Simulation
 from ..tools import seeds
@@ -117,6 +119,15 @@ class CaseGas:
         texts = dict.fromkeys(each.message for each in self.verdicts if each.admissible and not each.strict)
         return list(texts)
 
+    def crushes(self, case: Case) -> list[str]:
+        """One text for each two walls that would crush a disk between them in the run."""
+        walls, diameter = self.room.all_walls, 2.0 * float(self.disks.radius.max(initial=0.0))
+        names = wall_names(walls, self.box)
+        end = math.inf if case.run.t_end is None else case.run.t_end
+        return [
+            crush.told(each, names, diameter) for each in crush.crushes(walls, self.box, diameter, 0.0, end)
+        ]
+
     def start(self, case: Case, progress: Callable[[float], None] = lambda _: None) -> State:
         """The state at time 0, without overlaps; `progress` gets the part of growing that is done.
 
@@ -176,7 +187,7 @@ class CaseGas:
                 precision=run.precision, walls=self.walls, gravity=(case.box.gravity[0], case.box.gravity[1]),
                 collapse=run.collapse, contact_time=run.contact_time, velocity_cutoff=run.velocity_cutoff,
                 forces=forces_of(case), seed=run.seed, ledger=output.ledger, partners="last_partner" in output.fields,
-                angles="angle" in output.fields, dissipated="dissipated" in output.fields,
+                angles="angle" in output.fields, dissipated="dissipated" in output.fields, wall_sums=output.wall_sums,
                 tracked=self.tracked(case, begin) if tracked is None else tracked,
             )  # fmt: skip
 
@@ -218,7 +229,7 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
     sides = () if case.box.material is None else (case.box.material,)
     materials = tuple(dict.fromkeys((*sides, *(each.material for each in species), *case.materials_of_walls)))
     rows = [0 if each.material is None else materials.index(each.material) for each in case.wall]
-    walls = tuple(each.wall(row) for each, row in zip(case.wall, rows, strict=True))
+    walls, wrong_shapes = rules.made_walls(case, rows, folder)
     found = [*rules.wrong_names(case), *rules.wrong_pairs(verdicts), *rules.wrong_motion(case)]
     found += rules.wrong_forces(case)
     box, patch, given = Box.open(), None, None
@@ -228,7 +239,7 @@ def judge(case: Case, folder: Path, *, start: bool = True) -> tuple[CaseGas, lis
         found.append(Complaint("box", None, str(error)))
     else:
         box = box if case.box.open or patch is None else patch
-        wrong_walls = [*rules.wrong_walls(case, walls, box, radius)]
+        wrong_walls = wrong_shapes or [*rules.wrong_walls(case, walls, box, radius)]
         found += wrong_walls
         if start:
             standing = () if wrong_walls else walls

@@ -53,6 +53,9 @@ class OutputSection(Section):
     """With spacing "log": where the first one stands, as a part of the run [1]."""
     ledger: bool = key(True, True)
     """Add up what dissipates energy, by mechanism, in the time series [true or false]."""
+    wall_sums: bool = key(True, False)
+    """Add up what each wall gives to the disks (momentum, torque, work, heat, hits), in the time series [true or
+    false]."""
     histories: list[Annotated[int, Field(ge=0)]] | None = key([0, 7], None, min_length=1)
     """Disks of which every collision is kept [list of their numbers, from 0]; so their paths are exact."""
     histories_sample: int | None = key(100, None, ge=1)

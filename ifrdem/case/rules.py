@@ -21,13 +21,15 @@ from ..kernels.limits import MOST_WALLS
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.overlaps import relax
-from ..model.walls import Wall, check_place
+from ..model.walls import Wall, check_place, pieces
 from ..model.walls import check as check_walls
 from .case import IMPACT_SCAN, Case
 from .pair_rules import PairVerdict
 from .section import Complaint
 from .species import Species
 
+MOST_SUMMED = 1000
+"""Walls whose sums a file can hold: their names are an attribute, of 64 KiB at most."""
 LARGEST_DISK = 1.0 / 3.0
 """Of the shorter side, at most: the engine's limit, which keeps a disk from meeting its own image."""
 
@@ -114,6 +116,19 @@ def wrong_forces(case: Case) -> Iterator[Complaint]:
             yield _at(case, f"{key}.step", text)
 
 
+def made_walls(
+    case: Case, materials: Sequence[int], folder: Path
+) -> tuple[tuple[Wall, ...], list[Complaint]]:
+    """The walls of a case, and those that cannot be made: files that cannot be read, polygons that cross themselves."""
+    made, wrong = [], []
+    for i, (each, material) in enumerate(zip(case.wall, materials, strict=True)):
+        try:
+            made.append(each.wall(material, folder))
+        except InputError as error:
+            wrong.append(Complaint(f"wall[{i}]", None, str(error)))
+    return tuple(made), wrong
+
+
 def wrong_walls(
     case: Case, walls: Sequence[Wall], box: Box, radius: NDArray[np.float64]
 ) -> Iterator[Complaint]:
@@ -141,8 +156,8 @@ def wrong_walls(
             continue
         placed.append(wall)
     room, largest = Room(box, tuple(placed)), float(radius.max())
-    if len(room.all_walls) > MOST_WALLS:
-        count = f"{len(room.all_walls)} walls: {MOST_WALLS} at most are supported"
+    if (number := pieces(room.all_walls)) > MOST_WALLS:
+        count = f"{number} walls: {MOST_WALLS} at most are supported"
         yield Complaint("wall", None, f"{count}, the sides of the box included")
     elif len(placed) == len(walls) and room.all_walls and room.area(largest) <= 0.0:
         text = f"the walls leave no room for a disk of diameter {2.0 * largest:.6g}"
@@ -150,18 +165,24 @@ def wrong_walls(
 
 
 def _outside(wall: Wall, box: Box) -> bool:
-    """True if a post or segment is out of reach of the box; a line or container so placed leaves no room."""
-    if wall.shape not in ("post", "segment") or wall.motion.kind == "steady":
+    """True if a wall among the disks is out of reach of the box; a line or container so placed leaves no room."""
+    if wall.shape in ("line", "container") or wall.motion.kind == "steady":
         return False
-    reach = wall.radius + wall.motion.extent
-    ends = np.array((wall.place, np.add(wall.place, wall.towards)))
-    beyond = (ends.max(axis=0) + reach <= 0.0) | (ends.min(axis=0) - reach >= box.lengths)
+    low, high = wall.bounds()
+    beyond = (high + wall.motion.extent <= 0.0) | (low - wall.motion.extent >= box.lengths)
     return bool(np.any(beyond))
 
 
 def wrong_output(case: Case, n: int, box: Box) -> Iterator[Complaint]:
     """Output that the gas or the box does not allow."""
     output, region = case.output, case.output.histories_region
+    if output.wall_sums and not case.walled:
+        yield Complaint("output.wall_sums", "true", "there are no walls")
+    elif output.wall_sums and len(case.wall) > MOST_SUMMED:
+        text = (
+            f"{len(case.wall)} walls: of {MOST_SUMMED} at most; make polylines of those that belong together"
+        )
+        yield Complaint("output.wall_sums", "true", text)
     for key, named in (("fields", output.fields), ("histories", output.histories or ())):
         if twice := [name for name, times in Counter(named).items() if times > 1]:
             text = "it is there already; each may be given once"

@@ -266,7 +266,16 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
         made = f"of {section.material}" if hot is None else f"thermal, T = {hot:.4g}{energy}"
         surface = f", surface at {wall.surface_speed:g}{speed}" if wall.surface_speed else ""
         motion = "" if section.motion is None else f"; {_motion(case, wall, g, mass)}"
-        lines.append((f"wall {i}", f"{wall.shape}, {made}{surface}{motion}"))
+        if section.turn is not None:
+            motion += (
+                f"; turns ({wall.turn.kind}), up to {wall.turn.most_rate * wall.lever:.4g}{speed} at its end"
+            )
+        if wall.opens_at is not None:
+            motion += f"; opens at t = {wall.opens_at:g}{time}"
+        if wall.opens_after is not None:
+            motion += f"; opens after {wall.opens_after} collisions"
+        sides = f" of {len(wall.corners) - 1} sides" if wall.points else ""
+        lines.append((f"wall {i}", f"{wall.shape}{sides}, {made}{surface}{motion}"))
     if estimate.wall_hits > 0.0:
         per = f" per{time}" if time else " per unit of time"
         text = f"some {estimate.wall_hits:.3g}{per} at the start, if spread out and Maxwellian"

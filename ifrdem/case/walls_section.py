@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from ..model.walls import Motion, Wall
+from ..errors import InputError
+from ..model import outlines
+from ..model.walls import FULL_TURN, Motion, Turn, Wall
 from .section import Keys, Section, key
 
+_POINTS = ("points", "file", "path")
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
@@ -51,12 +55,35 @@ class MotionSection(Section):
         return super().mistakes(data) + _nowhere(data, "direction")
 
 
-class WallSection(Section):
-    """A wall beside the sides of the box: at rest, moving, with a moving surface, or hot. Up to 31 with the sides."""
+class TurnSection(Section):
+    """Rotation of a wall as a whole about a centre, counter-clockwise."""
 
-    shape: Literal["line", "segment", "container", "post"] = key("line")
+    kind: Literal["steady", "sine"] = key("steady")
+    """ "steady" (angle = rate t) or "sine" (angle = amplitude sin(2 pi frequency t + phase))."""
+    center: Pair = key([0.5, 0.5])
+    """Centre [x, y] of the rotation [m]; the wall's motion carries it along."""
+    rate: float | None = key(2.0, None)
+    """Angular velocity of a steady rotation [rad/s]."""
+    amplitude: float | None = key(0.5, None, gt=0.0)
+    """Largest angle [rad]."""
+    frequency: float | None = key(1.0, None, gt=0.0)
+    """Periods per time [1/s]."""
+    phase: float | None = key(0.0, None)
+    """At t = 0 [rad]; 0 if not given."""
+
+    kinds: ClassVar[Mapping[str, Keys]] = {
+        "steady": Keys(("rate",)),
+        "sine": Keys(("amplitude", "frequency"), also=("phase",)),
+    }
+
+
+class WallSection(Section):
+    """A wall beside the sides of the box: at rest, moving, turning, with a moving surface, or hot."""
+
+    shape: Literal["line", "segment", "container", "post", "arc", "polyline", "polygon"] = key("line")
     """ "line" (endless; point, normal), "segment" (both sides and the ends; start, end), "container" (a circle around
-    the disks; center, radius) or "post" (a round obstacle; center, radius)."""
+    the disks; center, radius), "post" (a round obstacle; center, radius), "arc" (both sides and the ends; center,
+    radius, angles), "polyline" or "polygon" (both sides, all corners; points, file or path)."""
     material: str | None = key("steel", None, min_length=1, max_length=100)
     """Name of the material [text]: that of a species, or another one with a [[pair]] for each material of the disks.
     Needed but for a thermal wall, which has none."""
@@ -69,12 +96,39 @@ class WallSection(Section):
     end: Pair | None = key([0.2, 0.1], None)
     """The other end [x, y] of a segment [m]."""
     center: Pair | None = key([0.5, 0.5], None)
-    """Centre [x, y] of a container or post [m]."""
+    """Centre [x, y] of a container, post or arc [m]."""
     radius: float | None = key(0.4, None, ge=0.0)
-    """Radius of a container or post [m]; a post may have 0."""
+    """Radius of a container, post or arc [m]; a post may have 0."""
+    angles: Pair | None = key([0.0, 3.14], None)
+    """Angles [begin, end] of an arc, counter-clockwise from the x axis [rad]; a whole circle without them."""
+    points: list[Pair] | None = key([[0.1, 0.1], [0.2, 0.3], [0.3, 0.1]], None)
+    """Points [[x, y], ...] of a polyline or polygon [m]."""
+    file: str | None = key("hopper.csv", None, min_length=1)
+    """Instead: a file of them [path from the case file], with x and y in each line [m], or an SVG drawing of one
+    path."""
+    path: str | None = key("M 0.1 0.1 L 0.2 0.3 C 0.3 0.3 0.3 0.2 0.4 0.1", None, min_length=1)
+    """Instead: the data of an SVG path, y upwards [text of numbers in m]: commands M, L, H, V, Z, C, Q, A."""
+    tolerance: float | None = key(1.0e-5, None, gt=0.0)
+    """Largest distance of the straight pieces that stand for curves of a path [m]; 1e-4 of its size if not given."""
+    holds: Literal["both", "inside", "outside"] | None = key("inside", None)
+    """Where disks start: "inside" of a polygon, "outside", or on "both" sides, if not given; packing fractions count
+    it."""
     motion: MotionSection | None = key({"kind": "sine", "amplitude": 5.0e-3, "frequency": 20.0}, None)
     """How it moves as a whole [table; m, 1/s, rad]: "steady" (speed), "sine" or "sawtooth" (amplitude, frequency,
     phase; rise), along a direction. At rest without it."""
+    turn: TurnSection | None = key({"kind": "steady", "center": [0.5, 0.5], "rate": 2.0}, None)
+    """How it turns as a whole [table; m, rad/s, 1/s, rad]: "steady" (rate) or "sine" (amplitude, frequency, phase),
+    about a center. Walls with the same motion and turn move as one."""
+    moves_from: float | None = key(1.0, None)
+    """Time from which on it moves and turns [s]; before, it stands where it is then. Always without it."""
+    moves_until: float | None = key(2.0, None)
+    """Time until which it moves and turns [s]; then it stays there. For ever without it."""
+    opens_at: float | None = key(1.0, None)
+    """A gate: the time from which on it is gone [s]."""
+    opens_after: int | None = key(1000, None, ge=0)
+    """A gate: the number of collisions of two disks after which it is gone [whole number]."""
+    group: str | None = key("paddle", None, min_length=1, max_length=100)
+    """Name under which what it gives to the disks is added up, with other walls of that name [text]."""
     surface_speed: float = key(0.5, 0.0)
     """Speed of its surface along itself [m/s], as of a belt or drum; positive is clockwise for a container,
     counter-clockwise for a post, and to the left seen along a line's normal."""
@@ -88,6 +142,9 @@ class WallSection(Section):
         "segment": Keys(("start", "end")),
         "container": Keys(("center", "radius")),
         "post": Keys(("center", "radius")),
+        "arc": Keys(("center", "radius"), also=("angles",)),
+        "polyline": Keys(one=_POINTS, also=("tolerance",)),
+        "polygon": Keys(one=_POINTS, also=("tolerance", "holds")),
     }
 
     @classmethod
@@ -98,19 +155,33 @@ class WallSection(Section):
             wrong.append(
                 "either material or temperature is needed: disks leave a thermal wall whatever it is made of"
             )
-        if data.get("shape") == "container" and data.get("radius") == 0:
-            wrong.append("radius = 0: a container needs one above 0")
+        if (shape := data.get("shape")) in ("container", "arc") and data.get("radius") == 0:
+            wrong.append(f"radius = 0: {'an' if shape == 'arc' else 'a'} {shape} needs one above 0")
+        if shape == "line" and "turn" in data:
+            wrong.append("turn: a line has no end, so it cannot turn; use a segment")
+        if "tolerance" in data and "points" in data:
+            wrong.append("tolerance: points have no curves")
         if data.get("shape") == "segment" and "start" in data and data["start"] == data.get("end"):
             wrong.append('start = end: a segment has two ends; a point is a "post" of radius 0')
         return wrong + _nowhere(data, "normal")
 
-    def wall(self, material: int = 0) -> Wall:
-        """The wall that stands here, of the material in this row of the law's table."""
+    def wall(self, material: int = 0, folder: Path | None = None) -> Wall:
+        """The wall that stands here, of the material in this row of the law's table; files are looked for in `folder`.
+
+        Raises
+        ------
+        InputError
+            If a file cannot be read, or its points or those given are no polyline or polygon.
+        """
         options: dict[str, Any] = {"material": material, "surface_speed": self.surface_speed}
         if self.motion is not None:
             options["motion"] = Motion(**self.motion.model_dump(exclude_none=True))
-        if self.temperature is not None:
-            options["temperature"] = self.temperature
+        if self.turn is not None:
+            given = self.turn.model_dump(exclude_none=True)
+            options["turn"] = Turn(**{**given, "center": tuple(given["center"])})
+        for name in ("temperature", "moves_from", "moves_until", "opens_at", "opens_after", "group"):
+            if (value := getattr(self, name)) is not None:
+                options[name] = value
 
         def point(value: list[float] | None) -> tuple[float, float]:
             assert value is not None  # `wrong_choice` sees to it
@@ -125,3 +196,33 @@ class WallSection(Section):
                 return Wall.container(point(self.center), self.radius or 0.0, **options)
             case "post":
                 return Wall.post(point(self.center), self.radius or 0.0, **options)
+            case "arc":
+                angles = (0.0, FULL_TURN) if self.angles is None else point(self.angles)
+                return Wall.arc(point(self.center), self.radius or 0.0, angles, **options)
+            case "polyline":
+                return Wall.polyline(self._outline(folder, closed=False), **options)
+            case "polygon":
+                return Wall.polygon(self._outline(folder, closed=True), self.holds or "both", **options)
+
+    def _outline(self, folder: Path | None, *, closed: bool) -> list[tuple[float, float]]:
+        """Points as they are given, from a file, or of a path.
+
+        Raises InputError if a polygon's outline does not come back to where it begins.
+        """
+        if self.points is not None:
+            return [(x, y) for x, y in self.points]
+        place = None if self.file is None else (folder or Path()) / self.file
+        if place is None:
+            found, ends = outlines.of_path(self.path or "", self.tolerance)
+        elif place.suffix.lower() == ".svg":
+            found, ends = outlines.of_svg(place, self.tolerance)
+        else:
+            found, ends = outlines.of_csv(place), False
+        ends = ends or found[0] == found[-1]
+        if closed and not ends:
+            (x, y), (u, v) = found[0], found[-1]
+            raise InputError(
+                f"{self.file or 'path'}: it begins at ({x:.6g}, {y:.6g}) and ends at ({u:.6g}, {v:.6g}): a polygon "
+                'must come back to its beginning (in a path by Z); or take shape = "polyline"'
+            )
+        return [*found, found[0]] if ends and not closed and found[0] != found[-1] else found

@@ -1,11 +1,12 @@
 """The room that walls leave to disks: its area, its boundary, and how far disks are from it.
 
 The room is the part of the box on the disks' side of every wall: in front of lines, inside of containers, outside of
-posts. Segments take none of it. Moving walls stand where they are at t = 0. A packing fraction between walls is the
-area of the disks over that of the room.
+posts, and on the side of a polygon that holds the disks. Segments, arcs and polylines take none of it. Moving walls
+stand where they are at t = 0. A packing fraction between walls is the area of the disks over that of the room.
 
 The area is exact, by Green's theorem: half the integral of x dy - y dx along the boundary, whose pieces are those parts
-of lines and circles that are on the right side of all others.
+of lines and circles that are on the right side of all others. With polygons, which may have thousands of sides, it is
+the sum of the exact widths along lines across the box, between corners and SCANS of them.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from .walls import Point, Wall, sides
 
 ROUNDING = 1e-9
 """Distance of two boundaries, as a part of the box, at which they are one and the same."""
+
+SCANS = 1000
+"""Lines along x on which a room with polygons is measured: it is exact without circles, and to some 1e-5 with them."""
 
 _ALONG = np.array(
     [0.37, 0.61]
@@ -187,18 +191,25 @@ class Room:
         boundaries = self._boundaries(inset)
         fixed = {self._side(axis, end) for axis in (0, 1) if self.box.periodic[axis] for end in (0, 1)}
         walls = sum(piece.length(s, s_1) for piece, s, s_1 in self._pieces(boundaries) if piece not in fixed)
-        segments = (wall for wall in self.walls if wall.shape == "segment")
-        return walls + sum(2.0 * (math.hypot(*each.towards) + math.pi * inset) for each in segments)
+        thin = (wall for wall in self.walls if wall.shape in ("segment", "arc", "polyline", "polygon"))
+        for each in thin:
+            both = 2.0 if each.holds == "both" else 1.0
+            walls += both * float(np.hypot(*np.diff(each.outline(), axis=0).T).sum())
+            walls += 2.0 * math.pi * inset if each.shape != "polygon" else 0.0
+        return walls
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower left and upper right corner of a rectangle around the room [length]; the box if there is none."""
         lengths = np.array(self.box.lengths)
         pieces = self._pieces(self._boundaries(0.0)) if self.walls else ()
         points = [piece.at(np.array(piece.extremes(s, s_1))) for piece, s, s_1 in pieces]
-        if not points:
-            return np.zeros(2), lengths
-        found = np.clip(np.concatenate(points), 0.0, lengths)
-        low, high = found.min(axis=0), found.max(axis=0)
+        low, high = np.zeros(2), lengths
+        if points:
+            found = np.clip(np.concatenate(points), 0.0, lengths)
+            low, high = found.min(axis=0), found.max(axis=0)
+        for corners, inside in self._polygons:
+            if inside:
+                low, high = np.maximum(low, corners.min(axis=0)), np.minimum(high, corners.max(axis=0))
         # Across a periodic side the room goes on, where it reaches it.
         open_ = (low <= ROUNDING * lengths) | (high >= (1.0 - ROUNDING) * lengths)
         open_ &= np.array(self.box.periodic)
@@ -219,10 +230,10 @@ class Room:
         """The boundary of the room is made of parts of these; walls first."""
         found: list[_Boundary] = []
         for wall in self.all_walls:
-            place = np.array(wall.place) + np.array(wall.motion.direction) * wall.motion.displacement(0.0)
+            place = wall.carried(np.array([wall.place]), 0.0)[0]
             if wall.shape == "line":
                 found.append(_line(place + inset * np.array(wall.towards), np.array(wall.towards)))
-            elif wall.shape != "segment":
+            elif wall.shape in ("container", "post"):
                 inside = wall.shape == "container"
                 r = wall.radius - inset if inside else wall.radius + inset
                 found.append(_Circle((float(place[0]), float(place[1])), r, inside))
@@ -231,7 +242,44 @@ class Room:
     def _area(self, boundaries: Sequence[_Boundary]) -> float:
         if any(isinstance(each, _Circle) and each.inside and each.radius <= 0.0 for each in boundaries):
             return 0.0
+        if self._polygons:
+            return self._scanned(boundaries)
         return max(0.0, sum(piece.green(s, s_1) for piece, s, s_1 in self._pieces(boundaries)))
+
+    @property
+    def _polygons(self) -> list[tuple[Array, bool]]:
+        """Corners of polygons of which one side holds the disks, closed; and if that is the inside."""
+        held = (wall for wall in self.walls if wall.shape == "polygon" and wall.holds != "both")
+        return [(wall.outline(), wall.holds == "inside") for wall in held]
+
+    def _scanned(self, boundaries: Sequence[_Boundary]) -> float:
+        """Area by its width along lines: between the places where boundaries cross one, all of it is room or none."""
+        width, height = self.box.lengths
+        area = 0.0
+        polygons = self._polygons
+        corners_y = np.clip(np.concatenate([corners[:, 1] for corners, _ in polygons]), 0.0, height)
+        edges = np.unique(
+            np.concatenate([np.linspace(0.0, height, SCANS + 1), corners_y])
+        )  # widths are linear between
+        for y, step in zip(0.5 * (edges[1:] + edges[:-1]), np.diff(edges), strict=True):
+            across = _line(np.array((0.0, y)), np.array((0.0, 1.0)))
+            met = [across.at(np.array([s]))[0, 0] for other in boundaries for s in _meetings(across, other)]
+            cuts = []
+            for corners, _ in polygons:
+                y_0, y_1 = corners[:-1, 1], corners[1:, 1]
+                sides = (y_0 > y) != (y_1 > y)
+                part = (y - y_0[sides]) / (y_1 - y_0)[sides]
+                cuts.append(np.sort(corners[:-1, 0][sides] + part * np.diff(corners[:, 0])[sides]))
+            x = np.unique(np.clip(np.concatenate([[0.0, width], met, *cuts]), 0.0, width))
+            middle = 0.5 * (x[1:] + x[:-1])
+            points = np.column_stack((middle, np.full(len(middle), y)))
+            inside = np.ones(len(middle), dtype=bool)
+            for other in boundaries:
+                inside &= other.inward(points) > 0.0
+            for cut, (_, within) in zip(cuts, polygons, strict=True):
+                inside &= (np.searchsorted(cut, middle) % 2 == 1) == within
+            area += step * float(np.diff(x)[inside].sum())
+        return area
 
     def _pieces(self, boundaries: Sequence[_Boundary]) -> Iterator[_Piece]:
         """Those parts of the boundaries that bound the room, each with where it begins and ends."""

@@ -44,6 +44,8 @@ class Measure:
         Energy that collisions have taken since the start, by mechanism (`MECHANISMS`) [energy]; None without a ledger.
     regimes : array (5,) or None
         Collisions of two disks since the start, by regime (`REGIMES`).
+    walls : array (W, 6) or None
+        Sums of each wall, the sides of the box last (`WallSums`); None unless they are asked for.
     shear_pressure : float
         Kinetic part of the pressure tensor times the area, sum of m v_x v_y [energy].
 
@@ -68,6 +70,7 @@ class Measure:
     wall_hits: int = 0
     dissipated: Array | None = None
     regimes: NDArray[np.int64] | None = None
+    walls: Array | None = None
 
     @property
     def unspent(self) -> float:

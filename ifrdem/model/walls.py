@@ -1,28 +1,39 @@
-"""Walls: lines, segments, containers and posts, at rest, moving, or with a moving surface.
+"""Walls: lines, circles, arcs, polylines and polygons, at rest, moving, turning, or with a moving surface.
 
 A wall is a disk of infinite mass to the collision law, with a material of its own. `kernels/walls.py` finds when disks
-meet it.
+meet it, or one of the pieces that an arc, a polyline or a polygon has.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Literal, TypedDict, Unpack
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 
 from ..errors import InputError, nearest
-from ..kernels.limits import MOST_WALLS
+from ..kernels.limits import MOST_WALLS, OWNER, WALL
 from ..tools import checked
 from ..tools.checked import Array
+from . import outlines
 from .box import Box
 
 Point = tuple[float, float]
-SHAPES = ("line", "segment", "container", "post")
+PIECES = ("line", "segment", "container", "post", "arc inside", "arc outside")
+"""What walls consist of, in the order of `kernels/walls.py`."""
+SHAPES = ("line", "segment", "container", "post", "arc", "polyline", "polygon")
 MOTIONS = ("still", "steady", "sine", "sawtooth")
+TURNS = ("still", "steady", "sine")
+HOLDS = ("both", "inside", "outside")
+SUMS = ("momentum_x", "momentum_y", "torque", "work", "heat", "hits")
+"""Columns of `Simulation.wall_sums`."""
+FULL_TURN = 2.0 * math.pi
+AT_ONCE = 2_000_000
+"""Pairs of a point and a piece of a wall that are looked at together at most."""
 
 
 def _number(
@@ -118,21 +129,88 @@ class Motion:
         return 0.0
 
 
+@dataclass(frozen=True)
+class Turn:
+    """Rotation of a wall as a whole about a centre, counter-clockwise; t is the time of the run.
+
+    InputError if a number is not finite or out of its range.
+
+    Parameters
+    ----------
+    kind : {"still", "steady", "sine"}
+        steady: the angle is rate t. sine: it is amplitude sin(2 pi frequency t + phase).
+    center : two floats
+        Of the rotation [length]; where the wall has a motion too, this carries it along.
+    rate : float
+        Angular velocity [rad/time].
+    amplitude, frequency, phase : float
+        Largest angle [rad], [1/time], [rad].
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> mixer = ifrdem.Turn("steady", center=(0.5, 0.5), rate=2.0)
+    >>> mixer.angle(0.25)
+    0.5
+    """
+
+    kind: str = "still"
+    center: Point = (0.0, 0.0)
+    rate: float = 0.0
+    amplitude: float = 0.0
+    frequency: float = 0.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in TURNS:
+            raise InputError(
+                f"turn kind = '{self.kind}': allowed are {', '.join(TURNS)}{nearest(self.kind, TURNS)}"
+            )
+        set_ = object.__setattr__
+        set_(self, "center", checked.finite_pair("turn center", self.center))
+        for name, low in (("rate", -math.inf), ("amplitude", 0.0), ("frequency", 0.0), ("phase", -math.inf)):
+            set_(self, name, _number(f"turn {name}", getattr(self, name), low))
+        if self.kind == "sine" and self.frequency == 0.0:
+            raise InputError("turn kind = 'sine': a frequency above 0 is needed")
+
+    @property
+    def most_rate(self) -> float:
+        """The largest angular velocity [rad/time]."""
+        if self.kind == "sine":
+            return FULL_TURN * self.frequency * self.amplitude
+        return abs(self.rate) if self.kind == "steady" else 0.0
+
+    def angle(self, t: float) -> float:
+        """Angle at a time [rad]."""
+        if self.kind == "sine":
+            return self.amplitude * math.sin(FULL_TURN * self.frequency * t + self.phase)
+        return self.rate * t if self.kind == "steady" else 0.0
+
+
 class WallOptions(TypedDict, total=False):
     """Options of any wall; see `Wall`."""
 
     material: int
     motion: Motion
+    turn: Turn
+    moves_from: float | None
+    moves_until: float | None
+    opens_at: float | None
+    opens_after: int | None
     surface_speed: float
     temperature: float | None
+    group: str
 
 
 @dataclass(frozen=True)
 class Wall:
-    """A wall. Make one by `line`, `segment`, `container` or `post`.
+    """A wall. Make one by `line`, `segment`, `container`, `post`, `arc`, `polyline` or `polygon`.
 
     Notes
     -----
+    Walls with the same motion and turn move as one rigid body, as the blades of a paddle do. Walls are ghosts to each
+    other: they may cross.
+
     A disk that hits a thermal wall leaves it with a random velocity, whatever it had, in the frame of the wall's
     surface at that place and time. In a gas of temperature T, disks that cross a line have velocities distributed as
     v_n exp(-m v^2 / (2 T)), because the faster ones come from further away. So v_n = sqrt(-2 (T/m) ln u), u uniform
@@ -150,24 +228,46 @@ class Wall:
     >>> hot = ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0), temperature=2.0)
     >>> floor.shape, drum.radius, hot.temperature
     ('line', 0.4, 2.0)
+    >>> chute = ifrdem.Wall.polyline([(0.0, 0.6), (0.4, 0.2), (0.4, 0.1)])
+    >>> lid = ifrdem.Wall.segment((0.4, 0.1), (0.6, 0.1), opens_at=2.0)
+    >>> blade = ifrdem.Wall.segment((0.3, 0.5), (0.7, 0.5), turn=ifrdem.Turn("steady", center=(0.5, 0.5), rate=3.0))
+    >>> len(chute.points), lid.stands(2.5), blade.most_speed
+    (3, False, 0.6000000000000001)
     """
 
-    shape: Literal["line", "segment", "container", "post"]
+    shape: Literal["line", "segment", "container", "post", "arc", "polyline", "polygon"]
     place: Point
     towards: Point = (0.0, 0.0)
     """place, towards: a point of a line and its unit normal towards the disks; the beginning of a segment and the
     vector to its end [length]; the centre of a circle [length]."""
     radius: float = 0.0
-    """Of a circle [length]."""
+    """Of a circle or arc [length]."""
+    angles: Point = (0.0, FULL_TURN)
+    """Of an arc: where it begins and, counter-clockwise, where it ends [rad]."""
+    points: tuple[Point, ...] = ()
+    """Of a polyline or polygon [length]."""
+    holds: Literal["both", "inside", "outside"] = "both"
+    """Of a polygon: the side on which disks start, for placements and packing fractions; disks collide with both."""
     material: int = 0
     """Row of the law's table."""
     motion: Motion = Motion()
+    turn: Turn = Turn()
+    moves_from: float | None = None
+    moves_until: float | None = None
+    """moves_from, moves_until: times between which motion and turn go on [time]; before and after, the wall stands
+    where they begin and end."""
+    opens_at: float | None = None
+    """A gate: the time from which on the wall is gone [time]."""
+    opens_after: int | None = None
+    """A gate: the number of collisions between disks, those before the start included, after which the wall is gone."""
     surface_speed: float = 0.0
     """Of the surface along its tangent [length/time]: a belt, the rim of a drum. Positive to the left of the normal
     that points to the disk, that is clockwise for a container and counter-clockwise for a post."""
     temperature: float | None = None
     """Of a thermal wall, above 0 [energy]: the mean of m v_x^2 of the disks of a gas behind it, so that T = <m v^2>/2,
     and of I omega^2. None for a wall that follows the law."""
+    group: str = ""
+    """Name that its sums are added up under, together with those of other walls of that name; none by itself."""
 
     def __post_init__(self) -> None:
         if self.shape not in SHAPES:
@@ -184,11 +284,40 @@ class Wall:
         if self.shape == "line":
             length = math.hypot(*self.towards)
             set_(self, "towards", (self.towards[0] / length, self.towards[1] / length))
-        set_(self, "radius", _number(f"{name}, radius", self.radius, 0.0, open_=self.shape == "container"))
+        round_ = self.shape in ("container", "arc")
+        set_(self, "radius", _number(f"{name}, radius", self.radius, 0.0, open_=round_))
+        begin, end = checked.finite_pair(f"{name}, angles", self.angles)
+        set_(self, "angles", (begin, end))
+        if self.shape == "arc":
+            if not 0.0 < end - begin <= FULL_TURN * (1.0 + 1e-15):
+                raise InputError(
+                    f"{name}, angles = ({begin:.6g}, {end:.6g}): the second must be above the first, by a full turn (2 "
+                    "pi) at most; an arc without length is a post of radius 0"
+                )
+        elif len(self.points) and self.shape not in ("polyline", "polygon"):
+            raise InputError(f"{name}, points: only a polyline or polygon has them")
+        set_(self, "points", tuple(self.points))
+        if self.shape in ("polyline", "polygon"):
+            set_(self, "points", outlines.checked_points(name, self.points, closed=self.shape == "polygon"))
+            set_(self, "place", self.points[0])
+        checked.one_of(f"{name}, holds", self.holds, HOLDS)
         set_(self, "material", checked.whole(f"{name}, material", self.material, 0))
         set_(self, "surface_speed", _number(f"{name}, surface speed", self.surface_speed))
-        if not isinstance(self.motion, Motion):
-            raise InputError(f"{name}, motion = {self.motion!r}: a Motion is needed")
+        for key, kind in (("motion", Motion), ("turn", Turn)):
+            if not isinstance(getattr(self, key), kind):
+                raise InputError(f"{name}, {key} = {getattr(self, key)!r}: a {kind.__name__} is needed")
+        if self.turn.kind != "still" and self.shape == "line":
+            raise InputError(f"{name}, turn: a line has no end, so it cannot turn; use a segment")
+        for key in ("moves_from", "moves_until", "opens_at"):
+            if (value := getattr(self, key)) is not None:
+                set_(self, key, _number(f"{name}, {key}", value))
+        if self.opens_after is not None:
+            set_(self, "opens_after", checked.whole(f"{name}, opens_after", self.opens_after, 0))
+        begin, end = self.moving_times
+        if not begin < end:
+            raise InputError(f"{name}, moves_until = {end:g}: a time after moves_from, {begin:g}, is needed")
+        if not isinstance(self.group, str):
+            raise InputError(f"{name}, group = {self.group!r}: a name is needed")
         if self.temperature is not None:
             set_(self, "temperature", _number(f"{name}, temperature", self.temperature, 0.0, open_=True))
 
@@ -214,19 +343,167 @@ class Wall:
         """A round wall among the disks; radius 0 is a point."""
         return cls("post", center, radius=radius, **options)
 
-    def row(self, offset: Array) -> Array:
-        """The wall as a row of `kernels/walls.py`, every position moved by `offset` [length], shape (2,)."""
-        motion, turn = self.motion, 2.0 * math.pi
+    @classmethod
+    def arc(
+        cls, center: Point, radius: float, angles: Point = (0.0, FULL_TURN), **options: Unpack[WallOptions]
+    ) -> Wall:
+        """A part of a circle, without thickness, from the first of two angles [rad] counter-clockwise to the second.
+
+        Disks collide with both sides and the ends.
+        """
+        return cls("arc", center, radius=radius, angles=angles, **options)
+
+    @classmethod
+    def polyline(cls, points: Sequence[Point] | Array, **options: Unpack[WallOptions]) -> Wall:
+        """Straight walls from point to point, without thickness; disks collide with both sides and the ends."""
+        return cls("polyline", (0.0, 0.0), points=points, **options)  # type: ignore[arg-type]
+
+    @classmethod
+    def polygon(
+        cls,
+        points: Sequence[Point] | Array,
+        holds: Literal["both", "inside", "outside"] = "both",
+        **options: Unpack[WallOptions],
+    ) -> Wall:
+        """The closed outline through some points, without thickness: a container, an obstacle, or both.
+
+        Disks collide with both sides; on which of them they start is for `holds` to say.
+        """
+        return cls("polygon", (0.0, 0.0), points=points, holds=holds, **options)  # type: ignore[arg-type]
+
+    @property
+    def corners(self) -> Array:
+        """Points of a polyline; of a polygon the first one again at the end [length], shape (points, 2)."""
+        closed = self.points[:1] if self.shape == "polygon" else ()
+        return np.array((*self.points, *closed), dtype=np.float64).reshape(-1, 2)
+
+    @property
+    def arc_ends(self) -> Array:
+        """Ends of an arc [length], shape (2, 2); none of a whole circle."""
+        begin, end = self.angles
+        if end - begin >= FULL_TURN * (1.0 - 1e-15):
+            return np.empty((0, 2))
+        angle = np.array(self.angles)
+        return np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
+
+    def rows(self) -> Array:
+        """The pieces of the wall as rows of `kernels/walls.py`, shape (pieces, `WALL`)."""
+        motion, turn = self.motion, self.turn
         amplitude = motion.speed if motion.kind == "steady" else motion.amplitude
-        rate, phase = motion.frequency, motion.phase / turn
+        rate, phase = motion.frequency, motion.phase / FULL_TURN
         if motion.kind == "sine":
-            rate, phase = turn * rate, motion.phase
-        row = [
-            SHAPES.index(self.shape), *(np.array(self.place) + offset), *self.towards, self.radius,
-            MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,
-            self.surface_speed, self.material, 0.0, self.temperature or 0.0, -1.0,
-        ]  # fmt: skip
-        return np.array(row, dtype=np.float64)
+            rate, phase = FULL_TURN * rate, motion.phase
+        turns = turn.kind == "steady"
+        begin, end = self.moving_times
+
+        def row(kind: str, place: Any, towards: Any, circle: float = 0.0, half: float = 0.0) -> list[float]:
+            ends = np.array((place, np.add(place, towards))) if kind == "segment" else np.array((place,))
+            lever = float(np.hypot(*(ends - turn.center).T).max()) + circle
+            return [
+                PIECES.index(kind), *place, *towards, circle,
+                MOTIONS.index(motion.kind), *motion.direction, amplitude, rate, phase, motion.rise,
+                self.surface_speed, self.material, 0.0, self.temperature or 0.0, -1.0,
+                0.0, half, TURNS.index(turn.kind), *turn.center, turn.rate if turns else turn.amplitude,
+                FULL_TURN * turn.frequency, 0.0 if turns else turn.phase, 0.0, lever,
+                max(begin, -1e30), min(end, 1e30), 1.0, 0.0,
+            ]  # fmt: skip
+
+        if self.shape == "arc":
+            begin_angle, end_angle = self.angles
+            middle, half = 0.5 * (begin_angle + end_angle), 0.5 * (end_angle - begin_angle)
+            out = (math.cos(middle), math.sin(middle))
+            found = [row(kind, self.place, out, self.radius, half) for kind in ("arc inside", "arc outside")]
+            found += [row("post", end, (0.0, 0.0)) for end in self.arc_ends]
+        elif self.points:
+            corners = self.corners
+            found = [row("segment", a, b - a) for a, b in itertools.pairwise(corners)]
+        else:
+            found = [row(self.shape, self.place, self.towards, self.radius)]
+        return np.array(found, dtype=np.float64)
+
+    # ------------------------------------------------------------------ where it is
+
+    @property
+    def moving_times(self) -> tuple[float, float]:
+        """When motion and turn begin and end [time]; infinite where they always go on."""
+        return (
+            -math.inf if self.moves_from is None else self.moves_from,
+            math.inf if self.moves_until is None else self.moves_until,
+        )
+
+    @property
+    def gated(self) -> bool:
+        """True if it is a gate."""
+        return self.opens_at is not None or self.opens_after is not None
+
+    def stands(self, t: float, collisions: int = 0) -> bool:
+        """True unless it is a gate that has opened by the time t, or after so many collisions."""
+        return (self.opens_at is None or t < self.opens_at) and (
+            self.opens_after is None or collisions < self.opens_after
+        )
+
+    def moved(self, t: float) -> tuple[Array, float]:
+        """How far the wall has been displaced at a time [length], shape (2,), and turned [rad]."""
+        begin, end = self.moving_times
+        t = min(max(t, begin), end)
+        return np.array(self.motion.direction) * self.motion.displacement(t), self.turn.angle(t)
+
+    def carried(self, points: Array, t: float) -> Array:
+        """Points of the wall as it is given [length], shape (n, 2), at the time t."""
+        step, angle = self.moved(t)
+        if self.turn.kind == "still":
+            return points + step
+        c, s = math.cos(angle), math.sin(angle)
+        x, y = (points - self.turn.center).T
+        return np.column_stack((c * x - s * y, s * x + c * y)) + self.turn.center + step
+
+    def outline(self, t: float = 0.0, step: float = 0.05) -> Array:
+        """Points along the wall at a time [length], shape (n, 2), in steps of this angle [rad] along a circle or arc.
+
+        Empty for a line.
+        """
+        if self.shape == "line":
+            return np.empty((0, 2))
+        if self.points:
+            found = self.corners
+        elif self.shape == "segment":
+            found = np.array((self.place, np.add(self.place, self.towards)))
+        else:
+            begin, end = self.angles if self.shape == "arc" else (0.0, FULL_TURN)
+            angle = np.linspace(begin, end, 2 + int((end - begin) / step))
+            found = np.array(self.place) + self.radius * np.column_stack((np.cos(angle), np.sin(angle)))
+        return self.carried(found, t)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest x and y [length] of the wall as it turns, but for its displacement, shape (2,)."""
+        if self.points:
+            found = self.corners
+        elif self.shape == "arc":
+            quarters = np.arange(
+                math.ceil(self.angles[0] / _QUARTER), math.floor(self.angles[1] / _QUARTER) + 1
+            )
+            out = np.column_stack((np.cos(quarters * _QUARTER), np.sin(quarters * _QUARTER)))
+            found = np.concatenate((self.arc_ends, np.array(self.place) + self.radius * out))
+        elif self.shape == "segment":
+            found = np.array((self.place, np.add(self.place, self.towards)))
+        else:
+            found = np.array((np.subtract(self.place, self.radius), np.add(self.place, self.radius)))
+        if self.turn.kind == "still":
+            return found.min(axis=0), found.max(axis=0)
+        lever = self.lever
+        return np.subtract(self.turn.center, lever), np.add(self.turn.center, lever)
+
+    @property
+    def lever(self) -> float:
+        """Distance of its farthest point from the centre of its turn [length]."""
+        if self.shape == "line":
+            return 0.0
+        if self.shape in ("container", "post"):
+            return self.radius + math.hypot(*np.subtract(self.place, self.turn.center))
+        lengths: Array = np.hypot(
+            *(replace(self, turn=Turn(), motion=Motion()).outline() - self.turn.center).T
+        )
+        return float(lengths.max())
 
     def gap(self, position: Array, radius: Array, t: float = 0.0) -> Array:
         """Distance between wall and disks [length] at time t, shape (n,); negative where they overlap."""
@@ -235,25 +512,166 @@ class Wall:
     def normal(self, position: Array, t: float = 0.0) -> tuple[Array, Array]:
         """Unit vectors from the wall to points, towards the disks' side, shape (n, 2), and distances, shape (n,).
 
-        A distance [length] is negative on the wrong side of a line, outside of a container or inside of a post.
+        A distance [length] is negative on the wrong side of a line, outside of a container, inside of a post or on that
+        side of a polygon which does not hold the disks.
         """
-        moved = np.array(self.place) + np.array(self.motion.direction) * self.motion.displacement(t)
-        d = position - moved
+        step, angle = self.moved(t)
+        position = position - step
+        if self.turn.kind == "still":
+            return self._normal(position)
+        c, s = math.cos(angle), math.sin(angle)
+        x, y = (position - self.turn.center).T
+        (n_x, n_y), distance = (
+            each.T
+            for each in self._normal(np.column_stack((c * x + s * y, c * y - s * x)) + self.turn.center)
+        )
+        return np.column_stack((c * n_x - s * n_y, s * n_x + c * n_y)), distance
+
+    def _normal(self, position: Array) -> tuple[Array, Array]:
+        """The same before it moved."""
+        d = position - self.place
         towards = np.array(self.towards)
         if self.shape == "line":
             return np.broadcast_to(towards, d.shape), d @ towards
+        if self.points:
+            return self._normal_of_points(position)
         if self.shape == "segment":
             along = np.clip(d @ towards / (towards @ towards), 0.0, 1.0)
             d = d - along[:, None] * towards
         r = np.hypot(d[:, 0], d[:, 1])
         with np.errstate(divide="ignore", invalid="ignore"):
             away = np.where(r[:, None] > 0.0, d / r[:, None], (1.0, 0.0))  # in its middle, any direction does
-        return (-away, self.radius - r) if self.shape == "container" else (away, r - self.radius)
+        if self.shape == "container":
+            return -away, self.radius - r
+        distance = r - self.radius
+        if self.shape == "arc":
+            away, distance = away * np.where(distance < 0.0, -1.0, 1.0)[:, None], np.abs(distance)
+            middle, half = 0.5 * (self.angles[0] + self.angles[1]), 0.5 * (self.angles[1] - self.angles[0])
+            beside = np.abs((np.arctan2(d[:, 1], d[:, 0]) - middle + math.pi) % FULL_TURN - math.pi) > half
+            if beside.any() and len(self.arc_ends):
+                to_ends = position[beside, None] - self.arc_ends
+                far = np.hypot(to_ends[..., 0], to_ends[..., 1])
+                which = np.argmin(far, axis=1)
+                rows = np.arange(len(which))
+                distance[beside] = far[rows, which]
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    away[beside] = to_ends[rows, which] / far[rows, which][:, None]
+        return away, distance
+
+    def _normal_of_points(self, position: Array) -> tuple[Array, Array]:
+        corners = self.corners
+        a, q = corners[:-1], np.diff(corners, axis=0)
+        n, square = len(position), np.sum(q * q, axis=1)
+        away, distance, crossed = np.zeros((n, 2)), np.full(n, np.inf), np.zeros(n, dtype=np.int64)
+        part = max(1, AT_ONCE // max(n, 1))
+        for first in range(0, len(q), part):
+            some = slice(first, first + part)
+            d = position[:, None] - a[some]
+            along = np.clip(np.einsum("nkx,kx->nk", d, q[some]) / square[some], 0.0, 1.0)
+            left = d - along[..., None] * q[some]
+            r = np.hypot(left[..., 0], left[..., 1])
+            nearest_one = np.argmin(r, axis=1)
+            rows = np.arange(n)
+            least = r[rows, nearest_one]
+            better = least < distance
+            distance[better] = least[better]
+            away[better] = left[rows, nearest_one][better]
+            if self.shape == "polygon" and self.holds != "both":
+                # Sides that a ray along +x crosses, each with its lower end.
+                y_0, y_1 = d[..., 1], d[..., 1] - q[some][:, 1]
+                straddles = (y_0 >= 0.0) != (y_1 >= 0.0)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    beyond = d[..., 0] < q[some][:, 0] * y_0 / q[some][:, 1]
+                crossed += np.count_nonzero(straddles & beyond, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            away = np.where(distance[:, None] > 0.0, away / distance[:, None], (1.0, 0.0))
+        if self.shape == "polygon" and self.holds != "both":
+            wrong = (crossed % 2 == 1) != (self.holds == "inside")
+            sign = np.where(wrong, -1.0, 1.0)
+            return away * sign[:, None], distance * sign
+        return away, distance
 
     @property
     def most_speed(self) -> float:
         """The largest speed of any point of its surface [length/time]."""
-        return self.motion.most_speed + abs(self.surface_speed)
+        turning = self.turn.most_rate * self.lever if self.turn.kind != "still" else 0.0
+        return self.motion.most_speed + turning + abs(self.surface_speed)
+
+
+_QUARTER = 0.5 * math.pi
+
+
+@dataclass(frozen=True, eq=False)
+class WallSums:
+    """Sums over all collisions with walls: what the walls gave to the disks.
+
+    Parameters
+    ----------
+    walls : sequence of Wall
+    values : array (walls, 6)
+        Columns by the names in `SUMS`.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> import numpy as np
+    >>> floor = ifrdem.Wall.line((0.0, 0.0), (0.0, 1.0), group="floor")
+    >>> sums = ifrdem.WallSums([floor], np.array([[0.0, 6.0, 0.0, 0.0, 0.0, 3.0]]))
+    >>> sums.momentum / 2.0  # mean force of the floor on the disks in a time of 2
+    array([[0., 3.]])
+    >>> sums.of("floor").hits
+    array([3.])
+    """
+
+    walls: Sequence[Wall]
+    values: Array
+
+    @property
+    def momentum(self) -> Array:
+        """Momentum [mass length/time], shape (walls, 2); the mean force on a wall is its negative over the time."""
+        return self.values[:, :2]
+
+    @property
+    def torque(self) -> Array:
+        """Angular momentum, spins included, about the centre of a wall's turn, or the origin [mass length^2/time]."""
+        return self.values[:, 2]
+
+    @property
+    def work(self) -> Array:
+        """Work [energy], shape (walls,)."""
+        return self.values[:, 3]
+
+    @property
+    def heat(self) -> Array:
+        """Heat of thermal walls [energy], shape (walls,)."""
+        return self.values[:, 4]
+
+    @property
+    def hits(self) -> Array:
+        """Number of collisions, shape (walls,)."""
+        return self.values[:, 5]
+
+    def of(self, group: str) -> WallSums:
+        """The sums of all walls of a group together: arrays of one entry.
+
+        InputError if there is no wall of that name.
+        """
+        chosen = [wall.group == group for wall in self.walls]
+        if not any(chosen) or not group:
+            names = sorted({wall.group for wall in self.walls} - {""})
+            raise InputError(
+                f"group = {group!r}: allowed are {', '.join(names) or 'none'}{nearest(group, names)}"
+            )
+        first = chosen.index(True)
+        return WallSums((self.walls[first],), self.values[chosen].sum(axis=0)[None])
+
+
+def rows_of(walls: Sequence[Wall]) -> Array:
+    """The pieces of walls as rows of `kernels/walls.py`, shape (pieces, `WALL`); each knows its wall's number."""
+    found = [wall.rows() for wall in walls]
+    for number, rows in enumerate(found):
+        rows[:, OWNER] = number
+    return np.concatenate(found) if found else np.empty((0, WALL))
 
 
 def sides(box: Box, material: int = 0) -> list[Wall]:
@@ -269,6 +687,21 @@ def sides(box: Box, material: int = 0) -> list[Wall]:
     return [Wall.line(point, normal, material=material) for point, normal in found]
 
 
+def pieces(walls: Sequence[Wall]) -> int:
+    """Number of pieces of walls."""
+    return sum(
+        2 + len(wall.arc_ends) if wall.shape == "arc" else max(len(wall.corners) - 1, 1) for wall in walls
+    )
+
+
+def wall_names(walls: Sequence[Wall], box: Box) -> tuple[str, ...]:
+    """A name for each wall, those at the sides of the box last: its group and shape, its number, or the side."""
+    at_sides = [name for axis, names in enumerate((("left", "right"), ("bottom", "top"))) for name in names
+                if not box.is_open and not box.periodic[axis]]  # fmt: skip
+    given = walls[: len(walls) - len(at_sides)]
+    return (*(f"{wall.group or 'wall'} {i} {wall.shape}" for i, wall in enumerate(given)), *at_sides)
+
+
 def check_types(walls: Sequence[Wall]) -> None:
     """Raise InputError unless these are walls."""
     if isinstance(walls, Wall) or not isinstance(walls, Sequence):
@@ -280,8 +713,8 @@ def check_types(walls: Sequence[Wall]) -> None:
 
 def check_place(wall: Wall, box: Box) -> None:
     """Raise InputError if a wall reaches across a periodic side of the box, where it is not repeated."""
-    x, y = wall.place
-    reach = wall.radius + (0.0 if math.isinf(wall.motion.extent) else wall.motion.extent)
+    low, high = wall.bounds()
+    reach = 0.0 if math.isinf(wall.motion.extent) else wall.motion.extent
     for axis, side in enumerate(box.lengths):
         if not box.periodic[axis]:
             continue
@@ -296,11 +729,10 @@ def check_place(wall: Wall, box: Box) -> None:
                 f"its steady motion carries it across a periodic side of the box ({'xy'[axis]}), where walls are not "
                 "repeated; let it oscillate, or make that direction not periodic"
             )
-        end = wall.place[axis] + (wall.towards[axis] if wall.shape == "segment" else 0.0)
-        if min(wall.place[axis], end) - reach < 0.0 or max(wall.place[axis], end) + reach > side:
+        if low[axis] - reach < 0.0 or high[axis] + reach > side:
             raise InputError(
-                f"at ({x:.6g}, {y:.6g}) it reaches beyond a periodic side of the box, where walls are not repeated; "
-                "move it inside, or make that direction not periodic"
+                f"at ({wall.place[0]:.6g}, {wall.place[1]:.6g}) it reaches beyond a periodic side of the box, where "
+                "walls are not repeated; move it inside, or make that direction not periodic"
             )
 
 
@@ -316,9 +748,9 @@ def check(
     if walls and box.is_open:
         instead = "use a box with sides, large enough for the disks not to reach them"
         raise InputError(f"walls are not supported in an open box: {instead}")
-    if len(walls) > MOST_WALLS:
-        most = f"{MOST_WALLS} at most are supported, the sides of the box included"
-        raise InputError(f"{len(walls)} walls: {most}")
+    if (count := pieces(walls)) > MOST_WALLS:
+        most = f"{MOST_WALLS} at most are supported, pieces of polylines and the sides of the box included"
+        raise InputError(f"{count} walls: {most}")
     for w, wall in enumerate(walls):
         name = f"wall {w} ({wall.shape})"
         if materials is not None and not 0 <= wall.material < materials:
@@ -328,7 +760,7 @@ def check(
             check_place(wall, box)
         except InputError as error:
             raise InputError(f"{name}: {error}") from None
-        if len(position):
+        if len(position) and wall.stands(time):
             gap = wall.gap(position, radius, time)
             worst = int(np.argmin(gap))
             if gap[worst] < -tolerance:
@@ -343,4 +775,7 @@ def to_json(walls: Sequence[Wall]) -> str:
 
 def from_json(text: str) -> tuple[Wall, ...]:
     """Walls from the text of `to_json`."""
-    return tuple(Wall(**{**one, "motion": Motion(**one["motion"])}) for one in json.loads(text))
+    return tuple(
+        Wall(**{**one, "motion": Motion(**one["motion"]), "turn": Turn(**one.get("turn", {}))})
+        for one in json.loads(text)
+    )

@@ -161,7 +161,7 @@ def draw(axes: Axes, view: View, color: str = "spin") -> None:
             view.moving.trajectory.dataset(field)  # says that it is missing
     position = view.moving.position
     place_axes(axes, view, shown_region(view, position))
-    draw_walls(axes, view, view.time)
+    draw_walls(axes, view, view.time, collisions_of(view.moving))
     time = f"$t$ = {with_unit(view, f'{view.time:.4g}', 'time')}"
     if view.disks.n > MOST_DISKS:
         size = with_unit(view, f"{_density_map(axes, view, position):.3g}", "length")
@@ -176,7 +176,7 @@ def last_frame(axes: Axes, trajectory: Trajectory, index: int = -1, color: str |
     frame = trajectory[index]
     if "position" not in trajectory.fields:
         place_axes(axes, trajectory, shown_region(trajectory, np.zeros((1, 2))))
-        draw_walls(axes, trajectory, frame.time)
+        draw_walls(axes, trajectory, frame.time, collisions_of(frame))
         axes.set_title("the file holds no positions")
         return
     draw(axes, View.of(frame), color or ("spin" if "angular_velocity" in trajectory.fields else "none"))
@@ -278,28 +278,40 @@ def with_images(position: Array, radius: Array, box: Box, time: float) -> tuple[
     return position, owner
 
 
-def draw_walls(axes: Axes, gas: Gas, time: float) -> None:
-    """Draw the walls where they are at this time, with arrows along moving surfaces; thick sides are walls too."""
+def collisions_of(moving: Frame | State) -> int:
+    """Collisions of two disks until then; 0 of a file whose frames have no sums."""
+    if isinstance(moving, Frame):
+        sums = moving.trajectory.observables
+        return int(sums["collisions"][moving.index]) if "collisions" in sums else 0
+    return int(moving.collisions.sum()) // 2
+
+
+def draw_walls(axes: Axes, gas: Gas, time: float, collisions: int = 0) -> None:
+    """Draw the walls that stand at this time, after so many collisions, with arrows along moving surfaces.
+
+    Thick sides are walls too.
+    """
     for periodic, sides in zip(gas.box.periodic, (("left", "right"), ("bottom", "top")), strict=True):
         for side in sides:
             axes.spines[side].set_linewidth(0.8 if periodic or gas.box.is_open else 2.5)
     for wall in gas.walls:
-        _wall(axes, wall, max(gas.box.lengths), time)
+        if wall.stands(time, collisions):
+            _wall(axes, wall, max(gas.box.lengths), time)
 
 
 def _wall(axes: Axes, wall: Wall, size: float, time: float) -> None:
     from matplotlib.patches import Circle
 
-    place = np.array(wall.place) + np.array(wall.motion.direction) * wall.motion.displacement(time)
+    place = wall.carried(np.array([wall.place]), time)[0]
     towards = np.array(wall.towards)
     colour = foreground(axes) if wall.temperature is None else HOT
-    if wall.shape in ("line", "segment"):
+    if wall.shape not in ("container", "post"):
         if wall.shape == "line":
             along = 2.0 * size * np.array((towards[1], -towards[0]))
             middle = np.clip(0.5 * size - place, -size, size) @ along / (along @ along) * along  # of the box
             ends = np.array((place - along, place + along)) + middle
         else:
-            ends = np.array((place, place + towards))
+            ends = wall.outline(time)
         # Above the frame: half of a line at a side of the box shows.
         width = 2.5 if wall.temperature is None else 6.0
         look: dict[str, Any] = {"color": colour, "lw": width, "solid_capstyle": "round", "zorder": 3}

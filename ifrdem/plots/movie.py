@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..tools.checked import Array
 from ..tools.files import check_apart, write_aside
 from ..trajectory import tables
-from ..trajectory.reader import Trajectory
+from ..trajectory.reader import Frame, Trajectory
 from . import disks as plot_disks
 from . import run
 from .style import bar_beside, is_dark, place_axes
@@ -269,7 +269,7 @@ class Scene:
         self._axes.draw_artist(self._title)
         picture = np.asarray(self._canvas.buffer_rgba())
         picture[self._rows, self._columns, :3] = pixels[::-1]
-        self._draw_above(frame.time)
+        self._draw_above(frame)
         return picture[..., :3].copy()
 
     def _numbers(self, values: Array) -> NDArray[np.intp]:
@@ -294,10 +294,11 @@ class Scene:
         mean = sum(fine[:, i, :, j].astype(np.uint16) for i in range(FINER) for j in range(FINER)) // FINER**2
         return np.asarray(mean, dtype=np.uint8)
 
-    def _draw_above(self, time: float) -> None:
+    def _draw_above(self, frame: Frame) -> None:
         """Draw what lies above the disks: walls where they are, and the frame."""
         before = set(self._axes.get_children())
-        plot_disks.draw_walls(self._axes, self._trajectory, time)
+        done = plot_disks.collisions_of(frame)
+        plot_disks.draw_walls(self._axes, self._trajectory, frame.time, done)
         walls = [each for each in self._axes.get_children() if each not in before]
         for artist in (*walls, *self._axes.spines.values()):
             self._axes.draw_artist(artist)

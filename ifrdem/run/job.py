@@ -23,6 +23,7 @@ from ..case.gas import CaseGas
 from ..case.pair_rules import COEFFICIENTS
 from ..errors import EngineError, InputError, Stopped, TrajectoryError
 from ..model.observables import MECHANISMS, Measure
+from ..model.walls import wall_names
 from ..simulation import device as backend
 from ..simulation.schedule import Course, Span
 from ..simulation.simulation import Simulation
@@ -84,7 +85,7 @@ def run(
     check.refuse_cadences(case, gas, estimate)
     check.refuse_beyond_disk(estimate.file_bytes, outputs.trajectory.parent)
     say(check.summary(case, gas, estimate, how(case)))
-    for text in gas.warnings:
+    for text in (*gas.warnings, *gas.crushes(case)):
         warn(text)
     try:
         state = gas.start(case, Stage("growth"))
@@ -143,7 +144,8 @@ def drive(
     case, simulation = job.file.case, job.simulation
     run = case.run
     take = simulation.take_events if case.output.tracks else None
-    recorder = Recorder(job.writer, job.ledger, take, job.pending)
+    named = wall_names(job.gas.room.all_walls, job.gas.box)
+    recorder = Recorder(job.writer, job.ledger, take, job.pending, walls=named)
     status = Status(
         job.outputs.trajectory, name=run.name, t_end=run.t_end,
         collisions_per_disk_end=run.collisions_per_disk, device=device_of(case),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -15,6 +15,7 @@ from ..case.estimate import OBSERVABLES
 from ..errors import InputError, TrajectoryError
 from ..model.observables import MECHANISMS, REGIMES, Measure
 from ..model.state import State
+from ..model.walls import SUMS
 from ..simulation.tracking import Events, joined
 from ..trajectory.background import QueuedWriter
 
@@ -25,6 +26,8 @@ BYTES_PER_DISK = 64
 """Of a state that waits, about."""
 EVENTS_AT_ONCE = 200_000
 """Events that wait in memory before they are written; each takes 177 bytes."""
+OF_WALLS = "walls_"
+"""Prefix of the sums of single walls (`model.walls.SUMS`) in a row of the time series."""
 COLUMNS: dict[str, tuple[str, ...]] = {"dissipated_by_mechanism": MECHANISMS, "collisions_by_regime": REGIMES}
 
 
@@ -84,6 +87,8 @@ class Ledger:
                 "collisions_by_regime": measure.regimes,
                 "ledger_residual": self.residual(measure),
             }
+        if measure.walls is not None:
+            row |= {f"{OF_WALLS}{name}": column for name, column in zip(SUMS, measure.walls.T, strict=True)}
         return row
 
     def to_record(self) -> dict[str, Any]:
@@ -114,7 +119,8 @@ class Recorder:
     """Writes what a simulation gives as it runs; a context manager, which writes at its end what waits.
 
     `take_events` gives what happened to tracked disks since the last call (`Simulation.take_events`); `pending` are
-    events that were not written yet when the run stopped; `clock` gives seconds of real time. `seconds` is the
+    events that were not written yet when the run stopped; `clock` gives seconds of real time; `walls` are the names of
+    those that have sums. `seconds` is the
     processor time that this has taken of the run's thread.
     """
 
@@ -125,9 +131,11 @@ class Recorder:
         take_events: Callable[[], Events] | None = None,
         pending: Events | None = None,
         clock: Callable[[], float] = time.monotonic,
+        walls: Sequence[str] = (),
     ) -> None:
         self._writer, self._take = writer, take_events
         self.ledger: Ledger = ledger
+        self._walls = tuple(walls)
         self._clock, self._wrote = clock, -math.inf
         self.seconds: float = 0.0
         self._rows: list[tuple[float, dict[str, Any]]] = []
@@ -170,6 +178,7 @@ class Recorder:
         if self._rows:
             first = self._rows[0][1]
             columns = {name: COLUMNS[name] for name in COLUMNS if name in first}
+            columns |= {name: self._walls for name in first if name.startswith(OF_WALLS)}
             self._writer.write_series_rows(self._rows, columns)
         if self._parts:
             self._writer.write_history_parts(self._parts)

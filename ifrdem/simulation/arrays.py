@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ..errors import EngineError
 from ..kernels import layout as k
 from ..kernels.language import ti
-from ..kernels.limits import ADDRESSABLE, ALONE, WALL
+from ..kernels.limits import ADDRESSABLE, ALONE, OWNER, WALL, WALL_SUMS
 from ..kernels.shear import displacement
-from ..kernels.walls import HEAT, TEMPERATURE
+from ..kernels.walls import GONE, HEAT, SUMS, TEMPERATURE, TYPE
 from ..kernels.windows import exchange
 from ..model.box import Box
 from ..model.state import Disks, State
@@ -95,8 +95,8 @@ class DeviceArrays:
     law_table : array (M, M, c)
         Coefficients of the law for each pair of materials.
     options : EngineOptions
-    walls : array (W, 18)
-        Rows as `kernels/walls.py` describes them.
+    walls : array (rows, WALL)
+        Pieces of walls as `kernels/walls.py` describes them.
     uses : Uses
         What is compiled.
     """
@@ -151,13 +151,16 @@ class DeviceArrays:
         self.scale[k.SHEAR] = box.shear_rate
         walls = walls.reshape(-1, WALL)
         self.walls: Any = self._vectors(WALL, self._type, max(len(walls), 1))
-        self.thermal: NDArray[np.intp] = np.flatnonzero(walls[:, TEMPERATURE] > 0.0)
+        owner = walls[:, OWNER].astype(np.int64)
+        self.thermal: NDArray[np.int64] = np.unique(owner[walls[:, TEMPERATURE] > 0.0])
+        number = int(owner.max()) + 1 if uses.summed else 0
+        self.heats: int = len(self.thermal) + WALL_SUMS * number
+        self.wall_rows: NDArray[np.float64] = walls
         if len(walls):
-            rows = walls.astype(self.real)
-            rows[:, HEAT] = -1.0
-            rows[self.thermal, HEAT] = np.arange(len(self.thermal))
-            self.walls.from_numpy(rows)
-        self.sums: NDArray[np.float64] = np.zeros(k.TALLY + len(self.thermal))
+            walls[:, HEAT] = np.where(np.isin(owner, self.thermal), np.searchsorted(self.thermal, owner), -1)
+            walls[:, SUMS] = len(self.thermal) + WALL_SUMS * owner
+            self.walls.from_numpy(walls.astype(self.real))
+        self.sums: NDArray[np.float64] = np.zeros(k.TALLY + self.heats)
         self.tile: Any = None
         self.listed: Any = None
         self.disk: Any = None
@@ -290,7 +293,8 @@ class DeviceArrays:
             self.scale[k.DRIFT] = self.box.shear_rate * edges[1][1]
         total: int = tiles[0] * tiles[1]
         self.tiles: int = total
-        heats = max(len(self.thermal), 1)
+        heats = max(self.heats, 1)
+        self._check_addresses(total * heats // 2)
         for axis, name in enumerate(("edge_x", "edge_y")):
             self._replace(name, self._array(ti.f64, len(edges[axis])))
             getattr(self, name).from_numpy(edges[axis])
@@ -383,6 +387,12 @@ class DeviceArrays:
             self._lanes = lanes
             self.scratch(places, cells, 1 << max(places - 1, 1).bit_length(), 256 if self.uses.walled else 0)
         self.put(state)
+
+    def open_walls(self, gone: NDArray[np.bool_]) -> None:
+        """Take those walls, by their number, out of the gas: gates that are open."""
+        rows = self.wall_rows.copy()
+        rows[gone[rows[:, OWNER].astype(np.int64)], TYPE] = GONE
+        self.walls.from_numpy(rows.astype(self.real))
 
     def displace_rows(self, time: float) -> None:
         """Note how far rows of tiles in a sheared gas have moved against those below until `time` [time]."""

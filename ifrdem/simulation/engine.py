@@ -47,12 +47,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import EngineError, InelasticCollapse, InputError, NoMoreCollisions
-from ..kernels.limits import MECHANISMS, REGIMES
+from ..kernels.limits import MECHANISMS, REGIMES, WALL_SUMS
 from ..model.box import Box
 from ..model.ifr import IFRLaw
 from ..model.law import CollisionLaw, compiled
 from ..model.state import Disks, State
-from ..model.walls import Wall, sides
+from ..model.walls import Wall, rows_of, sides
 from ..model.walls import check as check_walls
 from ..tools import checked, seeds
 from . import checks, device
@@ -100,9 +100,9 @@ class EngineOptions:
         So are those of a disk whose latest collision was less than this ago [time]; 0 does without.
     seed : int
         Of the random numbers of forces and thermal walls, 0 to 2^64 - 1.
-    ledger, partners, angles, itemised : bool
+    ledger, partners, angles, itemised, wall_sums : bool
         Add up what dissipates energy; keep whom each disk hit last; how far each disk has turned; what its collisions
-        took, with a ledger only.
+        took, with a ledger only; add up what each wall gives.
     """
 
     arch: str = "cpu"
@@ -119,6 +119,7 @@ class EngineOptions:
     partners: bool = False
     angles: bool = False
     itemised: bool = False
+    wall_sums: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", checked.finite_pair("gravity", self.gravity))
@@ -220,10 +221,18 @@ class Engine:
         from .windows import Windows
 
         kind: Any = law  # mypy does not take a class for hashable
-        rows = np.array([wall.row(np.zeros(2)) for wall in self.walls])
+        rows = rows_of(self.walls)
         uses = Uses(
             walled=len(self.walls) > 0,
             thermal=any(wall.temperature for wall in self.walls),
+            pieced=len(rows) != len(self.walls),
+            arched=any(wall.shape == "arc" for wall in self.walls),
+            turning=any(wall.turn.kind != "still" for wall in self.walls),
+            timed=any(
+                wall.gated or wall.moves_from is not None or wall.moves_until is not None
+                for wall in self.walls
+            ),
+            summed=given.wall_sums and len(self.walls) > 0,
             remembers=given.contact_time > 0.0,
             sheared=box.shear_rate != 0.0,
             tallied=given.ledger,
@@ -245,6 +254,9 @@ class Engine:
         }  # fmt: skip
         self._before = int(state.collisions.sum()) // 2, int(state.wall_hits.sum())
         self.windows: Windows = Windows(self.arrays, self.statistics, float(state.time))
+        self.set_gates(
+            np.array([not wall.stands(state.time, self._before[0]) for wall in self.walls], dtype=bool)
+        )
         self._lay(state)
         self.force_steps: ForceSteps = ForceSteps(forces, self.arrays, disks, given.seed, self.time)
         # Kinetic energy in the frames of rows of tiles beyond that in the flow, at the start.
@@ -296,8 +308,45 @@ class Engine:
         from ..kernels.layout import TALLY
 
         heat = np.zeros(len(self.walls))
-        heat[self.arrays.thermal] = self.windows.sums[TALLY:]
+        thermal = self.arrays.thermal
+        heat[thermal] = self.windows.sums[TALLY : TALLY + len(thermal)]
         return heat
+
+    @property
+    def wall_sums(self) -> NDArray[np.float64]:
+        """What each wall, those at sides of the box last, gave so far, shape (walls, 6); columns `model.walls.SUMS`."""
+        from ..kernels.layout import TALLY
+
+        return self.windows.sums[TALLY + len(self.arrays.thermal) :].reshape(-1, WALL_SUMS)
+
+    # ------------------------------------------------------------------ gates
+
+    @property
+    def next_kick(self) -> float:
+        """When something else than a collision happens next [time]: a force acts, a gate opens, a wall starts or
+        stops."""
+        kick, now = self.force_steps.next_time, self.time
+        if self.arrays.uses.timed:
+            times = [time for wall in self.walls for time in wall.moving_times]
+            times += [wall.opens_at for wall in self.walls if wall.opens_at is not None]
+            kick = min((time for time in times if now < time < kick), default=kick)
+        return kick
+
+    def set_gates(self, gone: NDArray[np.bool_]) -> None:
+        """Say which walls are gone, shape (walls,)."""
+        self.open_gates: NDArray[np.bool_] = np.asarray(gone, dtype=bool)
+        if self.arrays.uses.timed:
+            self.arrays.open_walls(self.open_gates)
+
+    def _open_gates(self) -> None:
+        """Open the gates whose time or number of collisions has come, which ends the window."""
+        if not self.arrays.uses.timed:
+            return
+        gone = np.array([not wall.stands(self.time, self.collisions) for wall in self.walls], dtype=bool)
+        if np.any(gone & ~self.open_gates):
+            self._end_window()
+            self.set_gates(gone)
+            self._begin_anew()
 
     @property
     def bytes_allocated(self) -> int:
@@ -453,18 +502,31 @@ class Engine:
         """
         with self.changing():
             self.last_collisions = None
-            kick = self.force_steps.next_time
+            kick = self.next_kick
+            gate = self._next_gate()
+            if gate is not None and (collisions is None or gate < collisions):
+                collisions = gate
             if self._nothing_happens():
                 self._fly_freely(kick, t_end, rest_at, t_end if ends is None else ends)
             else:
                 self._run(t_end, collisions, kick, pause_at, pause_after)
             self._apply_forces()
+            self._open_gates()
+
+    def _next_gate(self) -> int | None:
+        """Number of collisions at which the next gate opens; None without one."""
+        if not self.arrays.uses.timed:
+            return None
+        waiting = zip(self.walls, self.open_gates.tolist(), strict=True)
+        return min(
+            (w.opens_after for w, gone in waiting if w.opens_after is not None and not gone), default=None
+        )
 
     def _nothing_happens(self) -> bool:
         """Tell if no disk meets another one or a wall before something else sets it in motion."""
         if self._parted or self.n == 0 or (self.n == 1 and not self.walls and not self.box.shear_rate):
             return True
-        self.windows.go_on(self.force_steps.next_time)
+        self.windows.go_on(self.next_kick)
         forced = any(self.gravity) or any(wall.most_speed for wall in self.walls) or self.box.shear_rate
         return not forced and not self.windows.inside and self.windows.fastest == 0.0
 

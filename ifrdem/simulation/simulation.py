@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from ..model import crush
 from ..model.box import Box
 from ..model.collapse import Collapse
 from ..model.ifr import EnergyWarning, IFRLaw
@@ -22,7 +23,7 @@ from ..model.law_table import check_energy, coefficient_table, law_table
 from ..model.observables import Measure, from_totals, measure
 from ..model.overlaps import check_no_overlap
 from ..model.state import Disks, State
-from ..model.walls import Wall, check_types, sides
+from ..model.walls import Wall, WallSums, check_types, sides, wall_names
 from ..tools import checked
 from ..tools.pictured import PicturedDisks
 from ..tools.progress import Progress as Bar
@@ -111,6 +112,8 @@ class Simulation(Sealed, PicturedDisks):
         Keep how far each disk has turned: `State.angle`.
     dissipated : bool
         Keep the energy that each disk's collisions take, by mechanism: `State.dissipated`. Switches the ledger on.
+    wall_sums : bool
+        Add up what each wall gives to the disks: momentum, torque, work, heat, hits (`wall_sums`, and every `Measure`).
     tracked : sequence of int
         Disks of which every collision is kept, for `take_events`. Not in a sheared box.
 
@@ -125,6 +128,8 @@ class Simulation(Sealed, PicturedDisks):
     -----
     EnergyWarning
         With a law of one's own: it is not known whether it can add energy. `run` warns again if it has.
+    WallWarning
+        From `run`: two walls come within a diameter of each other, and would crush a disk between them.
 
     Notes
     -----
@@ -168,6 +173,7 @@ class Simulation(Sealed, PicturedDisks):
         partners: bool = False,
         angles: bool = False,
         dissipated: bool = False,
+        wall_sums: bool = False,
         tracked: Sequence[int] | NDArray[np.integer] = (),
     ) -> None:
         for name, value, kind in (("disks", disks, Disks), ("box", box, Box), ("state", state, State)):
@@ -189,6 +195,7 @@ class Simulation(Sealed, PicturedDisks):
         ledger = ledger or dissipated
         self._has_ledger = ledger
         self._stopping = False
+        self._foreseen = False
         self._given = 0.0  # energy that changes between runs put in
         with backend.sole_use():
             self._engine = Engine(
@@ -196,7 +203,7 @@ class Simulation(Sealed, PicturedDisks):
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 forces=forces, seed=seed,
-                law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
+                law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated, wall_sums=wall_sums,
                 tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
@@ -376,6 +383,19 @@ class Simulation(Sealed, PicturedDisks):
     def wall_heats(self) -> NDArray[np.float64]:
         """Heat that each of the `walls` has given to the disks up to the latest `state` [energy], shape (walls,)."""
         return self._engine.wall_heats[: self._engine.given_walls]
+
+    @property
+    def wall_sums(self) -> WallSums:
+        """What each wall has given to the disks up to the latest `state`, the sides of the box last.
+
+        Raises
+        ------
+        InputError
+            If this simulation was made without them.
+        """
+        if not self._engine.options.wall_sums:
+            raise InputError("nobody adds up what walls give: make the simulation with wall_sums=True")
+        return WallSums(self._engine.walls, self._engine.wall_sums)
 
     @property
     def wall_heat(self) -> float:
@@ -563,6 +583,7 @@ class Simulation(Sealed, PicturedDisks):
         for cadence in (frames, series):
             if cadence is not None:
                 refuse_endless(cadence, span)
+        self._foresee(span.end.time)
         bar = None
         if progress is True or (progress is None and seen()):
             progress = bar = Bar(
@@ -577,6 +598,16 @@ class Simulation(Sealed, PicturedDisks):
                 samplers=samplers,
                 progress=progress or None,
             )
+
+    def _foresee(self, t_end: float) -> None:
+        """Warn, once, of walls that would crush a disk between them until `t_end` [time]."""
+        walls, diameter = self._engine.walls, 2.0 * float(self.disks.radius.max(initial=0.0))
+        if self._foreseen or not self.disks.n or self.box.is_open:
+            return
+        self._foreseen = True
+        names = wall_names(walls, self.box)
+        for each in crush.crushes(walls, self.box, diameter, self.time, t_end):
+            warnings.warn(crush.told(each, names, diameter), crush.WallWarning, stacklevel=3)
 
     def switch_ledger(self, on: bool) -> None:
         """Go on without the energy ledger, or with it again; what it holds is then of the time with it only.
@@ -750,6 +781,8 @@ class Simulation(Sealed, PicturedDisks):
         ledger: dict[str, Any] = {}
         if self.has_ledger:
             ledger["dissipated"], ledger["regimes"] = self._engine.dissipated()
+        if self._engine.options.wall_sums:
+            ledger["walls"] = self._engine.wall_sums
         return from_totals(self.disks, totals, self.time, self.wall_hits, **self._put_in(), **ledger)
 
     def _put_in(self) -> dict[str, Any]:

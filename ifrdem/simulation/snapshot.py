@@ -33,7 +33,8 @@ def fingerprint(engine: Engine) -> str:
     parts: list[Any] = [
         disks.mass, disks.radius, disks.k, disks.material, np.array(box.lengths), np.array(box.periodic),
         np.array([box.shear_rate, *engine.gravity, options.velocity_cutoff, options.contact_time]), a.law.to_numpy(),
-        np.array([wall.row(np.zeros(2)) for wall in engine.walls]), options.precision, options.arch, options.seed,
+        a.wall_rows, repr([(wall.opens_at, wall.opens_after) for wall in engine.walls]),
+        options.precision, options.arch, options.seed, options.wall_sums,
         options.ledger, options.partners, options.angles, options.itemised, a.uses.collision_law.impulses.__qualname__,
     ]  # fmt: skip
     for force in engine.force_steps.forces:
@@ -51,7 +52,7 @@ def take(engine: Engine) -> Snapshot:
     with engine.changing():
         a, windows, steps = engine.arrays, engine.windows, engine.force_steps
         if not engine._nothing_happens():
-            windows.go_on(steps.next_time)
+            windows.go_on(engine.next_kick)
         part, n = int(a.grid[k.PART]), engine.n
         found: Snapshot = {}
         rows = slice(part * a.room, part * a.room + n)
@@ -62,6 +63,7 @@ def take(engine: Engine) -> Snapshot:
         found["edge_x"], found["edge_y"] = a.edges
         found["protrudes"] = np.array([windows.protrudes])
         found["scales"] = np.array([*a.clock[_LENGTHS], a.scale[k.CELL_SIDE], a.area], np.float64)
+        found["gates"] = engine.open_gates.copy()
         found["clock"] = np.array([engine.time, engine._collided_at, engine._flow_excess])
         found.update(windows.snapshot())
         found["counts"] = np.array(
@@ -114,6 +116,7 @@ def _put_back(engine: Engine, found: Snapshot) -> None:
     *before, engine._resting, parted, engine._until_looked = found["counts"].tolist()
     engine._before, engine._parted = (before[0], before[1]), bool(parted)
     windows.protrudes = float(found["protrudes"].max())
+    engine.set_gates(found["gates"])
     windows.put_back(found, k.TRACKED if engine.tracking is not None else 0)
     if engine.tracking is not None:
         engine.tracking.take()  # of what was before, nothing

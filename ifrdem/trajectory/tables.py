@@ -204,11 +204,11 @@ def concat(trajectories: Iterable[Trajectory | str | os.PathLike[str]]) -> xarra
 
 QUANTITIES = {
     "time": "time", "position": "length", "radius": "length", "mass": "mass",
-    "momentum": "momentum",
+    "momentum": "momentum", "walls_momentum_x": "momentum", "walls_momentum_y": "momentum",
     **dict.fromkeys(
         ("translational_energy", "rotational_energy", "energy", "temperature", "rotational_temperature",
          "potential_energy", "energy_input", "wall_work", "wall_heat", "dissipated_energy",
-         "dissipated_by_mechanism", "ledger_residual"),
+         "dissipated_by_mechanism", "ledger_residual", "walls_work", "walls_heat", "walls_torque"),
         "energy",
     ),
 }  # fmt: skip
@@ -221,6 +221,7 @@ def _axes(
     """Names of the axes behind the first."""
     if value.ndim == 2 and names:
         dimension = name.removeprefix("dissipated_by_").removeprefix("collisions_by_")
+        dimension = "wall" if name.startswith("walls_") else dimension
         coordinates[dimension] = list(names)
         return (dimension,)
     if value.shape[1:] == (2,):

@@ -34,6 +34,7 @@ LEVELS, UNKNOWN = 254, 255
 """The highest level of a colour, and the level of disks whose value is not known."""
 COARSE = 63
 """The same of the frames in a file: so many steps, spread over the levels."""
+ROUND_OR_ENDLESS = ("line", "container", "post")  # walls that the page draws by themselves
 FULL = 0.98  # part of the disks whose values lie inside the range of the colours
 REDUCED = "reduced units"
 
@@ -242,7 +243,7 @@ class Content:
             Ends of x and of y [length]: only disks that are seen in it.
         """
         frame = self.trajectory[index]
-        header: dict[str, Any] = {"index": index, "time": frame.time, "walls": self._walls(frame.time)}
+        header: dict[str, Any] = {"index": index, "time": frame.time, "walls": self._walls(frame)}
         if window is None and self.trajectory.disks.n > MOST_DISKS:
             return self._map(frame, header, window)
         position, owner = self._placed(frame)
@@ -305,17 +306,19 @@ class Content:
         level = np.rint(np.clip(covered / top, 0.0, 1.0) * LEVELS).astype(np.uint8)
         return header, {"map": level.ravel("F")}
 
-    def _walls(self, time: float) -> list[dict[str, Any]]:
-        """Walls where they are at a time."""
-        moved = [
-            np.multiply(one.motion.direction, one.motion.displacement(time)) for one in self.trajectory.walls
-        ]
+    def _walls(self, frame: Frame) -> list[dict[str, Any]]:
+        """Walls where they stand in a frame; of those that are neither lines nor whole circles, points along them."""
+        walls, time = self.trajectory.walls, frame.time
+        done = plot_disks.collisions_of(frame) if any(one.opens_after is not None for one in walls) else 0
         return [
             {
-                "shape": one.shape, "place": (one.place + step).tolist(), "towards": one.towards,
-                "radius": one.radius, "surface": one.surface_speed, "hot": one.temperature is not None,
+                "shape": one.shape, "place": one.carried(np.array([one.place]), time)[0].tolist(),
+                "towards": one.towards, "radius": one.radius, "surface": one.surface_speed,
+                "hot": one.temperature is not None,
+                "points": [] if one.shape in ROUND_OR_ENDLESS else one.outline(time).tolist(),
             }
-            for one, step in zip(self.trajectory.walls, moved, strict=True)
+            for one in walls
+            if one.stands(time, done)
         ]  # fmt: skip
 
     def since(self, frame: Frame) -> Array:

@@ -23,7 +23,7 @@ from ifrdem.cli.main import main
 from ifrdem.model.collapse import Collapse
 from ifrdem.model.free_area import Room
 from ifrdem.model.observables import measure
-from ifrdem.model.walls import Motion, Wall, from_json, to_json
+from ifrdem.model.walls import Motion, Turn, Wall, from_json, to_json
 from ifrdem.plots import profiles, theory_curves
 from ifrdem.run.info import describe
 from ifrdem.trajectory.reader import Trajectory
@@ -176,6 +176,43 @@ def test_a_wrong_wall_is_named_with_what_is_allowed(overrides: list[str], key: s
     assert any(line.startswith(key) and re.search(says, line) for line in found), found
 
 
+@pytest.mark.parametrize(
+    ("wall", "says"),
+    [
+        ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0], [4.0, 1.0], [1.0, 4.0]]', r"\[0\] and .*\[2\] cross"),
+        ('shape = "polygon"\npoints = [[1.0, 1.0], [4.0, 4.0]]', "2 of them, 3 at least are needed"),
+        ('shape = "polyline"\npoints = [[1.0, 1.0], [4.0, 4.0], [4.0, 4.0]]', r"points\[1\] and points\[2\] are both"),
+        ('shape = "polygon"\nfile = "open.csv"', "begins at .1, 1. and ends at .1, 4.: a polygon must come back"),
+        ('shape = "polygon"\npath = "M 1 1 L 4 1 L 4 4"', "begins at .1, 1. and ends at .4, 4.: a polygon"),
+        ('shape = "polyline"\nfile = "wrong.csv"', "wrong.csv, line 2 = '4, x': two numbers"),
+        ('shape = "polyline"\nfile = "none.csv"', "none.csv: cannot be read"),
+        ('shape = "polyline"\npath = "M 1 1 S 2 2 3 3"', "'S' at character 7 is not known: allowed are M, L, H"),
+        ('shape = "polyline"\npath = "M 1 1 L 2"', "'L' takes 2 numbers"),
+        ('shape = "polyline"\npath = "M 1 1 L 2 2 M 3 3 L 4 4"', "several parts"),
+        ('shape = "polyline"', "exactly one of points or file or path is needed"),
+        ('shape = "arc"\ncenter = [5.0, 5.0]\nradius = 1.0\nangles = [1.0, 1.0]', "an arc without length"),
+        ('shape = "arc"\ncenter = [5.0, 5.0]\nradius = 0.0', "an arc needs one above 0"),
+        (
+            'shape = "line"\npoint = [1.0, 1.0]\nnormal = [0.0, 1.0]\n'
+            'turn = { kind = "steady", center = [1.0, 1.0], rate = 1.0 }',
+            "a line has no end",
+        ),
+        ('shape = "post"\ncenter = [5.0, 5.0]\nradius = 1.0\nmoves_from = 2.0\nmoves_until = 1.0', "after moves_from"),
+    ],
+)  # fmt: skip
+def test_shapes_that_are_none_are_refused_with_their_place(
+    wall: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "open.csv").write_text("x,y\n1, 1\n4, 1\n4, 4\n1, 4\n")
+    (tmp_path / "wrong.csv").write_text("1 1\n4, x\n")
+    path = tmp_path / "case.toml"
+    path.write_text(f'{SHAKEN}\n[[wall]]\nmaterial = "steel"\n{wall}\n')
+    assert main(["check", str(path)]) == 2
+    told = capsys.readouterr().err
+    assert "wall[2]" in told, told
+    assert re.search(says, told), told
+
+
 def test_mistakes_of_walls_come_with_all_others() -> None:
     found = mistakes("wall[0].motion.kind=sin", "wall[1].radius=x", "run.sede=1", "box.gravity=[0.0, nan]")
     assert {line.split(" ")[0].rstrip(":") for line in found} == {
@@ -225,7 +262,28 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
             Wall.container((10.0, 12.0), 9.0, material=2),
         ),
         "post": ({"center": [10.0, 12.0], "radius": 0.0}, Wall.post((10.0, 12.0), 0.0, material=2)),
-    }
+        "arc": (
+            {"center": [10.0, 12.0], "radius": 2.0, "angles": [0.5, 2.0], "opens_at": 3.0},
+            Wall.arc((10.0, 12.0), 2.0, (0.5, 2.0), material=2, opens_at=3.0),
+        ),
+        "polyline": (
+            {"path": "M 3 4 h 2 v 1", "turn": {"kind": "steady", "center": [4.0, 4.0], "rate": 0.5}, "group": "arm"},
+            Wall.polyline(
+                [(3.0, 4.0), (5.0, 4.0), (5.0, 5.0)], material=2, turn=Turn("steady", (4.0, 4.0), rate=0.5), group="arm"
+            ),
+        ),
+        "polygon": (
+            {
+                "points": [[1.0, 1.0], [2.0, 1.0], [1.5, 2.0]], "holds": "outside", "moves_from": 1.0,
+                "moves_until": 2.0, "opens_after": 7,
+                "turn": {"kind": "sine", "center": [5.0, 4.0], "amplitude": 0.1, "frequency": 2.0, "phase": 1.0},
+            },
+            Wall.polygon(
+                [(1.0, 1.0), (2.0, 1.0), (1.5, 2.0)], "outside", material=2, moves_from=1.0, moves_until=2.0,
+                turn=Turn("sine", (5.0, 4.0), amplitude=0.1, frequency=2.0, phase=1.0), opens_after=7,
+            ),
+        ),
+    }  # fmt: skip
     assert shapes.keys() == WallSection.kinds.keys()
     assert motions.keys() == MotionSection.kinds.keys()
     raw = changed("run.collapse=velocity_cutoff", "run.velocity_cutoff=0.25")
@@ -247,6 +305,7 @@ def test_every_key_of_a_wall_reaches_the_engine() -> None:
     assert gas.laws[2][1] is law or gas.laws[2][1] == law
     assert gas.laws[0][2] is None  # glass and steel never meet
     keys = {key for each in WallSection.kinds.values() for key in each.all}
+    keys |= {"moves_from", "moves_until", "opens_at", "opens_after", "group", "turn"}
     assert keys | {"shape", "material", "motion", "surface_speed", "temperature"} == set(
         WallSection.model_fields
     )

@@ -16,7 +16,7 @@ from support.serial_walls import Gas
 from ifrdem.model.box import Box
 from ifrdem.model.ifr import IFRLaw
 from ifrdem.model.state import Disks, State
-from ifrdem.model.walls import Motion, Wall, sides
+from ifrdem.model.walls import Motion, Turn, Wall, sides
 from ifrdem.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.unoptimised
@@ -42,7 +42,31 @@ DRUM = [
     ),
     Wall.post((5.0, 12.0), 0.1, surface_speed=0.2),
 ]
-SCENES = {"still": (STILL, COIN, 0.0), "shaken": (SHAKEN, ROLLING, -0.5), "drum": (DRUM, ROLLING, -0.3)}
+ROOM = [(1.0, 3.0), (6.0, 0.7), (18.0, 1.0), (19.3, 12.0), (11.0, 19.0), (1.0, 18.0), (3.0, 10.0)]
+CORNERS = [
+    Wall.polygon(ROOM, holds="inside", surface_speed=0.2),  # with a corner that points inwards
+    Wall.arc((10.0, 8.0), 3.0, (2.6, 6.4)),  # a bowl, in which disks start too
+    Wall.arc((13.0, 14.0), 0.15, (0.3, 2.0)),  # smaller than the disks
+    Wall.polyline([(5.0, 13.0), (6.0, 16.0), (7.2, 13.1)]),
+]
+ABOUT = (10.0, 10.0)
+BLADES = Turn("steady", center=ABOUT, rate=0.8)
+MIXER = [  # nowhere less than a diameter from each other
+    Wall.segment((8.0, 10.0), (12.0, 10.0), turn=BLADES),
+    Wall.arc(ABOUT, 2.6, (1.0, 2.5), turn=BLADES),
+    Wall.post((10.0, 6.6), 0.4, turn=BLADES),
+    # A bowl that swings while it is lifted and lowered, for a time only.
+    Wall.arc(
+        (16.0, 8.0), 1.2, (3.2, 6.2), turn=Turn("sine", center=(16.0, 8.4), amplitude=0.5, frequency=0.6, phase=0.4),
+        motion=Motion("sine", (0.3, 1.0), amplitude=0.3, frequency=0.9), moves_from=0.3, moves_until=1.1,
+    ),
+    Wall.polygon([(3.8, 11.4), (5.4, 11.8), (4.2, 12.7)], turn=Turn("steady", center=(4.5, 12.0), rate=-1.3)),
+    Wall.container(ABOUT, 9.7, turn=Turn("sine", center=(10.2, 10.0), amplitude=0.6, frequency=0.3)),
+]  # fmt: skip
+SCENES = {
+    "still": (STILL, COIN, 0.0), "shaken": (SHAKEN, ROLLING, -0.5), "drum": (DRUM, ROLLING, -0.3),
+    "corners": (CORNERS, ROLLING, -0.4), "mixer": (MIXER, ROLLING, -0.3),
+}  # fmt: skip
 PER_DISK = 6
 STARTS = (7, 8, 9)  # seeds: 3,879 collisions in all
 

@@ -3,6 +3,8 @@
 Every disk knows its latest place, velocity and time; the next event is the smallest of all pairs' and all disks' times.
 
 - Pairs: both fall alike, so that they approach along straight lines; the smaller root of a quadratic equation.
+- Arcs and corners: the nearest point of an arc by its angle, of a polyline by looking at every side. A wall that turns
+  is looked at from a frame that turns with it; the velocity of its surface is that of a rigid body at the contact.
 - Walls: the distance to a wall is written down as a function of time and looked at in steps of `STEP`, the first of
   them much shorter; where it changes its sign, Brent's method finds the root, and where it comes close to zero without
   doing so, its minimum is looked up. Slow, but the same for every shape and motion, with gravity or without.
@@ -12,6 +14,7 @@ Every disk knows its latest place, velocity and time; the next event is the smal
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -30,27 +33,73 @@ FIRST_STEPS = np.concatenate([[0.0], np.geomspace(1e-9, STEP, 30)])
 def displaced(wall: Wall, t: Array) -> tuple[Array, Array]:
     """Displacement of a wall along its direction, and its speed, at times t."""
     motion = wall.motion
+    going = (t >= wall.moving_times[0]) & (t < wall.moving_times[1])
+    t = np.clip(t, *wall.moving_times)
     if motion.kind == "still":
         return 0.0 * t, 0.0 * t
     if motion.kind == "steady":
-        return motion.speed * t, motion.speed + 0.0 * t
+        return motion.speed * t, np.where(going, motion.speed, 0.0)
     if motion.kind == "sine":
         rate = 2.0 * math.pi * motion.frequency
-        return motion.amplitude * np.sin(rate * t + motion.phase), motion.amplitude * rate * np.cos(
-            rate * t + motion.phase
-        )
+        s, speed = (motion.amplitude * each(rate * t + motion.phase) for each in (np.sin, np.cos))
+        return s, np.where(going, rate * speed, 0.0)
     # A sawtooth: the corners of one period, and straight lines between them.
     part = (motion.frequency * t + motion.phase / (2.0 * math.pi)) % 1.0
     up = part < motion.rise
     rising = 2.0 * motion.amplitude * motion.frequency / motion.rise
     falling = -2.0 * motion.amplitude * motion.frequency / (1.0 - motion.rise)
     s = np.interp(part, [0.0, motion.rise, 1.0], motion.amplitude * np.array([-1.0, 1.0, -1.0]))
-    return s, np.where(up, rising, falling)
+    return s, np.where(going, np.where(up, rising, falling), 0.0)
+
+
+def turned(wall: Wall, t: Array) -> tuple[Array, Array]:
+    """Angle of a wall at times t, and its angular velocity."""
+    turn = wall.turn
+    going = (t >= wall.moving_times[0]) & (t < wall.moving_times[1])
+    t = np.clip(t, *wall.moving_times)
+    if turn.kind == "sine":
+        rate = 2.0 * math.pi * turn.frequency
+        angle, spin = (
+            turn.amplitude * np.sin(rate * t + turn.phase),
+            turn.amplitude * rate * np.cos(rate * t + turn.phase),
+        )
+        return angle, np.where(going, spin, 0.0)
+    rate = turn.rate if turn.kind == "steady" else 0.0
+    return rate * t, np.where(going, rate, 0.0)
 
 
 def nearest(wall: Wall, x: Array, t: Array) -> tuple[Array, Array]:
     """Unit vectors (steps, 2) from a wall to a disk's centres x, shape (steps, 2), at times t, and the distances."""
-    d = x - np.array(wall.place) - displaced(wall, t)[0][:, None] * np.array(wall.motion.direction)
+    x = x - displaced(wall, t)[0][:, None] * np.array(wall.motion.direction)
+    if wall.turn.kind == "still":
+        return nearest_at_rest(wall, x)
+    # Complex numbers turn: back by the angle, and the vectors found forth again.
+    about, way = complex(*wall.turn.center), np.exp(1j * turned(wall, t)[0])
+    z = (x[:, 0] + 1j * x[:, 1] - about) / way + about
+    out, distance = nearest_at_rest(wall, np.column_stack((z.real, z.imag)))
+    z = (out[:, 0] + 1j * out[:, 1]) * way
+    return np.column_stack((z.real, z.imag)), distance
+
+
+def nearest_at_rest(wall: Wall, x: Array) -> tuple[Array, Array]:
+    """The same of a wall that stands as it is given."""
+    if wall.points:
+        ends = [*wall.points, *(wall.points[:1] if wall.shape == "polygon" else ())]
+        sides = [nearest_at_rest(Wall.segment(a, b), x) for a, b in itertools.pairwise(ends)]
+        first = np.argmin([distance for _, distance in sides], axis=0)
+        steps = np.arange(len(x))
+        return np.array([out for out, _ in sides])[first, steps], np.array([d for _, d in sides])[
+            first, steps
+        ]
+    d = x - np.array(wall.place)
+    if wall.shape == "arc":
+        low, high = wall.angles
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        angle = (np.arctan2(d[:, 1], d[:, 0]) - middle + math.pi) % (2.0 * math.pi) - math.pi
+        at = middle + np.clip(angle, -half, half)
+        away = d - wall.radius * np.column_stack((np.cos(at), np.sin(at)))
+        distance = np.linalg.norm(away, axis=1)
+        return away / distance[:, None], distance
     if wall.shape == "line":
         normal = np.array(wall.towards) / np.linalg.norm(wall.towards)
         return np.broadcast_to(normal, d.shape), d @ normal
@@ -129,7 +178,9 @@ class Gas:
         way = float(np.linalg.norm(self.velocity(i, now)) + 0.5 * np.linalg.norm(self.g) * WINDOW) * WINDOW
         for number, wall in enumerate(self.walls):
             to_go = nearest(wall, path[:1], times[:1])[1][0] - self.disks.radius[i]
-            if to_go > way + max(2.0 * wall.motion.amplitude, abs(wall.motion.speed) * WINDOW):
+            if wall.turn.kind == "still" and to_go > way + max(
+                2.0 * wall.motion.amplitude, abs(wall.motion.speed) * WINDOW
+            ):
                 continue  # further away than both go in the window
 
             def gap(t: float, wall: Wall = wall) -> float:
@@ -211,9 +262,15 @@ class Gas:
         _, speed = displaced(wall, np.array([now]))
         # The surface runs to the left of the normal that points to the disk.
         surface = wall.surface_speed * np.array([-out[1], out[0]])
-        u = self.v[i] - speed[0] * np.array(wall.motion.direction) - surface
+        # Of the rigid wall at the contact; against it the disk spins, which rolling friction brakes.
+        s, spin = displaced(wall, np.array([now]))[0][0], turned(wall, np.array([now]))[1][0]
+        x, y = self.x[i] - R * out - np.array(wall.turn.center) - s * np.array(wall.motion.direction)
+        rigid = speed[0] * np.array(wall.motion.direction) + spin * np.array([-y, x])
+        u = self.v[i] - spin * R * np.array([-out[1], out[0]]) - rigid - surface
+        self.w[i] -= spin
         n = -out
         slip = u @ np.array([-n[1], n[0]]) + R * self.w[i]
         P, P_t, brake = pair_impulse(self.law, n, float(u @ n), float(slip), m, m / (1.0 + k), R)
         self.v[i] -= P / m
         self.turn(i, P_t, brake)
+        self.w[i] += spin

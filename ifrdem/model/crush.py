@@ -1,0 +1,183 @@
+"""Walls that come so near to each other that a disk between them would be crushed: foreseen before a run.
+
+Points along one wall, a quarter of a diameter apart, are held against the other one at sampled times. Where the gap is
+g, and the walls approach each other with at most the speed v, it cannot be below a diameter d for a time of (g - d) /
+v: so long is the next step, or d / 8v where they are near. Only places that face each other count: ends, corners, and
+points whose wall runs across the gap. Walls that meet in a corner, as a floor and a side, do not crush; neither do
+those whose gap stays what it is.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..tools.checked import Array
+from .box import Box
+from .walls import FULL_TURN, Wall
+
+FACING = 0.5
+"""Cosine between a wall and the gap, up to which it lies across it."""
+SHARP = 0.5
+"""Angle [rad] between two sides from which on they make a corner."""
+ATTACHED = 1e-6
+"""Gap in diameters below which walls hang together."""
+MOST_TIMES = 2000
+"""Times at which a pair of walls is looked at, at most."""
+
+
+class WallWarning(UserWarning):
+    """Two walls would crush a disk between them.
+
+    Examples
+    --------
+    >>> import ifrdem
+    >>> issubclass(ifrdem.WallWarning, UserWarning)
+    True
+    """
+
+
+@dataclass(frozen=True)
+class Crush:
+    """Numbers of two walls, the time [time] at which they are nearest or first too near, and the gap then [length]."""
+
+    one: int
+    other: int
+    time: float
+    gap: float
+
+
+def crushes(walls: Sequence[Wall], box: Box, diameter: float, begin: float, end: float) -> Iterator[Crush]:
+    """Pairs of walls that come nearer to each other than a diameter [length] between two times; the first such time."""
+    if not any(wall.most_speed > abs(wall.surface_speed) for wall in walls):
+        return
+    samples = [_Samples.of(wall, box, diameter) for wall in walls]
+    for i, j in itertools.combinations(range(len(walls)), 2):
+        speed = _relative_speed(walls[i], walls[j])
+        if speed > 0.0 and not _always_apart(walls[i], walls[j], diameter):
+            found = _nearest(
+                samples[i], samples[j], diameter, speed, *_times(walls[i], walls[j], box, begin, end)
+            )
+            if found is not None:
+                yield Crush(i, j, *found)
+
+
+def told(crush: Crush, names: Sequence[str], diameter: float) -> str:
+    """What is to be said of it."""
+    return (
+        f"{names[crush.one]} and {names[crush.other]} come within {crush.gap:.3g} of each other at t = "
+        f"{crush.time:.4g}, less than the diameter {diameter:.3g}: a disk between them would be crushed"
+    )
+
+
+def _relative_speed(one: Wall, other: Wall) -> float:
+    same = (one.motion, one.turn, one.moving_times) == (other.motion, other.turn, other.moving_times)
+    return 0.0 if same else sum(each.most_speed - abs(each.surface_speed) for each in (one, other))
+
+
+def _always_apart(one: Wall, other: Wall, diameter: float) -> bool:
+    """True if the rectangles that they sweep, or a line and the other's, are further apart than a diameter."""
+    reach = one.motion.extent + other.motion.extent + diameter
+    if not math.isfinite(reach) or (one.shape == "line" and other.shape == "line"):
+        return False
+    if "line" in (one.shape, other.shape):
+        line, thing = (one, other) if one.shape == "line" else (other, one)
+        corners = np.array(list(itertools.product(*np.transpose(thing.bounds()))))
+        return bool(np.all(line.normal(corners)[1] > reach + line.motion.extent))
+    (low, high), (low_1, high_1) = one.bounds(), other.bounds()
+    return bool(np.any((low - high_1 > reach) | (low_1 - high > reach)))
+
+
+def _times(one: Wall, other: Wall, box: Box, begin: float, end: float) -> tuple[float, float]:
+    """When to look: in two periods of the slower one, or as long as a steady motion takes through the box."""
+    last = 0.0
+    for wall in (one, other):
+        motion, turn = wall.motion, wall.turn
+        if motion.kind == "steady" and motion.speed != 0.0:
+            last = max(last, 2.0 * math.hypot(*box.lengths) / abs(motion.speed))
+        elif motion.kind in ("sine", "sawtooth"):
+            last = max(last, 2.0 / motion.frequency)
+        if turn.kind == "sine":
+            last = max(last, 2.0 / turn.frequency)
+        elif turn.kind == "steady" and turn.rate != 0.0:
+            last = max(last, 2.0 * FULL_TURN / abs(turn.rate))
+    begin = max(begin, min(wall.moving_times[0] for wall in (one, other)))
+    opened = min(math.inf if wall.opens_at is None else wall.opens_at for wall in (one, other))
+    return begin, min(end, begin + last, opened)
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Points along a wall as it is given, unit vectors along it there, and which of them are ends or corners."""
+
+    wall: Wall
+    points: Array
+    along: Array
+    sharp: Array
+    side: float = 0.0  # of the disks: to the left (1) or right of the vectors along it; 0 for both
+
+    @classmethod
+    def of(cls, wall: Wall, box: Box, diameter: float) -> _Samples:
+        still = Wall(**{**vars(wall), "motion": type(wall.motion)(), "turn": type(wall.turn)()})
+        if wall.shape == "line":
+            size = 2.0 * math.hypot(*box.lengths)
+            across = np.array((wall.towards[1], -wall.towards[0]))
+            foot = np.array(wall.place) + ((0.5 * np.array(box.lengths) - wall.place) @ across) * across
+            corners = np.array((foot - size * across, foot + size * across))
+        else:
+            corners = still.outline()
+        step = np.diff(corners, axis=0)
+        length = np.hypot(*step.T)
+        kept = length > 0.0
+        if not kept.any():  # a post of radius 0
+            return cls(wall, corners[:1], np.zeros((1, 2)), np.ones(1, dtype=bool))
+        corners, step, length = np.concatenate((corners[:-1][kept], corners[-1:])), step[kept], length[kept]
+        along = step / length[:, None]
+        parts = np.maximum(1, np.ceil(length / (0.25 * diameter)).astype(np.int64))
+        side = np.repeat(np.arange(len(parts)), parts)
+        within = (np.arange(len(side)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[side]
+        points = np.concatenate((corners[:-1][side] + within[:, None] * step[side], corners[-1:]))
+        turn = np.arccos(np.clip(np.sum(along[1:] * along[:-1], axis=1), -1.0, 1.0))
+        bent = np.concatenate(([True], turn > SHARP, [True]))
+        if wall.shape in ("container", "post", "line"):
+            bent[[0, -1]] = False
+        sharp = np.concatenate(((within == 0.0) & bent[:-1][side], bent[-1:]))
+        # Along a line disks are on the left; circles run counter-clockwise.
+        of_disks = {"line": 1.0, "container": 1.0, "post": -1.0}.get(wall.shape, 0.0)
+        found = cls(wall, points, along[np.concatenate((side, side[-1:]))], sharp, of_disks)
+        if wall.shape == "line":
+            inside = np.all((points >= 0.0) & (points <= box.lengths), axis=1)
+            return cls(wall, points[inside], found.along[inside], sharp[inside], of_disks)
+        return found
+
+    def gap(self, other: Wall, t: float, diameter: float) -> float:
+        """The smallest gap to another wall at a time [length], between places that face each other."""
+        points, origin = self.wall.carried(self.points, t), self.wall.carried(np.zeros((1, 2)), t)
+        along = self.wall.carried(self.along, t) - origin
+        normal, distance = other.normal(points, t)
+        facing = self.sharp | (np.abs(np.sum(along * normal, axis=1)) < FACING)
+        # The gap must be where the disks are, not behind the wall: to the left of `along` is (-y, x) of it.
+        facing &= self.side * (along[:, 0] * normal[:, 1] - along[:, 1] * normal[:, 0]) <= 0.0
+        apart = distance[facing & (distance > ATTACHED * diameter)]
+        return float(apart.min(initial=math.inf))
+
+
+def _nearest(
+    one: _Samples, other: _Samples, diameter: float, speed: float, begin: float, end: float
+) -> tuple[float, float] | None:
+    """Time and gap where two walls are nearest, if that is below a diameter and they were further apart before."""
+    t, least, widest, at = begin, math.inf, 0.0, begin
+    for _ in range(MOST_TIMES):
+        if t > end:
+            break
+        gap = min(one.gap(other.wall, t, diameter), other.gap(one.wall, t, diameter))
+        if gap < least:
+            least, at = gap, t
+        if math.isfinite(gap):
+            widest = max(widest, gap)
+        t += max((gap - diameter) / speed if math.isfinite(gap) else math.inf, 0.125 * diameter / speed)
+    return (at, least) if least < diameter and widest > least + 0.25 * diameter else None

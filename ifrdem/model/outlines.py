@@ -1,0 +1,298 @@
+"""Outlines: the points of polylines and polygons, from lists, CSV files and paths of SVG drawings.
+
+Of SVG paths the commands M, L, H, V, Z, C, Q and A are known, and their relative forms. Curves become straight pieces
+that are nowhere further from them than a tolerance:
+
+- a Bezier curve B(u), 0 <= u <= 1, with |B''| <= M lies within M h^2 / 8 of its chords over steps h of u; M is 6
+  (cubic) or 2 (quadratic) times the largest second difference of its control points;
+- a chord of an elliptic arc over the angle a, larger radius r, is within r (1 - cos(a / 2)) of it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..tools import checked
+from ..tools.checked import Array
+
+TOLERANCE = 1e-4
+"""Of curves, as a part of the larger side of the rectangle around the points of a path, where none is given."""
+_TOKEN = re.compile(r"([A-Za-z])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|([\s,]+)|(.)")
+_NUMBERS = {"M": 2, "L": 2, "H": 1, "V": 1, "Z": 0, "C": 6, "Q": 4, "A": 7}
+AT_ONCE = 2_000_000
+"""Pairs of sides that are looked at together at most."""
+
+
+def checked_points(name: str, points: Any, *, closed: bool) -> tuple[tuple[float, float], ...]:
+    """Points as pairs of finite numbers; a polygon's last one is dropped where it is the first again.
+
+    InputError if they are too few, two that follow each other are the same, or sides of a polygon cross.
+    """
+    if not isinstance(points, Sequence | np.ndarray) or isinstance(points, str):
+        raise InputError(f"{name}, points = {points!r}: a list of points [x, y] is needed")
+    found = [checked.finite_pair(f"{name}, points[{i}]", point) for i, point in enumerate(points)]
+    if closed and len(found) > 1 and found[0] == found[-1]:
+        del found[-1]
+    least = 3 if closed else 2
+    if len(found) < least:
+        raise InputError(f"{name}, points: {len(found)} of them, {least} at least are needed")
+    around = [*found, found[0]] if closed else found
+    for i, (one, other) in enumerate(itertools.pairwise(around)):
+        if one == other:
+            raise InputError(
+                f"{name}, points[{i}] and points[{(i + 1) % len(found)}] are both ({one[0]:.6g}, {one[1]:.6g}): a side "
+                "between them has no length"
+            )
+    if closed and (crossing := first_crossing(np.array(around))):
+        i, j = crossing
+        raise InputError(
+            f"{name}, points: the sides from points[{i}] and from points[{j}] cross; a polygon must not cross itself"
+        )
+    return tuple(found)
+
+
+def first_crossing(corners: Array) -> tuple[int, int] | None:
+    """Two sides of a closed polygon that cross or touch, though they do not follow each other; None if there are
+    none."""
+    a, b = corners[:-1], corners[1:]
+    n = len(a)
+
+    def left(p: Array, q: Array, r: Array) -> Array:
+        return np.sign(
+            (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1])
+            - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+        )
+
+    def on(p: Array, q: Array, r: Array) -> Any:
+        return np.all((np.minimum(p, q) <= r) & (r <= np.maximum(p, q)), axis=-1)
+
+    part = max(1, AT_ONCE // n)
+    for first in range(0, n, part):
+        i = np.arange(first, min(first + part, n))
+        p, q = a[i, None], b[i, None]
+        s_1, s_2, s_3, s_4 = (
+            left(p, q, a[None]),
+            left(p, q, b[None]),
+            left(a[None], b[None], p),
+            left(a[None], b[None], q),
+        )
+        crosses = (s_1 * s_2 < 0) & (s_3 * s_4 < 0)
+        crosses |= ((s_1 == 0) & on(p, q, a[None])) | ((s_2 == 0) & on(p, q, b[None]))
+        apart = (np.arange(n)[None] - i[:, None]) % n
+        crosses &= (apart > 1) & (apart < n - 1)
+        if crosses.any():
+            k, j = (int(each[0]) for each in np.nonzero(crosses))
+            return min(int(i[k]), j), max(int(i[k]), j)
+    return None
+
+
+def of_csv(path: str | os.PathLike[str]) -> list[tuple[float, float]]:
+    """Points of a text file: x and y in each line, with a comma, semicolon or blanks between; # begins a comment.
+
+    InputError names file and line.
+    """
+    found: list[tuple[float, float]] = []
+    for number, line in enumerate(_text(path).splitlines(), start=1):
+        parts = [each for each in re.split(r"[\s,;]+", line.split("#")[0].strip()) if each]
+        if not parts:
+            continue
+        try:
+            x, y = (float(each) for each in parts)
+        except ValueError:
+            if not found and len(parts) == 2 and not any(re.match(r"[-+.\d]", each) for each in parts):
+                continue  # names of columns
+            raise InputError(
+                f"{path}, line {number} = {line.strip()!r}: two numbers, x and y, are needed"
+            ) from None
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise InputError(f"{path}, line {number} = {line.strip()!r}: finite numbers are needed")
+        found.append((x, y))
+    if not found:
+        raise InputError(f"{path}: no points are in it")
+    return found
+
+
+def of_svg(
+    path: str | os.PathLike[str], tolerance: float | None = None
+) -> tuple[list[tuple[float, float]], bool]:
+    """Points of the one path of an SVG drawing, y upwards from the lower edge of its view box; and if it is closed.
+
+    InputError if there is not exactly one path, or something moves it (transform).
+    """
+    try:
+        root = ET.fromstring(_text(path))
+    except ET.ParseError as error:
+        raise InputError(f"{path}: no SVG drawing ({error})") from None
+    elements = list(root.iter())
+    paths = [each for each in elements if each.tag.rpartition("}")[2] == "path"]
+    if len(paths) != 1:
+        raise InputError(f"{path}: {len(paths)} paths are in it, exactly one is needed")
+    if moved := [each.tag.rpartition("}")[2] for each in elements if "transform" in each.attrib]:
+        raise InputError(
+            f"{path}: the transform of <{moved[0]}> is not supported; apply it to the path in the drawing"
+        )
+    try:
+        box = [float(each) for each in re.split(r"[\s,]+", root.get("viewBox", "").strip()) if each]
+    except ValueError:
+        box = []
+    if len(box) != 4:
+        raise InputError(f"{path}: a viewBox of four numbers is needed, which says where y = 0 is")
+    points, closed = of_path(paths[0].get("d", ""), tolerance, str(path))
+    return [(x - box[0], box[1] + box[3] - y) for x, y in points], closed
+
+
+def of_path(
+    data: str, tolerance: float | None = None, name: str = "path"
+) -> tuple[list[tuple[float, float]], bool]:
+    """Points of the data of an SVG path, as they stand there; and if it ends with Z.
+
+    InputError names what is not understood, and where.
+    """
+    commands = _commands(data, name)
+    if tolerance is None:
+        ends = np.array([args[-2:] for command, args in commands if len(args) >= 2] or [[0.0, 0.0]])
+        tolerance = TOLERANCE * (float(np.ptp(ends, axis=0).max()) or 1.0)
+    points: list[tuple[float, float]] = []
+    x = y = 0.0
+    closed = False
+    for command, args in commands:
+        if closed or (command in "Mm" and points):
+            raise InputError(f"{name}: it has several parts; give each a wall of its own")
+        if command.islower() and command not in "a":
+            args = [each + (x, y)[i % 2] for i, each in enumerate(args)] if command not in "hv" else args
+            args = [args[0] + (x if command == "h" else y)] if command in "hv" else args
+        elif command == "a":
+            args = [*args[:5], args[5] + x, args[6] + y]
+        match command.upper():
+            case "M" | "L":
+                new = [(args[0], args[1])]
+            case "H":
+                new = [(args[0], y)]
+            case "V":
+                new = [(x, args[0])]
+            case "C" | "Q":
+                new = _bezier(np.array([x, y, *args]).reshape(-1, 2), tolerance)
+            case "A":
+                new = _arc((x, y), args, tolerance, name)
+            case _:
+                closed, new = True, []
+        points += new
+        if new:
+            x, y = new[-1]
+    if closed and len(points) > 1 and points[0] == points[-1]:
+        del points[-1]
+    return [point for i, point in enumerate(points) if i == 0 or point != points[i - 1]], closed
+
+
+def _text(path: str | os.PathLike[str]) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise InputError(f"{path}: cannot be read: {reason}") from None
+
+
+def _commands(data: str, name: str) -> list[tuple[str, list[float]]]:
+    """Commands of a path, each with its numbers; what follows M counts as L."""
+    found: list[tuple[str, list[float]]] = []
+    at = 0
+    command = ""
+    while at < len(data):
+        match = _TOKEN.match(data, at)
+        assert match is not None
+        letter, number, blank, other = match.groups()
+        if blank:
+            at = match.end()
+            continue
+        if other or (number and not command):
+            raise InputError(
+                f"{name}: {data[at : at + 12]!r} at character {at + 1}: a path begins with M and a point"
+            )
+        if letter:
+            if letter.upper() not in _NUMBERS:
+                raise InputError(
+                    f"{name}: command {letter!r} at character {at + 1} is not known: allowed are "
+                    f"{', '.join(_NUMBERS)} and their small letters"
+                )
+            if not found and letter not in "Mm":
+                raise InputError(
+                    f"{name}: {letter!r} at character {at + 1}: a path begins with M and a point"
+                )
+            command, at = letter, match.end()
+            if letter in "Zz":
+                found.append((letter, []))
+                continue
+        elif command in "Zz":
+            raise InputError(f"{name}: {data[at : at + 12]!r} at character {at + 1}: Z takes no numbers")
+        numbers: list[float] = []
+        while len(numbers) < _NUMBERS[command.upper()]:
+            flag = command in "Aa" and len(numbers) in (3, 4)
+            read = re.compile(
+                r"[\s,]*([01])" if flag else r"[\s,]*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+            ).match(data, at)
+            if read is None:
+                needed = f"{command!r} takes {_NUMBERS[command.upper()]} numbers"
+                raise InputError(f"{name}: {data[at : at + 12]!r} at character {at + 1}: {needed}")
+            numbers.append(float(read[1]))
+            at = read.end()
+        if not all(map(math.isfinite, numbers)):
+            raise InputError(f"{name}: a number before character {at + 1} is not finite")
+        found.append((command, numbers))
+        command = {"M": "L", "m": "l"}.get(command, command)
+    if not found:
+        raise InputError(f"{name} = {data!r}: a path begins with M and a point")
+    return found
+
+
+def _bezier(control: Array, tolerance: float) -> list[tuple[float, float]]:
+    """Points of a Bezier curve after its first one."""
+    degree = len(control) - 1
+    second = np.abs(np.diff(control, n=2, axis=0))
+    bend = degree * (degree - 1) * float(np.hypot(*second.T).max())
+    pieces = max(1, math.ceil(math.sqrt(bend / (8.0 * tolerance))))
+    u = np.arange(1, pieces + 1)[:, None] / pieces
+    powers = [math.comb(degree, i) * u**i * (1.0 - u) ** (degree - i) for i in range(degree + 1)]
+    points: Array = np.sum([power * point for power, point in zip(powers, control, strict=True)], axis=0)
+    points[-1] = control[-1]
+    return [(float(x), float(y)) for x, y in points]
+
+
+def _arc(
+    start: tuple[float, float], args: list[float], tolerance: float, name: str
+) -> list[tuple[float, float]]:
+    """Points of an elliptic arc after its first one: SVG 2, appendix B.2.4, from its ends to its centre."""
+    r_x, r_y, tilt, large, sweep, *end = args
+    r_x, r_y = abs(r_x), abs(r_y)
+    if (r_x == 0.0 or r_y == 0.0) or tuple(end) == start:
+        raise InputError(f"{name}: an arc (A) without length or radius")
+    phi = math.radians(tilt)
+    turn = np.array([[math.cos(phi), math.sin(phi)], [-math.sin(phi), math.cos(phi)]])
+    p = turn @ (0.5 * np.subtract(start, end))
+    scale = (p[0] / r_x) ** 2 + (p[1] / r_y) ** 2
+    if scale > 1.0:  # too small radii are enlarged until the ends can be reached
+        r_x, r_y = r_x * math.sqrt(scale), r_y * math.sqrt(scale)
+        scale = 1.0
+    root = math.sqrt(max(0.0, 1.0 / scale - 1.0)) * (1.0 if large != sweep else -1.0)
+    center = root * np.array([r_x * p[1] / r_y, -r_y * p[0] / r_x])
+    begin = math.atan2((p[1] - center[1]) / r_y, (p[0] - center[0]) / r_x)
+    angle = math.atan2((-p[1] - center[1]) / r_y, (-p[0] - center[0]) / r_x) - begin
+    if sweep and angle < 0.0:
+        angle += 2.0 * math.pi
+    elif not sweep and angle > 0.0:
+        angle -= 2.0 * math.pi
+    step = 2.0 * math.acos(max(0.0, 1.0 - min(1.0, tolerance / max(r_x, r_y))))
+    pieces = max(1, math.ceil(abs(angle) / step))
+    u = begin + angle * np.arange(1, pieces + 1) / pieces
+    points = (center + np.column_stack((r_x * np.cos(u), r_y * np.sin(u)))) @ turn + 0.5 * np.add(start, end)
+    points[-1] = end
+    return [(float(x), float(y)) for x, y in points]

@@ -1,0 +1,281 @@
+"""Arcs, polygons, walls that turn, gates, and what each wall gives: bits, balances, and that nobody escapes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from support.gases import COIN, ELASTIC
+
+from ifrdem.errors import InputError
+from ifrdem.initial import maxwellian, random_positions
+from ifrdem.model.box import Box
+from ifrdem.model.ifr import IFRLaw
+from ifrdem.model.state import Disks, State
+from ifrdem.model.walls import SUMS, Motion, Turn, Wall
+from ifrdem.simulation.engine import ORDERS, Engine
+from ifrdem.simulation.simulation import Simulation
+
+pytestmark = pytest.mark.unoptimised
+
+SIDE = 30.0
+BOX = Box((SIDE, SIDE), (False, False))
+MIDDLE = (15.0, 15.0)
+PADDLE = Turn("steady", center=MIDDLE, rate=0.7)
+
+
+def outline(radius: float, sides: int) -> list[tuple[float, float]]:
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    return [(15.0 + radius * math.cos(a), 15.0 + radius * math.sin(a)) for a in angle]
+
+
+def room() -> list[Wall]:
+    """A room of many sides with a paddle, a bowl that swings, a zigzag, an obstacle and two gates."""
+    swing = Turn("sine", center=(15.0, 24.0), amplitude=0.4, frequency=0.2)
+    return [
+        Wall.polygon(outline(14.5, 40), holds="inside"),
+        Wall.segment((11.0, 15.0), (19.0, 15.0), turn=PADDLE, group="paddle"),
+        Wall.segment((15.0, 11.0), (15.0, 19.0), turn=PADDLE, group="paddle"),
+        Wall.arc((15.0, 24.0), 1.5, (-2.8, 0.3), turn=swing),
+        Wall.polyline([(4.0, 11.0), (6.0, 14.0), (4.0, 17.0), (6.0, 19.0)]),
+        Wall.polygon([(15.0, 4.0), (17.0, 6.0), (14.0, 5.5)], holds="outside"),
+        Wall.segment((24.0, 8.0), (24.0, 12.0), opens_at=1.3),
+        Wall.arc((24.0, 19.0), 1.0, (0.0, 2.0 * math.pi), opens_after=150),
+    ]
+
+
+def gas(
+    order: str | None = None, *, n: int = 120, law: tuple[float, ...] = COIN, sums: bool = True, threads: int = 1,
+    walls: list[Wall] | None = None, gravity: tuple[float, float] = (0.0, -0.3), cutoff: float = 0.0,
+) -> Engine:  # fmt: skip
+    disks = Disks(n, mass=1.0, radius=np.where(np.arange(n) % 3 == 0, 0.45, 0.3))
+    walls = room() if walls is None else walls
+    position = random_positions(BOX, disks.radius, seed=3, walls=walls)
+    state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=3), np.zeros(n))
+    return Engine(
+        disks, BOX, state, np.array([[law]]), order=order, walls=walls, gravity=gravity, wall_sums=sums, tile_disks=30,
+        threads=threads, velocity_cutoff=cutoff,
+    )  # fmt: skip
+
+
+def run_to(engine: Engine, t: float) -> State:
+    while engine.time < t:
+        engine.advance(t_end=t)
+    return engine.state()
+
+
+def same(one: State, other: State) -> None:
+    for name in ("position", "velocity", "spin", "collisions", "wall_hits"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+def test_bits_do_not_depend_on_tiles_threads_looks_or_sums() -> None:
+    """Gates end windows; that somebody looks, or that impulses are added up, does not change anything."""
+    end = 9.0
+    expected = gas("alone")
+    state = run_to(expected, end)
+    assert expected.collisions > 300
+    assert list(np.flatnonzero(expected.open_gates)) == [6, 7]
+    assert expected.wall_sums[:8, SUMS.index("hits")].min() > 0  # each was hit
+    for order in ORDERS[1:]:
+        tiles = gas(order)
+        same(run_to(tiles, end), state)
+        assert tiles.arrays.tiles == 4
+        np.testing.assert_allclose(tiles.wall_sums, expected.wall_sums, rtol=0.0, atol=1e-10)
+    same(run_to(gas("tiles", threads=2), end), state)
+    same(run_to(gas("alone", sums=False), end), state)
+    looked = gas("alone")
+    for t in np.linspace(0.0, end, 41)[1:]:
+        same_time = run_to(looked, float(t))
+    same(same_time, state)
+    np.testing.assert_array_equal(looked.wall_sums, expected.wall_sums)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_walls_give_what_disks_get(order: str) -> None:
+    """Momentum: of the disks, less what gravity gave. Energy: elastic disks keep all work. Rotation: work is torque
+    times w.
+
+    Spins too: rough disks of e_t = 1 keep their energy (Eq. 8: the slip is reversed). Momentum in y falls by m g t n.
+    """
+    for law in (ELASTIC, (1.0, 1.0, 0.0, 1.0, 0.0)):
+        engine = gas(order, law=law)
+        start = engine.state()
+        end = run_to(engine, 5.0)
+        sums = engine.wall_sums
+        n = engine.n
+        gained = end.velocity.sum(axis=0) - start.velocity.sum(axis=0) - [0.0, -0.3 * 5.0 * n]
+        np.testing.assert_allclose(sums[:, :2].sum(axis=0), gained, atol=1e-10)
+        kinetic = [
+            0.5 * np.sum(s.velocity**2)
+            + 0.5 * np.sum(engine.disks.inertia * s.spin**2)
+            + 0.3 * np.sum(s.position[:, 1])
+            for s in (start, end)
+        ]
+        work = sums[:, SUMS.index("work")]
+        assert work.sum() == pytest.approx(kinetic[1] - kinetic[0], abs=1e-9)
+        assert engine.wall_work == pytest.approx(work.sum(), abs=1e-9)
+        paddle = sums[1:3]
+        assert abs(paddle[:, SUMS.index("work")].sum()) > 1.0
+        np.testing.assert_allclose(paddle[:, 3], PADDLE.rate * paddle[:, 2], rtol=1e-12)
+        np.testing.assert_array_equal(sums[[0, 4, 5, 6], 3], 0.0)  # at rest
+        assert sums[:, SUMS.index("hits")].sum() == engine.wall_hits
+
+
+def test_torques_about_the_origin_are_those_of_the_angular_momentum() -> None:
+    """Of walls at rest and without gravity: the angular momentum of all disks about the origin changes by them only."""
+    walls = [
+        Wall.polygon(outline(14.5, 9), holds="inside"),
+        Wall.arc(MIDDLE, 4.0, (0.3, 4.0), surface_speed=0.4),
+    ]
+    engine = gas(walls=walls, gravity=(0.0, 0.0))
+    start, end = engine.state(), run_to(engine, 5.0)
+    spun = [
+        float(np.sum(s.position[:, 0] * s.velocity[:, 1] - s.position[:, 1] * s.velocity[:, 0]))
+        + float(np.sum(engine.disks.inertia * s.spin))
+        for s in (start, end)
+    ]
+    assert abs(spun[1] - spun[0]) > 1.0
+    assert engine.wall_sums[:, SUMS.index("torque")].sum() == pytest.approx(spun[1] - spun[0], abs=1e-10)
+
+
+def test_heat_of_a_thermal_wall_is_among_its_sums() -> None:
+    walls = [Wall.polygon(outline(14.5, 6), holds="inside", temperature=2.0), Wall.post(MIDDLE, 2.0)]
+    engine = gas(walls=walls, gravity=(0.0, 0.0))
+    run_to(engine, 5.0)
+    heat = engine.wall_sums[:, SUMS.index("heat")]
+    assert heat[0] != 0.0
+    np.testing.assert_array_equal(heat, engine.wall_heats)
+
+
+def test_a_wall_that_turns_is_seen_as_a_frame_that_turns() -> None:
+    """A free disk beside a steadily turning blade, from the frame of the blade: it meets it where plain geometry says.
+
+    A disk of radius R at rest at distance d from the centre is met by a blade through the centre, at the angle beta
+    against it, when sin(beta - w t) = R / d; an elastic smooth blade sends it off at 2 w sqrt(d^2 - R^2), the speed of
+    the blade at the foot of the disk twice, along the blade's normal.
+    """
+    w, d, R, beta = 0.9, 3.0, 0.5, 1.0
+    disks = Disks(1, mass=1.0, radius=R)
+    start = State([[15.0 + d * math.cos(beta), 15.0 + d * math.sin(beta)]], [[0.0, 0.0]], [0.0])
+    blade = Wall.segment(MIDDLE, (20.0, 15.0), turn=Turn("steady", center=MIDDLE, rate=w))
+    engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[blade], wall_sums=True)
+    t = (beta - math.asin(R / d)) / w
+    run_to(engine, t - 1e-12)
+    assert engine.wall_hits == 0
+    state = run_to(engine, t + 1e-12)
+    assert engine.wall_hits == 1
+    foot = math.sqrt(d * d - R * R)
+    normal = np.array([-math.sin(w * t), math.cos(w * t)])
+    np.testing.assert_allclose(state.velocity[0], 2.0 * w * foot * normal, rtol=1e-12)
+    assert engine.wall_sums[0, SUMS.index("torque")] == pytest.approx(2.0 * w * foot**2, rel=1e-12)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_gate_opens_at_its_time_and_after_its_collisions_to_the_collision(order: str) -> None:
+    """Disks behind a wall across the room do not pass it before; the n-th collision, found by a run without the gate
+    moving, is when it opens: until then both runs are one."""
+    lid = {"start": (0.0, 15.0), "end": (30.0, 15.0)}
+    below = [Wall.line((0.0, 14.9), (0.0, -1.0))]  # where disks start, only
+    disks = Disks(60, mass=1.0, radius=0.4)
+    position = random_positions(BOX, disks.radius, seed=5, walls=below)
+    state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=5), np.zeros(60))
+
+    def gated(**options: float) -> Engine:
+        wall = Wall.segment(lid["start"], lid["end"], **options)  # type: ignore[arg-type]
+        return Engine(disks, BOX, state, np.array([[COIN]]), walls=[wall], order=order, tile_disks=20)
+
+    shut = gated()
+    by_time, by_count = gated(opens_at=2.5), gated(opens_after=40)
+    while shut.collisions < 40:
+        shut.advance(collisions=40)
+    while not by_count.open_gates[0]:
+        by_count.advance(t_end=50.0)
+    assert by_count.collisions == 40
+    assert by_count.time == shut.time
+    same(by_count.state(), shut.state())
+    assert run_to(by_time, 2.5).position[:, 1].max() <= 14.6 + 1e-9
+    assert by_time.open_gates[0]
+    for engine in (by_time, by_count):
+        assert run_to(engine, 12.0).position[:, 1].max() > 16.0
+    assert run_to(shut, 12.0).position[:, 1].max() <= 14.6 + 1e-9
+
+
+def test_a_wall_moves_from_one_time_to_another() -> None:
+    """A floor that moves up by 0.5 in a second, from t = 1 to 2, meets a disk at rest 0.2 above it at t = 1.4."""
+    floor = Wall.line(
+        (0.0, 10.0), (0.0, 1.0), motion=Motion("steady", speed=0.5), moves_from=1.0, moves_until=2.0
+    )
+    start = State([[15.0, 11.2]], [[0.0, 0.0]], [0.0])  # s(1) = 0.5: the floor stands at 10.5 before
+    disks = Disks(1, mass=1.0, radius=0.5)
+    engine = Engine(disks, BOX, start, np.array([[ELASTIC]]), walls=[floor])
+    run_to(engine, 1.4 - 1e-9)
+    assert engine.wall_hits == 0
+    assert run_to(engine, 1.4 + 1e-9).velocity[0, 1] == pytest.approx(1.0, rel=1e-12)  # twice the floor's
+    late = State([[15.0, 13.0]], [[0.0, -0.5]], [0.0], time=1.9)  # the floor stands at 11 from t = 2 on
+    engine = Engine(disks, BOX, late, np.array([[ELASTIC]]), walls=[floor])
+    assert run_to(engine, 1.9 + 3.0 + 1e-9).velocity[0, 1] == pytest.approx(0.5, rel=1e-12)  # met at rest
+
+
+def corners() -> list[Wall]:
+    """Walls with many corners, joints and ends, some of which turn, swing or shake; nowhere less than a diameter
+    apart."""
+    star = [
+        (15.0 + r * math.cos(a), 15.0 + r * math.sin(a))
+        for r, a in zip([14.0, 11.5] * 12, 2.0 * np.pi * np.arange(24) / 24, strict=True)
+    ]
+    turn = Turn("steady", center=MIDDLE, rate=0.5)
+    back = Turn("sine", center=MIDDLE, amplitude=2.0, frequency=0.05, phase=0.3)
+    return [
+        Wall.polygon(star, holds="inside"),
+        Wall.polyline([(12.0, 15.0), (14.0, 15.8), (16.0, 14.2), (18.0, 15.0)], turn=turn),
+        *(
+            Wall.arc(
+                (15.0 + 5.0 * math.cos(a), 15.0 + 5.0 * math.sin(a)), 1.0, (a + 1.5, a + 4.8), turn=turn
+            )  # open outwards
+            for a in (0.0, 2.0, 4.0)
+        ),
+        *(Wall.arc(MIDDLE, 8.5, (a, a + 0.5), turn=back) for a in (0.0, 1.5, 3.0, 4.5)),
+    ]
+
+
+def test_nobody_escapes_at_corners_joints_and_ends() -> None:
+    """The star holds its disks, and no disk overlaps a wall at any of hundreds of looks."""
+    walls = corners()
+    disks = Disks(40, mass=1.0, radius=0.35)
+    position = random_positions(BOX, disks.radius, seed=1, walls=walls)
+    state = State(position, maxwellian(disks.mass, speed_rms=1.0, seed=1), np.zeros(40))
+    law = IFRLaw(e_n=0.85, e_t=-0.6, mu=0.2)
+    engine = Engine(
+        disks,
+        BOX,
+        state,
+        np.array([[law.table_row()]]),
+        walls=walls,
+        gravity=(0.0, -0.02),
+        velocity_cutoff=1e-3,
+    )
+    hits, least = 1_000_000, np.inf
+    stop = 0.0
+    while engine.wall_hits < hits:
+        stop += 40.0
+        now = run_to(engine, stop)
+        least = min(least, *(float(wall.gap(now.position, disks.radius, now.time).min()) for wall in walls))
+        assert least > -1e-11
+    assert least < 0.01  # they do come near
+
+
+def test_sums_are_there_only_where_they_are_asked_for() -> None:
+    disks = Disks(1, mass=1.0, radius=0.5)
+    start = State([[8.0, 15.0]], [[0.0, 0.0]], [0.0])
+    law = IFRLaw(e_n=0.9, e_t=-1.0, mu=0.0)
+    run = Simulation(disks, BOX, law, start)
+    with pytest.raises(InputError, match="wall_sums=True"):
+        _ = run.wall_sums
+    run = Simulation(disks, BOX, law, start, walls=room()[:3], wall_sums=True)
+    assert run.wall_sums.values.shape == (7, 6)
+    assert run.measure().walls is not None
+    assert run.wall_sums.of("paddle").values.shape == (1, 6)
+    with pytest.raises(InputError, match="did you mean 'paddle'"):
+        run.wall_sums.of("padle")
