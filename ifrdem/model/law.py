@@ -120,14 +120,14 @@ class CollisionLaw:
 
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
-    """Compiled form of a class of laws, a `kernels.layout.Law`; one object for each class."""
+    """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
     from ..kernels.language import ti
-    from ..kernels.layout import Law, plain
+    from ..kernels.layout import CompiledLaw, plain
 
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):
         function = ti.func(plain(function))
-    return Law(function, max(len(kind.coefficients), 1), kind.parts())
+    return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts())
 
 
 def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:

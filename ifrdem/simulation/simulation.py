@@ -30,7 +30,7 @@ from ..tools.progress import seen
 from ..tools.sealed import Sealed
 from . import checkpoint, checks
 from . import device as backend
-from .engine import Collisions, Engine
+from .engine import CollisionTimes, Engine
 from .schedule import MOST, Cadence, Course, Observer, Progress, Sampler, Span, earlier, refuse_endless
 from .tracking import Events, Tracking, checked_ids
 
@@ -679,7 +679,7 @@ class Simulation(Sealed, PicturedDisks):
                 stacklevel=3,
             )
 
-    def collide_until(self, t_end: float) -> Collisions:
+    def collide_until(self, t_end: float) -> CollisionTimes:
         """Run to `t_end` [time] and return every collision on the way, in order.
 
         Raises
@@ -693,7 +693,7 @@ class Simulation(Sealed, PicturedDisks):
             )
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
-    def collide(self, count: int) -> Collisions:
+    def collide(self, count: int) -> CollisionTimes:
         """Run for `count` collisions and return them, in order.
 
         More come back only where several happen at one and the same time, as at the end of an inelastic collapse.
@@ -707,8 +707,8 @@ class Simulation(Sealed, PicturedDisks):
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
-    def _recorded(self, going: Callable[[], bool], **end: float) -> Collisions:
-        found: list[Collisions] = []
+    def _recorded(self, going: Callable[[], bool], **end: float) -> CollisionTimes:
+        found: list[CollisionTimes] = []
         self._engine.keep_collisions = True
         try:
             with backend.sole_use():
@@ -719,8 +719,8 @@ class Simulation(Sealed, PicturedDisks):
         finally:
             self._engine.keep_collisions = False
         if not found:
-            return Collisions(np.empty(0), np.empty((0, 2), dtype=np.int32))
-        return Collisions(np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found]))
+            return CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int32))
+        return CollisionTimes(np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found]))
 
     def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
         if observers:

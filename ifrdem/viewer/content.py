@@ -39,7 +39,7 @@ REDUCED = "reduced units"
 
 
 @dataclass(frozen=True)
-class Colour:
+class DiskColour:
     """A quantity by which disks are coloured: its label, unit in words, and the kind of its colours."""
 
     label: str
@@ -385,16 +385,16 @@ def _speed(_content: Content, frame: Frame) -> Array:
 
 
 COLOURS = {
-    "spin": Colour(
+    "spin": DiskColour(
         "spin (counter-clockwise +)", "angle/time", "diverging", SPIN, lambda _, frame: frame.spin
     ),
-    "speed": Colour("speed", "length/time", "rising", "velocity", _speed),
-    "species": Colour(
+    "speed": DiskColour("speed", "length/time", "rising", "velocity", _speed),
+    "species": DiskColour(
         "species", "", "names", "species", lambda content, _: content._kinds()[1].astype(float)
     ),
-    "collisions": Colour(
+    "collisions": DiskColour(
         "collisions", "", "rising", "collisions", lambda _, frame: frame.collisions.astype(float)
     ),
-    "since": Colour("time since the last collision", "time", "rising", "histories", Content.since),
+    "since": DiskColour("time since the last collision", "time", "rising", "histories", Content.since),
 }
 """Quantities by which disks can be coloured."""

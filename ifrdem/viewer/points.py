@@ -19,7 +19,7 @@ from .content import numbers
 FIRST = ("temperature", "rotational_temperature", "theta")
 
 
-class Points:
+class StudyPoints:
     """The results of a study, and its folder of runs.
 
     Parameters

@@ -22,7 +22,7 @@ from .content import Content, pack
 from .page import blank, policy
 
 if TYPE_CHECKING:
-    from .points import Points
+    from .points import StudyPoints
 
 TEXT, JSON, BYTES = "text/plain; charset=utf-8", "application/json", "application/octet-stream"
 
@@ -34,7 +34,7 @@ class Server(ThreadingHTTPServer):
 
     Parameters
     ----------
-    content : Content or Points
+    content : Content or StudyPoints
         A trajectory, or the points of a study.
     port : int
         0: any free one.
@@ -47,7 +47,7 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, content: Content | Points, port: int = 0) -> None:
+    def __init__(self, content: Content | StudyPoints, port: int = 0) -> None:
         self.token = secrets.token_urlsafe(24)
         self.lock = threading.Lock()  # HDF5 is read by one thread at a time
         self.page = blank().encode()

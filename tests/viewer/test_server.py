@@ -30,7 +30,7 @@ from ifrdem.study.task import Variable
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.viewer import content, page
 from ifrdem.viewer.content import Content
-from ifrdem.viewer.points import Points
+from ifrdem.viewer.points import StudyPoints
 from ifrdem.viewer.server import Server
 
 
@@ -342,7 +342,7 @@ def some_results(folder: Path) -> Path:
 def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept(tmp_path):
     path = some_results(tmp_path)
     for place in (path, tmp_path / "scan.runs"):
-        with Server(Points(place)) as server:
+        with Server(StudyPoints(place)) as server:
             head = json.loads(server.answer("head", {})[1])
             assert head["ends"]["temperature"] == {
                 "unit": "J",
