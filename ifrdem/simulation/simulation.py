@@ -122,7 +122,7 @@ class Simulation(Sealed, PicturedDisks):
     Warns
     -----
     EnergyWarning
-        With a law of one's own: it is not known whether it can add energy. `run` warns again if it has.
+        If a law of one's own adds energy in some of 4096 random collisions. `run` warns again if it has.
 
     Notes
     -----
@@ -548,6 +548,8 @@ class Simulation(Sealed, PicturedDisks):
             If another thread runs a simulation, or the process is a forked copy of one that has; or if a guarantee of
             the engine is violated.
         """
+        if not (progress is None or isinstance(progress, bool) or callable(progress)):
+            raise InputError(f"progress = {progress!r}: True, False or a function is needed")
         if not isinstance(frames, Cadence):
             frames = Cadence(number=checked.whole("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Cadence):

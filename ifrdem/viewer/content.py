@@ -159,7 +159,9 @@ class Content:
     def _unit(self, quantity: str) -> str:
         """Unit of a colour; turns are in rad in every file."""
         unit = unit_of(self.trajectory, quantity.removeprefix("angle")) if quantity else ""
-        return REDUCED if unit is None else quantity.startswith("angle") * "rad" + unit
+        if unit is None:
+            return REDUCED if self.trajectory.stated_units == {} else ""
+        return quantity.startswith("angle") * "rad" + unit
 
     @property
     def colours(self) -> tuple[list[dict[str, str]], dict[str, str]]:

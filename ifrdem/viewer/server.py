@@ -74,6 +74,8 @@ class Server(ThreadingHTTPServer):
             return "text/html; charset=utf-8", self.page
         if name not in ("head", "disks", "frame", "disk", "point"):
             return None
+        if name == "point" and self._points is None:
+            raise InputError("point: a trajectory is shown here; `ifrdem view --study` shows the points of a study")
         with self.lock:
             if self._points is not None and (name == "point" or (name == "head" and "run" not in query)):
                 found = self._points.head() if name == "head" else self._points.point(_number(query, "point"))
