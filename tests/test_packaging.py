@@ -185,6 +185,8 @@ IMPORTS_OF_KERNELS = {
     "os",
     "typing",
     "ast",
+    "collections",
+    "ctypes",
     "functools",
     "inspect",
     "itertools",
