@@ -13,8 +13,8 @@ first kernel is declared. They change no kernel.
   which goes through all of `sys.modules`; the line of source that it wants is in `linecache`.
 - For each node of the syntax tree it lays out an excerpt of the source, in case of an error there; file, line and the
   line's text say as much. The source of a function is read once instead of at each call of it.
-- It copies arrays from and to NumPy by a kernel for each type and shape, which it compiles at every start. On a CPU both
-  lie in the memory of the process.
+- It copies arrays from and to NumPy by a kernel for each type and shape, which it compiles at every start. On a CPU
+  both lie in the memory of the process.
 """
 
 import ast
@@ -126,7 +126,9 @@ def _from_numpy(by_kernel: Callable[..., None]) -> Callable[..., None]:
             by_kernel(array, values, **layout)
             return
         if tuple(array.arr.total_shape()) != values.shape:
-            raise ValueError(f"an array of shape {values.shape} for one of shape {tuple(array.arr.total_shape())}")
+            raise ValueError(
+                f"an array of shape {values.shape} for one of shape {tuple(array.arr.total_shape())}"
+            )
         held = np.ascontiguousarray(values, ti.lang.util.to_numpy_type(array.dtype))
         ctypes.memmove(_address(array), held.ctypes.data, held.nbytes)
 
@@ -146,7 +148,12 @@ def _to_numpy(by_kernel: Callable[..., NDArray[Any]]) -> Callable[..., NDArray[A
     return copy
 
 
-for _name in ("_ndarray_from_numpy", "_ndarray_matrix_from_numpy", "_ndarray_to_numpy", "_ndarray_matrix_to_numpy"):
+for _name in (
+    "_ndarray_from_numpy",
+    "_ndarray_matrix_from_numpy",
+    "_ndarray_to_numpy",
+    "_ndarray_matrix_to_numpy",
+):
     _wrap = _from_numpy if "from" in _name else _to_numpy
     setattr(ti.Ndarray, _name, _wrap(getattr(ti.Ndarray, _name)))
 _build_operation = ast_transformer.ASTTransformer.build_BinOp

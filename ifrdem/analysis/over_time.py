@@ -29,13 +29,15 @@ def _motion(
     if len(used) < 4:
         raise InputError(f"{trajectory.path}: {len(used)} frames are too few for what changes with time")
     T, middle = _temperatures(trajectory, used), len(used) // 2
-    notes = [] if T is not None else ["the file holds no temperatures or velocities that tell if the gas is steady"]
-    doubts = []
+    notes, doubts = [], []
+    if T is None:
+        notes.append("the file holds no temperatures or velocities that tell if the gas is steady")
     if T is not None and not _keeps(T):
         doubts = [f"{_unsteady(trajectory, T)}{consequence}less than a tenth, or drive the gas"]
     step = np.diff(trajectory.times[used])
     if np.ptp(step) > displacement.EVEN * np.mean(step):
-        return used, "first", [*notes, "frames are not evenly spaced in time: from the first frame only"], doubts
+        notes.append("frames are not evenly spaced in time: from the first frame only")
+        return used, "first", notes, doubts
     if not doubts:
         return used, "all", [*notes, "mean over all origins of time"], []
     if chosen is None and len(used) - middle >= 8 and T is not None and _keeps(T[middle:]):

@@ -165,8 +165,8 @@ def _coins_in(raw: Mapping[str, Any]) -> str:
     if key is None:
         return ""
     return (
-        f": coefficients are those of {key}.coin. Change {key}.coin, or write a [[material]] with name, e_n, e_t and mu "
-        f"into the case, and {key}.material = its name"
+        f": coefficients are those of {key}.coin. Change {key}.coin, or write a [[material]] with name, e_n, e_t and "
+        f"mu into the case, and {key}.material = its name"
     )
 
 

@@ -33,7 +33,8 @@ class CollisionLaw:
     Momentum is kept whatever `collide` returns, because the engine applies the impulses to both disks; so is, without
     T, the angular momentum. Whether the law can add energy is *not* known beforehand, as it is for the IFR law: a
     simulation tries it on random pairs and warns if one gains (`EnergyWarning`), and `Simulation.dissipated_energy`
-    tells what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of materials.
+    tells what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of
+    materials.
 
     Examples
     --------

@@ -76,7 +76,8 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
     if gaining := np.count_nonzero(gain > _ROUND_OFF):
-        text = f"of {PAIRS} random collisions {gaining} added energy, one of them {100.0 * gain.max():.3g} % of the pair's"
+        most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
+        text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
         more = "Simulation.dissipated_energy tells what becomes of it"
         warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=4)
 

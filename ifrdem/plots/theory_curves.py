@@ -49,7 +49,7 @@ class _Gas:
         return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
 
     def curves(self, trajectory: Trajectory, elapsed: Array, over: str, shear_rate: float = 0.0) -> Curves:
-        """T and T_rot of all disks, `elapsed` after the first frame; over "tau" to as many collisions as it has had."""
+        """T and T_rot of all disks, `elapsed` after the first frame; over "tau" up to the collisions of the run."""
         before = end = 0.0
         if "collisions" in trajectory.observables:
             before, end = 2.0 * trajectory.observables["collisions"][[0, -1]] / self.disks.n
@@ -65,7 +65,9 @@ class _Gas:
                 )  # fmt: skip
             collisions = before + found.collisions_per_disk
             if over == "t" or collisions[-1] >= end or elapsed[-1] > LONGER * trajectory.times[-1]:
-                return elapsed + trajectory.times[0], found.T, found.T_rot, collisions
+                shown = slice(None) if over == "t" else slice(int(np.searchsorted(collisions, end)) + 1)
+                curves = elapsed + trajectory.times[0], found.T, found.T_rot, collisions
+                return curves[0][shown], curves[1][shown], curves[2][shown], curves[3][shown]
             elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
 
     @property

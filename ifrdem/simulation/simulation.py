@@ -722,7 +722,9 @@ class Simulation(Sealed, PicturedDisks):
             self._engine.keep_collisions = False
         if not found:
             return CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int32))
-        return CollisionTimes(np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found]))
+        return CollisionTimes(
+            np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found])
+        )
 
     def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
         if observers:

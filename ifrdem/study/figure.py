@@ -106,7 +106,9 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
         axes.set_title(title, fontsize="medium")
     _scales(grid.ravel()[0], x in rows or x == "time")
     first = grid.ravel()[0]
-    _legend(first, f"{name}_theory" in results.variables, f"{name}_error" in results.variables, x not in swept)
+    _legend(
+        first, f"{name}_theory" in results.variables, f"{name}_error" in results.variables, x not in swept
+    )
     for axes in grid[-1]:
         axes.set_xlabel(_label(results, x))
     for line in grid:

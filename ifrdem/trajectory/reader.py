@@ -464,7 +464,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         Raises
         ------
         InputError
-            If there is no such picture, the file does not hold what it takes, axes are missing, or there is no such argument.
+            If there is no such picture or argument, the file does not hold what it takes, or axes are missing.
         """
         refuse_unknown(unknown, ("what", "ax", "frames", "over", "color"))
         return plots().trajectory(self, what, ax, frames, over, color)

@@ -132,7 +132,9 @@ class view:
             )
         if isinstance(frames, str) or not isinstance(frames, Iterable):
             raise InputError(f"frames = {frames!r}: a list of frame numbers is needed, [{frames!r}] for one")
-        numbers = [checked.whole(f"frames[{i}]", one, -MOST_FRAMES, MOST_FRAMES) for i, one in enumerate(frames)]
+        numbers = [
+            checked.whole(f"frames[{i}]", one, -MOST_FRAMES, MOST_FRAMES) for i, one in enumerate(frames)
+        ]
         self._height = checked.whole("height", height, 1, MOST_HEIGHT)
         self._page = page(opened, [opened[i].index for i in numbers])
 

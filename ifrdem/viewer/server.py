@@ -6,6 +6,7 @@ import json
 import secrets
 import sys
 import threading
+from _thread import LockType
 from collections.abc import Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -48,9 +49,9 @@ class Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, content: Content | StudyPoints, port: int = 0) -> None:
-        self.token = secrets.token_urlsafe(24)
-        self.lock = threading.Lock()  # HDF5 is read by one thread at a time
-        self.page = blank().encode()
+        self.token: str = secrets.token_urlsafe(24)
+        self.lock: LockType = threading.Lock()  # HDF5 is read by one thread at a time
+        self.page: bytes = blank().encode()
         self._points = None if isinstance(content, Content) else content
         self._run, self._content = "", content if isinstance(content, Content) else None
         super().__init__(("127.0.0.1", port), _Handler)
@@ -75,7 +76,9 @@ class Server(ThreadingHTTPServer):
         if name not in ("head", "disks", "frame", "disk", "point"):
             return None
         if name == "point" and self._points is None:
-            raise InputError("point: a trajectory is shown here; `ifrdem view --study` shows the points of a study")
+            raise InputError(
+                "point: a trajectory is shown here; `ifrdem view --study` shows the points of a study"
+            )
         with self.lock:
             if self._points is not None and (name == "point" or (name == "head" and "run" not in query)):
                 found = self._points.head() if name == "head" else self._points.point(_number(query, "point"))

@@ -292,11 +292,14 @@ def test_a_gas_whose_file_tells_no_temperature_is_judged_by_its_velocities(tmp_p
         with Trajectory(tmp_path / "run.h5") as trajectory:
             found = catalogue.ANALYSES["msd"].of(trajectory, None)
         if "velocity" in fields:
-            assert found.doubts[0].startswith(f"the gas is not steady: T goes from {first:.4g} to {first / 25.0:.4g} in")
+            span = f"T goes from {first:.4g} to {first / 25.0:.4g} in that time"
+            assert found.doubts[0].startswith(f"the gas is not steady: {span}")
             assert np.isnan(found.rows[0].value)
         else:
             assert found.doubts == []
-            assert "the file holds no temperatures or velocities that tell if the gas is steady" in found.notes
+            assert (
+                "the file holds no temperatures or velocities that tell if the gas is steady" in found.notes
+            )
 
 
 def test_error_of_a_pressure_knows_cooling_from_scatter(tmp_path: Path) -> None:
@@ -461,9 +464,13 @@ def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_pat
 @pytest.mark.parametrize(
     ("given", "made", "begin"),
     [
-        ("d0", "d0.png", b"\x89PNG"), ("mu0.21", "mu0.21.png", b"\x89PNG"), ("a.png", "a.png", b"\x89PNG"),
-        ("A.PNG", "A.PNG", b"\x89PNG"), ("a.svg", "a.svg", b"<?xml"), ("a.pdf", "a.pdf", b"%PDF"),
-    ],  # fmt: skip
+        ("d0", "d0.png", b"\x89PNG"),
+        ("mu0.21", "mu0.21.png", b"\x89PNG"),
+        ("a.png", "a.png", b"\x89PNG"),
+        ("A.PNG", "A.PNG", b"\x89PNG"),
+        ("a.svg", "a.svg", b"<?xml"),
+        ("a.pdf", "a.pdf", b"%PDF"),
+    ],
 )
 def test_the_ending_of_a_picture_says_its_format_and_png_is_put_behind_a_name_without(
     given: str, made: str, begin: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

@@ -48,7 +48,7 @@ def test_without_a_gpu_the_cases_are_skipped_with_the_reason(case) -> None:
 def test_without_a_gpu_there_is_one_message_and_no_report(tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     assert cli.main(["validate", "device"]) == 2
-    assert capsys.readouterr().err.startswith("device: there is no GPU to validate: ")
+    assert capsys.readouterr().err.startswith("ifrdem: device: there is no GPU to validate: ")
     assert list(tmp_path.iterdir()) == []
 
 

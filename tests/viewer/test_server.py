@@ -295,9 +295,9 @@ def test_frames_of_one_file_that_change_little_are_smaller_as_differences():
 
 
 def test_the_server_of_a_trajectory_says_that_it_has_no_points(path):
-    with Trajectory(path) as trajectory, Server(Content(trajectory)) as server:
-        with pytest.raises(InputError, match="point: a trajectory is shown here; `ifrdem view --study` shows the points"):
-            server.answer("point", {"point": "0"})
+    said = "point: a trajectory is shown here; `ifrdem view --study` shows the points"
+    with Server(Content(Trajectory(path))) as server, pytest.raises(InputError, match=said):
+        server.answer("point", {"point": "0"})
 
 
 def test_notebooks_show_the_page_in_a_frame(path):

@@ -87,7 +87,8 @@ def start_a_run(began: float, arguments: list[str]) -> None:
 
     class FirstCall(progress.Progress):
         def __call__(self, *_: object) -> None:
-            print(json.dumps({"first_progress": time.monotonic() - began, "processor": time.process_time()}), flush=True)
+            seconds = {"first_progress": time.monotonic() - began, "processor": time.process_time()}
+            print(json.dumps(seconds), flush=True)
             raise KeyboardInterrupt
 
     progress.Progress = FirstCall  # type: ignore[misc]
