@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-FOLDER = Path(__file__).parents[1] / "ifrdem" / "docs" / "notebooks"
+FOLDER = Path(__file__).parents[1] / "ifrdem" / "docs" / "_notebooks"
 
 
 def cells(text: str) -> list[tuple[bool, str]]:

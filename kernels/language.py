@@ -6,24 +6,31 @@ by, are made opaque to it: their bits are XORed with a 0 that no compiler can kn
 / and roots give the bits of the CPU, in double precision; sines, cosines and logarithms are those of another library
 and do not.
 
-Taichi 1.7 spends half a second of each start on two things that kernels do not need; both are replaced here, before the
+Taichi 1.7 spends half a second of each start on things that kernels do not need; they are replaced here, before the
 first kernel is declared. They change no kernel.
 
 - For each declared function, and for its own as it is imported, it asks `inspect` for the module of the calling frame,
   which goes through all of `sys.modules`; the line of source that it wants is in `linecache`.
 - For each node of the syntax tree it lays out an excerpt of the source, in case of an error there; file, line and the
   line's text say as much. The source of a function is read once instead of at each call of it.
+- It copies arrays from and to NumPy by a kernel for each type and shape, which it compiles at every start. On a CPU
+  both lie in the memory of the process.
 """
 
 import ast
+import ctypes
 import functools
 import inspect
 import itertools
 import linecache
 import math
 import sys
+from collections.abc import Callable
 from types import FrameType
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 def _frame(frame: FrameType, context: int = 1) -> inspect.Traceback:
@@ -106,6 +113,49 @@ def _position(context: Any, node: Any) -> str:
     return f'File "{context.file}", line {number}, in {name}:\n{context.src[node.lineno - 1].strip()}\n'
 
 
+def _address(array: Any) -> int:
+    """Place of an array in the memory of a CPU."""
+    return int(ti.lang.impl.get_runtime().prog.get_ndarray_data_ptr_as_int(array.arr))
+
+
+def _from_numpy(by_kernel: Callable[..., None]) -> Callable[..., None]:
+    """Copy an array of NumPy into one of Taichi."""
+
+    def copy(array: Any, values: NDArray[Any], **layout: int) -> None:
+        if on_gpu():
+            by_kernel(array, values, **layout)
+            return
+        if tuple(array.arr.total_shape()) != values.shape:
+            raise ValueError(
+                f"an array of shape {values.shape} for one of shape {tuple(array.arr.total_shape())}"
+            )
+        held = np.ascontiguousarray(values, ti.lang.util.to_numpy_type(array.dtype))
+        ctypes.memmove(_address(array), held.ctypes.data, held.nbytes)
+
+    return copy
+
+
+def _to_numpy(by_kernel: Callable[..., NDArray[Any]]) -> Callable[..., NDArray[Any]]:
+    """Copy an array of Taichi into a new one of NumPy."""
+
+    def copy(array: Any, **layout: int) -> NDArray[Any]:
+        if on_gpu():
+            return by_kernel(array, **layout)
+        found = np.empty(array.arr.total_shape(), ti.lang.util.to_numpy_type(array.dtype))
+        ctypes.memmove(found.ctypes.data, _address(array), found.nbytes)
+        return found
+
+    return copy
+
+
+for _name in (
+    "_ndarray_from_numpy",
+    "_ndarray_matrix_from_numpy",
+    "_ndarray_to_numpy",
+    "_ndarray_matrix_to_numpy",
+):
+    _wrap = _from_numpy if "from" in _name else _to_numpy
+    setattr(ti.Ndarray, _name, _wrap(getattr(ti.Ndarray, _name)))
 _build_operation = ast_transformer.ASTTransformer.build_BinOp
 ast_transformer.ASTTransformer.build_BinOp = staticmethod(_build_product)
 kernel_impl._inside_class = _inside_class

@@ -148,7 +148,7 @@ def plain(function: Any) -> Any:
     return copy
 
 
-class Law(NamedTuple):
+class CompiledLaw(NamedTuple):
     """The compiled part of the law: its function of a pair, and the length of its rows of coefficients, 1 or more."""
 
     impulses: Any
@@ -175,7 +175,7 @@ class Uses(NamedTuple):
     mixed: bool = False  # more than one kind of disk
     watched: bool = False  # collisions of some disks are written down
     layered: bool = False  # large disks lie in large cells, small ones in small cells
-    collision_law: Any = None  # a `Law`
+    collision_law: Any = None  # a `CompiledLaw`
 
 
 class GasArrays(NamedTuple):

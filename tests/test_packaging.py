@@ -110,6 +110,18 @@ def test_a_bare_clone_finds_the_folders_by_relative_links():
     assert os.readlink(results) == "../../validation/results"
 
 
+def test_a_class_has_its_name_alone():
+    """Two classes of one name are two things that a reader takes for one."""
+    found: dict[str, list[Path]] = {}
+    for folder in ("ifrdem", "kernels", "validation"):
+        for path in sorted((ROOT / folder).rglob("*.py")):  # which does not follow links
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef):
+                    found.setdefault(node.name, []).append(path)
+    assert len(found) > 100
+    assert {name: places for name, places in found.items() if len(places) > 1} == {}
+
+
 def test_version_is_the_same_in_code_and_metadata():
     assert ifrdem.__version__ == PROJECT["project"]["version"]
 
@@ -173,6 +185,8 @@ IMPORTS_OF_KERNELS = {
     "os",
     "typing",
     "ast",
+    "collections",
+    "ctypes",
     "functools",
     "inspect",
     "itertools",

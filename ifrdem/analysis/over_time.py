@@ -17,29 +17,46 @@ from . import result as stored
 from .result import NOT_STEADY, Evaluation, Reading, every, times, unit
 
 
-def _motion(trajectory: Trajectory, chosen: Sequence[int] | None) -> tuple[list[int], str, list[str]]:
-    """Frames and origins of time that suit them, and why: a gas that cools or heats up has no mean over origins.
+def _motion(
+    trajectory: Trajectory, chosen: Sequence[int] | None, consequence: str
+) -> tuple[list[int], str, list[str], list[str]]:
+    """Frames and origins of time that suit them, why, and a doubt with its consequence if the temperature changes.
 
-    All frames if the gas is steady, else their second half if it is steady there, else all from the first one on.
+    A gas that cools or heats up has no mean over origins. All frames if the gas is steady, else their second half if it
+    is steady there, else all from the first one on.
     """
     used = every(trajectory, chosen)
     if len(used) < 4:
         raise InputError(f"{trajectory.path}: {len(used)} frames are too few for what changes with time")
-    half = used[len(used) // 2 :]
+    T, middle = _temperatures(trajectory, used), len(used) // 2
+    notes, doubts = [], []
+    if T is None:
+        notes.append("the file holds no temperatures or velocities that tell if the gas is steady")
+    if T is not None and not _keeps(T):
+        doubts = [f"{_unsteady(trajectory, T)}{consequence}less than a tenth, or drive the gas"]
     step = np.diff(trajectory.times[used])
-    if np.ptp(step) <= displacement.EVEN * np.mean(step):
-        if _steady(trajectory, used):
-            return used, "all", ["mean over all origins of time"]
-        if chosen is None and len(half) >= 8 and _steady(trajectory, half):
-            return half, "all", ["mean over all origins of time in the second half, where the gas is steady"]
-        return used, "first", ["the temperature changes: from the first frame only"]
-    return used, "first", ["frames are not evenly spaced in time: from the first frame only"]
+    if np.ptp(step) > displacement.EVEN * np.mean(step):
+        notes.append("frames are not evenly spaced in time: from the first frame only")
+        return used, "first", notes, doubts
+    if not doubts:
+        return used, "all", [*notes, "mean over all origins of time"], []
+    if chosen is None and len(used) - middle >= 8 and T is not None and _keeps(T[middle:]):
+        told = "mean over all origins of time in the second half, where the gas is steady"
+        return used[middle:], "all", [told], []
+    return used, "first", ["the temperature changes: from the first frame only"], doubts
 
 
-def _steady(trajectory: Trajectory, used: list[int]) -> bool:
-    """True if the temperature keeps its value over these frames, as far as the file tells."""
-    T = trajectory.observables.get("temperature")
-    return T is None or _keeps(T[used])
+def _temperatures(trajectory: Trajectory, used: list[int]) -> Array | None:
+    """Temperatures of these frames [energy], as stored or by the velocities; None if the file holds neither."""
+    if "temperature" in trajectory.observables:
+        return np.asarray(trajectory.observables["temperature"][used])
+    needed = {"velocity"} | ({"position"} if trajectory.box.shear_rate else set())
+    if not needed <= set(trajectory.fields):
+        return None
+    movable = trajectory.disks.movable
+    mass = np.where(movable, trajectory.disks.mass, 0.0)
+    speeds2 = (np.sum(trajectory[i].peculiar_velocity ** 2, axis=1) for i in used)
+    return np.array([0.5 * np.sum(mass * each) for each in speeds2]) / max(np.count_nonzero(movable), 1)
 
 
 def _keeps(T: Array) -> bool:
@@ -67,17 +84,10 @@ def _parts(trajectory: Trajectory, used: Sequence[int], name: str) -> Iterator[t
         yield disks, data[rows, disks].astype(np.float64)
 
 
-def _change_doubt(trajectory: Trajectory, used: list[int], text: str) -> list[str]:
-    """A doubt, if the temperature changes over these frames."""
-    if _steady(trajectory, used):
-        return []
-    T = trajectory.observables["temperature"][used]
-    return [f"{_unsteady(trajectory, T)}{text}less than a tenth, or drive the gas"]
-
-
 def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     stored.need(trajectory, "position")
-    used, origins, notes = _motion(trajectory, chosen)
+    words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
+    used, origins, notes, doubts = _motion(trajectory, chosen, words)
     box, when = trajectory.box, trajectory.times[used]
     has_image = "image" in trajectory.fields
     if not has_image and not box.is_open:
@@ -94,8 +104,6 @@ def of_msd(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
         notes.append("across the flow only")
     found = displacement.mean_square_displacement(when, paths(), origins=origins)  # type: ignore[arg-type]
     fit = displacement.diffusion_coefficient(found)
-    words = ", and D with it, as sqrt(T): no single D. Choose --frames over which T changes by "
-    doubts = _change_doubt(trajectory, used, words)
     D = (math.nan, math.nan) if doubts else (fit.D, fit.error)
     rows = [Reading("D", *D, unit(trajectory, "length^2/time")), Reading("exponent", fit.exponent)]
     if not doubts:
@@ -111,7 +119,11 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     if trajectory.box.shear_rate:
         text = "velocities in the lab of a sheared gas say little"
         raise InputError(f"{text}: the displacement across the flow is `msd`")
-    used, origins, notes = _motion(trajectory, chosen)
+    words = (
+        ": velocities shrink or grow with sqrt(T), so that they do not decay by loss of memory alone. Choose --frames "
+        "over which T changes by "
+    )
+    used, origins, notes, doubts = _motion(trajectory, chosen, words)
     parts = (v for _, v in _parts(trajectory, used, "velocity"))
     found = displacement.velocity_autocorrelation(trajectory.times[used], parts, origins=origins)  # type: ignore[arg-type]
     scale = found.value[0] if found.value[0] > 0.0 else np.nan
@@ -121,11 +133,6 @@ def of_vacf(trajectory: Trajectory, chosen: Sequence[int] | None) -> Evaluation:
     if len(below):
         rows.append(Reading("first lag below 1/e", float(found.lag[below[0]]), unit=unit(trajectory, "time")))
     table = {"lag": found.lag, "vacf": found.value, "error": found.error}
-    words = (
-        ": velocities shrink or grow with sqrt(T), so that they do not decay by loss of memory alone. Choose --frames "
-        "over which T changes by "
-    )
-    doubts = _change_doubt(trajectory, used, words)
     return Evaluation(found, rows, {"": table}, notes, times(trajectory, used), doubts, len(used))
 
 

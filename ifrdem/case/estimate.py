@@ -24,6 +24,7 @@ from ..model.observables import MECHANISMS, REGIMES
 from ..model.walls import SUMS
 from ..theory import driven_gas, sheared_gas
 from ..theory.driven_gas import Drive
+from ..tools.checked import Array
 from ..trajectory import layout
 from ..trajectory.file import on_pages
 from .case import Case
@@ -209,8 +210,6 @@ def _by_theory(
     None and nan for what neither the case nor theory tells; `rate` is that of collisions of a disk at the start
     [1/time].
     """
-    from scipy.optimize import brentq
-
     end = math.nan if case.run.t_end is None else case.run.t_end
     per_disk = math.nan if case.run.collisions_per_disk is None else case.run.collisions_per_disk
     each, law, shear_rate = gas.species[0], gas.law(), gas.box.shear_rate
@@ -238,20 +237,20 @@ def _by_theory(
     if rate == 0.0 or (T == 0.0 and (drive is None or drive.power == 0.0)):
         return steady, end, per_disk
 
-    def collisions(time: float) -> float:
+    def collisions(times: Array) -> Array:
         if drive is None:
-            return float(theory.cooling(*one, T, T_rot, [time])[2][0])
-        return float(driven_gas.driven(*one, drive, T, T_rot, [time])[2][0])
+            return theory.cooling(*one, T, T_rot, times)[2]
+        return driven_gas.driven(*one, drive, T, T_rot, times)[2]
 
     if math.isnan(per_disk):
-        return steady, end, collisions(end)
-    # Cooling slows the collisions: double the time until there are enough, then close in.
-    late = per_disk / rate
-    while collisions(late) < per_disk:
-        late *= 2.0
-        if late > 1e12 * per_disk / rate:
+        return steady, end, float(collisions(np.array([end]))[0])
+    # Cooling slows the collisions: later times until there are enough. Linear between times 0.2 % apart: to 1e-6.
+    times = per_disk / rate * np.geomspace(0.01, 8.0, 3000)
+    while (found := collisions(times))[-1] < per_disk:
+        times = times * 8.0
+        if times[-1] > 1e12 * per_disk / rate:
             return steady, end, per_disk
-    return steady, float(brentq(lambda time: collisions(time) - per_disk, 0.0, late, rtol=1e-6)), per_disk
+    return steady, float(np.interp(per_disk, found, times)), per_disk
 
 
 def disk_bytes(output: OutputSection) -> int:

@@ -142,6 +142,8 @@ def override(raw: dict[str, Any], assignment: str) -> None:
                 raise InputError(f"--set {assignment}: {where} has {len(place)} entries, numbered from 0")
         elif not (isinstance(place, dict) and isinstance(step, str)):
             kind = "a list: give a number" if isinstance(place, list) else "no table that holds keys"
+            if place == {} and isinstance(step, int):
+                kind = f"not there{_coins_in(raw) if where == 'material' else ''}"
             raise InputError(f"--set {assignment}: {where} is {kind}")
         elif not last and step not in place:
             place[step] = {}
@@ -153,6 +155,19 @@ def override(raw: dict[str, Any], assignment: str) -> None:
             place.pop(step, None)
         else:
             del place[step]
+
+
+def _coins_in(raw: Mapping[str, Any]) -> str:
+    """Advice to who wants to change a material of a case in which the coins of species bring theirs."""
+    species = raw.get("species")
+    named = [one.get("coin") for one in species if isinstance(one, dict)] if isinstance(species, list) else []
+    key = next((f"species[{i}]" for i, coin in enumerate(named) if coin is not None), None)
+    if key is None:
+        return ""
+    return (
+        f": coefficients are those of {key}.coin. Change {key}.coin, or write a [[material]] with name, e_n, e_t and "
+        f"mu into the case, and {key}.material = its name"
+    )
 
 
 def parse_assignment(assignment: str) -> tuple[KeyPath, Any, bool]:

@@ -265,7 +265,7 @@ def plot(
     frames: Frames = None,
     output: Annotated[
         str | None,
-        option("PNG", "the picture, NAME.png or NAME (default: FILE-WHAT.png)", "--output", "-o"),
+        option("PICTURE", "NAME.png, .svg or .pdf, or NAME (default: FILE-WHAT.png)", "--output", "-o"),
     ] = None,
     colour: Colour = None,
     style: Style = None,
@@ -316,7 +316,7 @@ def _plot_one(
         numbers = None if frames is None else [*chosen(frames, len(trajectory))]
         path = Path(output or f"{trajectory.path.stem}-{what}.png")
         check_apart(path, trajectory.path)
-        path = _as_png(path)
+        path = _as_picture(path)
         check_apart(path, trajectory.path)
         check_files([path], force=force)
         from ..plots import pictures, run
@@ -351,7 +351,7 @@ def _plot_together(
         with contextlib.ExitStack() as stack:
             files = [one_trajectory(place) for place in places]
             found = figure.of_trajectories([stack.enter_context(opened(file)) for file in files])
-    path = _as_png(Path(output or f"{Path(places[0]).stem}-{what}.png"))
+    path = _as_picture(Path(output or f"{Path(places[0]).stem}-{what}.png"))
     check_files([path], force=force)
     drawn = figure.draw(found, what, over, by)
     from ..plots import run
@@ -360,14 +360,17 @@ def _plot_together(
     note(f"wrote {path}")
 
 
-def _as_png(path: Path) -> Path:
+def _as_picture(path: Path) -> Path:
     """The file of a picture: with .png behind a name that has no ending, as in NAME of `ifrdem fit --picture`.
 
     Raises InputError if the ending is that of another format.
     """
-    if path.suffix.lower() == ".png" or path.is_dir() or (path.exists() and not path.is_file()):
+    from ..plots.run import FORMATS
+
+    if path.suffix.lower()[1:] in FORMATS or path.is_dir() or (path.exists() and not path.is_file()):
         return path  # the latter two are refused by `check_files`
     # Behind "mu0.21" there is no ending: what follows its point is no word.
     if path.suffix[1:].isalpha():
-        raise InputError(f"-o {path}: pictures are PNG files: the name must end in .png, or have no ending")
+        allowed = ", ".join(f".{each}" for each in FORMATS)
+        raise InputError(f"-o {path}: the name of a picture ends in {allowed}, or has no ending")
     return path.with_name(f"{path.name}.png")

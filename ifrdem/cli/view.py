@@ -59,9 +59,9 @@ def view(
     from ..viewer.server import Server
 
     if study:
-        from ..viewer.points import Points
+        from ..viewer.points import StudyPoints
 
-        shown: Content | Points = Points(Path(file))
+        shown: Content | StudyPoints = StudyPoints(Path(file))
     else:
         shown = Content(opened(one_trajectory(file)))
     try:

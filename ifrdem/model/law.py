@@ -32,8 +32,9 @@ class CollisionLaw:
     -----
     Momentum is kept whatever `collide` returns, because the engine applies the impulses to both disks; so is, without
     T, the angular momentum. Whether the law can add energy is *not* known beforehand, as it is for the IFR law: a
-    simulation tries it on random pairs and warns (`EnergyWarning`), and `Simulation.dissipated_energy` tells what
-    became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of materials.
+    simulation tries it on random pairs and warns if one gains (`EnergyWarning`), and `Simulation.dissipated_energy`
+    tells what became of it. One class of laws serves a whole simulation; its rows may differ from pair to pair of
+    materials.
 
     Examples
     --------
@@ -120,14 +121,14 @@ class CollisionLaw:
 
 @functools.cache
 def compiled(kind: type[CollisionLaw]) -> Any:
-    """Compiled form of a class of laws, a `kernels.layout.Law`; one object for each class."""
+    """Compiled form of a class of laws, a `kernels.layout.CompiledLaw`; one object for each class."""
     from ..kernels.language import ti
-    from ..kernels.layout import Law, plain
+    from ..kernels.layout import CompiledLaw, plain
 
     function = kind.impulses()
     if not hasattr(function, "_is_taichi_function"):
         function = ti.func(plain(function))
-    return Law(function, max(len(kind.coefficients), 1), kind.parts())
+    return CompiledLaw(function, max(len(kind.coefficients), 1), kind.parts())
 
 
 def checked_class(laws: list[list[CollisionLaw]]) -> type[CollisionLaw]:

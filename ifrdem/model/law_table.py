@@ -27,7 +27,7 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
 
     Angles are uniform, spins up to twice the speed at the rim, and speeds spread over 1e-3 to 10 times `speed`.
     InputError if impulses are not finite, or too small to keep two disks from going through each other. EnergyWarning
-    always: how many of these collisions added energy, and how much; others are not checked.
+    if some of these collisions added energy: how many, and how much; others are not checked.
 
     Parameters
     ----------
@@ -75,12 +75,11 @@ def try_on(kind: type[CollisionLaw], table: Array, disks: Disks, walls: Sequence
         ) from error
     _refuse_too_weak(kind, pairs, found)
     gain = _energy(pairs, found[:, 2:]) / _energy(pairs, _before(pairs)) - 1.0
-    gaining = np.count_nonzero(gain > _ROUND_OFF)
-    of_pair = f"{gaining} did, one of them {100.0 * gain.max():.3g} % of the pair's"
-    text = "whether it adds energy is not known as it is of the IFR law; of"
-    outcome = f"{text} {PAIRS} random collisions {of_pair if gaining else 'none did'}"
-    more = "Simulation.dissipated_energy tells what becomes of it"
-    warnings.warn(f"law {kind.__name__}: {outcome}. {more}", EnergyWarning, stacklevel=4)
+    if gaining := np.count_nonzero(gain > _ROUND_OFF):
+        most = f"one of them {100.0 * gain.max():.3g} % of the pair's"
+        text = f"of {PAIRS} random collisions {gaining} added energy, {most}"
+        more = "Simulation.dissipated_energy tells what becomes of it"
+        warnings.warn(f"law {kind.__name__}: {text}. {more}", EnergyWarning, stacklevel=4)
 
 
 def _refuse_too_weak(kind: type[CollisionLaw], pairs: Array, found: Array) -> None:

@@ -37,12 +37,12 @@ MAP_CELL = 6.0  # side of the density map's cells in mean diameters: some 10 to 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Disks at one time, and what is around them; `units` is None where they are not known."""
+    """Disks at one time, and what is around them; `stated_units` is None where they are not known."""
 
     disks: Disks
     box: Box
     walls: tuple[Wall, ...]
-    units: dict[str, str] | None
+    stated_units: dict[str, str] | None
     moving: Frame | State
     stored: tuple[str, ...]
 
@@ -52,8 +52,8 @@ class View:
         if isinstance(thing, Frame):
             trajectory = thing.trajectory
             return cls(
-                trajectory.disks, trajectory.box, trajectory.walls, trajectory.units, thing, trajectory.fields
-            )
+                trajectory.disks, trajectory.box, trajectory.walls, trajectory.stated_units, thing, trajectory.fields
+            )  # fmt: skip
         state = thing.state
         stored: tuple[str, ...] = ("position", "velocity", "angular_velocity", "collisions")
         stored += ("dissipated",) * bool(state.dissipated.any())
@@ -77,7 +77,7 @@ class Colour(NamedTuple):
 def spin_label(gas: Gas | None) -> str:
     unit = unit_of(gas, "time")
     text = "" if unit is None else f" (rad/{unit})"
-    if gas is not None and gas.units == {}:
+    if gas is not None and gas.stated_units == {}:
         text = " (reduced units)"
     return f"spin $\\omega${text}\ncounter-clockwise positive"
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 Run = str | os.PathLike[str] | Trajectory
 Place = str | os.PathLike[str] | None
+FORMATS = ("png", "svg", "pdf")
+"""Of pictures, by their endings."""
 
 
 def cooling(run: Run, path_png: Place = None) -> Figure:
@@ -150,6 +152,7 @@ def gas(trajectory: Trajectory) -> str:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a picture; it appears whole or not at all."""
+    """Write a picture, of the format that its ending says (`FORMATS`, else PNG); it appears whole or not at all."""
     figure.draw_without_rendering()  # margins fit the labels that this layout has chosen from the next one on
-    write_aside(path, lambda aside: figure.savefig(aside, format="png"))
+    kind = path.suffix.lower()[1:]
+    write_aside(path, lambda aside: figure.savefig(aside, format=kind if kind in FORMATS else "png"))

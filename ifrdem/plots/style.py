@@ -28,7 +28,7 @@ KINDS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#8B4
 
 
 class Gas(Protocol):
-    """A thing that has disks in a box: a trajectory, a simulation; its units by quantity, empty for reduced ones."""
+    """A thing that has disks in a box; its units by quantity, empty for reduced ones, None where they are not known."""
 
     @property
     def disks(self) -> Disks: ...
@@ -37,7 +37,7 @@ class Gas(Protocol):
     @property
     def walls(self) -> tuple[Wall, ...]: ...
     @property
-    def units(self) -> dict[str, str] | None: ...
+    def stated_units(self) -> dict[str, str] | None: ...
 
 
 def positive(values: Array) -> Array:
@@ -47,7 +47,7 @@ def positive(values: Array) -> Array:
 
 def unit_of(gas: Gas | None, quantity: str) -> str | None:
     """Unit of a quantity such as "length^2/time" in the words of a file; None in reduced or unknown units."""
-    units = (gas and gas.units) or {}
+    units = (gas and gas.stated_units) or {}
     words = re.findall("[a-z]+", quantity)
     if not set(words) <= units.keys():
         return None
@@ -57,7 +57,7 @@ def unit_of(gas: Gas | None, quantity: str) -> str | None:
 
 def label(gas: Gas | None, text: str, quantity: str) -> str:
     """Label of an axis, with the unit of a quantity in brackets if units are known."""
-    if gas is None or gas.units is None:
+    if gas is None or gas.stated_units is None:
         return text
     return f"{text} ({unit_of(gas, quantity) or 'reduced units'})"
 

@@ -33,9 +33,9 @@ def draw(upper: Axes, trajectory: Trajectory, over: str = "t", lower: Axes | Non
     if trajectory.room.all_walls:
         walled(upper, trajectory, over)
     elif trajectory.box.shear_rate:
-        _with_steady_state(upper, lower, trajectory, over, theory_curves.sheared(trajectory))
+        _with_steady_state(upper, lower, trajectory, over, theory_curves.sheared(trajectory, over))
     elif trajectory.record("forces", bool, "[]"):
-        _with_steady_state(upper, lower, trajectory, over, theory_curves.driven(trajectory))
+        _with_steady_state(upper, lower, trajectory, over, theory_curves.driven(trajectory, over))
     else:
         cooling(upper, lower, trajectory, over)
 
@@ -45,10 +45,10 @@ def cooling(upper: Axes, lower: Axes | None, trajectory: Trajectory, over: str =
 
     Double logarithmic: a homogeneous gas cools like t^-2 (Haff), a straight line. Over collisions per disk only T is.
     """
-    later = trajectory.times > 0.0  # time 0 has no place on a logarithmic axis
-    T = _points(upper, lower, trajectory, later, over)
-    _curves(upper, lower, over, *theory_curves.cooling(trajectory))
-    if np.any(T[later] > 0.0):
+    shown = (trajectory.times > 0.0) | (over != "t")  # time 0 has no place on a logarithmic axis
+    T = _points(upper, lower, trajectory, shown, over)
+    _curves(upper, lower, over, *theory_curves.cooling(trajectory, over))
+    if np.any(T[shown] > 0.0):
         upper.set(xscale="log" if over == "t" else "linear", yscale="log")
     _label(upper, lower, trajectory, over)
     upper.legend(loc="best", frameon=False)

@@ -26,6 +26,10 @@ MOST_KINDS = 16
 """Of disks: every pair of kinds is summed at every step, which takes seconds from there on."""
 
 
+LONGER = 1e6
+"""Times the run's end: where theory has not had the collisions of the run by then, its curve ends before."""
+
+
 @dataclass(frozen=True)
 class _Gas:
     """Gas of a trajectory as kinetic theory takes it: temperatures at its start are those of each kind of disks."""
@@ -44,19 +48,27 @@ class _Gas:
         d, material = self.disks, int(self.disks.material[0])
         return self.laws[material][material], float(d.mass[0]), float(d.radius[0]), float(d.k[0]), self.phi
 
-    def curves(self, trajectory: Trajectory, elapsed: Array, shear_rate: float = 0.0) -> Curves:
-        """T and T_rot of all disks, `elapsed` after the first frame."""
-        with warnings.catch_warnings():
-            for told in (EnergyWarning, TheoryWarning):  # by the run
-                warnings.simplefilter("ignore", told)
-            found = prediction(
-                self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
-                shear_rate=shear_rate,
-            )  # fmt: skip
-        collisions = found.collisions_per_disk
+    def curves(self, trajectory: Trajectory, elapsed: Array, over: str, shear_rate: float = 0.0) -> Curves:
+        """T and T_rot of all disks, `elapsed` after the first frame; over "tau" up to the collisions of the run."""
+        before = end = 0.0
         if "collisions" in trajectory.observables:
-            collisions = collisions + 2.0 * float(trajectory.observables["collisions"][0]) / self.disks.n
-        return elapsed + trajectory.times[0], found.T, found.T_rot, collisions
+            before, end = 2.0 * trajectory.observables["collisions"][[0, -1]] / self.disks.n
+        if over == "tau":
+            elapsed = np.append(0.0, elapsed[elapsed > 0.0])
+        while True:
+            with warnings.catch_warnings():
+                for told in (EnergyWarning, TheoryWarning):  # by the run
+                    warnings.simplefilter("ignore", told)
+                found = prediction(
+                    self.disks, self.laws, self.phi, self.T0, self.T_rot0, elapsed, forces=self.forces,
+                    shear_rate=shear_rate,
+                )  # fmt: skip
+            collisions = before + found.collisions_per_disk
+            if over == "t" or collisions[-1] >= end or elapsed[-1] > LONGER * trajectory.times[-1]:
+                shown = slice(None) if over == "t" else slice(int(np.searchsorted(collisions, end)) + 1)
+                curves = elapsed + trajectory.times[0], found.T, found.T_rot, collisions
+                return curves[0][shown], curves[1][shown], curves[2][shown], curves[3][shown]
+            elapsed = np.append(elapsed, elapsed[-1] * 2.0 ** np.linspace(0.05, 1.0, 20))
 
     @property
     def text(self) -> str:
@@ -120,7 +132,7 @@ def _laws(disks: Disks, rows: list[list[dict[str, Any]]]) -> list[list[IFRLaw]]:
     ]
 
 
-def cooling(trajectory: Trajectory) -> tuple[Curves | None, str]:
+def cooling(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, str]:
     """Times, T and T_rot by kinetic theory, and what to say of it; None where it does not hold."""
     gas, times = _gas(trajectory), trajectory.times
     if isinstance(gas, str):
@@ -130,10 +142,10 @@ def cooling(trajectory: Trajectory) -> tuple[Curves | None, str]:
     elapsed = times[times > times[0]] - times[0]
     # Of a single frame, a decade before it shows where it comes from.
     when = np.geomspace(elapsed[0] if len(elapsed) > 1 else 0.1 * elapsed[0], elapsed[-1], 300)
-    return gas.curves(trajectory, when), gas.text
+    return gas.curves(trajectory, when, over), gas.text
 
 
-def driven(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] | None, str]:
+def driven(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
     """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold.
 
     Of several kinds of disks there is no steady state in closed form; the curve shows it where the run is long.
@@ -148,13 +160,13 @@ def driven(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] |
         return None, None, "a force that is not linear: no kinetic theory here"
     if (not gas.T0.any() and not any(drive.power for drive in known)) or times[-1] <= times[0]:
         return None, None, "nothing moves: no kinetic theory here"
-    when, T, T_rot, tau = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400))
+    when, T, T_rot, tau = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), over)
     T = np.where(T > 0.0, T, np.nan)
     steady = driven_gas.steady_state(*gas.one_kind, known[0]) if gas.kinds == 1 else None
     return (when, T, T_rot, tau), steady, gas.text
 
 
-def sheared(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] | None, str]:
+def sheared(trajectory: Trajectory, over: str = "t") -> tuple[Curves | None, tuple[float, float] | None, str]:
     """Times, T and T_rot by kinetic theory, the steady state, and what to say; None where it does not hold."""
     gas, times = _gas(trajectory), trajectory.times
     if isinstance(gas, str):
@@ -169,5 +181,5 @@ def sheared(trajectory: Trajectory) -> tuple[Curves | None, tuple[float, float] 
         steady = sheared_gas.steady_state(*gas.one_kind, rate)
     if not gas.T0.any() or times[-1] <= times[0]:
         return None, steady, "nothing moves at first: no curve of kinetic theory here"
-    found = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), rate)
+    found = gas.curves(trajectory, np.linspace(0.0, times[-1] - times[0], 400), over, rate)
     return found, steady, "kinetic theory (homogeneous flow)"

@@ -40,8 +40,8 @@ def _gas(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "size on disk", size(trajectory.path.stat().st_size)
     span = f", time {times[0]:.6g} to {times[-1]:.6g}{time}" if len(times) else ""
     yield "frames", f"{len(trajectory)}{span}"
-    if "units" in trajectory.parameters:
-        yield "units", str(trajectory.parameters["units"])
+    if not units:
+        yield "units", str(trajectory.parameters.get("units", "not stated"))
     yield "disks", str(disks.n)
     if disks.n:
         for name, unit in (("radius", length), ("mass", mass), ("k", "")):

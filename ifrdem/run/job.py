@@ -181,7 +181,7 @@ def drive(
             stops.stored()
 
     began = time.process_time()
-    say("compiling kernels: seconds if this machine has compiled them before, else up to some minutes")
+    say("compiling kernels: a second or two if this machine has compiled them before, else some ten")
     try:
         with stops, progress:
             with recorder:

@@ -187,7 +187,7 @@ class DSMC(Sealed):
     Warns
     -----
     EnergyWarning
-        As `Simulation`: a law of one's own may add energy.
+        As `Simulation`: a law of one's own that adds energy.
 
     Notes
     -----

@@ -135,7 +135,7 @@ class EngineOptions:
 
 
 @dataclass(frozen=True)
-class Collisions:
+class CollisionTimes:
     """Collisions in order of time.
 
     Attributes
@@ -209,7 +209,7 @@ class Engine:
         check_walls(self.walls, box, state.position, disks.radius, len(self._law_table), float(state.time))
         self.statistics: Statistics = Statistics()
         self.keep_collisions = False
-        self.last_collisions: Collisions | None = None
+        self.last_collisions: CollisionTimes | None = None
         self.tracking = tracking
         self._resting = 0
         self._parted = False  # nobody can meet anybody any more
@@ -593,7 +593,7 @@ class Engine:
             now = ((time > was) | (windows.begin == was)) & (time <= self.time)
             pair = np.sort(whole[now, EVENT_ID : EVENT_PARTNER + 1], axis=1).astype(np.int32)
             order = np.lexsort((pair[:, 1], pair[:, 0], time[now]))
-            self.last_collisions = Collisions(time[now][order], pair[order])
+            self.last_collisions = CollisionTimes(time[now][order], pair[order])
         elif self.tracking is not None and windows.fresh:
             windows.fresh = False
             if len(real):

@@ -31,7 +31,7 @@ from ..tools.progress import seen
 from ..tools.sealed import Sealed
 from . import checkpoint, checks
 from . import device as backend
-from .engine import Collisions, Engine
+from .engine import CollisionTimes, Engine
 from .schedule import MOST, Cadence, Course, Observer, Progress, Sampler, Span, earlier, refuse_endless
 from .tracking import Events, Tracking, checked_ids
 
@@ -127,7 +127,7 @@ class Simulation(Sealed, PicturedDisks):
     Warns
     -----
     EnergyWarning
-        With a law of one's own: it is not known whether it can add energy. `run` warns again if it has.
+        If a law of one's own adds energy in some of 4096 random collisions. `run` warns again if it has.
     WallWarning
         From `run`: two walls come within a diameter of each other, and would crush a disk between them.
 
@@ -203,8 +203,8 @@ class Simulation(Sealed, PicturedDisks):
                 window_collisions=window_collisions, walls=walls, gravity=gravity,
                 velocity_cutoff=remedy.velocity_cutoff or 0.0, contact_time=remedy.contact_time or 0.0,
                 forces=forces, seed=seed,
-                law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated, wall_sums=wall_sums,
-                tracking=self._tracking,
+                law=law_class, ledger=ledger, partners=partners, angles=angles, itemised=dissipated,
+                wall_sums=wall_sums, tracking=self._tracking,
             )  # fmt: skip
             # The engine's state of a sheared gas knows its flow, whose energy does not count.
             begin = self.state if box.shear_rate else state
@@ -573,6 +573,8 @@ class Simulation(Sealed, PicturedDisks):
             If another thread runs a simulation, or the process is a forked copy of one that has; or if a guarantee of
             the engine is violated.
         """
+        if not (progress is None or isinstance(progress, bool) or callable(progress)):
+            raise InputError(f"progress = {progress!r}: True, False or a function is needed")
         if not isinstance(frames, Cadence):
             frames = Cadence(number=checked.whole("frames", frames, 1, MOST))
         if series is not None and not isinstance(series, Cadence):
@@ -717,7 +719,7 @@ class Simulation(Sealed, PicturedDisks):
                 stacklevel=3,
             )
 
-    def collide_until(self, t_end: float) -> Collisions:
+    def collide_until(self, t_end: float) -> CollisionTimes:
         """Run to `t_end` [time] and return every collision on the way, in order.
 
         Raises
@@ -731,7 +733,7 @@ class Simulation(Sealed, PicturedDisks):
             )
         return self._recorded(lambda: self.time < t_end, t_end=t_end)
 
-    def collide(self, count: int) -> Collisions:
+    def collide(self, count: int) -> CollisionTimes:
         """Run for `count` collisions and return them, in order.
 
         More come back only where several happen at one and the same time, as at the end of an inelastic collapse.
@@ -745,8 +747,8 @@ class Simulation(Sealed, PicturedDisks):
         target = self.collisions + count
         return self._recorded(lambda: self.collisions < target, collisions=target)
 
-    def _recorded(self, going: Callable[[], bool], **end: float) -> Collisions:
-        found: list[Collisions] = []
+    def _recorded(self, going: Callable[[], bool], **end: float) -> CollisionTimes:
+        found: list[CollisionTimes] = []
         self._engine.keep_collisions = True
         try:
             with backend.sole_use():
@@ -757,8 +759,10 @@ class Simulation(Sealed, PicturedDisks):
         finally:
             self._engine.keep_collisions = False
         if not found:
-            return Collisions(np.empty(0), np.empty((0, 2), dtype=np.int32))
-        return Collisions(np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found]))
+            return CollisionTimes(np.empty(0), np.empty((0, 2), dtype=np.int32))
+        return CollisionTimes(
+            np.concatenate([c.time for c in found]), np.concatenate([c.pair for c in found])
+        )
 
     def _observe(self, observers: list[Observer], stored: Collection[str] | None) -> None:
         if observers:

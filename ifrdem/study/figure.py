@@ -106,7 +106,9 @@ def draw(results: Results, what: str, over: str | None = None, by: str | None = 
         axes.set_title(title, fontsize="medium")
     _scales(grid.ravel()[0], x in rows or x == "time")
     first = grid.ravel()[0]
-    _legend(first, results, f"{name}_theory" in results.variables, f"{name}_error" in results.variables)
+    _legend(
+        first, f"{name}_theory" in results.variables, f"{name}_error" in results.variables, x not in swept
+    )
     for axes in grid[-1]:
         axes.set_xlabel(_label(results, x))
     for line in grid:
@@ -197,10 +199,12 @@ def _scales(axes: Axes, rows: bool) -> None:
         axes.set_xlim(left=float(later.min()))
 
 
-def _legend(axes: Axes, results: Results, theory: bool, error: bool) -> None:
-    if error:
-        label = f"$\\pm {BAND:g}$ standard errors"
+def _legend(axes: Axes, theory: bool, error: bool, rows: bool) -> None:
+    label = f"$\\pm {BAND:g}$ standard errors"
+    if error and rows:
         axes.fill_between([], [], [], color="black", alpha=0.25, lw=0, label=label)
+    elif error:
+        axes.errorbar([], [], [], fmt="none", color="black", capsize=2, label=label)
     if theory:
         axes.plot([], [], "--", color="black", lw=1.1, label="kinetic theory (homogeneous)")
     axes.legend(frameon=False, fontsize="small")

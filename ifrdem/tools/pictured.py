@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError, nearest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -12,6 +15,13 @@ if TYPE_CHECKING:
 def plots() -> Any:
     """The module of the plots that draws objects."""
     return importlib.import_module("ifrdem.plots.objects")
+
+
+def refuse_unknown(given: Mapping[str, Any], known: Sequence[str]) -> None:
+    """Raise InputError if a picture gets an argument of another name, such as colour."""
+    for name, value in given.items():
+        text = f"there is no such argument{nearest(name, known)}; there are {', '.join(known)}"
+        raise InputError(f"{name} = {value!r}: {text}")
 
 
 class Pictured:
@@ -24,7 +34,7 @@ class Pictured:
 class PicturedDisks(Pictured):
     """Disks at one time, which can be drawn."""
 
-    def plot(self, ax: Axes | None = None, *, color: str = "spin") -> Axes:
+    def plot(self, ax: Axes | None = None, *, color: str = "spin", **unknown: Any) -> Axes:
         """Draw the disks and walls to scale; of more than 1e5 disks a map of where they are.
 
         Parameters
@@ -42,8 +52,9 @@ class PicturedDisks(Pictured):
         Raises
         ------
         InputError
-            If the colour is another word, or takes a field that is not stored.
+            If the colour is another word, or takes a field that is not stored; or an argument has another name.
         """
+        refuse_unknown(unknown, ("ax", "color"))
         axes: Axes = plots().disks(self, ax, color)
         return axes
 

@@ -33,7 +33,7 @@ from ..model import walls
 from ..model.box import Box
 from ..model.free_area import Room
 from ..model.state import Disks
-from ..tools.pictured import Pictured, plots
+from ..tools.pictured import Pictured, plots, refuse_unknown
 from ..tools.sealed import Sealed
 from . import damage, history, layout, tables
 from .frame import SPIN, Frame
@@ -439,7 +439,7 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     def plot(
         self, what: str = "temperatures", ax: Any = None, *, frames: Sequence[int] | None = None, over: str = "t",
-        color: str | None = None,
+        color: str | None = None, **unknown: Any,
     ) -> Any:  # fmt: skip
         """Draw a picture that `ifrdem plot --list` lists: temperatures, disks, energy, velocity, g, S, msd, ...
 
@@ -464,8 +464,9 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
         Raises
         ------
         InputError
-            If there is no such picture, the file does not hold what it takes, or axes are missing.
+            If there is no such picture or argument, the file does not hold what it takes, or axes are missing.
         """
+        refuse_unknown(unknown, ("what", "ax", "frames", "over", "color"))
         return plots().trajectory(self, what, ax, frames, over, color)
 
     def universe(self) -> MDAnalysis.Universe:
@@ -494,13 +495,18 @@ class Trajectory(Sealed, Pictured, Sequence[Frame]):
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each quantity; empty in reduced units."""
+        """Unit of each quantity; empty in reduced units, or if the file states none."""
         prefix = "units/"
         return {
             k.removeprefix(prefix): printable(str(v))
             for k, v in self.parameters.items()
             if k.startswith(prefix)
         }
+
+    @property
+    def stated_units(self) -> dict[str, str] | None:
+        """The same; None if the file states no units, not even that they are reduced."""
+        return self.units or ({} if self.parameters.get("units") == layout.REDUCED else None)
 
 
 def check_file(path: Path) -> None:

@@ -60,7 +60,7 @@ class TrajectoryWriter(Sealed):
         "/". The versions of Python and of the packages are added as versions/<package> where not given.
     units : mapping
         Unit of each quantity, e.g. {"length": "m", "mass": "kg", "time": "s", "momentum": "kg m s-1"};
-        "reduced" for each of them, or for none.
+        "reduced" for each of them, or for none. Without them the file says that they are not stated.
     precision : str
         "f4" (default) or "f8": floats of the per-disk fields. f4 resolves 6e-8 of the box, enough for
         analysis and not for a restart. Times, observables, series and histories are always f8, counts are

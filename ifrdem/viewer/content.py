@@ -40,7 +40,7 @@ REDUCED = "reduced units"
 
 
 @dataclass(frozen=True)
-class Colour:
+class DiskColour:
     """A quantity by which disks are coloured: its label, unit in words, and the kind of its colours."""
 
     label: str
@@ -160,7 +160,9 @@ class Content:
     def _unit(self, quantity: str) -> str:
         """Unit of a colour; turns are in rad in every file."""
         unit = unit_of(self.trajectory, quantity.removeprefix("angle")) if quantity else ""
-        return REDUCED if unit is None else quantity.startswith("angle") * "rad" + unit
+        if unit is None:
+            return REDUCED if self.trajectory.stated_units == {} else ""
+        return quantity.startswith("angle") * "rad" + unit
 
     @property
     def colours(self) -> tuple[list[dict[str, str]], dict[str, str]]:
@@ -388,16 +390,16 @@ def _speed(_content: Content, frame: Frame) -> Array:
 
 
 COLOURS = {
-    "spin": Colour(
+    "spin": DiskColour(
         "spin (counter-clockwise +)", "angle/time", "diverging", SPIN, lambda _, frame: frame.spin
     ),
-    "speed": Colour("speed", "length/time", "rising", "velocity", _speed),
-    "species": Colour(
+    "speed": DiskColour("speed", "length/time", "rising", "velocity", _speed),
+    "species": DiskColour(
         "species", "", "names", "species", lambda content, _: content._kinds()[1].astype(float)
     ),
-    "collisions": Colour(
+    "collisions": DiskColour(
         "collisions", "", "rising", "collisions", lambda _, frame: frame.collisions.astype(float)
     ),
-    "since": Colour("time since the last collision", "time", "rising", "histories", Content.since),
+    "since": DiskColour("time since the last collision", "time", "rising", "histories", Content.since),
 }
 """Quantities by which disks can be coloured."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
+from ..tools import checked
 from ..tools.files import write_text
 from ..trajectory.reader import Trajectory
 from .content import MOST_DISKS, Content, pack
@@ -25,6 +26,7 @@ MOST_EVENTS = 20_000
 """Collisions of tracked disks that a file holds, shared evenly."""
 NOTEBOOK_DISKS, NOTEBOOK_FRAMES = 1_000_000, 100
 """Disks times frames, and frames, that a notebook shows unless asked for others: some 10 MB."""
+MOST_FRAMES, MOST_HEIGHT = 2**31, 100_000
 WHOLE_EVERY = 32
 """Frames of a file of which the first does not need the one before it."""
 POLICY, DATA = "<!-- policy -->", "<!-- data -->"
@@ -111,7 +113,7 @@ class view:
     Raises
     ------
     InputError
-        If there is no frame, or no such frame, or the file holds no positions.
+        If there is no frame, or no such frame, the file holds no positions, or `frames` and `height` are not as above.
 
     Examples
     --------
@@ -128,8 +130,13 @@ class view:
             frames = (
                 np.unique(np.linspace(0, len(opened) - 1, most).astype(int)).tolist() if len(opened) else []
             )
-        self._page = page(opened, [opened[i].index for i in frames])
-        self._height = int(height)
+        if isinstance(frames, str) or not isinstance(frames, Iterable):
+            raise InputError(f"frames = {frames!r}: a list of frame numbers is needed, [{frames!r}] for one")
+        numbers = [
+            checked.whole(f"frames[{i}]", one, -MOST_FRAMES, MOST_FRAMES) for i, one in enumerate(frames)
+        ]
+        self._height = checked.whole("height", height, 1, MOST_HEIGHT)
+        self._page = page(opened, [opened[i].index for i in numbers])
 
     def _repr_html_(self) -> str:
         """A frame of its own, in which scripts run apart from the notebook."""

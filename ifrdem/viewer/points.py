@@ -19,7 +19,7 @@ from .content import numbers
 FIRST = ("temperature", "rotational_temperature", "theta")
 
 
-class Points:
+class StudyPoints:
     """The results of a study, and its folder of runs.
 
     Parameters
@@ -39,7 +39,8 @@ class Points:
                 f"{place}: the results of a study are needed, NAME{ENDING}, or its folder NAME{RUNS}"
             )
         name = place.name.removesuffix(RUNS).removesuffix(ENDING)
-        self._folder, self.path = place.with_name(name + RUNS), place.with_name(name + ENDING)
+        self._folder = place.with_name(name + RUNS)
+        self.path: Path = place.with_name(name + ENDING)
         self._results = Results.read(self.path)
         self._axes = list(self._results.axes)
         if not self._axes or SEED not in self._results.variables:

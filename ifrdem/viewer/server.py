@@ -6,6 +6,7 @@ import json
 import secrets
 import sys
 import threading
+from _thread import LockType
 from collections.abc import Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -22,7 +23,7 @@ from .content import Content, pack
 from .page import blank, policy
 
 if TYPE_CHECKING:
-    from .points import Points
+    from .points import StudyPoints
 
 TEXT, JSON, BYTES = "text/plain; charset=utf-8", "application/json", "application/octet-stream"
 
@@ -34,7 +35,7 @@ class Server(ThreadingHTTPServer):
 
     Parameters
     ----------
-    content : Content or Points
+    content : Content or StudyPoints
         A trajectory, or the points of a study.
     port : int
         0: any free one.
@@ -47,10 +48,10 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
 
-    def __init__(self, content: Content | Points, port: int = 0) -> None:
-        self.token = secrets.token_urlsafe(24)
-        self.lock = threading.Lock()  # HDF5 is read by one thread at a time
-        self.page = blank().encode()
+    def __init__(self, content: Content | StudyPoints, port: int = 0) -> None:
+        self.token: str = secrets.token_urlsafe(24)
+        self.lock: LockType = threading.Lock()  # HDF5 is read by one thread at a time
+        self.page: bytes = blank().encode()
         self._points = None if isinstance(content, Content) else content
         self._run, self._content = "", content if isinstance(content, Content) else None
         super().__init__(("127.0.0.1", port), _Handler)
@@ -74,6 +75,10 @@ class Server(ThreadingHTTPServer):
             return "text/html; charset=utf-8", self.page
         if name not in ("head", "disks", "frame", "disk", "point"):
             return None
+        if name == "point" and self._points is None:
+            raise InputError(
+                "point: a trajectory is shown here; `ifrdem view --study` shows the points of a study"
+            )
         with self.lock:
             if self._points is not None and (name == "point" or (name == "head" and "run" not in query)):
                 found = self._points.head() if name == "head" else self._points.point(_number(query, "point"))

@@ -279,6 +279,29 @@ def test_pressure_and_diffusion_of_a_gas_that_cools_are_said_to_be_those_of_no_s
         assert np.isfinite(found.rows[0].value)
 
 
+def test_a_gas_whose_file_tells_no_temperature_is_judged_by_its_velocities(tmp_path: Path) -> None:
+    """Free disks whose speeds fall like 1 / (1 + t): T = <v^2> / 2 by 25 from t = 0 to 4."""
+    rng, disks = np.random.default_rng(5), Disks(N, mass=1.0, radius=0.2)
+    begin, velocity = rng.random((N, 2)) * 30.0, rng.normal(size=(N, 2))
+    first = 0.5 * float(np.mean(np.sum(velocity**2, axis=1)))
+    for fields in (("position", "velocity"), ("position",)):
+        with TrajectoryWriter(tmp_path / "run.h5", disks, BOX, fields=fields, force=True) as writer:
+            for t in np.linspace(0.0, 4.0, FRAMES):
+                place = BOX.wrap(begin + velocity * np.log1p(t), t)
+                writer.write(State(place, velocity / (1.0 + t), np.zeros(N), time=t))
+        with Trajectory(tmp_path / "run.h5") as trajectory:
+            found = catalogue.ANALYSES["msd"].of(trajectory, None)
+        if "velocity" in fields:
+            span = f"T goes from {first:.4g} to {first / 25.0:.4g} in that time"
+            assert found.doubts[0].startswith(f"the gas is not steady: {span}")
+            assert np.isnan(found.rows[0].value)
+        else:
+            assert found.doubts == []
+            assert (
+                "the file holds no temperatures or velocities that tell if the gas is steady" in found.notes
+            )
+
+
 def test_error_of_a_pressure_knows_cooling_from_scatter(tmp_path: Path) -> None:
     """2000 equal impulses at a rate that goes as T, of Poisson: 1 / sqrt(2000) of the collisional part.
 
@@ -439,15 +462,25 @@ def test_legends_hide_no_curve_and_axes_end_where_the_data_do(what: str, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("given", "made"), [("d0", "d0.png"), ("mu0.21", "mu0.21.png"), ("a.png", "a.png"), ("A.PNG", "A.PNG")]
+    ("given", "made", "begin"),
+    [
+        ("d0", "d0.png", b"\x89PNG"),
+        ("mu0.21", "mu0.21.png", b"\x89PNG"),
+        ("a.png", "a.png", b"\x89PNG"),
+        ("A.PNG", "A.PNG", b"\x89PNG"),
+        ("a.svg", "a.svg", b"<?xml"),
+        ("a.pdf", "a.pdf", b"%PDF"),
+    ],
 )
-def test_a_picture_gets_the_ending_png_if_its_name_has_none(
-    given: str, made: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_ending_of_a_picture_says_its_format_and_png_is_put_behind_a_name_without(
+    given: str, made: str, begin: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     write(tmp_path / "run.h5")
     assert run("plot", "run.h5", "energy", "-o", given) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([made, "run.h5"])
+    assert Path(made).read_bytes().startswith(begin)
     assert f"wrote {made}" in capsys.readouterr().out
     assert run("plot", "run.h5", "energy", "-o", given) == 2
     assert f"{made}: exists already" in capsys.readouterr().err
@@ -499,8 +532,8 @@ def test_plots_have_colours_styles_and_an_axis_of_collisions(
         (("plot", "run.h5", "disks", "-o", "run.h5", "--force"), "is the trajectory itself"),
         (("plot", "run.h5", "disks", "-o", "/dev/zero", "--force"), "is a device or pipe"),
         (
-            ("plot", "run.h5", "disks", "-o", "a.pdf"),
-            "-o a.pdf: pictures are PNG files: the name must end in .png",
+            ("plot", "run.h5", "disks", "-o", "a.tif"),
+            "-o a.tif: the name of a picture ends in .png, .svg, .pdf, or has no ending",
         ),
         (
             ("analyse", "run.h5", "impact"),

@@ -87,6 +87,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "complex radii": (lambda: placement.random_positions(Box((9, 9)), [0.5j], seed=1), "radius: real numbers"),
     "observers that are none": (lambda: gas().run(t_end=1.0, observers=[1]), r"observers\[0\] = 1"),
     "one observer": (lambda: gas().run(t_end=1.0, observers=print), "a list of functions"),
+    "progress that is 0": (lambda: gas().run(t_end=1.0, progress=0), "progress = 0: True, False or a function"),
+    "progress that is empty": (lambda: gas().run(t_end=1.0, progress=[]), r"progress = \[\]: True, False or"),
     "samplers that are none": (lambda: gas().run(t_end=1.0, samplers=[1]), r"samplers\[0\] = 1"),
     "progress that is none": (lambda: gas().run(t_end=1.0, progress=1), "progress = 1"),
     "frames without end": (lambda: gas().run(t_end=1.0, frames=10**18), "frames = 10+: .* 1 to 10000000"),

@@ -37,10 +37,12 @@ def _closed() -> object:
     pyplot.close("all")
 
 
-def write(path: Path, *, spin: float = 1.0, frames: int = 6) -> Path:
-    """A cooling gas with T = 2 / (1 + t), T_rot = T / 2 and 3 t collisions per disk; disks of radius 0.2."""
+def write(
+    path: Path, *, spin: float = 1.0, frames: int = 6, law: dict[str, object] = LAW, rate: float = 3.0
+) -> Path:
+    """A cooling gas with T = 2 / (1 + t), T_rot = T / 2 and `rate` t collisions per disk; disks of radius 0.2."""
     rng, box = np.random.default_rng(1), Box((40.0, 30.0))
-    parameters = {"laws": json.dumps([[LAW]])}
+    parameters = {"laws": json.dumps([[law]])}
     with TrajectoryWriter(
         path, Disks(N, 1.0, 0.2), box, parameters=parameters, units={"length": "m", "time": "s"}
     ) as w:
@@ -50,7 +52,7 @@ def write(path: Path, *, spin: float = 1.0, frames: int = 6) -> Path:
             )
             T = 2.0 / (1.0 + t)
             totals = {
-                "temperature": T, "rotational_temperature": 0.5 * T, "collisions": int(1.5 * N * t),
+                "temperature": T, "rotational_temperature": 0.5 * T, "collisions": int(0.5 * rate * N * t),
                 "translational_energy": N * T, "rotational_energy": 0.25 * N * T,
             }  # fmt: skip
             w.write(state, totals)
@@ -157,19 +159,56 @@ def test_over_tau_is_collisions_per_disk(tmp_path: Path, what: str) -> None:
         axes = run.plot(what, ax=pyplot.figure().subplots(), over="tau")
         assert axes.get_xlabel() == r"collisions per disk $\tau$"
         np.testing.assert_allclose(np.asarray(axes.lines[0].get_xdata())[-5:], 3.0 * np.arange(1.0, 6.0))
-        if what == "temperatures":  # theory has its own collisions, more of them where it is hotter
-            theory = next(
-                line for line in axes.lines if line.get_linestyle() == "--" and len(line.get_xdata())
-            )
-            plain = run.plot(what, ax=pyplot.figure().subplots()).lines
-            timed = next(line for line in plain if line.get_linestyle() == "--" and len(line.get_xdata()))
-            np.testing.assert_array_equal(theory.get_ydata(), timed.get_ydata())
-            rate = np.diff(theory.get_xdata()) / np.diff(timed.get_xdata())
-            assert np.all(np.diff(rate) < 0.0)  # of a gas that cools
         with pytest.raises(InputError, match="over = tau: only of temperatures, energy"):
             run.plot("velocity", over="tau")
         with pytest.raises(InputError, match=r"over = 'taw': allowed are t, tau \(did you mean"):
             run.plot(what, over="taw")
+
+
+@pytest.mark.parametrize("rate", [3.0, 12.0])
+def test_theory_over_tau_goes_from_the_first_collision_to_the_last_of_the_run(
+    tmp_path: Path, rate: float
+) -> None:
+    """Each collision of a smooth disk takes (1 - e_n^2) / 2 of T: T = 2 exp(-0.18 tau) for e_n = 0.8.
+
+    In the time of the run theory has 20 collisions per disk, more or fewer than the run.
+    """
+    with Trajectory(write(tmp_path / "run.h5", law={**LAW, "e_t": -1.0, "mu": 0.0}, rate=rate)) as run:
+        lines = run.plot("temperatures", ax=pyplot.figure().subplots(), over="tau").lines
+    dashed = next(one for one in lines if one.get_linestyle() == "--" and len(one.get_xdata()))
+    tau, T = (np.asarray(one) for one in dashed.get_data())
+    assert tau[0] == 0.0
+    assert 5.0 * rate <= tau[-1] < 5.0 * rate + 1.0
+    np.testing.assert_allclose(T, 2.0 * np.exp(-0.18 * tau), rtol=1e-6)
+    assert np.asarray(lines[0].get_xdata())[0] == 0.0  # and the first frame is there
+
+
+def test_an_argument_of_another_name_is_refused_with_the_nearest(
+    tmp_path: Path, gas: ifrdem.Simulation
+) -> None:
+    said = r"colour = 'speed': there is no such argument \(did you mean 'color'\?\); there are "
+    with pytest.raises(InputError, match=said + "ax, color"):
+        gas.plot(colour="speed")
+    with Trajectory(write(tmp_path / "run.h5")) as run:
+        with pytest.raises(InputError, match=said + "ax, color"):
+            run[0].plot(colour="speed")
+        with pytest.raises(InputError, match=said + "what, ax, frames, over, color"):
+            run.plot("disks", colour="speed")
+
+
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [({}, "$x$"), ({"length": "reduced"}, "$x$ (reduced units)"), ({"length": "m"}, "$x$ (m)")],
+)
+def test_units_are_told_as_far_as_the_file_states_them(
+    tmp_path: Path, units: dict[str, str], said: str
+) -> None:
+    state = State([[1.0, 1.0]], [[1.0, 0.0]], [0.0])
+    with TrajectoryWriter(tmp_path / "one.h5", Disks(1, 1.0, 0.2), Box((4.0, 4.0)), units=units) as writer:
+        writer.write(state)
+    with Trajectory(tmp_path / "one.h5") as run:
+        assert run[0].plot().get_xlabel() == said
+        assert run.units == ({} if units != {"length": "m"} else units)
 
 
 def test_wrong_axes_are_refused(tmp_path: Path, gas: ifrdem.Simulation) -> None:

@@ -19,7 +19,7 @@ from ifrdem.model.observables import measure
 from ifrdem.model.state import Disks, State
 from ifrdem.model.walls import Wall
 from ifrdem.simulation import device
-from ifrdem.simulation.engine import Collisions, Engine
+from ifrdem.simulation.engine import CollisionTimes, Engine
 from ifrdem.simulation.simulation import Simulation
 from ifrdem.theory import contact_value
 from ifrdem.theory.sheared_gas import steady_state
@@ -57,7 +57,7 @@ def made(
     return Engine(disks, box, state, np.array([[law]]), order=order, tile_disks=tile_disks, **options)  # type: ignore[arg-type]
 
 
-def assert_same_collisions(found: Collisions, expected: list[tuple[float, int, int]]) -> None:
+def assert_same_collisions(found: CollisionTimes, expected: list[tuple[float, int, int]]) -> None:
     np.testing.assert_array_equal(
         partners(found.pair), partners(np.array([sorted(collision[1:]) for collision in expected]))
     )

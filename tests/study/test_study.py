@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
+from matplotlib.collections import PolyCollection
+from matplotlib.container import ErrorbarContainer
 
 import ifrdem
 from ifrdem.cli import main as cli
@@ -226,6 +228,29 @@ def test_bad_input_is_refused_before_anything_starts(case, tmp_path, capsys, wor
     assert message in bad(tmp_path, capsys, *words)
 
 
+def test_coefficients_of_coins_come_with_advice_on_how_to_vary_them(tmp_path, capsys):
+    coins = (
+        CASE[: CASE.index("[[material]]")]
+        + """
+[[species]]
+name = "coins"
+coin = "1 pta"
+number = 60
+speed_rms = 1.4
+"""
+    )
+    (tmp_path / "gas.toml").write_text(coins.replace('"reduced"', '"SI"'))
+    said = bad(tmp_path, capsys, "--vary", VARY)
+    assert (
+        "material is not there: coefficients are those of species[0].coin. Change species[0].coin, or write"
+        in said
+    )
+    assert (
+        cli.main(["study", f"{tmp_path}/gas.toml", "--vary", 'species[0].coin="1 pta","5 pts"', "--dry-run"])
+        == 0
+    )
+
+
 def test_points_that_check_refuses_are_left_out_by_keep_going_only(case, tmp_path, capsys):
     words = ["study", str(case), "--vary", "material[0].e_n=0.7,1.2", "-o", f"{tmp_path}/k", "--workers", "0"]
     assert cli.main(words) == 2
@@ -268,6 +293,13 @@ def test_a_study_is_followed_and_drawn(case, tmp_path, capsys, drawn):
     labels = panels[0].get_legend_handles_labels()[1]
     assert labels[:2] == ["e_n = 0.7", "e_n = 0.9"]
     assert any("kinetic theory" in label for label in labels)
+    handles = dict(zip(labels, panels[0].get_legend_handles_labels()[0], strict=True))
+    assert isinstance(handles[r"$\pm 2$ standard errors"], PolyCollection)  # a band, as is drawn
+    assert (
+        cli.main(["plot", str(study.output), "T", "--over", "material[0].e_n", "-o", f"{tmp_path}/ends"]) == 0
+    )
+    ends, names = drawn[1].axes[0].get_legend_handles_labels()
+    assert isinstance(ends[names.index(r"$\pm 2$ standard errors")], ErrorbarContainer)
     solid = next(line for line in panels[0].lines if line.get_label() == "e_n = 0.9")
     mean = study.dataset().temperature_mean
     assert np.array_equal(solid.get_ydata(), mean.sel(e_n=0.9, mu=0.1))

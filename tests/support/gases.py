@@ -7,7 +7,7 @@ import numpy as np
 from ifrdem.initial import placement
 from ifrdem.model.box import Box
 from ifrdem.model.state import Disks, State
-from ifrdem.simulation.engine import Collisions, Engine
+from ifrdem.simulation.engine import CollisionTimes, Engine
 
 ELASTIC = (1.0, -1.0, 0.0, 0.0, 0.0)  # smooth elastic disks: e_n = 1, e_t = -1, mu = 0
 COIN = (0.87, -0.88, 0.21, 0.0, 0.0)  # 1 pta coins of the paper's Table II, percussion-centre sticking
@@ -54,7 +54,7 @@ def touching(box: Box, radius: np.ndarray, position: np.ndarray) -> np.ndarray:
     return box.wrap(position)
 
 
-def run(engine: Engine, count: int) -> Collisions:
+def run(engine: Engine, count: int) -> CollisionTimes:
     """Exactly `count` further collisions, in order."""
     engine.keep_collisions = True
     target = engine.collisions + count
@@ -63,7 +63,7 @@ def run(engine: Engine, count: int) -> Collisions:
         engine.advance(collisions=target)
         assert engine.last_collisions is not None
         parts.append(engine.last_collisions)
-    return Collisions(np.concatenate([p.time for p in parts]), np.concatenate([p.pair for p in parts]))
+    return CollisionTimes(np.concatenate([p.time for p in parts]), np.concatenate([p.pair for p in parts]))
 
 
 def partners(pair: np.ndarray) -> np.ndarray:

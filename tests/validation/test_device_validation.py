@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ifrdem.cli import main as cli
 from ifrdem.simulation import device
 from ifrdem.validation.devices import bits, speed
 from ifrdem.validation.report.registry import Skip
@@ -41,6 +42,14 @@ def test_windows_of_another_length_give_other_bits_and_the_same_collisions() -> 
 def test_without_a_gpu_the_cases_are_skipped_with_the_reason(case) -> None:
     with pytest.raises(Skip, match="no GPU: "):
         case.run(True)
+
+
+@WITHOUT_GPU
+def test_without_a_gpu_there_is_one_message_and_no_report(tmp_path, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["validate", "device"]) == 2
+    assert capsys.readouterr().err.startswith("ifrdem: device: there is no GPU to validate: ")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_every_row_of_the_cpu_against_itself_passes() -> None:

@@ -30,7 +30,7 @@ from ifrdem.study.task import Variable
 from ifrdem.trajectory.reader import Trajectory
 from ifrdem.viewer import content, page
 from ifrdem.viewer.content import Content
-from ifrdem.viewer.points import Points
+from ifrdem.viewer.points import StudyPoints
 from ifrdem.viewer.server import Server
 
 
@@ -294,6 +294,12 @@ def test_frames_of_one_file_that_change_little_are_smaller_as_differences():
     assert page._differences(fresh, before, 1000) == {}
 
 
+def test_the_server_of_a_trajectory_says_that_it_has_no_points(path):
+    said = "point: a trajectory is shown here; `ifrdem view --study` shows the points"
+    with Server(Content(Trajectory(path))) as server, pytest.raises(InputError, match=said):
+        server.answer("point", {"point": "0"})
+
+
 def test_notebooks_show_the_page_in_a_frame(path):
     shown = ifrdem.view(Trajectory(path), [0, -1])._repr_html_()
     assert shown.startswith('<iframe sandbox="allow-scripts" srcdoc="&lt;!doctype html&gt;')
@@ -304,6 +310,14 @@ def test_notebooks_show_the_page_in_a_frame(path):
         ifrdem.view(path, [9])
     with pytest.raises(InputError, match="no frame to show"):
         ifrdem.view(path, [])
+    for wrong, said in (
+        ({"frames": 3}, r"frames = 3: a list of frame numbers is needed, \[3\] for one"),
+        ({"frames": ["a"]}, r"frames\[0\] = 'a': a whole number"),
+        ({"height": "tall"}, "height = 'tall': a whole number, 1 to 100000, is needed"),
+        ({"height": -3}, "height = -3: a whole number"),
+    ):
+        with pytest.raises(InputError, match=said):
+            ifrdem.view(path, **wrong)
 
 
 def test_the_manuals_example_shows_the_page(path, monkeypatch):
@@ -342,7 +356,7 @@ def some_results(folder: Path) -> Path:
 def test_points_of_a_study_have_their_curves_and_the_trajectories_that_were_kept(tmp_path):
     path = some_results(tmp_path)
     for place in (path, tmp_path / "scan.runs"):
-        with Server(Points(place)) as server:
+        with Server(StudyPoints(place)) as server:
             head = json.loads(server.answer("head", {})[1])
             assert head["ends"]["temperature"] == {
                 "unit": "J",

@@ -51,13 +51,13 @@ from ...simulation import device
 from ...tools.arguments import Parser, whole
 from ...tools.versions import __version__
 from . import soft_disks
-from .side_by_side import Options, Row, compare
+from .side_by_side import Options, Timing, compare
 
 FEWEST_RUNS = 5
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 
-def report(options: Options, rows: Sequence[Row]) -> dict[str, Any]:
+def report(options: Options, rows: Sequence[Timing]) -> dict[str, Any]:
     """The figures that `--json` prints."""
     ours = statistics.median(rows[0].rates)
     return {
@@ -78,7 +78,7 @@ def report(options: Options, rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def _row_report(row: Row, ours: float) -> dict[str, Any]:
+def _row_report(row: Timing, ours: float) -> dict[str, Any]:
     found: dict[str, Any] = {"code": row.code, "threads": row.threads}
     if row.not_measured is not None:
         return {**found, "not_measured": row.not_measured}

@@ -50,7 +50,7 @@ class Options:
 
 
 @dataclass
-class Row:
+class Timing:
     """One code's outcome: `rates` in collisions/s, or why there are none."""
 
     code: str
@@ -64,7 +64,7 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Gas:
+class GasAtStart:
     """The gas at its start, for every code."""
 
     disks: Disks
@@ -82,7 +82,7 @@ class Gas:
         return measure(self.disks, simulation.state).temperature
 
 
-def start(options: Options) -> Gas:
+def start(options: Options) -> GasAtStart:
     """An equilibrated gas at temperature 1, clock and counts at zero."""
     disks = Disks(options.n, mass=np.array(1.0), radius=np.array(0.5))
     box = Box.from_packing_fraction(disks.radius, options.phi)
@@ -94,13 +94,13 @@ def start(options: Options) -> Gas:
     mixing.run(collisions_per_disk=MIXING)
     mixed = mixing.state
     law = IFRLaw(e_n=options.e_n, e_t=-1.0, mu=0.0)
-    return Gas(disks, box, law, State(mixed.position, mixed.velocity, spin), options.threads)
+    return GasAtStart(disks, box, law, State(mixed.position, mixed.velocity, spin), options.threads)
 
 
 # --- the codes: each makes its row and yields, then does one timed run each time it is resumed -----------------------
 
 
-def _ifrdem(row: Row, gas: Gas, options: Options) -> Iterator[None]:
+def _ifrdem(row: Timing, gas: GasAtStart, options: Options) -> Iterator[None]:
     for timed in _warm_then_timed():
         simulation = gas.simulation()
         begin = time.perf_counter()
@@ -113,7 +113,7 @@ def _ifrdem(row: Row, gas: Gas, options: Options) -> Iterator[None]:
         yield
 
 
-def _serial(row: Row, gas: Gas, options: Options, ours: Row) -> Iterator[None]:
+def _serial(row: Timing, gas: GasAtStart, options: Options, ours: Timing) -> Iterator[None]:
     count = math.ceil(options.collisions * options.n / 2.0)
     for timed in _warm_then_timed():
         events = SerialEvents(gas.box, 1.0, options.e_n, gas.state)
@@ -127,7 +127,7 @@ def _serial(row: Row, gas: Gas, options: Options, ours: Row) -> Iterator[None]:
         yield
 
 
-def _soft(row: Row, gas: Gas, options: Options, folder: Path) -> Iterator[None]:
+def _soft(row: Timing, gas: GasAtStart, options: Options, folder: Path) -> Iterator[None]:
     free_time = 1.0 / theory.collision_rate(options.phi, 1.0, 1.0, 0.5)
     soft = SoftDisks(
         folder,
@@ -151,7 +151,7 @@ def _soft(row: Row, gas: Gas, options: Options, folder: Path) -> Iterator[None]:
         yield
 
 
-def _same_gas(row: Row, gas: Gas, options: Options, soft: SoftDisks, contact_times: int) -> int:
+def _same_gas(row: Timing, gas: GasAtStart, options: Options, soft: SoftDisks, contact_times: int) -> int:
     """Hold LAMMPS against ifrdem, and return the latter's number of collisions by the same time."""
     run = soft.run(contact_times, sampled=True)
     simulation = gas.simulation()
@@ -197,13 +197,13 @@ def _warm_then_timed() -> Iterator[bool]:
 # --- the comparison -------------------------------------------------------------------------------------------------
 
 
-def compare(options: Options, say: Callable[[str], None]) -> list[Row]:
+def compare(options: Options, say: Callable[[str], None]) -> list[Timing]:
     """Run all codes in turn and return their rows, ifrdem's first."""
     say(f"start: {options.n} disks, packing fraction {options.phi}, {MIXING} elastic collisions per disk")
     gas = start(options)
-    ours = Row("ifrdem", options.threads)
-    serial = Row("serial events", 1)
-    soft = Row("LAMMPS, soft disks", options.threads)
+    ours = Timing("ifrdem", options.threads)
+    serial = Timing("serial events", 1)
+    soft = Timing("LAMMPS, soft disks", options.threads)
     with tempfile.TemporaryDirectory(prefix="ifrdem-peers-") as folder:
         codes = {
             "ifrdem": (ours, _ifrdem(ours, gas, options)),
@@ -235,7 +235,7 @@ def compare(options: Options, say: Callable[[str], None]) -> list[Row]:
     return [ours, serial, soft]
 
 
-def _resume(row: Row, steps: Iterator[None]) -> bool:
+def _resume(row: Timing, steps: Iterator[None]) -> bool:
     """Let a code go on to its next stop; False if it is a peer that failed."""
     try:
         next(steps)

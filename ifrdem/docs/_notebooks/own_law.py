@@ -23,13 +23,10 @@ class Viscoelastic(ifrdem.CollisionLaw):
 
 
 # %% [markdown]
-# Nobody has proved that this law never adds energy, so a simulation tries it on random pairs and warns of the outcome.
-# Beside it, a gas with a constant e_n that loses as much at first.
+# Nobody has proved that this law never adds energy, so a simulation tries it on random pairs and would warn if one of
+# them gained energy. Beside it, a gas with a constant e_n that loses as much at first.
 
 # %%
-import warnings
-
-warnings.simplefilter("ignore", ifrdem.EnergyWarning)
 disks = ifrdem.Disks(1000, mass=1.0, radius=0.5)
 box = ifrdem.Box.from_packing_fraction(disks.radius, 0.1)
 position = ifrdem.initial.random_positions(box, disks.radius, seed=1)
