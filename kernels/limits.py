@@ -1,7 +1,7 @@
 """Sizes and bounds of the engine, which estimates need too without starting it."""
 
 WALL = 18  # columns of a wall (`kernels/walls.py`)
-MECHANISMS, REGIMES = 6, 5
+MECHANISMS, REGIMES = 7, 5
 MOST_WALLS = 100_000
 ADDRESSABLE = 2**31 - 1  # numbers of one array that 32-bit indices reach
 MOST_DISKS = ADDRESSABLE // 24  # of the longest array: three parts of eight numbers

@@ -233,6 +233,8 @@ def wall_time(w, x, y, vx, vy, tau, radius, horizon, gas: ti.template()):
                 # Without speed, and pulled together. A container pulls by its curvature alone: a disk slides along it.
                 resting = 1
                 going = 0
+                if ti.static(gas.uses.rests):  # it bounces (`rest.py`)
+                    found, resting = t, 0
             f = 0.0
         if going == 1:
             step = FAR + 0.0 * t
@@ -387,7 +389,10 @@ def other_image(i, boxes, gas: ti.template()):
 
 @ti.func
 def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
-    """Collide the disk at place i at time t with the wall that it meets, in the lab; disks are in one that falls."""
+    """Collide the disk at place i at time t with the wall that it meets, in the lab; disks are in one that falls.
+
+    Returns how (`contact.collided`).
+    """
     code = FIRST_WALL - gas.link[i][PARTNER]
     w = code // 9
     lasting = 0
@@ -450,6 +455,7 @@ def hit_wall(i, t, tile, region: ti.template(), gas: ti.template()):
             if column >= 0:
                 heat = heat_given(kind, vx - ux, vy - uy, spin, vx_0 - ux, vy_0 - uy, spin_0, gas)
                 gas.heat[tile, AT_END, column] = gas.heat[tile, AT_END, column] + heat
+    return how
 
 
 @ti.func

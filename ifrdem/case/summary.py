@@ -251,7 +251,10 @@ def _walls(case: Case, gas: CaseGas, estimate: RunEstimate) -> list[tuple[str, s
     slow, brief = case.run.velocity_cutoff, case.run.contact_time
     if case.run.collapse != "none":
         what = f"contact time {brief:g}{time}" if slow is None else f"velocity cut-off {slow:g}{speed}"
-        lines.append(("collapse", f"{what}: collisions below it are elastic"))
+        text = f"{what}: collisions below it are elastic"
+        if case.run.resting_speed is not None:
+            text = f"resting speed {case.run.resting_speed:g}{speed}: contacts below it last, and disks fall asleep"
+        lines.append(("collapse", text))
     return lines
 
 

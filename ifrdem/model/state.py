@@ -89,6 +89,7 @@ _COUNTS = (
     ("image", (2,), _LOWEST),
     ("wall_hits", (), 0),
     ("last_partner", (), _LOWEST),
+    ("asleep", (), 0),
 )
 """Counts of a state, their shape beside the number of disks, and the lowest number."""
 
@@ -119,6 +120,8 @@ class State(Brief, Sealed, Pictured):
     angle : array (n,)
         How far each disk has turned since the start, counter-clockwise, full turns included [rad]. Only runs that are
         asked to (`Simulation(angles=True)`) keep it up to date.
+    asleep : array (n,) of int32
+        1 for disks that sleep where they are at rest, else 0 (`Simulation(collapse="rest")`).
     flow : array (n, 2) or None
         Velocity of the mean flow at each disk [length/time]; None where there is none. A simulation in a sheared box
         sets it, and `observables.measure` needs it; to start one, it is not needed.
@@ -132,7 +135,7 @@ class State(Brief, Sealed, Pictured):
     """
 
     assignable: ClassVar[frozenset[str]] = frozenset({
-        "angle", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
+        "angle", "asleep", "collisions", "flow", "image", "last_partner", "latest_collision", "position", "spin", "time",
         "velocity", "wall_hits",
     })  # fmt: skip
 
@@ -147,6 +150,7 @@ class State(Brief, Sealed, Pictured):
     last_partner: NDArray[np.int32] = None  # type: ignore[assignment]
     angle: Array = None  # type: ignore[assignment]
     flow: Array | None = None
+    asleep: NDArray[np.int32] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         self.spin = checked.array("spin", self.spin)

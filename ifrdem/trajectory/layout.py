@@ -68,6 +68,7 @@ FIELDS = {
     "collisions": Field("collisions", 1, count=True),
     "image": Field("image", 2, count=True),
     "last_partner": Field("last_partner", 1, count=True),
+    "asleep": Field("asleep", 1, count=True),
 }
 
 VIEWS = {
