@@ -44,7 +44,7 @@ from .flights import on_grid
 from .language import ti
 from .layout import (
     ASLEEP, ASLEEP_NOW, AWAKE, BY_REST, CELL, CELLS, CUTOFF, FAR, GX, GY, HITS_NOW, INVERSE_MASS, ITEMS, K, KIND_RADIUS,
-    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST, NEXT_IN_CELL, PLACES, SLEEPERS, TOUCHES_OF_DISK,
+    LENGTH_X, LENGTH_Y, LOSSES, MATERIAL, MAY_REST, NEXT_IN_CELL, PLACES, SLEEPERS, EDGES_OF_DISK,
     UNJUDGED, VX, VY, W_SPIN, WIDEST, WOKEN, X, Y,
 )  # fmt: skip
 from .places import add, kind_of, radius_of
@@ -55,9 +55,11 @@ GAP = 4.0  # v_s^2 / g: disks that are nearer touch
 QUICK, QUICK_HITS = 1e-3, 8  # v_s / g: of so many hits one after the other, the times between them
 AT_REST, MOVED = 1e-3, 3e-3  # g: accelerations below which a disk may fall asleep, and above which it wakes
 MU, RHO = 2, 4  # columns of the law's table (`law_table.table_row`)
-# touch: places of both disks, the second -1 for a wall; normal towards the first; mu, rho; forces along the normal and
-# the tangent; torques of rolling friction; inverse effective masses
-FIRST, SECOND, N_X, N_Y, T_MU, T_RHO, P_N, P_T, T_FIRST, T_SECOND, INVERSE_N, INVERSE_T = range(12)
+NEAR_ENOUGH = 1e-6  # g: accelerations to which forces are found
+# edge of a cone: places of both disks, the second -1 for a wall; what a unit of its force does to either (`per_force`);
+# the force; gradient; a direction, and the change of the gradient along it. balance: accelerations, and along it
+FIRST, SECOND, ON_FIRST, ON_SECOND, FORCE, GRADIENT, DIRECTION_OF, H_DIRECTION = 0, 1, 2, 5, 8, 9, 10, 11
+DIRECTIONAL = 3
 
 
 @ti.func
@@ -167,19 +169,40 @@ def meeting_with_sleeper(rx, ry, vx, vy, noise, sigma, within, gas: ti.template(
 
 @ti.func
 def note_touch(i, j, nx, ny, mu, rho, count, gas: ti.template()):
-    """Enter a contact of the disk at place i with that at j, or a wall (-1), into the list; the length of that."""
-    room = TOUCHES_OF_DISK * gas.grid[PLACES]
-    if count < room:
-        kind = kind_of(i, gas)
-        inverse_n, inverse_t = gas.kinds[kind][INVERSE_MASS], gas.kinds[kind][INVERSE_MASS] * (1.0 + gas.kinds[kind][K])
-        if j >= 0:
-            other = kind_of(j, gas)
-            inverse_n += gas.kinds[other][INVERSE_MASS]
-            inverse_t += gas.kinds[other][INVERSE_MASS] * (1.0 + gas.kinds[other][K])
-        gas.touch[count] = ti.Vector([
-            ti.cast(i, ti.f64), ti.cast(j, ti.f64), nx, ny, mu, rho, 0.0, 0.0, 0.0, 0.0, inverse_n, inverse_t,
-        ], ti.f64)  # fmt: skip
-    return count + 1
+    """Enter the edges of the cone of forces at a contact of the disk at place i with that at j, or a wall (-1).
+
+    Each edge is a unit force n F_n on i and the friction and rolling friction that go with it at most, with one sign or
+    the other. Returns the length of the list.
+    """
+    found = count
+    sides = ti.select(mu > 0.0, 2, 1)
+    turns_i, turns_j = ti.select(rho > 0.0, 2, 1), ti.select(rho > 0.0 and j >= 0, 2, 1)
+    for edge in range(sides * turns_i * turns_j):
+        if found < EDGES_OF_DISK * gas.grid[PLACES]:
+            along = mu * (1 - 2 * (edge % sides))
+            turn_i = rho * (1 - 2 * (edge // sides % turns_i))
+            turn_j = rho * (1 - 2 * (edge // (sides * turns_i)))
+            one = per_force(i, nx, ny, along, turn_i, gas)
+            other = ti.Vector([0.0, 0.0, 0.0], ti.f64)
+            if j >= 0:
+                # Seen from there n and t are the opposite, and so is the force: its parts are the same.
+                other = per_force(j, -nx, -ny, along, turn_j, gas)
+            size = 1.0 / ti.sqrt(one.norm_sqr() + other.norm_sqr())
+            for column in ti.static(range(3)):
+                gas.edge[found][ON_FIRST + column] = one[column] * size
+                gas.edge[found][ON_SECOND + column] = other[column] * size
+            gas.edge[found][FIRST], gas.edge[found][SECOND] = ti.cast(i, ti.f64), ti.cast(j, ti.f64)
+        found += 1
+    return found
+
+
+@ti.func
+def per_force(i, nx, ny, along, torque, gas: ti.template()):
+    """sqrt(m) a and sqrt(I) alpha that a force n + `along` t at -R n from the centre, and a torque, give a disk."""
+    kind = kind_of(i, gas)
+    root = ti.sqrt(ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64))
+    turn = ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64)) * (torque / gas.kinds[kind][KIND_RADIUS] - along)
+    return root * ti.Vector([nx - along * ny, ny + along * nx, turn], ti.f64)
 
 
 @ti.func
@@ -268,77 +291,165 @@ def find_touches(n, region: ti.template(), gas: ti.template()):
                     if distance < radius + near and is_support(code // 9, gas):
                         q = ti.cast(gas.walls[code // 9][WALL_MATERIAL], ti.i32)
                         count = note_touch(i, -1, nx, ny, gas.law[p, q, MU], gas.law[p, q, RHO], count, gas)
-    if count > TOUCHES_OF_DISK * gas.grid[PLACES]:
-        count = TOUCHES_OF_DISK * gas.grid[PLACES]
+    if count > EDGES_OF_DISK * gas.grid[PLACES]:
+        count = EDGES_OF_DISK * gas.grid[PLACES]
         gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
     return count
 
 
 @ti.func
-def push(i, nx, ny, p_n, p_t, torque, gas: ti.template()):
-    """Add a force along n and t, which acts at -R n from the centre, and a torque to the accelerations of a disk.
-
-    Returns the change of the acceleration of its surface.
-    """
-    kind = kind_of(i, gas)
-    inverse, k, radius = gas.kinds[kind][INVERSE_MASS], gas.kinds[kind][K], gas.kinds[kind][KIND_RADIUS]
-    ax, ay = inverse * (p_n * nx - p_t * ny), inverse * (p_n * ny + p_t * nx)
-    turn = inverse * k * (torque / radius - p_t)  # R alpha
-    gas.balance[i] = gas.balance[i] + ti.Vector([ax, ay, turn], ti.f64)
-    return ti.max(ti.abs(ax), ti.abs(ay), ti.abs(turn))
-
-
-@ti.func
-def relax(c, gas: ti.template()):
-    """The best force at contact c while all others stay; how much it changes an acceleration.
-
-    Along n and t the square of accelerations is m_n (F_n - F_n*)^2 and m_t (F_t - F_t*)^2 away from its least. Outside of
-    the cone, the best is on its edge F_t = +-mu F_n on the side of F*.
-    """
-    i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
-    nx, ny, mu, rho = gas.touch[c][N_X], gas.touch[c][N_Y], gas.touch[c][T_MU], gas.touch[c][T_RHO]
-    a_n = gas.balance[i][0] * nx + gas.balance[i][1] * ny
-    a_t = gas.balance[i][1] * nx - gas.balance[i][0] * ny - gas.balance[i][2]
-    if j >= 0:
-        a_n -= gas.balance[j][0] * nx + gas.balance[j][1] * ny
-        a_t -= gas.balance[j][1] * nx - gas.balance[j][0] * ny + gas.balance[j][2]
-    before_n, before_t = gas.touch[c][P_N], gas.touch[c][P_T]
-    inverse_n, inverse_t = gas.touch[c][INVERSE_N], gas.touch[c][INVERSE_T]
-    p_n, p_t = before_n - a_n / inverse_n, before_t - a_t / inverse_t
-    if ti.abs(p_t) > mu * p_n:
-        side = ti.select(p_t > 0.0, 1.0, -1.0)
-        along = (p_n * inverse_n + mu * ti.abs(p_t) * inverse_t) / (inverse_n + mu * mu * inverse_t)
-        p_n = ti.max(along, 0.0)
-        p_t = side * mu * p_n
-    gas.touch[c][P_N], gas.touch[c][P_T] = p_n, p_t
-    torque_i, torque_j = 0.0 * p_n, 0.0 * p_n
-    if rho > 0.0:
-        torque_i = brake(i, rho * p_n, gas.touch[c][T_FIRST], gas)
-        gas.touch[c][T_FIRST] = gas.touch[c][T_FIRST] + torque_i
-        if j >= 0:
-            torque_j = brake(j, rho * p_n, gas.touch[c][T_SECOND], gas)
-            gas.touch[c][T_SECOND] = gas.touch[c][T_SECOND] + torque_j
-    change = push(i, nx, ny, p_n - before_n, p_t - before_t, torque_i, gas)
-    if j >= 0:
-        # Seen from the other disk, n and t are the opposite, and so is the force: its parts are the same.
-        change = ti.max(change, push(j, -nx, -ny, p_n - before_n, p_t - before_t, torque_j, gas))
-    return change
+def add_up(count, column: ti.template(), balance: ti.template(), gas: ti.template()):
+    """Add the forces in a column of the list to sqrt(m) a and sqrt(I) alpha of the disks, in columns of `balance`."""
+    for c in range(count):
+        force = gas.edge[c][column]
+        if force != 0.0:
+            i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
+            for axis in ti.static(range(3)):
+                gas.balance[i][balance + axis] = gas.balance[i][balance + axis] + force * gas.edge[c][ON_FIRST + axis]
+            if j >= 0:
+                for axis in ti.static(range(3)):
+                    gas.balance[j][balance + axis] = (
+                        gas.balance[j][balance + axis] + force * gas.edge[c][ON_SECOND + axis]
+                    )
 
 
 @ti.func
-def brake(i, most, before, gas: ti.template()):
-    """Change of a torque of rolling friction, `most` at most, that comes nearest to stopping a spin."""
-    kind = kind_of(i, gas)
-    radius = gas.kinds[kind][KIND_RADIUS]
-    wanted = before - gas.balance[i][2] * radius / (gas.kinds[kind][INVERSE_MASS] * gas.kinds[kind][K])
-    return ti.min(ti.max(wanted, -most), most) - before
+def gained(c, balance: ti.template(), gas: ti.template()):
+    """Sum over both disks of an edge of the list: change of (m a^2 + I alpha^2) / 2 by a unit more of its force."""
+    i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
+    found = ti.cast(0.0, ti.f64)
+    for axis in ti.static(range(3)):
+        found += gas.balance[i][balance + axis] * gas.edge[c][ON_FIRST + axis]
+    if j >= 0:
+        for axis in ti.static(range(3)):
+            found += gas.balance[j][balance + axis] * gas.edge[c][ON_SECOND + axis]
+    return found
+
+
+@ti.func
+def bend(count, n, places, gas: ti.template()):
+    """Curvature of the sum of squares along the direction of all edges: into H_DIRECTION; d.H d."""
+    for i in range(places, places + n):
+        for axis in ti.static(range(3)):
+            gas.balance[i][DIRECTIONAL + axis] = 0.0
+    add_up(count, DIRECTION_OF, DIRECTIONAL, gas)
+    found = ti.cast(0.0, ti.f64)
+    for c in range(count):
+        gas.edge[c][H_DIRECTION] = gained(c, DIRECTIONAL, gas)
+        found += gas.edge[c][DIRECTION_OF] * gas.edge[c][H_DIRECTION]
+    return found
+
+
+@ti.func
+def anew(count, n, places, gas: ti.template()):
+    """Accelerations by gravity and all forces, and the gradient along each edge."""
+    for i in range(places, places + n):
+        root = 1.0 / ti.sqrt(ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
+        gas.balance[i][0], gas.balance[i][1] = root * gas.scale[GX], root * gas.scale[GY]
+        gas.balance[i][2] = 0.0
+    add_up(count, FORCE, 0, gas)
+    for c in range(count):
+        gas.edge[c][GRADIENT] = gained(c, 0, gas)
+
+
+@ti.func
+def balanced(count, n, most, places, gas: ti.template()):
+    """Find the forces, not below 0, along all edges that leave the least accelerations; 1 if that was done, else 0.
+
+    MPRGP: conjugate gradients on those above 0, a projected step where one of them would fall below, and steps into those
+    at 0 where that gains more. Z. Dostal and J. Schoeberl, Comput. Optim. Appl. 30, 23 (2005),
+    doi:10.1007/s10589-005-4557-7.
+    """
+    pull = ti.cast(ti.sqrt(gas.scale[GX] ** 2 + gas.scale[GY] ** 2), ti.f64)
+    enough = ti.cast(0.0, ti.f64)
+    for c in range(count):
+        i = ti.cast(gas.edge[c][FIRST], ti.i32)
+        enough = ti.max(enough, ti.cast(gas.kinds[kind_of(i, gas)][INVERSE_MASS], ti.f64))
+        gas.edge[c][FORCE], gas.edge[c][DIRECTION_OF] = 0.0, 1.0
+    enough = (NEAR_ENOUGH * pull) ** 2 / ti.max(enough, 1.0e-300)
+    # The largest curvature, by the power method; a tenth more is above it.
+    largest = ti.cast(1.0, ti.f64)
+    for _turn in range(20):
+        bend(count, n, places, gas)
+        square = ti.cast(0.0, ti.f64)
+        for c in range(count):
+            square += gas.edge[c][H_DIRECTION] ** 2
+        largest = ti.sqrt(square)
+        for c in range(count):
+            gas.edge[c][DIRECTION_OF] = gas.edge[c][H_DIRECTION] / largest
+    step = 1.7 / largest
+    anew(count, n, places, gas)
+    for c in range(count):
+        gas.edge[c][DIRECTION_OF] = 0.0
+    going, done, turn = 1, 0, 0
+    while going == 1:
+        free, projected, bound = ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64), ti.cast(0.0, ti.f64)
+        for c in range(count):
+            force, gradient = gas.edge[c][FORCE], gas.edge[c][GRADIENT]
+            if force > 0.0:
+                free += gradient * gradient
+                projected += gradient * ti.min(force / step, gradient)
+            elif gradient < 0.0:
+                bound += gradient * gradient
+        turn += 1
+        if free + bound < enough:
+            going, done = 0, 1
+        elif turn > most:
+            going = 0
+        elif bound <= projected:
+            curvature = bend(count, n, places, gas)
+            slope, room = ti.cast(0.0, ti.f64), ti.cast(FAR, ti.f64)
+            for c in range(count):
+                direction = gas.edge[c][DIRECTION_OF]
+                slope += gas.edge[c][GRADIENT] * direction
+                if direction > 0.0 and gas.edge[c][FORCE] > 0.0:
+                    room = ti.min(room, gas.edge[c][FORCE] / direction)
+            length = room
+            if curvature > 0.0:
+                length = ti.min(slope / curvature, room)
+            mixed = ti.cast(0.0, ti.f64)
+            for c in range(count):
+                gas.edge[c][FORCE] = ti.max(gas.edge[c][FORCE] - length * gas.edge[c][DIRECTION_OF], 0.0)
+                gas.edge[c][GRADIENT] = gas.edge[c][GRADIENT] - length * gas.edge[c][H_DIRECTION]
+                if gas.edge[c][FORCE] > 0.0:
+                    mixed += gas.edge[c][GRADIENT] * gas.edge[c][H_DIRECTION]
+            if length < room:
+                for c in range(count):
+                    gradient = ti.select(gas.edge[c][FORCE] > 0.0, gas.edge[c][GRADIENT], 0.0)
+                    gas.edge[c][DIRECTION_OF] = gradient - mixed / curvature * gas.edge[c][DIRECTION_OF]
+            else:
+                for c in range(count):
+                    if gas.edge[c][FORCE] > 0.0:
+                        gas.edge[c][FORCE] = ti.max(gas.edge[c][FORCE] - step * gas.edge[c][GRADIENT], 0.0)
+                anew(count, n, places, gas)
+                restart(count, gas)
+        else:
+            for c in range(count):
+                at_zero = gas.edge[c][FORCE] == 0.0 and gas.edge[c][GRADIENT] < 0.0
+                gas.edge[c][DIRECTION_OF] = ti.select(at_zero, gas.edge[c][GRADIENT], 0.0)
+            length = bound / bend(count, n, places, gas)
+            for c in range(count):
+                gas.edge[c][FORCE] = gas.edge[c][FORCE] - length * gas.edge[c][DIRECTION_OF]
+                gas.edge[c][GRADIENT] = gas.edge[c][GRADIENT] - length * gas.edge[c][H_DIRECTION]
+            restart(count, gas)
+    anew(count, n, places, gas)
+    return done
+
+
+@ti.func
+def restart(count, gas: ti.template()):
+    """Take the gradient of forces above 0 as the direction."""
+    for c in range(count):
+        gas.edge[c][DIRECTION_OF] = ti.select(gas.edge[c][FORCE] > 0.0, gas.edge[c][GRADIENT], 0.0)
 
 
 @ti.func
 def left_over(i, gas: ti.template()):
     """The larger of the acceleration and R alpha that is left of the disk at place i."""
+    kind = kind_of(i, gas)
     ax, ay, turn = gas.balance[i][0], gas.balance[i][1], gas.balance[i][2]
-    return ti.max(ti.sqrt(ax * ax + ay * ay), ti.abs(turn))
+    root = ti.sqrt(ti.cast(gas.kinds[kind][INVERSE_MASS], ti.f64))
+    return root * ti.max(ti.sqrt(ax * ax + ay * ay), ti.abs(turn) * ti.sqrt(ti.cast(gas.kinds[kind][K], ti.f64)))
 
 
 @ti.func
@@ -362,10 +473,9 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
                     if sleeps(i, gas):
                         wake(i, tile, gas)
                         changed = 1
-        gas.balance[i] = ti.Vector([gas.scale[GX], gas.scale[GY], 0.0], ti.f64)
     count = find_touches(n, region, gas)
     for c in range(count):
-        i, j = ti.cast(gas.touch[c][FIRST], ti.i32), ti.cast(gas.touch[c][SECOND], ti.i32)
+        i, j = ti.cast(gas.edge[c][FIRST], ti.i32), ti.cast(gas.edge[c][SECOND], ti.i32)
         if not sleeps(i, gas):
             changed = 1
         if j >= 0:
@@ -375,19 +485,8 @@ def judge(n, tile, region: ti.template(), gas: ti.template()):
         resting = 0
         for i in range(places, places + n):
             resting += gas.rest[i][MAY_REST]
-        enough = 0.1 * AT_REST * pull / ti.max(resting, 1)
-        sweep, most, going = 0, 200 + 4 * resting, 1
-        while going == 1:
-            change = ti.cast(0.0, ti.f64)
-            for c in range(count):
-                turn = ti.select(sweep % 2 == 0, c, count - 1 - c)
-                change = ti.max(change, relax(turn, gas))
-            sweep += 1
-            if change < enough:
-                going = 0
-            elif sweep >= most:
-                gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
-                going = 0
+        if not balanced(count, n, 2000 + 20 * resting, places, gas):
+            gas.counter[UNJUDGED] = gas.counter[UNJUDGED] + 1
         for i in range(places, places + n):
             over = left_over(i, gas)
             if sleeps(i, gas):

@@ -291,7 +291,7 @@ def run_windows(
     disk: Rows, meta: Rows, past: Rows, hits: Rows, slept: Rows, kind: Rows, kinds: Rows, trail: Rows, way: Rows, back: Rows,
     tile: Table, listed: Rows, reach: Table, edge_x: Rows, edge_y: Rows, tally: Cube, heat: Cube,
     claim: Rows, claim_at: Rows, work: Rows, link: Rows, mark: Rows,
-    begun: Rows, rest: Rows, balance: Rows, touch: Rows, chosen: Rows,
+    begun: Rows, rest: Rows, balance: Rows, edge: Rows, chosen: Rows,
     since: Rows, turn: Rows, head: Rows, bin: Rows, wall_start: Rows, wall_item: Rows, walls: Rows, law: Cube,
     watched: Rows, event: Rows, event_int: Rows, found: Table, total: Rows,
 ):  # fmt: skip
@@ -303,7 +303,7 @@ def run_windows(
     """
     gas = ti.static(GasArrays(
         grid=grid, scale=scale, clock=clock, sums=sums, counter=counter, disk=disk, meta=meta, past=past, hits=hits,
-        slept=slept, rest=rest, balance=balance, touch=touch, kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile, listed=listed, reach=reach, edge_x=edge_x,
+        slept=slept, rest=rest, balance=balance, edge=edge, kind=kind, kinds=kinds, trail=trail, way=way, back=back, tile=tile, listed=listed, reach=reach, edge_x=edge_x,
         edge_y=edge_y, tally=tally, heat=heat, claim=claim, claim_at=claim_at, work=work,
         link=link, mark=mark, begun=begun, chosen=chosen, since=since, turn=turn, head=head, bin=bin,
         wall_start=wall_start, wall_item=wall_item, walls=walls, law=law, watched=watched, event=event,
